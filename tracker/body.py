@@ -1,0 +1,236 @@
+"""Articulated bodies: parameters, parts and landmarks in a kinematic tree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from tracker.arrays import Array, Integers, Mask, frozen
+from tracker.errors import ModelError, nearest
+from tracker.kernels.kinematics import chain_transforms, twists_in_world
+from tracker.shape import TaperedSuperquadric
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One degree of freedom: a translation along, or a rotation about, an axis of the reference pose."""
+
+    name: str
+    rotates: bool
+    """True for a rotation (rad), False for a translation (m)."""
+
+    axis: Array
+    """(3,) unit vector in the reference pose."""
+
+    point: Array
+    """(3,) a point on the axis in the reference pose, metres."""
+
+    limits: tuple[float, float]
+    """Lowest and highest value, rad or m; infinite where free."""
+
+    parent: int
+    """Index of the parameter that moves this axis, -1 for none."""
+
+    @property
+    def unit(self) -> str:
+        """Unit as shown to people and in tables: m or deg."""
+        return "deg" if self.rotates else "m"
+
+    @property
+    def column(self) -> str:
+        """Column name in tables, for instance ``left_arm_extension_deg``."""
+        return f"{self.name}_{self.unit}"
+
+
+@dataclass(frozen=True)
+class Part:
+    """A rigid shape, moved by the chain of parameters that ends in `parameter`."""
+
+    name: str
+    segment: str
+    """Rigid segment the part belongs to (a hand moves with its forearm)."""
+
+    parameter: int
+    """Index of the last parameter that moves the part, -1 if none does."""
+
+    shape: TaperedSuperquadric
+    model_from_part: Array
+    """(4, 4) placement in the reference pose, metres."""
+
+
+@dataclass(frozen=True)
+class Landmark:
+    """A named point on a segment, such as a joint centre."""
+
+    name: str
+    parameter: int
+    """Index of the last parameter that moves it, -1 if none does."""
+
+    point: Array
+    """(3,) in the reference pose, metres."""
+
+
+@dataclass(frozen=True)
+class BodyModel:
+    """An articulated body; its pose is an array `q` (..., dof), columns = `parameters`.
+
+    Kinematics is a product of exponentials: every parameter is a twist of the reference pose (all zero), and
+    ``world_from_part(q) = exp(xi_1 q_1) ... exp(xi_k q_k) model_from_part`` along the part's chain.
+    """
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    parts: tuple[Part, ...]
+    landmarks: tuple[Landmark, ...]
+    groups: dict[str, tuple[str, ...]]
+    """Search groups: name -> parameter names (paper, section 4.1: torso_head, arms, legs)."""
+
+    links: tuple[tuple[str, str], ...] = ()
+    """Pairs of landmarks joined by a bone: the stick figure."""
+
+    stature_m: float = 0.0
+    """Height of the body standing upright, metres."""
+
+    @property
+    def dof(self) -> int:
+        """Number of pose parameters."""
+        return len(self.parameters)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Parameter names, in the pose's order."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @cached_property
+    def landmark_names(self) -> tuple[str, ...]:
+        """Landmark names in order."""
+        return tuple(landmark.name for landmark in self.landmarks)
+
+    @cached_property
+    def limits(self) -> Array:
+        """(dof, 2) lowest and highest values, rad or m."""
+        return frozen([parameter.limits for parameter in self.parameters]).reshape(-1, 2)
+
+    @cached_property
+    def rotates(self) -> Mask:
+        """(dof,) true where the parameter is an angle."""
+        mask: Mask = frozen([parameter.rotates for parameter in self.parameters], dtype=np.bool_)
+        return mask
+
+    @cached_property
+    def packed(self) -> tuple[Mask, Array, Array, Integers]:
+        """rotates (dof,), axes (dof, 3), points (dof, 3), parents (dof,) for the kinematics kernels."""
+        axes = frozen([parameter.axis for parameter in self.parameters]).reshape(-1, 3)
+        points = frozen([parameter.point for parameter in self.parameters]).reshape(-1, 3)
+        parents = frozen([parameter.parent for parameter in self.parameters], dtype=np.int64)
+        return self.rotates, axes, points, parents
+
+    @cached_property
+    def moves(self) -> Mask:
+        """(dof, dof + 1): does parameter i move what hangs on parameter j? Column `dof` is the world."""
+        mask = np.zeros((self.dof, self.dof + 1), dtype=np.bool_)
+        for j, parameter in enumerate(self.parameters):
+            mask[j, j] = True
+            if parameter.parent >= 0:
+                mask[:, j] |= mask[:, parameter.parent]
+        mask.setflags(write=False)
+        return mask
+
+    @cached_property
+    def part_parameters(self) -> Integers:
+        """(P,) last parameter that moves each part."""
+        indices: Integers = frozen([part.parameter for part in self.parts], dtype=np.int64)
+        return indices
+
+    @cached_property
+    def shapes(self) -> Array:
+        """(P, 7) packed superquadrics."""
+        return frozen([part.shape.packed for part in self.parts])
+
+    @cached_property
+    def model_from_parts(self) -> Array:
+        """(P, 4, 4) placement of the parts in the reference pose."""
+        return frozen([part.model_from_part for part in self.parts])
+
+    def index(self, name: str) -> int:
+        """Column of the parameter called `name`.
+
+        Raises:
+            ModelError: no such parameter.
+        """
+        if name not in self.names:
+            raise ModelError(f'model "{self.name}" has no parameter "{name}"; {nearest(name, self.names)}')
+        return self.names.index(name)
+
+    def group(self, name: str) -> Integers:
+        """Columns of the parameters in a search group.
+
+        Raises:
+            ModelError: no such group.
+        """
+        if name not in self.groups:
+            raise ModelError(f'model "{self.name}" has no group "{name}"; {nearest(name, self.groups)}')
+        indices: Integers = frozen([self.index(parameter) for parameter in self.groups[name]], dtype=np.int64)
+        return indices
+
+    def rest(self) -> Array:
+        """(dof,) the reference pose, moved inside the joint limits."""
+        pose: Array = self.clamped(np.zeros(self.dof))
+        return pose
+
+    def clamped(self, q: Array) -> Array:
+        """Poses (..., dof) moved inside the joint limits."""
+        inside: Array = np.clip(q, self.limits[:, 0], self.limits[:, 1])
+        return inside
+
+    def world_from_parameters(self, q: Array) -> Array:
+        """Motion of what hangs on each parameter: q (*B, dof) -> (*B, dof + 1, 4, 4); the last is the world."""
+        q = np.asarray(q, dtype=np.float64)
+        flat = np.ascontiguousarray(q.reshape(-1, self.dof))
+        motions: Array = chain_transforms(flat, *self.packed)
+        return motions.reshape(*q.shape[:-1], self.dof + 1, 4, 4)
+
+    def world_from_part(self, q: Array) -> Array:
+        """Part placements: q (*B, dof) -> (*B, P, 4, 4), metres."""
+        placed: Array = self.world_from_parameters(q)[..., self.part_parameters, :, :] @ self.model_from_parts
+        return placed
+
+    def landmarks_in_world(self, q: Array) -> Array:
+        """Joint centres and other landmarks: q (*B, dof) -> (*B, L, 3), metres."""
+        motions = self.world_from_parameters(q)[..., [mark.parameter for mark in self.landmarks], :, :]
+        points = np.array([mark.point for mark in self.landmarks])
+        world: Array = (motions[..., :3, :3] @ points[..., None])[..., 0] + motions[..., :3, 3]
+        return world
+
+    def twists(self, q: Array) -> Array:
+        """Spatial twists (*B, dof, 6) of all parameters at q (*B, dof): v then w.
+
+        A point X that hangs on parameter j moves by ``w x X + v`` for every parameter i with `moves[i, j]`.
+        """
+        q = np.asarray(q, dtype=np.float64)
+        flat = np.ascontiguousarray(q.reshape(-1, self.dof))
+        twists: Array = twists_in_world(chain_transforms(flat, *self.packed), *self.packed)
+        return twists.reshape(*q.shape[:-1], self.dof, 6)
+
+    def point_jacobian(self, q: Array, points: Array, parameters: Integers) -> Array:
+        """Derivative of world points with respect to the pose.
+
+        Args:
+            q: (dof,) pose.
+            points: (N, 3) world positions at that pose, metres.
+            parameters: (N,) last parameter that moves each point.
+
+        Returns:
+            (N, 3, dof), metres per rad or metre.
+        """
+        twists = self.twists(q)
+        velocity = np.cross(twists[None, :, 3:], points[:, None, :]) + twists[None, :, :3]
+        jacobian: Array = (velocity * self.moves[:, parameters].T[:, :, None]).transpose(0, 2, 1)
+        return jacobian
+
+    def with_shapes(self, shapes: tuple[TaperedSuperquadric, ...]) -> BodyModel:
+        """The same skeleton with other part shapes, in the order of `parts`."""
+        parts = tuple(replace(part, shape=shape) for part, shape in zip(self.parts, shapes, strict=True))
+        return replace(self, parts=parts)

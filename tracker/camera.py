@@ -1,0 +1,182 @@
+"""A calibrated camera: pinhole with radial and decentring distortion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from tracker.arrays import Array, frozen, shape_fault
+from tracker.errors import CalibrationError
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One calibrated view, in OpenCV's convention: x right, y down, z forward.
+
+    A point is imaged by ``x = camera_from_world X``, ``u = x/z, v = y/z``, distortion, ``matrix``;
+    pixel centres lie at integer coordinates.
+
+    Raises:
+        CalibrationError: a value that no camera can have, with the reason.
+    """
+
+    name: str
+    size: tuple[int, int]
+    """Image width and height, px."""
+
+    matrix: Array
+    """(3, 3) intrinsic matrix, px; affinity and shear are in its first row."""
+
+    distortion: Array
+    """(5,) k1 k2 p1 p2 k3, OpenCV's order."""
+
+    camera_from_world: Array
+    """(4, 4) rigid motion, metres."""
+
+    def __post_init__(self) -> None:
+        for field, shape in (("matrix", (3, 3)), ("distortion", (5,)), ("camera_from_world", (4, 4))):
+            values = frozen(getattr(self, field))
+            if fault := shape_fault(values, *shape):
+                raise CalibrationError(f'camera "{self.name}": {field}: {fault}')
+            if not np.isfinite(values).all():
+                raise CalibrationError(f'camera "{self.name}": {field} has values that are not finite')
+            object.__setattr__(self, field, values)
+        self._check_intrinsics()
+        self._check_rotation()
+
+    def _check_intrinsics(self) -> None:
+        width, height = self.size
+        if width < 1 or height < 1:
+            raise CalibrationError(f'camera "{self.name}": image size {width}x{height} px, expected at least 1x1')
+        fx, fy = self.matrix[0, 0], self.matrix[1, 1]
+        if fx <= 0 or fy <= 0:
+            raise CalibrationError(f'camera "{self.name}": focal length {fx:g}, {fy:g} px, expected positive')
+        if abs(self.matrix[2] - (0, 0, 1)).max() > 1e-9 or abs(self.matrix[1, 0]) > 1e-9:
+            raise CalibrationError(
+                f'camera "{self.name}": intrinsic matrix is not [[fx, s, cx], [0, fy, cy], [0, 0, 1]]'
+            )
+        cx, cy = self.matrix[0, 2], self.matrix[1, 2]
+        if not (-width < cx < 2 * width and -height < cy < 2 * height):
+            raise CalibrationError(
+                f'camera "{self.name}": principal point ({cx:g}, {cy:g}) px is far outside the '
+                f"{width}x{height} image: calibrated at another image size?"
+            )
+
+    def _check_rotation(self) -> None:
+        rotation = self.camera_from_world[:3, :3]
+        fault = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+        if fault > 1e-4 or np.linalg.det(rotation) < 0:
+            raise CalibrationError(
+                f'camera "{self.name}": the exterior orientation is not a rotation '
+                f"(R R^T differs from the unit matrix by {fault:.2g}, det R = {np.linalg.det(rotation):.3f})"
+            )
+        if np.abs(self.camera_from_world[3] - (0, 0, 0, 1)).max() > 1e-12:
+            raise CalibrationError(f'camera "{self.name}": last row of camera_from_world is not 0 0 0 1')
+
+    @property
+    def centre(self) -> Array:
+        """(3,) projection centre in the world, metres."""
+        rotation, translation = self.camera_from_world[:3, :3], self.camera_from_world[:3, 3]
+        centre: Array = -rotation.T @ translation
+        return centre
+
+    def in_camera(self, points: Array) -> Array:
+        """World points (..., 3) in camera coordinates (..., 3), metres."""
+        moved: Array = points @ self.camera_from_world[:3, :3].T + self.camera_from_world[:3, 3]
+        return moved
+
+    def project(self, points: Array) -> Array:
+        """World points (..., 3) metres to pixels (..., 2); NaN behind the camera."""
+        local = self.in_camera(np.asarray(points, dtype=np.float64))
+        depth = np.where(local[..., 2:] > 1e-9, local[..., 2:], np.nan)
+        image, _ = _distort(local[..., :2] / depth, self.distortion)
+        pixels: Array = image @ self.matrix[:2, :2].T + self.matrix[:2, 2]
+        return pixels
+
+    def project_jacobian(self, points: Array) -> Array:
+        """Derivative of `project`: points (..., 3) to (..., 2, 3), px per metre."""
+        local = self.in_camera(np.asarray(points, dtype=np.float64))
+        depth = local[..., 2]
+        plane = local[..., :2] / depth[..., None]
+        _, slope = _distort(plane, self.distortion)
+        perspective = np.zeros((*depth.shape, 2, 3))
+        perspective[..., 0, 0] = perspective[..., 1, 1] = 1 / depth
+        perspective[..., :, 2] = -plane / depth[..., None]
+        derivative: Array = self.matrix[:2, :2] @ slope @ perspective @ self.camera_from_world[:3, :3]
+        return derivative
+
+    def undistort(self, pixels: Array) -> Array:
+        """Pixels (..., 2) to distortion-free coordinates in the plane z = 1 (..., 2).
+
+        Solved by fixed-point iteration followed by Newton steps on the distortion's Jacobian.
+        """
+        pixels = np.asarray(pixels, dtype=np.float64)
+        target = (pixels - self.matrix[:2, 2]) @ np.linalg.inv(self.matrix[:2, :2]).T
+        plane = target.copy()
+        for _ in range(20):
+            value, slope = _distort(plane, self.distortion)
+            step = np.linalg.solve(slope, (target - value)[..., None])[..., 0]
+            plane = plane + step
+            if np.abs(step).max(initial=0.0) < 1e-13:
+                break
+        result: Array = plane
+        return result
+
+    def rays(self, pixels: Array) -> Array:
+        """Unit viewing directions in the world (..., 3) of pixels (..., 2)."""
+        plane = self.undistort(pixels)
+        local = np.concatenate([plane, np.ones((*plane.shape[:-1], 1))], axis=-1)
+        local /= np.linalg.norm(local, axis=-1, keepdims=True)
+        directions: Array = local @ self.camera_from_world[:3, :3]
+        return directions
+
+    def downscaled(self, factor: int) -> Camera:
+        """The camera of images averaged over `factor` x `factor` pixels."""
+        matrix = np.array(self.matrix)
+        matrix[:2] /= factor
+        matrix[:2, 2] += (1 / factor - 1) / 2
+        return replace(self, matrix=matrix, size=(self.size[0] // factor, self.size[1] // factor))
+
+    @staticmethod
+    def looking_at(
+        name: str, size: tuple[int, int], focal_px: float, position: tuple[float, float, float], target: Array
+    ) -> Camera:
+        """A distortion-free camera at `position` (m) with `target` (3,) in the image centre, z up."""
+        forward = np.asarray(target) - position
+        forward = forward / np.linalg.norm(forward)
+        right = np.cross(forward, (0.0, 0.0, 1.0))
+        right /= np.linalg.norm(right)
+        motion = np.eye(4)
+        motion[:3, :3] = right, np.cross(forward, right), forward
+        motion[:3, 3] = -motion[:3, :3] @ np.asarray(position)
+        centre = (size[0] - 1) / 2, (size[1] - 1) / 2
+        matrix = np.array([[focal_px, 0, centre[0]], [0, focal_px, centre[1]], [0, 0, 1]])
+        return Camera(name, size, matrix, np.zeros(5), motion)
+
+    def rotation_vector(self) -> Array:
+        """(3,) Rodrigues vector of the exterior orientation."""
+        vector: Array = cv2.Rodrigues(np.array(self.camera_from_world[:3, :3]))[0].ravel()
+        return vector
+
+
+def _distort(plane: Array, distortion: Array) -> tuple[Array, Array]:
+    """Radial and decentring distortion of plane coordinates (..., 2), and its Jacobian (..., 2, 2)."""
+    k1, k2, p1, p2, k3 = distortion
+    x, y = plane[..., 0], plane[..., 1]
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = k1 + r2 * (2 * k2 + r2 * 3 * k3)
+    value = np.stack(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        ],
+        axis=-1,
+    )
+    jacobian = np.empty((*r2.shape, 2, 2))
+    jacobian[..., 0, 0] = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
+    jacobian[..., 0, 1] = jacobian[..., 1, 0] = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
+    jacobian[..., 1, 1] = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
+    return value, jacobian

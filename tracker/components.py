@@ -1,0 +1,77 @@
+"""Finds components by their file name: `use = "chamfer"` in [similarity] is tracker/similarity/chamfer.py."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import pkgutil
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, dataclass_transform
+
+import pydantic
+from pydantic.dataclasses import dataclass
+
+from tracker.errors import ConfigError, nearest
+
+FilePath = Annotated[Path, pydantic.Field(strict=False)]
+"""A path in a configuration; relative ones start at the configuration file's folder."""
+
+_Component = TypeVar("_Component")
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(dataclasses.field, pydantic.Field))
+def component(cls: type[_Component]) -> type[_Component]:
+    """Makes a class a component: a frozen, strictly validated dataclass whose fields are its configuration."""
+    settings = pydantic.ConfigDict(
+        extra="forbid", strict=True, use_attribute_docstrings=True, arbitrary_types_allowed=True
+    )
+    return dataclass(frozen=True, kw_only=True, config=settings)(cls)
+
+
+def available(stage: str) -> tuple[str, ...]:
+    """Names of the components of a stage: its public files."""
+    package = importlib.import_module(f"tracker.{stage}")
+    names = (module.name for module in pkgutil.iter_modules(package.__path__))
+    return tuple(sorted(name for name in names if not name.startswith("_")))
+
+
+def find(stage: str, use: str) -> type[Any]:
+    """The component class that a configuration names.
+
+    Args:
+        stage: folder of the package, for instance ``similarity``.
+        use: file name in that folder, or ``my_lab.module:Class`` outside the package.
+
+    Raises:
+        ConfigError: there is none of that name.
+    """
+    if ":" in use:
+        return _outside(stage, use)
+    if use not in available(stage):
+        raise ConfigError(f'[{stage}] use = "{use}": no such component; {nearest(use, available(stage))}')
+    module = importlib.import_module(f"tracker.{stage}.{use}")
+    classes = [
+        value
+        for value in vars(module).values()
+        if isinstance(value, type) and value.__module__ == module.__name__ and _is_component(value)
+    ]
+    if len(classes) != 1:
+        raise ConfigError(f"tracker/{stage}/{use}.py holds {len(classes)} components, expected one")
+    return classes[0]
+
+
+def _is_component(cls: type[Any]) -> bool:
+    return dataclasses.is_dataclass(cls) and "__pydantic_config__" in vars(cls) and not cls.__name__.startswith("_")
+
+
+def _outside(stage: str, use: str) -> type[Any]:
+    module_name, _, class_name = use.partition(":")
+    try:
+        found = getattr(importlib.import_module(module_name), class_name)
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(
+            f'[{stage}] use = "{use}": {error}; expected an importable "package.module:Class"'
+        ) from error
+    if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
+        raise ConfigError(f'[{stage}] use = "{use}": not a component, expected a class made with @component')
+    return found

@@ -1,0 +1,78 @@
+"""Expected contours: visible occluding-contour samples of the model in every view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tracker.arrays import Array32, Integers, Mask
+
+
+@dataclass(frozen=True)
+class ViewContours:
+    """Samples of one pose in one view."""
+
+    pixels: Array32
+    """(N, 2) image positions, px."""
+
+    normals: Array32
+    """(N, 2) unit image normals, pointing away from the part."""
+
+    weights: Array32
+    """(N,) contour length that a sample stands for, px."""
+
+    parts: Integers
+    """(N,) scene-wide part number."""
+
+    points: Array32
+    """(N, 3) the sample on the surface, world, metres."""
+
+    between: Mask
+    """(N,) edge between touching parts: drawn, not matched (paper, section 5)."""
+
+
+@dataclass(frozen=True)
+class Contours:
+    """Samples for B poses and V views, padded to M samples; only the first `counts[b, v]` are valid."""
+
+    pixels: Array32
+    """(B, V, M, 2) image positions, px."""
+
+    normals: Array32
+    """(B, V, M, 2) unit image normals, pointing away from the part."""
+
+    weights: Array32
+    """(B, V, M) contour length that a sample stands for, px; 0 for samples between parts."""
+
+    parts: Integers
+    """(B, V, M) scene-wide part number."""
+
+    points: Array32
+    """(B, V, M, 3) the sample on the surface, world, metres."""
+
+    between: Mask
+    """(B, V, M) edge between touching parts: drawn, not matched (paper, section 5)."""
+
+    counts: Integers
+    """(B, V) valid samples."""
+
+    def of(self, view: int, b: int = 0) -> ViewContours:
+        """The valid samples of one view and pose."""
+        n = int(self.counts[b, view])
+        return ViewContours(
+            self.pixels[b, view, :n],
+            self.normals[b, view, :n],
+            self.weights[b, view, :n],
+            self.parts[b, view, :n],
+            self.points[b, view, :n],
+            self.between[b, view, :n],
+        )
+
+    @property
+    def n_poses(self) -> int:
+        """B, the number of poses."""
+        return self.counts.shape[0]
+
+    @property
+    def n_views(self) -> int:
+        """V, the number of views."""
+        return self.counts.shape[1]

@@ -1,0 +1,26 @@
+"""A frame: the synchronized images of all views at one time instant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tracker.arrays import Image
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Synchronized images of all V views."""
+
+    index: int
+    """Position in the sequence, counted in frames of the reference view."""
+
+    time_s: float
+    """Time since frame 0, seconds."""
+
+    images: tuple[Image | None, ...]
+    """One BGR image `(h, w, 3)` a view, in the rig's order; None where that view is missing."""
+
+    @property
+    def missing(self) -> tuple[int, ...]:
+        """Indices of the views without an image."""
+        return tuple(v for v, image in enumerate(self.images) if image is None)

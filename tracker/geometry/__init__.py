@@ -1,0 +1,1 @@
+"""Pure geometry: rotations, rigid motions, twists, superquadrics, triangulation, alignment."""

@@ -1,0 +1,96 @@
+"""Tapered superquadrics as plain functions of the packed row a1 a2 a3 e1 e2 k1 k2."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tracker.arrays import Array
+
+_TINY = 1e-12
+
+
+def _signed_power(base: Array, exponent: float) -> Array:
+    powered: Array = np.sign(base) * np.abs(base) ** exponent
+    return powered
+
+
+def surface(shape: Array, eta: Array, omega: Array) -> tuple[Array, Array]:
+    """Surface points and outward normals.
+
+    Args:
+        shape: (7,) packed superquadric.
+        eta: (...) latitude, rad, -pi/2 to pi/2.
+        omega: (...) longitude, rad.
+
+    Returns:
+        Points (..., 3) metres and unit normals (..., 3) in the part's frame. The normal of a tapered
+        surface is the inverse transposed Jacobian of the taper times the normal of the straight one.
+    """
+    a1, a2, a3, e1, e2, k1, k2 = shape
+    ring, height = _signed_power(np.cos(eta), e1), _signed_power(np.sin(eta), e1)
+    x = a1 * ring * _signed_power(np.cos(omega), e2)
+    y = a2 * ring * _signed_power(np.sin(omega), e2)
+    grow_x, grow_y = 1 + k1 * height, 1 + k2 * height
+    points = np.stack(np.broadcast_arrays(grow_x * x, grow_y * y, a3 * height), axis=-1)
+    ring_n = _signed_power(np.cos(eta), 2 - e1)
+    nx = ring_n * _signed_power(np.cos(omega), 2 - e2) / a1
+    ny = ring_n * _signed_power(np.sin(omega), 2 - e2) / a2
+    nz = _signed_power(np.sin(eta), 2 - e1) / a3
+    nx, ny = nx / grow_x, ny / grow_y
+    nz = nz - (k1 / a3) * x * nx - (k2 / a3) * y * ny
+    normals = np.stack(np.broadcast_arrays(nx, ny, nz), axis=-1)
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), _TINY)
+    return points, normals
+
+
+def inside_outside(shape: Array, points: Array) -> Array:
+    """Inside-outside function of a tapered superquadric.
+
+    ``F = ((x/a1 fx)^(2/e2) + (y/a2 fy)^(2/e2))^(e2/e1) + (z/a3)^(2/e1)`` with ``fx = 1 + k1 z/a3``.
+
+    Args:
+        shape: (7,) packed superquadric.
+        points: (..., 3) metres, in the part's frame.
+
+    Returns:
+        (...) below 1 inside, 1 on the surface, above 1 outside.
+    """
+    a1, a2, a3, e1, e2, k1, k2 = shape
+    height = points[..., 2] / a3
+    clamped = np.clip(height, -1, 1)
+    x = np.abs(points[..., 0] / (a1 * (1 + k1 * clamped)))
+    y = np.abs(points[..., 1] / (a2 * (1 + k2 * clamped)))
+    around = (x ** (2 / e2) + y ** (2 / e2)) ** (e2 / e1)
+    value: Array = around + np.abs(height) ** (2 / e1)
+    return value
+
+
+def spread(shape: Array, n_eta: int, n_omega: int) -> tuple[Array, Array]:
+    """Latitudes and longitudes that spread evenly over the shape, both by arc length and by turning.
+
+    Even steps of eta crowd at the rim of a boxy shape and leave its sides bare; half of the steps follow the
+    profile's length, half its change of direction.
+
+    Args:
+        shape: (7,) packed superquadric.
+        n_eta: number of latitudes, both poles included.
+        n_omega: number of longitudes around.
+
+    Returns:
+        eta (n_eta,) and omega (n_omega,), rad.
+    """
+    fine = np.linspace(-np.pi / 2, np.pi / 2, 721)
+    eta = _resample(shape, fine, np.zeros_like(fine), fine, n_eta)
+    around = np.linspace(-np.pi, np.pi, 1441)
+    omega = _resample(shape, np.zeros_like(around), around, around, n_omega + 1)[:-1]
+    return eta, omega
+
+
+def _resample(shape: Array, eta: Array, omega: Array, parameter: Array, n: int) -> Array:
+    points, normals = surface(shape, eta, omega)
+    length = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    cosine = (normals[1:] * normals[:-1]).sum(axis=1).clip(-1, 1)
+    travel = length / length.sum() + np.arccos(cosine) / np.arccos(cosine).sum()
+    position = np.concatenate([[0.0], np.cumsum(travel)])
+    even: Array = np.interp(np.linspace(0, position[-1], n), position, parameter)
+    return even

@@ -1,0 +1,89 @@
+"""What the images of one frame show: edge points, segments, chamfer images, silhouettes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tracker.arrays import Array32, Integers, Mask, frozen
+
+
+@dataclass(frozen=True)
+class ViewObservation:
+    """Findings of one view; positions are in pixels of the whole image."""
+
+    edges: Array32
+    """(N, 2) edge points, px."""
+
+    directions: Array32
+    """(N, 2) unit image gradient at the edge points: across the edge, towards the brighter side."""
+
+    segments: Integers
+    """(N,) constant-curvature segment of each edge point."""
+
+    accepted: Mask
+    """(N,) whether the point's segment was accepted into the filtered scene edge map."""
+
+    scene: Integers
+    """(S,) indices of the edge points that stand for the accepted contours, evenly thinned."""
+
+    scene_weights: Array32
+    """(S,) contour length each of them stands for, px."""
+
+    origin: tuple[int, int]
+    """Pixel (x, y) of the chamfer image's upper left corner."""
+
+    distance: Array32
+    """(h, w) chamfer image: distance to the nearest accepted edge point, px; clamped at its reach."""
+
+    reach: float
+    """Value of the chamfer image outside its region, px."""
+
+    silhouette: Mask | None = None
+    """(H, W) moving foreground where a background is known."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Findings of all V views; None for a view that is missing in this frame."""
+
+    views: tuple[ViewObservation | None, ...]
+
+    @cached_property
+    def packed(self) -> tuple[Array32, Integers, Array32, Integers, Array32]:
+        """The observation as flat arrays for compiled kernels.
+
+        Returns:
+            chamfer images end to end (float32); layout (V, 5) = start, x0, y0, width, height (width 0 for a
+            missing view); scene points (S, 5) = x, y, direction x, direction y, weight of all views, each
+            view's sorted by y; their first index per view (V + 1,); reach (V,) px.
+        """
+        images, layout, points, first, reach = [], [], [], [0], []
+        start = 0
+        for view in self.views:
+            if view is None:
+                layout.append((start, 0, 0, 0, 0))
+                first.append(first[-1])
+                reach.append(0.0)
+                continue
+            height, width = view.distance.shape
+            images.append(view.distance.ravel())
+            layout.append((start, *view.origin, width, height))
+            start += width * height
+            columns = view.edges[view.scene], view.directions[view.scene], view.scene_weights[:, None]
+            rows = np.concatenate(columns, axis=1)
+            points.append(rows[np.argsort(rows[:, 1], kind="stable")])
+            first.append(first[-1] + len(rows))
+            reach.append(view.reach)
+        empty = np.zeros(0, dtype=np.float32)
+        flat = np.concatenate(images) if images else empty
+        scene = np.concatenate(points) if points else empty.reshape(0, 5)
+        return (
+            frozen(flat, np.float32),
+            frozen(layout, np.int64),
+            frozen(scene, np.float32),
+            frozen(first, np.int64),
+            frozen(reach, np.float32),
+        )

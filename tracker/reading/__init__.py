@@ -1,0 +1,53 @@
+"""Reading: synchronized views from files, streamed frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Protocol, runtime_checkable
+
+from tracker.arrays import Image
+from tracker.frame import Frame
+from tracker.rig import Rig
+
+
+@runtime_checkable
+class Sequence(Protocol):
+    """An opened recording; frames are decoded while they are iterated, so memory stays bounded."""
+
+    @property
+    def rig(self) -> Rig:
+        """The cameras of the images as delivered."""
+        ...
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames that `frames()` delivers."""
+        ...
+
+    @property
+    def fps(self) -> float:
+        """Frames per second of the recording (before any stride)."""
+        ...
+
+    @property
+    def backgrounds(self) -> tuple[Image | None, ...]:
+        """A clean plate (h, w, 3) for each view that has one, else None."""
+        ...
+
+    def frames(self) -> Iterator[Frame]:
+        """All frames of the chosen range in order."""
+        ...
+
+
+@runtime_checkable
+class Reading(Protocol):
+    """A component that opens a recording."""
+
+    def open(self) -> Sequence:
+        """Opens all views.
+
+        Raises:
+            SequenceError: files are missing, corrupt or do not belong together.
+            CalibrationError: the rig cannot be right or does not fit the images.
+        """
+        ...

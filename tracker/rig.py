@@ -1,0 +1,122 @@
+"""A rig: V calibrated cameras in fixed order, and the multi-view geometry between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tracker.arrays import Array, frozen
+from tracker.camera import Camera
+from tracker.errors import CalibrationError, nearest
+from tracker.geometry.triangulation import triangulate
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Calibrated cameras in fixed order; the order names the views everywhere.
+
+    Raises:
+        CalibrationError: no camera, a name given twice, or two cameras at one place.
+    """
+
+    cameras: tuple[Camera, ...]
+
+    def __post_init__(self) -> None:
+        if not self.cameras:
+            raise CalibrationError("the rig has no camera, expected at least one")
+        for i, one in enumerate(self.cameras):
+            for other in self.cameras[:i]:
+                if one.name == other.name:
+                    raise CalibrationError(f'two cameras are called "{one.name}", expected different names')
+                if np.linalg.norm(one.centre - other.centre) < 0.01:
+                    raise CalibrationError(
+                        f'cameras "{other.name}" and "{one.name}" stand at one place (closer than 1 cm): '
+                        "was one calibration copied over the other?"
+                    )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Camera names in order."""
+        return tuple(camera.name for camera in self.cameras)
+
+    def __len__(self) -> int:
+        return len(self.cameras)
+
+    def index(self, name: str) -> int:
+        """Position of the camera called `name`.
+
+        Raises:
+            CalibrationError: no such camera.
+        """
+        if name not in self.names:
+            raise CalibrationError(f'no camera "{name}" in the rig; {nearest(name, self.names)}')
+        return self.names.index(name)
+
+    def select(self, names: tuple[str, ...]) -> Rig:
+        """The rig of the named cameras, in the order of `names`."""
+        return Rig(tuple(self.cameras[self.index(name)] for name in names))
+
+    def downscaled(self, factor: int) -> Rig:
+        """The rig of images averaged over `factor` x `factor` pixels."""
+        return Rig(tuple(camera.downscaled(factor) for camera in self.cameras))
+
+    def project(self, points: Array) -> Array:
+        """World points (..., 3) to pixels in all views (V, ..., 2)."""
+        return np.stack([camera.project(points) for camera in self.cameras])
+
+    def triangulate(self, pixels: Array, sigma_px: float = 1.0) -> tuple[Array, Array]:
+        """Points from their images in two or more views.
+
+        Args:
+            pixels: (V, N, 2), NaN where a view does not show the point.
+            sigma_px: standard deviation of an image coordinate.
+
+        Returns:
+            World points (N, 3) metres and their covariances (N, 3, 3) m^2; NaN with fewer than two views.
+        """
+        return triangulate(self.cameras, pixels, sigma_px)
+
+    def epipolar_line(self, pixel: Array, source: int, target: int, n_points: int = 64) -> Array:
+        """Image in view `target` of the viewing ray of a pixel in view `source`.
+
+        Args:
+            pixel: (2,) px in the source view.
+            source: index of the view the pixel is in.
+            target: index of the view to draw in.
+            n_points: samples along the ray, from 0.3 to 30 m, spaced evenly in inverse depth.
+
+        Returns:
+            (M, 2) px, only points in front of the target camera; a curve where the lens distorts.
+        """
+        camera = self.cameras[source]
+        ray = camera.rays(np.asarray(pixel, dtype=np.float64))
+        depths = 1 / np.linspace(1 / 0.3, 1 / 30.0, n_points)
+        line = self.cameras[target].project(camera.centre + depths[:, None] * ray)
+        return line[np.isfinite(line).all(axis=1)]
+
+    @cached_property
+    def packed(self) -> Array:
+        """(V, 25) one row a camera for compiled kernels.
+
+        Columns: 0-11 camera_from_world (3x4, row by row), 12-14 centre, 15-18 fx fy cx cy, 19-23 distortion, 24 shear.
+        """
+        rows = [
+            np.concatenate(
+                [
+                    camera.camera_from_world[:3].ravel(),
+                    camera.centre,
+                    camera.matrix[[0, 1, 0, 1], [0, 1, 2, 2]],
+                    camera.distortion,
+                    camera.matrix[0, 1:2],
+                ]
+            )
+            for camera in self.cameras
+        ]
+        return frozen(rows)
+
+    @cached_property
+    def sizes(self) -> Array:
+        """(V, 2) image widths and heights, px."""
+        return frozen([camera.size for camera in self.cameras])

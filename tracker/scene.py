@@ -1,0 +1,84 @@
+"""A scene: the persons at their present poses, and the rig that sees them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from tracker.arrays import Array, Integers, frozen, shape_fault
+from tracker.body import BodyModel
+from tracker.errors import ModelError
+from tracker.rig import Rig
+
+
+@dataclass(frozen=True)
+class Person:
+    """A body at a pose."""
+
+    name: str
+    body: BodyModel
+    q: Array
+    """(dof,) rad and m."""
+
+    def __post_init__(self) -> None:
+        q = frozen(self.q)
+        if fault := shape_fault(q, self.body.dof):
+            raise ModelError(f'pose of "{self.name}": {fault}')
+        object.__setattr__(self, "q", q)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """K persons and a rig; parts are numbered through all persons, in order."""
+
+    persons: tuple[Person, ...]
+    rig: Rig
+
+    def with_pose(self, person: int, q: Array) -> Scene:
+        """The scene with the pose of one person replaced."""
+        persons = list(self.persons)
+        persons[person] = replace(persons[person], q=q)
+        return Scene(tuple(persons), self.rig)
+
+    def with_poses(self, poses: tuple[Array, ...]) -> Scene:
+        """The scene with the poses of all persons replaced."""
+        pairs = zip(self.persons, poses, strict=True)
+        return Scene(tuple(replace(person, q=q) for person, q in pairs), self.rig)
+
+    @cached_property
+    def shapes(self) -> Array:
+        """(P, 7) packed superquadrics of all persons' parts."""
+        return frozen(np.concatenate([person.body.shapes for person in self.persons]))
+
+    @cached_property
+    def part_persons(self) -> Integers:
+        """(P,) index of the person each part belongs to."""
+        counts = [len(person.body.parts) for person in self.persons]
+        owners: Integers = frozen(np.repeat(np.arange(len(counts)), counts), dtype=np.int64)
+        return owners
+
+    def first_part(self, person: int) -> int:
+        """Scene-wide number of the first part of a person."""
+        return sum(len(other.body.parts) for other in self.persons[:person])
+
+    def world_from_parts(self, person: int | None = None, poses: Array | None = None) -> Array:
+        """Placements of all parts, with many poses of one person tried at once.
+
+        Args:
+            person: whose poses vary; None for the scene as it is.
+            poses: (B, dof) of that person.
+
+        Returns:
+            (B, P, 4, 4) metres; B = 1 for the scene as it is.
+        """
+        n_poses = 1 if poses is None else len(poses)
+        placed = []
+        for k, other in enumerate(self.persons):
+            if k == person and poses is not None:
+                placed.append(other.body.world_from_part(poses))
+            else:
+                motions = other.body.world_from_part(other.q[None])
+                placed.append(np.broadcast_to(motions, (n_poses, *motions.shape[1:])))
+        return np.ascontiguousarray(np.concatenate(placed, axis=1))

@@ -1,0 +1,74 @@
+"""What a run produces: one Step a frame, and the history that predictions are made from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tracker.arrays import Array, frozen
+from tracker.contours import Contours
+from tracker.estimate import Estimate, Status
+from tracker.frame import Frame
+from tracker.observation import Observation
+from tracker.scene import Scene
+from tracker.start import Start
+
+
+@dataclass(frozen=True)
+class Step:
+    """One frame: what was predicted, expected, observed and estimated."""
+
+    frame: Frame
+    scene: Scene
+    """All persons at their estimated poses."""
+
+    estimates: tuple[Estimate, ...]
+    """One a person."""
+
+    fitted: Contours
+    """Contours of the estimated scene, B = 1."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    """Stage name -> seconds spent in it."""
+
+    overlap: Array | None = None
+    """(V,) intersection over union of model and foreground silhouettes; NaN where unknown."""
+
+    start: Start | None = None
+    """Evidence of the bootstrapping, in the frame in which it happened."""
+
+    predicted: Scene | None = None
+    """All persons as predicted; None in a bootstrapped or replayed frame."""
+
+    expected: Contours | None = None
+    """Contours expected before the estimation."""
+
+    observation: Observation | None = None
+    """What the image analysis found; None in a replayed frame."""
+
+
+@dataclass(frozen=True)
+class History:
+    """Poses of one person in the frames that were not lost, oldest first."""
+
+    times: Array
+    """(T,) seconds."""
+
+    poses: Array
+    """(T, dof) rad and m."""
+
+    @staticmethod
+    def start(time_s: float, q: Array) -> History:
+        """The history of a person just found."""
+        return History(frozen([time_s]), frozen(q[None]))
+
+    def after(self, time_s: float, estimate: Estimate, window: int = 16) -> History:
+        """The history one frame on: extended, begun anew after a recovery, or unchanged by a loss."""
+        if estimate.status is Status.LOST:
+            return self
+        if estimate.status is not Status.TRACKED:
+            return History.start(time_s, estimate.q)
+        times = np.append(self.times, time_s)[-window:]
+        poses = np.concatenate([self.poses, estimate.q[None]])[-window:]
+        return History(frozen(times), frozen(poses))
