@@ -34,20 +34,15 @@ class ViewContours:
 class Contours:
     """Samples for B poses and V views, padded to M samples; only the first `counts[b, v]` are valid."""
 
-    pixels: Array32
-    """(B, V, M, 2) image positions, px."""
-
-    normals: Array32
-    """(B, V, M, 2) unit image normals, pointing away from the part."""
-
-    weights: Array32
-    """(B, V, M) contour length that a sample stands for, px; 0 for samples between parts."""
-
-    parts: Integers
-    """(B, V, M) scene-wide part number."""
+    positions: Array32
+    """(B, V, M, 5) pixel x, y; unit image normal x, y, pointing away from the part; contour length that the
+    sample stands for, px, 0 for samples between parts."""
 
     points: Array32
     """(B, V, M, 3) the sample on the surface, world, metres."""
+
+    parts: Integers
+    """(B, V, M) scene-wide part number."""
 
     between: Mask
     """(B, V, M) edge between touching parts: drawn, not matched (paper, section 5)."""
@@ -58,10 +53,11 @@ class Contours:
     def of(self, view: int, b: int = 0) -> ViewContours:
         """The valid samples of one view and pose."""
         n = int(self.counts[b, view])
+        positions = self.positions[b, view, :n]
         return ViewContours(
-            self.pixels[b, view, :n],
-            self.normals[b, view, :n],
-            self.weights[b, view, :n],
+            positions[:, :2],
+            positions[:, 2:4],
+            positions[:, 4],
             self.parts[b, view, :n],
             self.points[b, view, :n],
             self.between[b, view, :n],

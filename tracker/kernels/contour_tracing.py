@@ -1,0 +1,286 @@
+"""Occluding contours of tapered superquadrics, traced on their surface grids and tested for visibility.
+
+A point of a surface with outward normal n lies on the occluding contour of a camera at c where n . (c - p) = 0.
+Every part carries a grid of surface points and normals; the contour crosses the grid's edges where that product
+changes sign, and the crossings of a cell are joined to a piece of contour (marching squares). The surface
+between grid points is interpolated quadratically, the pieces are bent by the turn of their normals, so that a
+9 x 16 grid is good to a fraction of a pixel and the cost does not depend on the image size.
+
+Arrays are indexed here, never sliced, in the inner loops: a slice costs a reference count.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.kernels.occlusion import blocks_ray, inside_value
+from tracker.kernels.projection import project_point
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _root(s0: float, sm: float, s1: float) -> float:
+    """Where the quadratic through s0, sm, s1 at 0, 1/2, 1 is zero; s0 and s1 have different signs."""
+    a, b = 2.0 * (s0 + s1) - 4.0 * sm, 4.0 * sm - 3.0 * s0 - s1
+    linear = s0 / (s0 - s1)
+    square = b * b - 4.0 * a * s0
+    if abs(a) <= 1e-6 * abs(b) or square < 0.0:
+        return linear
+    half = -0.5 * (b + np.copysign(np.sqrt(square), b))
+    if half != 0.0:
+        t = s0 / half
+        if 0.0 <= t <= 1.0:
+            return t
+    t = half / a
+    return t if 0.0 <= t <= 1.0 else linear
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cross(
+    grids: Array32, p: int, ends: tuple[int, int, int, int], eye: tuple[float, float, float], out: Array, i: int
+) -> None:
+    """Writes point and normal where a grid edge of part p meets the contour to out[i] (6,)."""
+    r0, c0, r1, c1 = ends
+    rm, cm = (r0 + r1) // 2, c0 if c0 == c1 else c0 + 1
+    s0 = sm = s1 = 0.0
+    for k in range(3):
+        s0 += grids[p, r0, c0, 3 + k] * (eye[k] - grids[p, r0, c0, k])
+        sm += grids[p, rm, cm, 3 + k] * (eye[k] - grids[p, rm, cm, k])
+        s1 += grids[p, r1, c1, 3 + k] * (eye[k] - grids[p, r1, c1, k])
+    t = _root(s0, sm, s1)
+    w0, wm, w1 = (1.0 - t) * (1.0 - 2.0 * t), 4.0 * t * (1.0 - t), t * (2.0 * t - 1.0)
+    for k in range(6):
+        out[i, k] = w0 * grids[p, r0, c0, k] + wm * grids[p, rm, cm, k] + w1 * grids[p, r1, c1, k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _find_crossings(
+    grids: Array32, planes: Array32, p: int, eye: tuple[float, float, float], facing: Array32, out: Array, ids: Integers
+) -> int:
+    """Crossings of part p's grid edges with the contour: their number; `ids` (2, R, C) says which edge has which."""
+    e0, e1, e2 = np.float32(eye[0]), np.float32(eye[1]), np.float32(eye[2])
+    for i in range(facing.size):
+        facing[i] = planes[p, 0, i] * e0 + planes[p, 1, i] * e1 + planes[p, 2, i] * e2 - planes[p, 3, i]
+    _, n_rows, n_columns = ids.shape
+    n = 0
+    for r in range(n_rows):
+        for c in range(n_columns):
+            after = c + 1 if c + 1 < n_columns else 0
+            here = facing[r * n_columns + c] > 0.0
+            ids[0, r, c] = ids[1, r, c] = -1
+            if here != (facing[r * n_columns + after] > 0.0):
+                _cross(grids, p, (2 * r, 2 * c, 2 * r, 2 * after), eye, out, n)
+                ids[0, r, c] = n
+                n += 1
+            if r + 1 < n_rows and here != (facing[(r + 1) * n_columns + c] > 0.0):
+                _cross(grids, p, (2 * r, 2 * c, 2 * r + 2, 2 * c), eye, out, n)
+                ids[1, r, c] = n
+                n += 1
+    return n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _join(ids: Integers, pieces: Integers) -> int:
+    """Joins the crossings of each grid cell: pairs in `pieces` (N, 2), and their number."""
+    _, n_rows, n_columns = ids.shape
+    n = 0
+    for r in range(n_rows - 1):
+        for c in range(n_columns):
+            after = c + 1 if c + 1 < n_columns else 0
+            waiting = -1
+            for met in (ids[0, r, c], ids[1, r, after], ids[0, r + 1, c], ids[1, r, c]):
+                if met < 0:
+                    continue
+                if waiting < 0:
+                    waiting = met
+                else:
+                    pieces[n, 0], pieces[n, 1] = waiting, met
+                    n += 1
+                    waiting = -1
+    return n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _to_world(placements: Array, b: int, p: int, crossings: Array, n: int, camera: Array, world: Array) -> None:
+    """Crossings of part p in the world (n, 8): point, unit normal and pixel."""
+    for i in range(n):
+        x, y, z = crossings[i, 0], crossings[i, 1], crossings[i, 2]
+        nx, ny, nz = crossings[i, 3], crossings[i, 4], crossings[i, 5]
+        scale = 1.0 / np.sqrt(nx * nx + ny * ny + nz * nz)
+        for r in range(3):
+            a0, a1, a2 = placements[b, p, r, 0], placements[b, p, r, 1], placements[b, p, r, 2]
+            world[i, r] = a0 * x + a1 * y + a2 * z + placements[b, p, r, 3]
+            world[i, 3 + r] = scale * (a0 * nx + a1 * ny + a2 * nz)
+        world[i, 6], world[i, 7], _ = project_point(camera, world[i, 0], world[i, 1], world[i, 2])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _bend(world: Array, i: int, j: int, t: float, sample: Array) -> None:
+    """World point and unit normal (6,) at fraction t of a contour piece, bent by the turn of its normals."""
+    length = turn = 0.0
+    for k in range(3):
+        normal = (1.0 - t) * world[i, 3 + k] + t * world[j, 3 + k]
+        sample[3 + k] = normal
+        length += normal * normal
+        turn += (world[j, 3 + k] - world[i, 3 + k]) * (world[j, k] - world[i, k])
+    length = 1.0 / np.sqrt(length)
+    height = 0.5 * t * (1.0 - t) * turn
+    for k in range(3):
+        sample[3 + k] *= length
+        sample[k] = (1.0 - t) * world[i, k] + t * world[j, k] + height * sample[3 + k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _spheres(placements: Array, b: int, radii: Array, camera: Array, spheres: Array) -> None:
+    """Bounding spheres as seen from a camera (P, 6): unit direction, distance, angular radius, depth."""
+    for p in range(len(radii)):
+        x = placements[b, p, 0, 3] - camera[12]
+        y = placements[b, p, 1, 3] - camera[13]
+        z = placements[b, p, 2, 3] - camera[14]
+        distance = np.sqrt(x * x + y * y + z * z) + 1e-12
+        spheres[p, 0], spheres[p, 1], spheres[p, 2] = x / distance, y / distance, z / distance
+        spheres[p, 3], spheres[p, 4] = distance, radii[p] / distance
+        spheres[p, 5] = camera[8] * x + camera[9] * y + camera[10] * z
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _neighbours(p: int, spheres: Array, radii: Array, listed: Integers) -> int:
+    """Parts that may cover or touch part p; their number."""
+    n = 0
+    for q in range(len(radii)):
+        if q == p or spheres[q, 3] - radii[q] > spheres[p, 3] + radii[p] + 0.1:
+            continue
+        x, y, z = spheres[q, 0] - spheres[p, 0], spheres[q, 1] - spheres[p, 1], spheres[q, 2] - spheres[p, 2]
+        reach = spheres[q, 4] + spheres[p, 4]
+        if x * x + y * y + z * z < reach * reach:
+            listed[n] = q
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cover(
+    inverses: Array, shapes: Array, reaches: Array, eyes: Array, listed: Integers, n: int, sample: Array, contact_m: float
+) -> int:
+    """2 if another part covers the sample (6,), 1 if one touches its outer side, else 0."""
+    outcome = 0
+    wx, wy, wz, nx, ny, nz = sample[0], sample[1], sample[2], sample[3], sample[4], sample[5]
+    for k in range(n):
+        q = listed[k]
+        x = inverses[q, 0, 0] * wx + inverses[q, 0, 1] * wy + inverses[q, 0, 2] * wz + inverses[q, 0, 3]
+        y = inverses[q, 1, 0] * wx + inverses[q, 1, 1] * wy + inverses[q, 1, 2] * wz + inverses[q, 1, 3]
+        z = inverses[q, 2, 0] * wx + inverses[q, 2, 1] * wy + inverses[q, 2, 2] * wz + inverses[q, 2, 3]
+        if blocks_ray(shapes, reaches, eyes, q, x, y, z):
+            return 2
+        if outcome == 0 and x * x + y * y + z * z < 4.0 * reaches[q]:
+            x += contact_m * (inverses[q, 0, 0] * nx + inverses[q, 0, 1] * ny + inverses[q, 0, 2] * nz)
+            y += contact_m * (inverses[q, 1, 0] * nx + inverses[q, 1, 1] * ny + inverses[q, 1, 2] * nz)
+            z += contact_m * (inverses[q, 2, 0] * nx + inverses[q, 2, 1] * ny + inverses[q, 2, 2] * nz)
+            if inside_value(shapes, q, x, y, z) < 1.0:
+                outcome = 1
+    return outcome
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _prepare(placements: Array, b: int, shapes: Array, inverses: Array) -> None:
+    """Motions from the world into each part's frame, scaled to units of its half extents (P, 3, 4)."""
+    for p in range(len(shapes)):
+        for r in range(3):
+            shift = 0.0
+            for k in range(3):
+                inverses[p, r, k] = placements[b, p, k, r] / shapes[p, r]
+                shift -= placements[b, p, k, r] * placements[b, p, k, 3]
+            inverses[p, r, 3] = shift / shapes[p, r]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def trace_contours(
+    placements: Array,
+    shapes: Array,
+    grids: Array32,
+    planes: Array32,
+    bounds: Array,
+    cameras: Array,
+    sizes: Array,
+    spacing: tuple[float, float],
+    positions: Array32,
+    points: Array32,
+    parts: Integers,
+    between: Mask,
+    counts: Integers,
+) -> None:
+    """Visible occluding-contour samples of many poses in all views.
+
+    Args:
+        placements: (B, P, 4, 4) world_from_part, metres.
+        shapes: (P, 7) packed superquadrics.
+        grids: (P, 2 R - 1, 2 C, 6) surface points and normals; even rows and columns are the grid, odd ones
+            the middles of its edges; the first and last row are the poles.
+        planes: (P, 4, R C) normals of the grid points and their product with the points.
+        bounds: (2, P) radii of bounding spheres, metres, and reaches of bounding ellipsoids, squared, in
+            units of the half extents.
+        cameras: (V, 25) from `Rig.packed`.
+        sizes: (V, 2) image sizes, px.
+        spacing: longest contour a sample stands for, px; distance at which parts touch, metres.
+        positions: (B, V, M, 5) output: pixel, image normal, contour length.
+        points: (B, V, M, 3) output: world positions.
+        parts, between, counts: outputs, laid out as in `Contours`.
+    """
+    n_parts = len(shapes)
+    n_rows, n_columns = (grids.shape[1] + 1) // 2, grids.shape[2] // 2
+    inverses, eyes, spheres = np.zeros((n_parts, 3, 4)), np.zeros((n_parts, 3)), np.zeros((n_parts, 6))
+    facing = np.zeros(n_rows * n_columns, dtype=np.float32)
+    crossings, world = np.zeros((2 * facing.size, 6)), np.zeros((2 * facing.size, 8))
+    ids = np.zeros((2, n_rows, n_columns), dtype=np.int64)
+    pieces = np.zeros((2 * facing.size, 2), dtype=np.int64)
+    listed = np.zeros(n_parts, dtype=np.int64)
+    sample = np.zeros(6)
+    radii, reaches = bounds[0], bounds[1]
+    for b in range(len(placements)):
+        _prepare(placements, b, shapes, inverses)
+        for v in range(len(cameras)):
+            camera = cameras[v]
+            _spheres(placements, b, radii, camera, spheres)
+            for p in range(n_parts):
+                for r in range(3):
+                    eyes[p, r] = (
+                        inverses[p, r, 0] * camera[12]
+                        + inverses[p, r, 1] * camera[13]
+                        + inverses[p, r, 2] * camera[14]
+                        + inverses[p, r, 3]
+                    )
+            n = 0
+            for p in range(n_parts):
+                if spheres[p, 5] < radii[p] + 0.05:
+                    continue
+                eye = (eyes[p, 0] * shapes[p, 0], eyes[p, 1] * shapes[p, 1], eyes[p, 2] * shapes[p, 2])
+                n_crossings = _find_crossings(grids, planes, p, eye, facing, crossings, ids)
+                n_pieces = _join(ids, pieces)
+                _to_world(placements, b, p, crossings, n_crossings, camera, world)
+                n_listed = _neighbours(p, spheres, radii, listed)
+                for k in range(n_pieces):
+                    i, j = pieces[k, 0], pieces[k, 1]
+                    length = np.sqrt((world[j, 6] - world[i, 6]) ** 2 + (world[j, 7] - world[i, 7]) ** 2)
+                    n_samples = int(np.ceil(length / spacing[0]))
+                    for m in range(n_samples):
+                        _bend(world, i, j, (m + 0.5) / n_samples, sample)
+                        x, y, _ = project_point(camera, sample[0], sample[1], sample[2])
+                        if x < -0.5 or y < -0.5 or x > sizes[v, 0] - 0.5 or y > sizes[v, 1] - 0.5:
+                            continue
+                        cover = _cover(inverses, shapes, reaches, eyes, listed, n_listed, sample, spacing[1])
+                        if cover == 2 or n == parts.shape[2]:
+                            continue
+                        nx = camera[0] * sample[3] + camera[1] * sample[4] + camera[2] * sample[5]
+                        ny = camera[4] * sample[3] + camera[5] * sample[4] + camera[6] * sample[5]
+                        nx /= camera[15]
+                        ny = (ny - camera[24] * nx) / camera[16]
+                        norm = np.sqrt(nx * nx + ny * ny)
+                        positions[b, v, n, 0], positions[b, v, n, 1] = x, y
+                        positions[b, v, n, 2], positions[b, v, n, 3] = nx / norm, ny / norm
+                        positions[b, v, n, 4] = 0.0 if cover == 1 else length / n_samples
+                        points[b, v, n, 0], points[b, v, n, 1], points[b, v, n, 2] = sample[0], sample[1], sample[2]
+                        parts[b, v, n] = p
+                        between[b, v, n] = cover == 1
+                        n += 1
+            counts[b, v] = n
