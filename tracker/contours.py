@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from tracker.arrays import Array32, Integers, Mask
 
@@ -72,3 +75,9 @@ class Contours:
     def n_views(self) -> int:
         """V, the number of views."""
         return self.counts.shape[1]
+
+
+def joined(sets: Sequence[Contours]) -> Contours:
+    """The poses of several sets one after the other; all must be of the same scene and capacity M."""
+    fields = ("positions", "points", "parts", "between", "counts")
+    return Contours(*(np.concatenate([getattr(one, name) for one in sets]) for name in fields))

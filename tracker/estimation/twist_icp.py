@@ -1,0 +1,140 @@
+"""Gauss-Newton refinement of a pose on oriented contour correspondences, with joint limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pydantic
+from scipy.linalg import cho_factor, cho_solve
+
+from tracker.arrays import Array, Mask
+from tracker.components import component
+from tracker.contours import Contours
+from tracker.correspondences import Correspondences
+from tracker.estimate import Estimate
+from tracker.kernels.oriented_matching import match_oriented, normal_equations
+from tracker.objective import Objective
+
+# A contour sample and its neighbours share one edge and one interpolation: 8 px of contour count as one
+# observation, and each is used about twice, from the model to the scene and back.
+_PX_PER_OBSERVATION = 16.0
+
+
+@component
+class TwistIcpEstimation:
+    """Iterated closest points with agreeing directions, linearized on the twists of the joints.
+
+    Matches visible model contours and scene edges both ways, moves the pose so that the distances along the
+    contour normals shrink, and repeats with a smaller gate.
+    """
+
+    iterations: int = pydantic.Field(default=8, ge=1)
+    """Gauss-Newton steps."""
+
+    gate_px: float = pydantic.Field(default=30.0, gt=0)
+    """Largest distance of a pair in the first iteration, px."""
+
+    final_gate_px: float = pydantic.Field(default=8.0, gt=0)
+    """The same in the last iteration, px."""
+
+    direction_deg: float = pydantic.Field(default=40.0, gt=0, le=90)
+    """Largest angle between the normal of the model contour and the scene's gradient, degrees."""
+
+    noise_px: float = pydantic.Field(default=1.0, gt=0)
+    """Standard deviation of an edge position the prior is weighed against, px."""
+
+    prior_deg: float = pydantic.Field(default=15.0, gt=0)
+    """Standard deviation of an angle around the start, degrees: holds what the images do not show."""
+
+    prior_m: float = pydantic.Field(default=0.15, gt=0)
+    """Standard deviation of a translation around the start, metres."""
+
+    def estimate(self, objective: Objective, starts: Array) -> Estimate:
+        """Refines every start and keeps the one of least distance."""
+        refined = [self.refine(objective, start) for start in starts]
+        distances = objective(np.array([q for q, _ in refined]))
+        q, covariance = refined[int(np.argmin(distances))]
+        return objective.estimate(q, covariance, len(starts) * (self.iterations + 1))
+
+    def refine(self, objective: Objective, start: Array) -> tuple[Array, Array]:
+        """Gauss-Newton from one start (dof,): the pose (dof,) and its covariance (dof, dof)."""
+        body = objective.body
+        q = body.clamped(start)
+        spread = np.where(body.rotates, np.radians(self.prior_deg), self.prior_m)
+        prior = np.diag((self.noise_px / spread) ** 2)
+        gates = np.geomspace(self.gate_px, self.final_gate_px, self.iterations)
+        matrix, squares, total = prior, 0.0, 0.0
+        for gate_px in gates:
+            pairs = correspondences(objective, objective.contours(q[None]), q, float(gate_px), self.direction_deg)
+            matrix, vector, squares, total = normal_equations(
+                pairs.points,
+                pairs.parameters,
+                pairs.views,
+                pairs.normals,
+                pairs.pixels,
+                pairs.weights,
+                objective.scene.rig.packed,
+                body.twists(q),
+                body.moves,
+                0.5 * float(gate_px),
+            )
+            q = _limited_step(q, matrix + prior, vector + prior @ (q - start), body.limits)
+        variance = squares / total if total > 0 else self.noise_px**2
+        covariance = np.linalg.inv(matrix / max(variance, 1e-6) + prior / self.noise_px**2)
+        return q, covariance
+
+
+def correspondences(
+    objective: Objective, contours: Contours, q: Array, gate_px: float, direction_deg: float
+) -> Correspondences:
+    """Oriented nearest neighbours between a person's contours and the observation, both ways.
+
+    Args:
+        objective: scene, person and observation.
+        contours: of the scene with that person at q; the first pose counts.
+        q: (dof,) rad and m.
+        gate_px: largest distance of a pair, px.
+        direction_deg: largest angle between model normal and scene gradient, modulo sign, degrees.
+
+    Returns:
+        Pairs of the person's own parts, weighted in observations of 8 px of contour.
+    """
+    _, _, scene, first, _ = objective.observation.packed
+    positions = contours.positions[0]
+    pairs = np.empty((int(contours.counts[0].sum()) + len(scene), 4), dtype=np.int64)
+    gate = (gate_px, float(np.cos(np.radians(direction_deg))))
+    pairs = pairs[: match_oriented(positions, contours.counts[0], scene, first, gate, pairs)]
+    parts = contours.parts[0][pairs[:, 0], pairs[:, 1]]
+    start = objective.scene.first_part(objective.person)
+    own: Mask = (parts >= start) & (parts < start + len(objective.body.parts))
+    pairs, parts = pairs[own], parts[own] - start
+    views, samples, found = pairs[:, 0], pairs[:, 1], pairs[:, 2]
+    sample = positions[views, samples].astype(np.float64)
+    length = np.where(pairs[:, 3] == 0, sample[:, 4], scene[found, 4])
+    return Correspondences(
+        points=contours.points[0][views, samples].astype(np.float64),
+        parameters=objective.body.part_parameters[parts],
+        views=np.ascontiguousarray(views),
+        normals=np.ascontiguousarray(sample[:, 2:4]),
+        pixels=scene[found, :2].astype(np.float64),
+        weights=length / _PX_PER_OBSERVATION,
+    )
+
+
+def _limited_step(q: Array, matrix: Array, vector: Array, limits: Array) -> Array:
+    """The minimum of the quadratic model inside the joint limits, by fixing the parameters that hit one."""
+    free = np.ones(len(q), dtype=np.bool_)
+    result = q.copy()
+    for _ in range(4):
+        fixed_step = (result - q)[~free]
+        right = -vector[free] - matrix[np.ix_(free, ~free)] @ fixed_step
+        step = cho_solve(cho_factor(matrix[np.ix_(free, free)]), right)
+        target = q[free] + step
+        inside = np.clip(target, limits[free, 0], limits[free, 1])
+        result[free] = inside
+        hit = np.flatnonzero(free)[np.abs(inside - target) > 1e-12]
+        if not len(hit):
+            break
+        free[hit] = False
+        if not free.any():
+            break
+    return result
