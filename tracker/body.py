@@ -175,6 +175,29 @@ class BodyModel:
         indices: Integers = frozen([self.index(parameter) for parameter in self.groups[name]], dtype=np.int64)
         return indices
 
+    @cached_property
+    def coarse_groups(self) -> tuple[str, ...]:
+        """Groups that lie in no other one, in order: the decomposition of the whole search."""
+        sets = {name: set(members) for name, members in self.groups.items()}
+        return tuple(name for name in sets if not any(sets[name] < other for other in sets.values()))
+
+    @cached_property
+    def fine_groups(self) -> tuple[str, ...]:
+        """Groups that contain no other one, in order: the pieces a search can repair on its own."""
+        sets = {name: set(members) for name, members in self.groups.items()}
+        return tuple(name for name in sets if not any(other < sets[name] for other in sets.values()))
+
+    def parts_of(self, group: str) -> Mask:
+        """(P,) parts that a fine group moves and no finer chain hanging on it does: an arm's, not the body's."""
+        moved = self.moves[:, self.part_parameters]
+        mine = self.group(group)
+        own: Mask = moved[mine].any(axis=0)
+        for other in self.fine_groups:
+            theirs = self.group(other)
+            if other != group and moved[mine].any(axis=0).sum() > moved[theirs].any(axis=0).sum():
+                own = own & ~moved[theirs].any(axis=0)
+        return own
+
     def rest(self) -> Array:
         """(dof,) the reference pose, moved inside the joint limits."""
         pose: Array = self.clamped(np.zeros(self.dof))

@@ -21,8 +21,9 @@ class BestFirstEstimation:
     Each group is searched with the others held: earlier ones at the best found, later ones as predicted.
     """
 
-    decomposition: tuple[str, ...] = ("torso_head", "arms", "legs")
-    """Parameter groups of the body model, in the order in which they are searched."""
+    decomposition: tuple[str, ...] = ()
+    """Parameter groups of the body model, in the order in which they are searched; empty for the model's coarse
+    groups: torso_head, arms, legs."""
 
     range_m: float = pydantic.Field(default=0.10, gt=0)
     """Largest departure of a translation from the prediction, metres."""
@@ -50,7 +51,7 @@ class BestFirstEstimation:
         distances = objective(starts)
         q, n_evaluations = starts[int(np.argmin(distances))], len(starts)
         for level in range(self.halvings + 1):
-            for group in self.decomposition:
+            for group in self.decomposition or objective.body.coarse_groups:
                 q, n = self.search_group(objective, q, objective.body.group(group), 0.5**level)
                 n_evaluations += n
         unknown = np.full((objective.body.dof, objective.body.dof), np.nan)

@@ -1,0 +1,1 @@
+"""Pure image operations: edges, chains, segments, chamfer images, background, principal axes."""

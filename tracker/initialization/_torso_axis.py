@@ -1,0 +1,138 @@
+"""The torso's axis in space from the foreground of several views (paper, section 4.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import permutations
+
+import cv2
+import numpy as np
+
+from tracker.arrays import Array, Mask
+from tracker.errors import InitializationError
+from tracker.geometry.axes import line_from_planes, nearest_along_line
+from tracker.imaging.principal_axis import PrincipalAxis, iterated_axes, region_points
+from tracker.rig import Rig
+
+# Bins of the head histogram, metres, and how far from the axis its points may lie: half a shoulder width.
+_BIN_M = 0.02
+_LATERAL_M = 0.2
+
+
+@dataclass(frozen=True)
+class TorsoAxis:
+    """Line through head and pelvis."""
+
+    head_top: Array
+    """(3,) top of the head, metres."""
+
+    direction: Array
+    """(3,) unit vector from the pelvis to the head."""
+
+
+def person_regions(masks: tuple[Mask | None, ...], n_persons: int, rig: Rig) -> list[tuple[Mask | None, ...]]:
+    """Splits the foreground of every view into the regions of K persons that do not overlap.
+
+    Args:
+        masks: (H, W) foreground of each view, None where there is none.
+        n_persons: K.
+        rig: the cameras.
+
+    Returns:
+        For each person its region in every view.
+
+    Raises:
+        InitializationError: fewer regions than persons in a view.
+    """
+    if n_persons == 1:
+        return [masks]
+    split = [None if mask is None else _largest_regions(mask, n_persons) for mask in masks]
+    for name, regions in zip(rig.names, split, strict=True):
+        if regions is not None and len(regions) < n_persons:
+            raise InitializationError(
+                f'view "{name}" shows {len(regions)} moving region(s), expected {n_persons}: bootstrapping needs '
+                "persons that do not overlap; start at another frame or give the poses"
+            )
+    reference = next(v for v, regions in enumerate(split) if regions is not None)
+    ordered: list[list[Mask | None]] = [[None] * len(masks) for _ in range(n_persons)]
+    for v, regions in enumerate(split):
+        if regions is None:
+            continue
+        order = min(
+            permutations(range(n_persons)),
+            key=lambda order: sum(
+                _ray_gap(rig, reference, split[reference][k], v, regions[order[k]])  # type: ignore[index]
+                for k in range(n_persons)
+            ),
+        )
+        for k in range(n_persons):
+            ordered[k][v] = regions[order[k]]
+    return [tuple(regions) for regions in ordered]
+
+
+def _largest_regions(mask: Mask, n: int) -> list[Mask]:
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    areas = stats[1:count, cv2.CC_STAT_AREA]
+    order = np.argsort(areas)[::-1][:n]
+    return [labels == 1 + k for k in order if areas[k] >= 0.1 * areas[order[0]]]
+
+
+def _ray_gap(rig: Rig, v: int, region: Mask, w: int, other: Mask) -> float:
+    """Distance between the rays through the centres of two regions, metres."""
+    a = rig.cameras[v].rays(region_points(region).mean(axis=0))
+    b = rig.cameras[w].rays(region_points(other).mean(axis=0))
+    _, gap = nearest_along_line(rig.cameras[v].centre, a, rig.cameras[w].centre, b[None])
+    return float(gap[0])
+
+
+def region_axes(regions: tuple[Mask | None, ...], min_pixels: int) -> list[tuple[PrincipalAxis, ...]]:
+    """Successive major axes of one person's region in each view; empty where too little of it shows."""
+    points = [np.zeros((0, 2)) if region is None else region_points(region) for region in regions]
+    areas = [0 if region is None else int(region.sum()) for region in regions]
+    return [
+        iterated_axes(found) if area >= min_pixels else () for found, area in zip(points, areas, strict=True)
+    ]
+
+
+def torso_axis(rig: Rig, regions: tuple[Mask | None, ...], axes: list[tuple[PrincipalAxis, ...]]) -> TorsoAxis:
+    """The 3-D axis that projects to the major axes of at least two views, with the head's place on it.
+
+    Raises:
+        InitializationError: fewer than two views show the person, or all of them from the same direction.
+    """
+    seen = [v for v, found in enumerate(axes) if found]
+    if len(seen) < 2:
+        raise InitializationError(
+            f"the foreground shows a person in {len(seen)} view(s), expected at least two: "
+            "check the background plates and their threshold"
+        )
+    normals = []
+    for v in seen:
+        lower, upper = rig.cameras[v].rays(axes[v][-1].ends)
+        normal = np.cross(lower, upper)
+        normals.append(normal / np.linalg.norm(normal))
+    centres = np.array([rig.cameras[v].centre for v in seen])
+    point, direction, strength = line_from_planes(np.array(normals), centres)
+    if strength < 0.1:
+        raise InitializationError(
+            "the views see the torso's axis from one direction only, expected two views well apart"
+        )
+    # The head is up: bootstrapping assumes an upright person, as the paper's does.
+    direction = direction if direction[2] > 0 else -direction
+    tops = [_head_position(rig, v, regions[v], point, direction) for v in seen]
+    return TorsoAxis(point + float(np.median(tops)) * direction, direction)
+
+
+def _head_position(rig: Rig, v: int, region: Mask | None, point: Array, direction: Array) -> float:
+    """Top of the head along the axis in one view: the upper end of the histogram of near-axis points."""
+    assert region is not None
+    camera = rig.cameras[v]
+    along, distance = nearest_along_line(point, direction, camera.centre, camera.rays(region_points(region)))
+    along = along[distance < _LATERAL_M]
+    if len(along) < 10:
+        raise InitializationError(f'view "{camera.name}": the foreground does not lie around the torso\'s axis')
+    bins = np.arange(along.min(), along.max() + 2 * _BIN_M, _BIN_M)
+    counts, _ = np.histogram(along, bins)
+    # A head is a third as wide as a torso; specks above it are narrower.
+    filled = np.flatnonzero(counts >= 0.15 * np.percentile(counts, 80))
+    return float(bins[filled[-1] + 1])
