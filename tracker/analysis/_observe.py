@@ -1,0 +1,101 @@
+"""From edge points to a view's observation; shared by the analyses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tracker.arrays import Array32, Integers, Mask, frozen
+from tracker.contours import Contours
+from tracker.imaging.edges import EdgeSegments, chamfer_image
+from tracker.kernels.acceptance import expected_distances
+from tracker.observation import ViewObservation
+
+Region = tuple[int, int, int, int]
+"""x, y, width, height, px."""
+
+
+def expected_samples(contours: Contours, view: int) -> Array32:
+    """Pixel and normal (M, 4) of the samples that are matched, of all poses, in one view."""
+    rows = [
+        positions[positions[:, 4] > 0, :4]
+        for positions in (contours.positions[b, view, : contours.counts[b, view]] for b in range(contours.n_poses))
+    ]
+    return np.ascontiguousarray(np.concatenate(rows))
+
+
+def region_around(samples: Array32, size: tuple[int, int], margin_px: float) -> Region:
+    """Bounding box of the samples with a margin, inside the image; at least 8 px wide and high."""
+    if len(samples) == 0:
+        return 0, 0, *size
+    low = np.floor(samples[:, :2].min(axis=0) - margin_px).astype(int)
+    high = np.ceil(samples[:, :2].max(axis=0) + margin_px).astype(int)
+    x, y = (int(np.clip(low[k], 0, size[k] - 8)) for k in range(2))
+    return x, y, int(np.clip(high[0], x + 8, size[0])) - x, int(np.clip(high[1], y + 8, size[1])) - y
+
+
+def accepted_segments(
+    found: EdgeSegments, samples: Array32 | None, accept_px: float, bend_px: float, trusted: Mask
+) -> Mask:
+    """Which edge points belong to accepted segments (paper, section 4.2): each segment is one unit.
+
+    Args:
+        found: segments, positions in the whole image.
+        samples: (M, 4) expected contours, or None to accept whatever is trusted.
+        accept_px: largest directed chamfer distance of an accepted segment, px.
+        bend_px: distance that a right angle between the directions counts, px.
+        trusted: (N,) points that the background does not explain.
+
+    Returns:
+        (N,) mask.
+    """
+    if len(found.points) == 0:
+        return np.zeros(0, dtype=np.bool_)
+    count = np.maximum(np.bincount(found.segments, minlength=found.n_segments), 1)
+    share = np.bincount(found.segments, trusted, found.n_segments) / count
+    keep = share >= 0.5
+    if samples is not None:
+        distances = expected_distances(found.points, found.directions, samples, bend_px)
+        distances = np.minimum(distances, np.float32(4 * accept_px))
+        mean = np.bincount(found.segments, distances, found.n_segments) / count
+        keep &= mean <= accept_px
+    accepted: Mask = keep[found.segments] & trusted
+    return accepted
+
+
+def view_observation(
+    found: EdgeSegments, accepted: Mask, region: Region, reach: float, n_scene: int, silhouette: Mask | None
+) -> ViewObservation:
+    """Chamfer image and thinned scene points of the accepted edges.
+
+    Args:
+        found: segments, positions in the whole image.
+        accepted: (N,) points of accepted segments.
+        region: where the chamfer image is made; grown by its reach it covers all that it can say.
+        reach: clamp of the chamfer image, px.
+        n_scene: number of points that stand for the accepted contours.
+        silhouette: (H, W) foreground, if known.
+    """
+    x, y, width, height = region
+    offset = np.array([x, y], dtype=np.float32)
+    distance = chamfer_image(found.points[accepted] - offset, (width, height), reach)
+    scene, weights = thinned(np.flatnonzero(accepted), n_scene)
+    return ViewObservation(
+        edges=found.points,
+        directions=found.directions,
+        segments=found.segments,
+        accepted=accepted,
+        scene=scene,
+        scene_weights=weights,
+        origin=(x, y),
+        distance=distance,
+        reach=reach,
+        silhouette=silhouette,
+    )
+
+
+def thinned(indices: Integers, most: int) -> tuple[Integers, Array32]:
+    """At most `most` of the points, evenly along the chains, and the contour length each stands for, px."""
+    if len(indices) <= most:
+        return frozen(indices, np.int64), np.ones(len(indices), dtype=np.float32)
+    picked = indices[np.floor((np.arange(most) + 0.5) * len(indices) / most).astype(np.int64)]
+    return frozen(picked, np.int64), np.full(most, len(indices) / most, dtype=np.float32)

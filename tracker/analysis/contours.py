@@ -1,0 +1,117 @@
+"""Edges near the expected contours, accepted or rejected in segments of constant curvature (paper, section 4.2)."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pydantic
+
+from tracker.analysis._observe import (
+    Region,
+    accepted_segments,
+    expected_samples,
+    region_around,
+    view_observation,
+)
+from tracker.arrays import Array32, Image, Mask
+from tracker.components import component
+from tracker.contours import Contours
+from tracker.frame import Frame
+from tracker.imaging.background import foreground
+from tracker.imaging.edges import EdgeSegments, canny, gradient, segment_edges
+from tracker.observation import Observation, ViewObservation
+
+
+@component
+class ContourAnalysis:
+    """Canny edges, linked, split into constant-curvature segments, filtered by the prediction and the background."""
+
+    smoothing_px: float = pydantic.Field(default=1.0, ge=0)
+    """Standard deviation of the Gaussian before the gradient, px."""
+
+    low: float = pydantic.Field(default=3.0, gt=0)
+    """Lower hysteresis threshold of the edge detector, grey levels per px."""
+
+    high: float = pydantic.Field(default=7.0, gt=0)
+    """Upper hysteresis threshold, grey levels per px."""
+
+    colour: bool = True
+    """Use the colour channel that changes most, not the grey value: sleeves of equal brightness show."""
+
+    tangent_px: int = pydantic.Field(default=4, ge=1)
+    """Pixels to each side over which a chain's tangent is taken."""
+
+    curvature_deg: float = pydantic.Field(default=20.0, gt=0)
+    """Departure of the tangent from constant curvature at which a chain is split, degrees."""
+
+    min_length_px: int = pydantic.Field(default=8, ge=3)
+    """Shortest segment kept, px."""
+
+    accept_px: float = pydantic.Field(default=14.0, gt=0)
+    """Largest directed chamfer distance of an accepted segment to the expected contours, px."""
+
+    bend_px: float = pydantic.Field(default=20.0, ge=0)
+    """Distance that a right angle between edge and expected contour counts, px; 0 ignores directions."""
+
+    margin_px: float = pydantic.Field(default=48.0, ge=0)
+    """Region of interest beyond the expected contours, px."""
+
+    reach_px: float = pydantic.Field(default=40.0, gt=0)
+    """Value at which the chamfer image is clamped, px."""
+
+    n_scene: int = pydantic.Field(default=400, ge=10)
+    """Scene points kept of each view."""
+
+    grow_px: int = pydantic.Field(default=4, ge=0)
+    """Edges count this far outside of the foreground, where a background is known, px."""
+
+    use_background: bool = True
+    """Reject edges outside of the foreground where a background is known."""
+
+    threads: int = pydantic.Field(default=2, ge=1)
+    """Views analysed at the same time."""
+
+    def observe(self, frame: Frame, expected: Contours | None, backgrounds: tuple[Image | None, ...]) -> Observation:
+        """Scene features of all views; see `tracker.analysis.Analysis.observe`."""
+        plates = backgrounds or (None,) * len(frame.images)
+
+        def view(v: int) -> ViewObservation | None:
+            image = frame.images[v]
+            samples = None if expected is None else expected_samples(expected, v)
+            return None if image is None else self._observe_view(image, samples, plates[v])
+
+        with ThreadPoolExecutor(self.threads) as pool:
+            return Observation(tuple(pool.map(view, range(len(frame.images)))))
+
+    def _observe_view(self, image: Image, samples: Array32 | None, plate: Image | None) -> ViewObservation:
+        size = image.shape[1], image.shape[0]
+        region = (0, 0, *size) if samples is None else region_around(samples, size, self.margin_px)
+        silhouette = None if plate is None else foreground(image, plate)
+        found = self._segments(image, region)
+        trusted = self._trusted(found, silhouette)
+        accepted = accepted_segments(found, samples, self.accept_px, self.bend_px, trusted)
+        return view_observation(found, accepted, region, self.reach_px, self.n_scene, silhouette)
+
+    def _segments(self, image: Image, region: Region) -> EdgeSegments:
+        """Segments in a region, positions in the whole image."""
+        x, y, width, height = region
+        part = image[y : y + height, x : x + width]
+        part = part if self.colour else cv2.cvtColor(part, cv2.COLOR_BGR2GRAY)
+        gradients = gradient(part, self.smoothing_px)
+        edges = canny(gradients, self.low, self.high)
+        rule = (self.tangent_px, float(np.radians(self.curvature_deg)), self.min_length_px)
+        found = segment_edges(edges, gradients, rule)
+        return replace(found, points=found.points + np.array([x, y], dtype=np.float32))
+
+    def _trusted(self, found: EdgeSegments, silhouette: Mask | None) -> Mask:
+        """Points inside the slightly grown foreground."""
+        if silhouette is None or not self.use_background:
+            return np.ones(len(found.points), dtype=np.bool_)
+        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * self.grow_px + 1, 2 * self.grow_px + 1))
+        grown = cv2.dilate(silhouette.astype(np.uint8), kernel)
+        columns = np.clip(np.round(found.points).astype(np.int64), 0, (grown.shape[1] - 1, grown.shape[0] - 1))
+        trusted: Mask = grown[columns[:, 1], columns[:, 0]] > 0
+        return trusted

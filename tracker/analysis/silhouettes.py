@@ -1,0 +1,68 @@
+"""Outlines of the foreground as the only edges: for clean plates, where clothing and clutter disturb."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pydantic
+
+from tracker.analysis._observe import accepted_segments, expected_samples, region_around, view_observation
+from tracker.arrays import Array32, Image
+from tracker.components import component
+from tracker.contours import Contours
+from tracker.errors import SequenceError
+from tracker.frame import Frame
+from tracker.imaging.background import foreground
+from tracker.imaging.edges import canny, gradient, segment_edges
+from tracker.observation import Observation, ViewObservation
+
+
+@component
+class SilhouetteAnalysis:
+    """Edges of the background-subtracted silhouettes."""
+
+    smoothing_px: float = pydantic.Field(default=1.5, gt=0)
+    """Smoothing of the silhouette before its outline is taken, px."""
+
+    accept_px: float = pydantic.Field(default=20.0, gt=0)
+    """Largest directed chamfer distance of an accepted segment to the expected contours, px."""
+
+    bend_px: float = pydantic.Field(default=20.0, ge=0)
+    """Distance that a right angle between outline and expected contour counts, px."""
+
+    margin_px: float = pydantic.Field(default=48.0, ge=0)
+    """Region of interest beyond the expected contours, px."""
+
+    reach_px: float = pydantic.Field(default=40.0, gt=0)
+    """Value at which the chamfer image is clamped, px."""
+
+    n_scene: int = pydantic.Field(default=400, ge=10)
+    """Scene points kept of each view."""
+
+    def observe(self, frame: Frame, expected: Contours | None, backgrounds: tuple[Image | None, ...]) -> Observation:
+        """Scene features of all views; see `tracker.analysis.Analysis.observe`.
+
+        Raises:
+            SequenceError: a view has no background plate.
+        """
+        if len(backgrounds) != len(frame.images) or any(plate is None for plate in backgrounds):
+            raise SequenceError(
+                "silhouettes need the background of every view: add "
+                '`background = "background/{view}.png"` to [reading], or use = "contours" in [analysis]'
+            )
+        views = []
+        for v, (image, plate) in enumerate(zip(frame.images, backgrounds, strict=True)):
+            samples = None if expected is None else expected_samples(expected, v)
+            assert plate is not None
+            views.append(None if image is None else self._observe_view(image, samples, plate))
+        return Observation(tuple(views))
+
+    def _observe_view(self, image: Image, samples: Array32 | None, plate: Image) -> ViewObservation:
+        size = image.shape[1], image.shape[0]
+        region = (0, 0, *size) if samples is None else region_around(samples, size, self.margin_px)
+        silhouette = foreground(image, plate)
+        gradients = gradient(cv2.convertScaleAbs(silhouette.astype(np.uint8), alpha=255), self.smoothing_px)
+        found = segment_edges(canny(gradients, 10.0, 20.0), gradients, (4, float(np.radians(20.0)), 8))
+        trusted = np.ones(len(found.points), dtype=np.bool_)
+        accepted = accepted_segments(found, samples, self.accept_px, self.bend_px, trusted)
+        return view_observation(found, accepted, region, self.reach_px, self.n_scene, silhouette)

@@ -1,0 +1,85 @@
+"""Background subtraction with a clean plate."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from tracker.arrays import Array32, Image, Mask
+
+# A shadow keeps the colour, loses up to 55 % of the light and lets the background's texture show. Grey trousers
+# before a grey floor keep the colour too: where the texture is gone, only up to 20 % of loss is a shadow.
+_DARKEST = 0.45
+_DARKEST_WITHOUT_TEXTURE = 0.8
+_CHROMA_GREY = 12.0
+_TEXTURE_CORRELATION = 0.7
+_WINDOW = (9, 9)
+
+
+def difference(image: Image, plate: Image) -> Image:
+    """Largest channel difference (h, w) uint8 between an image and a plate (h, w, 3), lightly smoothed."""
+    apart = cv2.absdiff(cv2.GaussianBlur(image, (3, 3), 0), cv2.GaussianBlur(plate, (3, 3), 0))
+    largest: Image = apart.max(axis=2)
+    return largest
+
+
+def threshold_level(apart: Image, sigmas: float = 6.0, least: float = 14.0) -> float:
+    """Threshold of a difference image from its own noise, grey levels.
+
+    The median of the differences is the noise of the background, which covers most of the image.
+    """
+    return max(least, sigmas * float(np.median(apart)) / 0.954)
+
+
+def foreground(image: Image, plate: Image, least: float = 14.0) -> Mask:
+    """Moving foreground (h, w): pixels that differ from the plate and are not its shadow.
+
+    Args:
+        image, plate: BGR (h, w, 3) of the same size.
+        least: smallest threshold, grey levels.
+
+    Returns:
+        Cleaned of specks and small holes.
+    """
+    apart = difference(image, plate)
+    level = threshold_level(apart, least=least)
+    moving = (apart > level) & ~_shadow(image, plate)
+    cleaned = cv2.morphologyEx(moving.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    cleaned = cv2.morphologyEx(cleaned, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7)))
+    return _without_specks(cleaned)
+
+
+def _shadow(image: Image, plate: Image) -> Mask:
+    """Pixels that are the plate darkened evenly in all channels, its texture still there."""
+    now = cv2.GaussianBlur(image, (5, 5), 0).astype(np.float32)
+    before = cv2.GaussianBlur(plate, (5, 5), 0).astype(np.float32)
+    ratio = (now * before).sum(axis=2) / np.maximum((before * before).sum(axis=2), 1.0)
+    off = np.abs(now - ratio[..., None] * before).max(axis=2)
+    textured = _correlation(now.mean(axis=2), before.mean(axis=2)) > _TEXTURE_CORRELATION
+    darkest = np.where(textured, _DARKEST, _DARKEST_WITHOUT_TEXTURE)
+    shadow: Mask = (ratio > darkest) & (ratio < 0.97) & (off < _CHROMA_GREY)
+    return shadow
+
+
+def _correlation(now: Array32, before: Array32) -> Array32:
+    """Normalized cross-correlation of two grey images in a small window, 0 where there is no texture."""
+
+    def mean(values: Array32) -> Array32:
+        return cv2.boxFilter(values, cv2.CV_32F, _WINDOW)
+
+    a, b = mean(now), mean(before)
+    covariance = mean(now * before) - a * b
+    variance = np.maximum(mean(now * now) - a * a, 1.0) * np.maximum(mean(before * before) - b * b, 1.0)
+    correlation: Array32 = covariance / np.sqrt(variance)
+    return correlation
+
+
+def _without_specks(mask: Image) -> Mask:
+    """Regions of at least a fiftieth of the largest one."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask)
+    if count < 2:
+        return mask.astype(np.bool_)
+    areas = stats[:, cv2.CC_STAT_AREA].astype(np.float64)
+    areas[0] = 0
+    kept = areas >= 0.02 * areas.max()
+    return kept[labels]
