@@ -6,14 +6,10 @@ import numpy as np
 
 from tracker.arrays import Array32, Integers, Mask, frozen
 from tracker.contours import Contours
+from tracker.imaging.background import Region
 from tracker.imaging.edges import EdgeSegments, chamfer_image
 from tracker.kernels.acceptance import expected_distances
 from tracker.observation import ViewObservation
-
-Region = tuple[int, int, int, int]
-"""x, y, width, height, px."""
-
-
 def expected_samples(contours: Contours, view: int) -> Array32:
     """Pixel and normal (M, 4) of the samples that are matched, of all poses, in one view."""
     rows = [

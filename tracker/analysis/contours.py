@@ -10,7 +10,6 @@ import numpy as np
 import pydantic
 
 from tracker.analysis._observe import (
-    Region,
     accepted_segments,
     expected_samples,
     region_around,
@@ -20,7 +19,7 @@ from tracker.arrays import Array32, Image, Mask
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.frame import Frame
-from tracker.imaging.background import foreground
+from tracker.imaging.background import Region, foreground
 from tracker.imaging.edges import EdgeSegments, canny, gradient, segment_edges
 from tracker.observation import Observation, ViewObservation
 
@@ -89,7 +88,7 @@ class ContourAnalysis:
     def _observe_view(self, image: Image, samples: Array32 | None, plate: Image | None) -> ViewObservation:
         size = image.shape[1], image.shape[0]
         region = (0, 0, *size) if samples is None else region_around(samples, size, self.margin_px)
-        silhouette = None if plate is None else foreground(image, plate)
+        silhouette = None if plate is None else foreground(image, plate, region)
         found = self._segments(image, region)
         trusted = self._trusted(found, silhouette)
         accepted = accepted_segments(found, samples, self.accept_px, self.bend_px, trusted)

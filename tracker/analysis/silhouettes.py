@@ -60,7 +60,7 @@ class SilhouetteAnalysis:
     def _observe_view(self, image: Image, samples: Array32 | None, plate: Image) -> ViewObservation:
         size = image.shape[1], image.shape[0]
         region = (0, 0, *size) if samples is None else region_around(samples, size, self.margin_px)
-        silhouette = foreground(image, plate)
+        silhouette = foreground(image, plate, region)
         gradients = gradient(cv2.convertScaleAbs(silhouette.astype(np.uint8), alpha=255), self.smoothing_px)
         found = segment_edges(canny(gradients, 10.0, 20.0), gradients, (4, float(np.radians(20.0)), 8))
         trusted = np.ones(len(found.points), dtype=np.bool_)
