@@ -13,8 +13,17 @@ from pydantic.dataclasses import dataclass
 
 from tracker.errors import ConfigError, nearest
 
-FilePath = Annotated[Path, pydantic.Field(strict=False)]
-"""A path in a configuration; relative ones start at the configuration file's folder."""
+
+@dataclasses.dataclass(frozen=True)
+class RelativePath:
+    """Marks a field whose relative paths start at the configuration file's folder."""
+
+
+FilePath = Annotated[Path, pydantic.Field(strict=False), RelativePath()]
+"""A path; a relative one starts at the configuration file's folder."""
+
+PathPattern = Annotated[str, RelativePath()]
+"""A path with placeholders such as `{view}`; a relative one starts at the configuration file's folder."""
 
 _Component = TypeVar("_Component")
 

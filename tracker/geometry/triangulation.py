@@ -1,8 +1,67 @@
 """Points from their images in several views, with covariances."""
+
 from __future__ import annotations
+
 from collections.abc import Sequence
+
+import numpy as np
+
 from tracker.arrays import Array
 from tracker.camera import Camera
 
+
 def triangulate(cameras: Sequence[Camera], pixels: Array, sigma_px: float = 1.0) -> tuple[Array, Array]:
-    raise NotImplementedError
+    """Points of least reprojection error: linear start on the viewing rays, then Gauss-Newton.
+
+    Args:
+        cameras: the V views.
+        pixels: (V, N, 2) px, NaN where a view does not show the point.
+        sigma_px: standard deviation of an image coordinate.
+
+    Returns:
+        World points (N, 3) metres and their covariances (N, 3, 3) m^2, ``sigma^2 (J^T J)^-1``; NaN for points
+        seen by fewer than two views.
+    """
+    pixels = np.asarray(pixels, dtype=np.float64)
+    seen = np.isfinite(pixels).all(axis=2)
+    good = seen.sum(axis=0) >= 2
+    points = np.full((pixels.shape[1], 3), np.nan)
+    covariances = np.full((pixels.shape[1], 3, 3), np.nan)
+    if not good.any():
+        return points, covariances
+    pixels, seen = pixels[:, good], seen[:, good]
+    found = _nearest_to_rays(cameras, pixels, seen)
+    for _ in range(10):
+        normal, step = _reprojection_step(cameras, pixels, seen, found)
+        found = found + step
+        if np.abs(step).max() < 1e-10:
+            break
+    points[good] = found
+    covariances[good] = sigma_px**2 * np.linalg.inv(normal)
+    return points, covariances
+
+
+def _nearest_to_rays(cameras: Sequence[Camera], pixels: Array, seen: Array) -> Array:
+    """(N, 3) points with the least sum of squared distances to their viewing rays."""
+    matrix, vector = np.zeros((pixels.shape[1], 3, 3)), np.zeros((pixels.shape[1], 3))
+    for v, camera in enumerate(cameras):
+        rays = camera.rays(np.where(seen[v][:, None], pixels[v], camera.matrix[:2, 2]))
+        across = (np.eye(3) - rays[:, :, None] * rays[:, None, :]) * seen[v][:, None, None]
+        matrix += across
+        vector += across @ camera.centre
+    points: Array = np.linalg.solve(matrix, vector[..., None])[..., 0]
+    return points
+
+
+def _reprojection_step(cameras: Sequence[Camera], pixels: Array, seen: Array, points: Array) -> tuple[Array, Array]:
+    """Normal matrix (N, 3, 3) and Gauss-Newton step (N, 3) of the reprojection error."""
+    normal, gradient = np.zeros((len(points), 3, 3)), np.zeros((len(points), 3))
+    for v, camera in enumerate(cameras):
+        projected = camera.project(points)
+        used = seen[v] & np.isfinite(projected).all(axis=1)
+        residual = np.where(used[:, None], pixels[v] - projected, 0.0)
+        jacobian = np.where(used[:, None, None], camera.project_jacobian(points), 0.0)
+        normal += np.swapaxes(jacobian, 1, 2) @ jacobian
+        gradient += np.einsum("nij,ni->nj", jacobian, residual)
+    step: Array = np.linalg.solve(normal, gradient[..., None])[..., 0]
+    return normal, step

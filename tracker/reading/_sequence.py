@@ -1,0 +1,210 @@
+"""What every reading shares: views, ranges, backgrounds, and the streaming of frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, Protocol
+
+import cv2
+import numpy as np
+
+from tracker.arrays import Image, frozen
+from tracker.errors import CalibrationError, SequenceError, nearest
+from tracker.frame import Frame
+from tracker.rig import Rig
+from tracker.rig_files import load_rig
+
+OnMissing = Literal["error", "skip"]
+
+
+class View(Protocol):
+    """One view's images, read in ascending order."""
+
+    def read(self, index: int) -> Image | None:
+        """Image number `index` of the view's own count, None past its end.
+
+        Raises:
+            SequenceError: it cannot be read.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which frames of a recording are delivered."""
+
+    start: int
+    stop: int
+    stride: int
+
+    @property
+    def indices(self) -> range:
+        """Frame numbers in order."""
+        return range(self.start, self.stop, self.stride)
+
+
+@dataclass(frozen=True)
+class OpenSequence:
+    """An opened recording; see `tracker.reading.Sequence`."""
+
+    rig: Rig
+    """The cameras of the images as delivered (after downscaling)."""
+
+    source_sizes: tuple[tuple[int, int], ...]
+    """Image sizes as on disk, px."""
+
+    fps: float
+    selection: Selection
+    backgrounds: tuple[Image | None, ...]
+    offsets: tuple[int, ...]
+    downscale: int
+    on_missing: OnMissing
+    open_views: Callable[[], tuple[View, ...]]
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames that `frames()` delivers."""
+        return len(self.selection.indices)
+
+    def frames(self) -> Iterator[Frame]:
+        """All frames of the selection; the next one is decoded while the caller works on this one."""
+        views = self.open_views()
+        with ThreadPoolExecutor(max_workers=2) as pool:
+
+            def request(index: int) -> list[Future[Image | None]]:
+                return [pool.submit(self._read, v, view, index) for v, view in enumerate(views)]
+
+            indices = self.selection.indices
+            waiting = request(indices[0]) if len(indices) else []
+            for k, index in enumerate(indices):
+                images = tuple(future.result() for future in waiting)
+                if k + 1 < len(indices):
+                    waiting = request(indices[k + 1])
+                yield Frame(index, index / self.fps, images)
+
+    def _read(self, v: int, view: View, index: int) -> Image | None:
+        name = self.rig.names[v]
+        try:
+            number = index + self.offsets[v]
+            image = view.read(number) if number >= 0 else None
+        except SequenceError:
+            if self.on_missing == "skip":
+                return None
+            raise
+        if image is None:
+            if self.on_missing == "skip":
+                return None
+            raise SequenceError(
+                f'view "{name}" has no image for frame {index}; set on_missing = "skip" to leave the view out '
+                "of such frames, or a shorter range with start and stop"
+            )
+        check_size(name, image, self.source_sizes[v])
+        return downscaled(image, self.downscale)
+
+
+def check_size(name: str, image: Image, expected: tuple[int, int]) -> None:
+    """Compares an image with the calibrated size.
+
+    Raises:
+        CalibrationError: they differ.
+    """
+    height, width = image.shape[:2]
+    if (width, height) != tuple(expected):
+        raise CalibrationError(
+            f'view "{name}": the images have {width}x{height} px, the rig was calibrated at '
+            f"{expected[0]}x{expected[1]} px: take the calibration of these images"
+        )
+
+
+def downscaled(image: Image, factor: int) -> Image:
+    """The image averaged over `factor` x `factor` pixels."""
+    if factor == 1:
+        return image
+    size = image.shape[1] // factor, image.shape[0] // factor
+    cropped = image[: size[1] * factor, : size[0] * factor]
+    smaller: Image = cv2.resize(cropped, size, interpolation=cv2.INTER_AREA)
+    return smaller
+
+
+def chosen_rig(path: Path, views: tuple[str, ...]) -> Rig:
+    """The rig of a file, restricted to the named views in their order."""
+    rig = load_rig(path)
+    return rig.select(views) if views else rig
+
+
+def chosen_offsets(rig: Rig, offsets: dict[str, int]) -> tuple[int, ...]:
+    """Frame offsets in the rig's order.
+
+    Raises:
+        SequenceError: an offset for a view that is not there.
+    """
+    for name in offsets:
+        if name not in rig.names:
+            raise SequenceError(f'offsets: no view "{name}"; {nearest(name, rig.names)}')
+    return tuple(offsets.get(name, 0) for name in rig.names)
+
+
+def common_length(
+    rig: Rig, lengths: tuple[int, ...], offsets: tuple[int, ...], on_missing: OnMissing
+) -> int:
+    """Number of frames that all views have; the longest view's where views may be missing.
+
+    Raises:
+        SequenceError: the views have different numbers of frames and none may be missing.
+    """
+    usable = [length - offset for length, offset in zip(lengths, offsets, strict=True)]
+    if on_missing == "error" and len(set(usable)) > 1:
+        table = ", ".join(f"{name} {length}" for name, length in zip(rig.names, usable, strict=True))
+        raise SequenceError(
+            f"the views have different numbers of frames ({table}): give offsets or stop, or set "
+            'on_missing = "skip" to leave a view out of the frames it lacks'
+        )
+    return max(usable)
+
+
+def selected(start: int, stop: int | None, stride: int, length: int) -> Selection:
+    """The range of frames, checked against the recording's length.
+
+    Raises:
+        SequenceError: the range is empty or ends beyond the recording.
+    """
+    end = length if stop is None else stop
+    if not 0 <= start < end <= length:
+        raise SequenceError(f"frames {start} to {end} asked for, the recording has {length}: mend start and stop")
+    return Selection(start, end, stride)
+
+
+def load_backgrounds(
+    rig: Rig, pattern: str | None, sizes: tuple[tuple[int, int], ...], downscale: int, clip: Callable[[Path], Image]
+) -> tuple[Image | None, ...]:
+    """Clean plates of all views.
+
+    Args:
+        rig: names the views.
+        pattern: path with `{view}` to an image or a clip; None for no plates.
+        sizes: calibrated image sizes, px.
+        downscale: as for the images.
+        clip: reads a plate from a video file.
+
+    Raises:
+        SequenceError: a plate is missing or unreadable.
+    """
+    if pattern is None:
+        return (None,) * len(rig)
+    plates = []
+    for name, size in zip(rig.names, sizes, strict=True):
+        path = Path(pattern.replace("{view}", name))
+        if not path.exists():
+            raise SequenceError(f'background of view "{name}": no file {path}')
+        plate = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.suffix.lower() in _IMAGES else clip(path)
+        if plate is None:
+            raise SequenceError(f'background of view "{name}": {path} is not an image that can be read')
+        check_size(name, plate, size)
+        plates.append(frozen(downscaled(plate, downscale), np.uint8))
+    return tuple(plates)
+
+
+_IMAGES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"}

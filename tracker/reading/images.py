@@ -1,0 +1,111 @@
+"""Folders of numbered images, one a view."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import pydantic
+
+from tracker.arrays import Image
+from tracker.components import FilePath, PathPattern, component
+from tracker.errors import SequenceError
+from tracker.reading._sequence import (
+    OnMissing,
+    OpenSequence,
+    chosen_offsets,
+    chosen_rig,
+    common_length,
+    load_backgrounds,
+    selected,
+)
+from tracker.reading.video import plate_of_clip
+
+
+@component
+class ImageReading:
+    """Numbered images; `{view}` stands for the camera's name, `{frame}` for the number, with any leading zeros."""
+
+    path: PathPattern
+    """Image files, for instance `images/{view}/{frame}.png`; numbers need not start at 0."""
+
+    rig: FilePath
+    """Calibration, TOML or JSON."""
+
+    fps: float = pydantic.Field(gt=0)
+    """Frames per second."""
+
+    views: tuple[str, ...] = ()
+    """Cameras to use, in this order; empty for all of the rig."""
+
+    offsets: dict[str, int] = pydantic.Field(default_factory=dict)
+    """Position in a view's images that belongs to frame 0, where it is not 0."""
+
+    background: PathPattern | None = None
+    """Clean plates: images or short clips, for instance `background/{view}.png`."""
+
+    start: int = pydantic.Field(default=0, ge=0)
+    """First frame, counted from each view's lowest number."""
+
+    stop: int | None = pydantic.Field(default=None, ge=1)
+    """Frame after the last one; None for all."""
+
+    stride: int = pydantic.Field(default=1, ge=1)
+    """Deliver every so many frames."""
+
+    downscale: int = pydantic.Field(default=1, ge=1, le=16)
+    """Images are averaged over so many pixels in both directions; the rig follows."""
+
+    on_missing: OnMissing = "error"
+    """`skip` leaves a view out of the frames that it lacks or that cannot be read."""
+
+    def open(self) -> OpenSequence:
+        """Opens all views; see `tracker.reading.Reading.open`."""
+        rig = chosen_rig(self.rig, self.views)
+        offsets = chosen_offsets(rig, self.offsets)
+        views = tuple(self._view(name) for name in rig.names)
+        length = common_length(rig, tuple(view.length for view in views), offsets, self.on_missing)
+        sizes = tuple(camera.size for camera in rig.cameras)
+        return OpenSequence(
+            rig=rig if self.downscale == 1 else rig.downscaled(self.downscale),
+            source_sizes=sizes,
+            fps=self.fps,
+            selection=selected(self.start, self.stop, self.stride, length),
+            backgrounds=load_backgrounds(rig, self.background, sizes, self.downscale, plate_of_clip),
+            offsets=offsets,
+            downscale=self.downscale,
+            on_missing=self.on_missing,
+            open_views=lambda: views,
+        )
+
+    def _view(self, name: str) -> _ImageView:
+        pattern = self.path.replace("{view}", name)
+        if "{frame}" not in pattern:
+            raise SequenceError(f'path = "{self.path}": no {{frame}} in it, expected e.g. images/{{view}}/{{frame}}.png')
+        folder, before_after = Path(pattern).parent, Path(pattern).name.split("{frame}")
+        if not folder.is_dir():
+            raise SequenceError(f'view "{name}": no folder {folder}')
+        number = re.compile(r"(\d+)".join(re.escape(piece) for piece in before_after))
+        matches = ((number.fullmatch(file.name), file) for file in folder.iterdir())
+        files = {int(match[1]): file for match, file in matches if match}
+        if not files:
+            raise SequenceError(f'view "{name}": no image {Path(pattern).name} in {folder}')
+        return _ImageView(files, min(files), max(files) - min(files) + 1)
+
+
+@dataclass(frozen=True)
+class _ImageView:
+    files: dict[int, Path]
+    first: int
+    length: int
+
+    def read(self, index: int) -> Image | None:
+        path = self.files.get(self.first + index)
+        if path is None:
+            return None
+        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        if image is None:
+            raise SequenceError(f"{path}: not an image that can be read: the file is corrupt or truncated")
+        return image

@@ -1,0 +1,156 @@
+"""Synchronized video files, one a view, decoded frame by frame with PyAV."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import av
+import numpy as np
+import pydantic
+
+from tracker.arrays import Image
+from tracker.components import FilePath, PathPattern, component
+from tracker.errors import SequenceError
+from tracker.reading._sequence import (
+    OnMissing,
+    OpenSequence,
+    View,
+    chosen_offsets,
+    chosen_rig,
+    common_length,
+    load_backgrounds,
+    selected,
+)
+
+# Frames of a background clip that its median is taken over.
+_PLATE_FRAMES = 25
+
+
+@component
+class VideoReading:
+    """One video a view; `{view}` in a path stands for the camera's name in the rig."""
+
+    path: PathPattern
+    """Video files, for instance `videos/{view}.mp4`."""
+
+    rig: FilePath
+    """Calibration, TOML or JSON."""
+
+    views: tuple[str, ...] = ()
+    """Cameras to use, in this order; empty for all of the rig."""
+
+    offsets: dict[str, int] = pydantic.Field(default_factory=dict)
+    """Frame of a view's file that belongs to frame 0, where it is not 0."""
+
+    background: PathPattern | None = None
+    """Clean plates: images or short clips, for instance `background/{view}.png`."""
+
+    fps: float | None = pydantic.Field(default=None, gt=0)
+    """Frames per second; None takes the files' own."""
+
+    start: int = pydantic.Field(default=0, ge=0)
+    """First frame."""
+
+    stop: int | None = pydantic.Field(default=None, ge=1)
+    """Frame after the last one; None for all."""
+
+    stride: int = pydantic.Field(default=1, ge=1)
+    """Deliver every so many frames."""
+
+    downscale: int = pydantic.Field(default=1, ge=1, le=16)
+    """Images are averaged over so many pixels in both directions; the rig follows."""
+
+    on_missing: OnMissing = "error"
+    """`skip` leaves a view out of the frames that it lacks or that cannot be decoded."""
+
+    def open(self) -> OpenSequence:
+        """Opens all views; see `tracker.reading.Reading.open`."""
+        rig = chosen_rig(self.rig, self.views)
+        offsets = chosen_offsets(rig, self.offsets)
+        paths = [Path(self.path.replace("{view}", name)) for name in rig.names]
+        headers = [_header(path, name) for path, name in zip(paths, rig.names, strict=True)]
+        lengths = tuple(length for length, _ in headers)
+        length = common_length(rig, lengths, offsets, self.on_missing)
+        sizes = tuple(camera.size for camera in rig.cameras)
+        return OpenSequence(
+            rig=rig if self.downscale == 1 else rig.downscaled(self.downscale),
+            source_sizes=sizes,
+            fps=self.fps or _common_fps(rig.names, [fps for _, fps in headers]),
+            selection=selected(self.start, self.stop, self.stride, length),
+            backgrounds=load_backgrounds(rig, self.background, sizes, self.downscale, plate_of_clip),
+            offsets=offsets,
+            downscale=self.downscale,
+            on_missing=self.on_missing,
+            open_views=lambda: tuple(VideoView(path) for path in paths),
+        )
+
+
+class VideoView(View):
+    """Decodes one file forwards; reading an earlier frame than the last one is not possible."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._container = av.open(str(path))
+        self._decoder = self._container.decode(video=0)
+        self._next = 0
+
+    def read(self, index: int) -> Image | None:
+        """Image `index` of the file, None past its end."""
+        frame = None
+        try:
+            while self._next <= index:
+                frame = next(self._decoder)
+                self._next += 1
+        except StopIteration:
+            return None
+        except av.FFmpegError as error:
+            raise SequenceError(
+                f"{self._path}: frame {self._next} cannot be decoded ({error.strerror}): the file is corrupt; "
+                'set on_missing = "skip" to go on without it'
+            ) from error
+        return None if frame is None else frame.to_ndarray(format="bgr24")
+
+
+def _header(path: Path, name: str) -> tuple[int, float]:
+    """Number of frames and frames per second; the packets are counted, for headers may lie.
+
+    Raises:
+        SequenceError: no such file, or not a video.
+    """
+    if not path.is_file():
+        raise SequenceError(f'view "{name}": no file {path}')
+    try:
+        with av.open(str(path)) as container:
+            if not container.streams.video:
+                raise SequenceError(f'view "{name}": {path} has no video stream')
+            stream = container.streams.video[0]
+            fps = float(stream.average_rate or stream.guessed_rate or 0)
+            n_frames = sum(packet.size > 0 for packet in container.demux(stream))
+    except av.FFmpegError as error:
+        raise SequenceError(f'view "{name}": {path} is not a video that can be read: {error.strerror}') from error
+    if n_frames == 0:
+        raise SequenceError(f'view "{name}": {path} holds no frame')
+    return n_frames, fps
+
+
+def _common_fps(names: tuple[str, ...], rates: list[float]) -> float:
+    if max(rates) - min(rates) > 0.01 * max(rates):
+        table = ", ".join(f"{name} {rate:.2f}" for name, rate in zip(names, rates, strict=True))
+        raise SequenceError(f"the views have different frame rates ({table} fps): give fps, or convert the files")
+    if max(rates) <= 0:
+        raise SequenceError("the videos do not tell their frame rate: give fps")
+    return rates[0]
+
+
+def plate_of_clip(path: Path) -> Image:
+    """Median (h, w, 3) over up to 25 frames spread over a clip.
+
+    Raises:
+        SequenceError: the clip cannot be read.
+    """
+    n_frames, _ = _header(path, path.stem)
+    wanted = set(np.linspace(0, n_frames - 1, min(_PLATE_FRAMES, n_frames)).round().astype(int).tolist())
+    view = VideoView(path)
+    images = [image for image in (view.read(index) for index in sorted(wanted)) if image is not None]
+    plate: Image = np.median(np.stack(images), axis=0).astype(np.uint8)
+    return plate

@@ -1,0 +1,155 @@
+"""Rigs as files: the TOML layout that Anipose, Pose2Sim and Caliscope exchange, and JSON with K, dist, R, t."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import tomli_w
+
+from tracker.arrays import Array
+from tracker.camera import Camera
+from tracker.errors import CalibrationError, nearest
+from tracker.rig import Rig
+
+# A room is metres across: cameras hundreds of units from one another were calibrated in millimetres.
+_FARTHEST_M = 200.0
+
+
+def load_rig(path: Path) -> Rig:
+    """Reads a calibration file, `.toml` or `.json`, lengths in metres.
+
+    Args:
+        path: TOML tables with name, size, matrix, distortions, rotation (Rodrigues vector or matrix) and
+            translation, one a camera; or JSON with `cameras` (a list, or a table by name) of width and height
+            or size, K, dist, R, t.
+
+    Raises:
+        CalibrationError: the file is missing or wrong, or such a rig cannot be; file and camera are named.
+    """
+    try:
+        content = _parse(path)
+        cameras = _toml_cameras(content) if path.suffix.lower() == ".toml" else _json_cameras(content)
+        rig = Rig(tuple(cameras))
+        _check_units(rig)
+    except CalibrationError as error:
+        raise CalibrationError(f"{path}: {error}") from error
+    return rig
+
+
+def save_rig(rig: Rig, path: Path) -> None:
+    """Writes a rig as TOML in the exchanged layout.
+
+    Args:
+        rig: the cameras.
+        path: file to write; replaced as a whole, so that nothing half-written stays.
+    """
+    tables: dict[str, Any] = {}
+    for k, camera in enumerate(rig.cameras):
+        tables[f"cam_{k}"] = {
+            "name": camera.name,
+            "size": list(camera.size),
+            "matrix": camera.matrix.tolist(),
+            "distortions": camera.distortion.tolist(),
+            "rotation": camera.rotation_vector().tolist(),
+            "translation": camera.camera_from_world[:3, 3].tolist(),
+            "fisheye": False,
+        }
+    tables["metadata"] = {"units": "m"}
+    unfinished = path.with_name(path.name + ".part")
+    unfinished.write_bytes(tomli_w.dumps(tables).encode())
+    unfinished.replace(path)
+
+
+def _parse(path: Path) -> dict[str, Any]:
+    if path.suffix.lower() not in (".toml", ".json"):
+        raise CalibrationError(f'unknown kind of calibration file "{path.suffix}", expected .toml or .json')
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise CalibrationError(f"cannot read the calibration: {reason}") from error
+    try:
+        content = tomllib.loads(text) if path.suffix.lower() == ".toml" else json.loads(text)
+    except (tomllib.TOMLDecodeError, json.JSONDecodeError) as error:
+        raise CalibrationError(f"not a {path.suffix[1:].upper()} file: {error}") from error
+    if not isinstance(content, dict):
+        raise CalibrationError("expected a table of cameras")
+    return content
+
+
+def _toml_cameras(content: Mapping[str, Any]) -> list[Camera]:
+    tables = {key: value for key, value in content.items() if isinstance(value, dict) and key != "metadata"}
+    return [_toml_camera(str(table.get("name", key)), table) for key, table in tables.items()]
+
+
+def _toml_camera(name: str, table: Mapping[str, Any]) -> Camera:
+    if table.get("fisheye"):
+        raise CalibrationError(
+            f'camera "{name}": a fisheye lens model, expected the pinhole model with k1 k2 p1 p2 k3: '
+            "undistort the images first"
+        )
+    rotation = _numbers(name, table, "rotation")
+    matrix = cv2.Rodrigues(rotation.reshape(3))[0] if rotation.size == 3 else rotation
+    return _camera(name, table, ("size", "matrix", "distortions", "translation"), matrix)
+
+
+def _json_cameras(content: Mapping[str, Any]) -> list[Camera]:
+    if "cameras" not in content:
+        raise CalibrationError(f'no entry "cameras"; {nearest("cameras", content)}')
+    entries = content["cameras"]
+    if isinstance(entries, dict):
+        entries = [{"name": name, **entry} for name, entry in entries.items()]
+    if not isinstance(entries, list):
+        raise CalibrationError('"cameras": expected a list, or a table by camera name')
+    cameras = []
+    for k, entry in enumerate(entries):
+        name = str(entry.get("name", f"cam_{k}"))
+        sized = {"size": [entry.get("width"), entry.get("height")], **entry} if "width" in entry else entry
+        cameras.append(_camera(name, sized, ("size", "K", "dist", "t"), _numbers(name, sized, "R")))
+    return cameras
+
+
+def _camera(name: str, table: Mapping[str, Any], keys: tuple[str, str, str, str], rotation: Array) -> Camera:
+    size, matrix, distortion, translation = (_numbers(name, table, key) for key in keys)
+    if size.size != 2:
+        raise CalibrationError(f'camera "{name}": {keys[0]}: {size.size} numbers found, expected width and height')
+    if distortion.size not in (4, 5):
+        raise CalibrationError(
+            f'camera "{name}": {keys[2]}: {distortion.size} numbers found, expected k1 k2 p1 p2 or k1 k2 p1 p2 k3'
+        )
+    if matrix.size != 9 or rotation.size != 9 or translation.size != 3:
+        raise CalibrationError(
+            f'camera "{name}": {keys[1]} has {matrix.size}, the rotation {rotation.size} and {keys[3]} '
+            f"{translation.size} numbers, expected 9, 9 (or a Rodrigues vector of 3) and 3"
+        )
+    motion = np.eye(4)
+    motion[:3, :3], motion[:3, 3] = rotation.reshape(3, 3), translation.reshape(3)
+    lens = np.zeros(5)
+    lens[: distortion.size] = distortion.ravel()
+    return Camera(name, (int(size.ravel()[0]), int(size.ravel()[1])), matrix.reshape(3, 3), lens, motion)
+
+
+def _numbers(name: str, table: Mapping[str, Any], key: str) -> Array:
+    if key not in table:
+        raise CalibrationError(f'camera "{name}": no entry "{key}"; {nearest(key, table)}')
+    try:
+        values: Array = np.array(table[key], dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise CalibrationError(f'camera "{name}": {key}: expected numbers, found {table[key]!r}') from error
+    return values
+
+
+def _check_units(rig: Rig) -> None:
+    centres: Sequence[Array] = [camera.centre for camera in rig.cameras]
+    farthest = max(float(np.linalg.norm(a - b)) for a in centres for b in centres)
+    if farthest > _FARTHEST_M:
+        raise CalibrationError(
+            f"two cameras are {farthest:.0f} units apart, expected metres: divide the translations by 1000 "
+            "if they are millimetres"
+        )
