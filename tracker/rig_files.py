@@ -11,6 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 import tomli_w
+from scipy.linalg import rq
 
 from tracker.arrays import Array
 from tracker.camera import Camera
@@ -128,11 +129,26 @@ def _camera(name: str, table: Mapping[str, Any], keys: tuple[str, str, str, str]
             f'camera "{name}": {keys[1]} has {matrix.size}, the rotation {rotation.size} and {keys[3]} '
             f"{translation.size} numbers, expected 9, 9 (or a Rodrigues vector of 3) and 3"
         )
+    matrix, turn = _upper_triangular(matrix.reshape(3, 3))
     motion = np.eye(4)
-    motion[:3, :3], motion[:3, 3] = rotation.reshape(3, 3), translation.reshape(3)
+    motion[:3, :3], motion[:3, 3] = turn @ rotation.reshape(3, 3), turn @ translation.reshape(3)
     lens = np.zeros(5)
     lens[: distortion.size] = distortion.ravel()
-    return Camera(name, (int(size.ravel()[0]), int(size.ravel()[1])), matrix.reshape(3, 3), lens, motion)
+    return Camera(name, (int(size.ravel()[0]), int(size.ravel()[1])), matrix, lens, motion)
+
+
+def _upper_triangular(matrix: Array) -> tuple[Array, Array]:
+    """An intrinsic matrix with a small entry below the diagonal, as [[fx, s, cx], [0, fy, cy], [0, 0, 1]] times a turn.
+
+    Affine corrections folded into K leave such entries; the turn about the optical axis goes to the exterior
+    orientation. Larger entries are left for the camera to refuse.
+    """
+    if matrix[1, 0] == 0 or abs(matrix[1, 0]) > 0.01 * abs(matrix[1, 1]):
+        return matrix, np.eye(3)
+    upper, turn = rq(matrix)
+    signs = np.diag(np.sign(np.diag(upper)))
+    upper, turn = upper @ signs, signs @ turn
+    return upper / upper[2, 2], turn
 
 
 def _numbers(name: str, table: Mapping[str, Any], key: str) -> Array:
