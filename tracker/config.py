@@ -87,7 +87,7 @@ def build_class(cls: type[Any], table: Mapping[str, Any], where: str, folder: Pa
     for key, value in table.items():
         if key not in names:
             raise ConfigError(f'{where}: unknown key "{key}"; {nearest(key, names)}')
-        values[key] = _value(types[key], value, f"{where}.{key}" if " [" in where else f"{where} {key}", folder)
+        values[key] = _value(types[key], value, f"{where} {key}", folder)
     try:
         return cls(**values)
     except pydantic.ValidationError as error:

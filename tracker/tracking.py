@@ -26,7 +26,7 @@ from tracker.scene import Scene
 from tracker.similarity import Similarity
 from tracker.start import Start
 from tracker.synthesis import Synthesis
-from tracker.trajectory import History, Step
+from tracker.trajectory import History, Replay, Step
 
 
 @component
@@ -63,16 +63,6 @@ class Cycle:
         return Stages(
             self.synthesis, self.analysis, self.similarity, self.estimation, self.backgrounds, self.progress
         )
-
-
-@dataclass(frozen=True)
-class Replay:
-    """One frame of an interrupted run, as its journal has it."""
-
-    index: int
-    estimates: tuple[Estimate, ...]
-    seconds: dict[str, float]
-    overlap: Array | None
 
 
 @dataclass(frozen=True)

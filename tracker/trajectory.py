@@ -49,6 +49,17 @@ class Step:
 
 
 @dataclass(frozen=True)
+class Replay:
+    """One frame of an interrupted run, as its journal has it."""
+
+    index: int
+    estimates: tuple[Estimate, ...]
+    seconds: dict[str, float]
+    overlap: Array | None
+    """(V,) as in `Step`."""
+
+
+@dataclass(frozen=True)
 class History:
     """Poses of one person in the frames that were not lost, oldest first."""
 

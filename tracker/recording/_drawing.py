@@ -1,0 +1,142 @@
+"""Pictures of a step: the model's contours over the views, as in the paper's figures 5 and 9."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from tracker.arrays import Array, Image
+from tracker.contours import ViewContours
+from tracker.estimate import Status
+from tracker.scene import Scene
+from tracker.start import AxisFit
+from tracker.trajectory import Step
+
+_WHITE, _GREY, _RED, _CYAN = (255, 255, 255), (150, 150, 150), (40, 40, 230), (230, 200, 60)
+_SUBPIXEL = 4
+_BETWEEN_PX = 4.0
+
+
+def draw_step(step: Step, scene: Scene, width_px: int, stick_figure: bool = False) -> Image:
+    """All views tiled, with the model's contours in white, frame number and status.
+
+    Args:
+        step: one frame.
+        scene: names the views and the persons.
+        width_px: width of the picture.
+        stick_figure: also draw the bones.
+
+    Returns:
+        BGR picture with even width and height.
+    """
+    pictures = [_draw_view(step, scene, v, stick_figure) for v in range(len(scene.rig))]
+    picture = tile(pictures, width_px)
+    lost = [p.name for p, e in zip(step.scene.persons, step.estimates, strict=True) if e.lost]
+    states = sorted({str(e.status) for e in step.estimates})
+    _label(picture, f"frame {step.frame.index}   {step.frame.time_s:.2f} s   {', '.join(states)}", (10, 24), _WHITE)
+    if lost:
+        height, width = picture.shape[:2]
+        cv2.rectangle(picture, (2, 2), (width - 3, height - 3), _RED, 5)
+        _label(picture, f"LOST: {', '.join(lost)}", (10, 54), _RED, 0.9)
+    return picture
+
+
+def tile(pictures: list[Image], width_px: int) -> Image:
+    """Pictures side by side: in one row where they are upright, in two columns otherwise."""
+    upright = pictures[0].shape[0] > pictures[0].shape[1]
+    columns = len(pictures) if upright or len(pictures) == 1 else 2
+    cell_width = width_px // columns
+    cell_height = max(round(p.shape[0] * cell_width / p.shape[1]) for p in pictures)
+    cells = [_fitted(p, cell_width, cell_height) for p in pictures]
+    cells += [np.zeros_like(cells[0])] * (-len(cells) % columns)
+    rows = [np.hstack(cells[i : i + columns]) for i in range(0, len(cells), columns)]
+    whole = np.vstack(rows)
+    return np.ascontiguousarray(whole[: whole.shape[0] // 2 * 2, : whole.shape[1] // 2 * 2])
+
+
+def _fitted(picture: Image, width: int, height: int) -> Image:
+    """A picture scaled into a cell, the rest black."""
+    scale = min(width / picture.shape[1], height / picture.shape[0])
+    size = max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale))
+    cell = np.zeros((height, width, 3), dtype=np.uint8)
+    cell[: size[1], : size[0]] = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    return cell
+
+
+def _draw_view(step: Step, scene: Scene, v: int, stick_figure: bool) -> Image:
+    camera = scene.rig.cameras[v]
+    image = step.frame.images[v]
+    if image is None:
+        picture = np.full((camera.size[1], camera.size[0], 3), 60, dtype=np.uint8)
+        _label(picture, "no image", (20, camera.size[1] // 2), _GREY, 1.0)
+    else:
+        picture = image.copy()
+    draw_contours(picture, step.fitted.of(v))
+    if stick_figure:
+        _draw_bones(picture, step, scene, v)
+    _label(picture, camera.name, (10, picture.shape[0] - 12), _WHITE, max(0.6, picture.shape[1] / 1200))
+    return picture
+
+
+def draw_contours(picture: Image, contours: ViewContours, colour: tuple[int, int, int] = _WHITE) -> None:
+    """Draws each sample as a short piece of its contour; edges between parts in grey (paper, section 5)."""
+    along = np.stack([-contours.normals[:, 1], contours.normals[:, 0]], axis=1)
+    half = np.where(contours.between, _BETWEEN_PX, contours.weights)[:, None] / 2
+    scale = 2**_SUBPIXEL
+    starts = np.round((contours.pixels - half * along) * scale).astype(int)
+    ends = np.round((contours.pixels + half * along) * scale).astype(int)
+    thick = max(1, round(max(picture.shape[:2]) / 700))
+    for start, end, between in zip(starts.tolist(), ends.tolist(), contours.between.tolist(), strict=True):
+        shade = _GREY if between else colour
+        cv2.line(picture, tuple(start), tuple(end), shade, thick, cv2.LINE_AA, _SUBPIXEL)
+
+
+def _draw_bones(picture: Image, step: Step, scene: Scene, v: int) -> None:
+    for person in step.scene.persons:
+        pixels = scene.rig.cameras[v].project(person.body.landmarks_in_world(person.q))
+        names = person.body.landmark_names
+        for one, other in person.body.links:
+            ends = pixels[[names.index(one), names.index(other)]]
+            if np.isfinite(ends).all():
+                a, b = np.round(ends).astype(int).tolist()
+                cv2.line(picture, tuple(a), tuple(b), _CYAN, 2, cv2.LINE_AA)
+
+
+def _label(
+    picture: Image, text: str, at: tuple[int, int], colour: tuple[int, int, int], scale: float = 0.6
+) -> None:
+    cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, (0, 0, 0), 4, cv2.LINE_AA)
+    cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
+
+
+def draw_axes(image: Image | None, fit: AxisFit) -> Image:
+    """Bootstrapping evidence: foreground and successive major axes in lighter colours (paper, figure 5)."""
+    picture = np.zeros((*fit.foreground.shape, 3), dtype=np.uint8)
+    if image is not None:
+        picture = (image * 0.35).astype(np.uint8)
+    picture[fit.foreground] = (picture[fit.foreground] * 0.3 + np.array([110, 80, 60])).astype(np.uint8)
+    for k, ends in enumerate(fit.axes):
+        shade = 90 + round(165 * (k + 1) / len(fit.axes))
+        a, b = np.round(_inside(ends, picture)).astype(int).tolist()
+        cv2.line(picture, tuple(a), tuple(b), (shade, shade, shade), 2, cv2.LINE_AA)
+    return picture
+
+
+def _inside(ends: Array, picture: Image) -> Array:
+    limit = 4 * max(picture.shape[:2])
+    return np.clip(ends, -limit, limit)
+
+
+def encoded(picture: Image, kind: str = ".jpg") -> bytes:
+    """A picture as JPEG or PNG bytes."""
+    quality = [cv2.IMWRITE_JPEG_QUALITY, 85] if kind == ".jpg" else []
+    return bytes(cv2.imencode(kind, picture, quality)[1].tobytes())
+
+
+STATUS_COLOURS = {
+    Status.TRACKED: "#4a90a4",
+    Status.BOOTSTRAPPED: "#7a5ea8",
+    Status.RECOVERED: "#d08b28",
+    Status.LOST: "#c0392b",
+}
+"""Colours of the frames' states in plots and tables."""

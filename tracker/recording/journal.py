@@ -1,0 +1,113 @@
+"""The journal of a run: one exact line a frame, from which an interrupted run resumes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from tracker.arrays import Array
+from tracker.components import component
+from tracker.errors import SequenceError
+from tracker.estimate import Estimate, Status
+from tracker.recording import RunContext
+from tracker.trajectory import Replay, Step
+
+FILE = "steps.jsonl"
+
+
+@component
+class Journal:
+    """`steps.jsonl`: every number of every estimate, exact to the last bit."""
+
+    def begin(self, run: RunContext) -> JournalRecorder:
+        """Opens the journal; it replaces that of an interrupted run, whose frames are written again."""
+        return JournalRecorder((run.folder / FILE).open("w", encoding="utf-8"))
+
+
+class JournalRecorder:
+    """The open journal."""
+
+    def __init__(self, file: TextIO) -> None:
+        self._file = file
+
+    def write(self, step: Step) -> None:
+        """Adds one line."""
+        line = {
+            "frame": step.frame.index,
+            "time_s": step.frame.time_s,
+            "seconds": step.seconds,
+            "overlap": None if step.overlap is None else step.overlap.tolist(),
+            "estimates": [_to_json(estimate) for estimate in step.estimates],
+        }
+        self._file.write(json.dumps(line) + "\n")
+        self._file.flush()
+
+    def finish(self) -> None:
+        """Closes the journal."""
+        self._file.close()
+
+
+def read_journal(folder: Path) -> list[Replay]:
+    """The frames of an interrupted run; a last line torn by a kill is left out.
+
+    Args:
+        folder: result folder.
+
+    Raises:
+        SequenceError: no journal there, or a line before the last is damaged.
+    """
+    path = folder / FILE
+    if not path.is_file():
+        raise SequenceError(f"{path}: no journal to resume from; run without --resume")
+    lines = path.read_text(encoding="utf-8").splitlines()
+    replays = []
+    for n, line in enumerate(lines, start=1):
+        try:
+            replays.append(_replay(json.loads(line)))
+        except (json.JSONDecodeError, KeyError, TypeError, ValueError) as error:
+            if n < len(lines):
+                raise SequenceError(f"{path}: line {n} is damaged ({error}); run without --resume") from error
+    return replays
+
+
+def _to_json(estimate: Estimate) -> dict[str, Any]:
+    return {
+        "q": estimate.q.tolist(),
+        "covariance": estimate.covariance.tolist(),
+        "distance_px": estimate.distance_px,
+        "per_view_px": estimate.per_view_px.tolist(),
+        "per_part_px": estimate.per_part_px.tolist(),
+        "explained": estimate.explained,
+        "evaluations": estimate.evaluations,
+        "status": str(estimate.status),
+    }
+
+
+def _replay(entry: dict[str, Any]) -> Replay:
+    overlap = entry["overlap"]
+    return Replay(
+        index=int(entry["frame"]),
+        estimates=tuple(_estimate(values) for values in entry["estimates"]),
+        seconds={str(stage): float(value) for stage, value in entry["seconds"].items()},
+        overlap=None if overlap is None else _array(overlap),
+    )
+
+
+def _estimate(values: dict[str, Any]) -> Estimate:
+    return Estimate(
+        q=_array(values["q"]),
+        covariance=_array(values["covariance"]),
+        distance_px=float(values["distance_px"]),
+        per_view_px=_array(values["per_view_px"]),
+        per_part_px=_array(values["per_part_px"]),
+        explained=float(values["explained"]),
+        evaluations=int(values["evaluations"]),
+        status=Status(values["status"]),
+    )
+
+
+def _array(values: list[Any]) -> Array:
+    return np.array(values, dtype=np.float64)

@@ -1,0 +1,42 @@
+"""Pose-parameter plots like the paper's figure 8."""
+
+from __future__ import annotations
+
+import pydantic
+
+from tracker.components import component
+from tracker.recording import RunContext
+from tracker.recording._series import Series, parameter_figure
+from tracker.trajectory import Step
+
+
+@component
+class Plots:
+    """`parameters.png`, or `parameters_NAME.png` for each of several persons."""
+
+    dpi: int = pydantic.Field(default=110, ge=50)
+    """Resolution, dots per inch."""
+
+    def begin(self, run: RunContext) -> PlotsRecorder:
+        """Collects the parameters; the plots are drawn at the end."""
+        return PlotsRecorder(run, self.dpi)
+
+
+class PlotsRecorder:
+    """The parameters so far."""
+
+    def __init__(self, run: RunContext, dpi: int) -> None:
+        self._run, self._dpi, self._series = run, dpi, Series(run.scene)
+
+    def write(self, step: Step) -> None:
+        """Adds one frame."""
+        self._series.add(step)
+
+    def finish(self) -> None:
+        """Draws the plots."""
+        if not self._series.frames:
+            return
+        persons = self._run.scene.persons
+        for k, person in enumerate(persons):
+            name = "parameters.png" if len(persons) == 1 else f"parameters_{person.name}.png"
+            parameter_figure(self._series, k).savefig(self._run.folder / name, dpi=self._dpi)

@@ -1,0 +1,124 @@
+"""A self-contained HTML report of a run."""
+
+from __future__ import annotations
+
+import base64
+import io
+from typing import Any
+
+import jinja2
+import numpy as np
+import pydantic
+import tomli_w
+from matplotlib.figure import Figure
+
+from tracker.arrays import Image
+from tracker.components import component
+from tracker.recording import RunContext
+from tracker.recording._drawing import STATUS_COLOURS, draw_axes, draw_step, encoded, tile
+from tracker.recording._series import Series, distance_figure, parameter_figure
+from tracker.trajectory import Step
+
+
+@component
+class Report:
+    """`report.html`: numbers, overlay pictures and plots in one file."""
+
+    pictures: int = pydantic.Field(default=6, ge=1)
+    """Overlay pictures, evenly over the run; the worst frame and lost frames come on top."""
+
+    width_px: int = pydantic.Field(default=1000, ge=200)
+    """Width of the pictures, px."""
+
+    def begin(self, run: RunContext) -> ReportRecorder:
+        """Collects numbers and pictures; the page is written at the end."""
+        return ReportRecorder(run, self)
+
+
+class ReportRecorder:
+    """Numbers and pictures so far."""
+
+    def __init__(self, run: RunContext, settings: Report) -> None:
+        self._run, self._settings, self._series = run, settings, Series(run.scene)
+        self._every = max(1, run.n_frames // settings.pictures)
+        self._pictures: dict[int, tuple[str, bytes]] = {}
+        self._worst: tuple[float, int, bytes] | None = None
+        self._axes: list[Image] = []
+
+    def write(self, step: Step) -> None:
+        """Adds one frame."""
+        k = len(self._series.frames)
+        self._series.add(step)
+        lost = any(estimate.lost for estimate in step.estimates)
+        distance = max(estimate.distance_px for estimate in step.estimates)
+        worst = self._worst is None or distance > self._worst[0]
+        shown = k % self._every == 0 or (lost and len(self._pictures) < 4 * self._settings.pictures)
+        if shown or worst:
+            picture = encoded(draw_step(step, self._run.scene, self._settings.width_px))
+            if shown:
+                caption = f"frame {step.frame.index}" + (": lost" if lost else "")
+                self._pictures[step.frame.index] = caption, picture
+            if worst:
+                self._worst = distance, step.frame.index, picture
+        if step.start is not None and not self._axes:
+            self._axes = [
+                draw_axes(step.frame.images[v], fit)
+                for fits in step.start.evidence
+                for v, fit in enumerate(fits)
+                if fit is not None
+            ]
+
+    def finish(self) -> None:
+        """Writes the page."""
+        if not self._series.frames:
+            return
+        environment = jinja2.Environment(loader=jinja2.PackageLoader("tracker.recording", "."), autoescape=True)
+        page = environment.get_template("_report.html").render(self._content())
+        (self._run.folder / "report.html").write_text(page, encoding="utf-8")
+
+    def _content(self) -> dict[str, Any]:
+        pictures = [(caption, _uri(data, "jpeg")) for _, (caption, data) in sorted(self._pictures.items())]
+        if self._worst is not None and self._worst[1] not in self._pictures:
+            caption = f"worst frame by distance: {self._worst[1]} ({self._worst[0]:.1f} px)"
+            pictures.append((caption, _uri(self._worst[2], "jpeg")))
+        axes = encoded(tile(self._axes, self._settings.width_px)) if self._axes else None
+        persons = self._run.scene.persons
+        return {
+            "name": self._run.name,
+            "run": self._run,
+            "summary": self._series.summary(),
+            "colours": {str(status): colour for status, colour in STATUS_COLOURS.items()},
+            "timeline": self._series.statuses,
+            "pictures": pictures,
+            "axes": None if axes is None else _uri(axes, "jpeg"),
+            "distances": _figure_uri(distance_figure(self._series)),
+            "plots": [(p.name, _figure_uri(parameter_figure(self._series, k))) for k, p in enumerate(persons)],
+            "sigmas": [(p.name, self._sigma_rows(k)) for k, p in enumerate(persons)],
+            "config": tomli_w.dumps(self._run.details.get("config", {})),
+            "versions": self._run.details.get("versions", {}),
+        }
+
+    def _sigma_rows(self, person: int) -> list[tuple[str, str, str, str]]:
+        """Name, unit, range of the parameter and median standard deviation."""
+        body = self._run.scene.persons[person].body
+        values, sigmas = self._series.shown(person), np.array([s[person] for s in self._series.sigmas])
+        rows = []
+        for k, parameter in enumerate(body.parameters):
+            sigma = np.degrees(sigmas[:, k]) if parameter.rotates else 1000 * sigmas[:, k]
+            found = sigma[np.isfinite(sigma)]
+            column = values[np.isfinite(values[:, k]), k]
+            extent = f"{column.min():.2f} to {column.max():.2f} {parameter.unit}" if len(column) else "-"
+            unit = "deg" if parameter.rotates else "mm"
+            median = f"{np.median(found):.2f} {unit}" if len(found) else "-"
+            rows.append((parameter.name.replace("_", " "), parameter.unit, extent, median))
+        return rows
+
+
+def _uri(data: bytes, kind: str) -> str:
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def _figure_uri(figure: Figure) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    return _uri(buffer.getvalue(), "png")

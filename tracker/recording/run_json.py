@@ -1,0 +1,55 @@
+"""What was run, and how it went, as JSON."""
+
+from __future__ import annotations
+
+import json
+
+from tracker.components import component
+from tracker.recording import RunContext
+from tracker.recording._series import Series
+from tracker.trajectory import Step
+
+
+@component
+class RunJson:
+    """`run.json`: resolved configuration, versions, input hashes and headline numbers."""
+
+    def begin(self, run: RunContext) -> RunJsonRecorder:
+        """Writes what is known before the first frame."""
+        recorder = RunJsonRecorder(run)
+        recorder.save(complete=False)
+        return recorder
+
+
+class RunJsonRecorder:
+    """The numbers so far."""
+
+    def __init__(self, run: RunContext) -> None:
+        self._run, self._series = run, Series(run.scene)
+
+    def write(self, step: Step) -> None:
+        """Adds one frame."""
+        self._series.add(step)
+
+    def finish(self) -> None:
+        """Writes the file again with the run's summary."""
+        self.save(complete=len(self._series.frames) == self._run.n_frames)
+
+    def save(self, complete: bool) -> None:
+        """Replaces the file as a whole."""
+        content = {
+            "name": self._run.name,
+            "complete": complete,
+            "fps": self._run.fps,
+            "views": list(self._run.scene.rig.names),
+            "persons": [
+                {"name": person.name, "model": person.body.name, "stature_m": person.body.stature_m}
+                for person in self._run.scene.persons
+            ],
+            "summary": self._series.summary(),
+            **self._run.details,
+        }
+        path = self._run.folder / "run.json"
+        unfinished = path.with_suffix(".json.part")
+        unfinished.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        unfinished.replace(path)
