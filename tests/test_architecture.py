@@ -1,0 +1,394 @@
+"""The architecture as laws over the syntax tree of every file; each law is also shown code that breaks it."""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import graphlib
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+import tracker.errors
+
+ROOT = Path(tracker.errors.__file__).resolve().parents[1]
+
+LAYERS = (
+    "errors arrays components config geometry imaging kernels",
+    "camera rig rig_files frame shape body body_files scene contours observation correspondences estimate start "
+    "trajectory resources",
+    "reading calibration prediction synthesis analysis similarity recording",
+    "objective",
+    "estimation initialization",
+    "tracking",
+    "acquisition lsm recognition evaluation simulation",
+    "run demo batching",
+    "cli __main__ scripts",
+)
+LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}
+
+STAGES, APPLICATIONS, COMMAND_LINE = 2, 6, 8
+"""Units of the layers STAGES and APPLICATIONS meet only in nouns; the COMMAND_LINE alone prints and exits."""
+
+OPTIONAL = {"moderngl", "glcontext", "pyrender", "OpenGL", "dask", "distributed", "rerun", "viser"}
+"""Libraries that a plain installation lacks: imported by the one component that needs them."""
+
+VAGUE_NAMES = {"utils", "util", "helpers", "helper", "core", "common", "manager", "misc", "base"}
+
+MAX_FILE_LINES, MAX_FUNCTION_LINES = 400, 60
+
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+@dataclass(frozen=True)
+class Module:
+    """A source file."""
+
+    name: str
+    """Dotted, for instance `tracker.similarity.chamfer`."""
+
+    source: str
+    package: bool = False
+
+    @property
+    def tree(self) -> ast.Module:
+        """Its syntax tree."""
+        return ast.parse(self.source)
+
+    @property
+    def folder(self) -> str:
+        """The package it lies in; a package lies in itself."""
+        return self.name if self.package else self.name.rpartition(".")[0]
+
+    @property
+    def layer(self) -> int | None:
+        """Its layer; None if it has none yet."""
+        return 0 if self.name == "tracker" else LAYER.get(unit_of(self.name))
+
+
+Modules = dict[str, Module]
+
+
+def unit_of(name: str) -> str:
+    """The noun or the folder that a module belongs to."""
+    first, _, rest = name.partition(".")
+    return rest.partition(".")[0] if first == "tracker" else first
+
+
+def modules_of_the_project() -> Modules:
+    """Every Python file of the package and of scripts/."""
+    found = {}
+    for path in sorted([*(ROOT / "tracker").rglob("*.py"), *(ROOT / "scripts").rglob("*.py")]):
+        steps = path.relative_to(ROOT).with_suffix("").parts
+        package = steps[-1] == "__init__"
+        name = ".".join(steps[:-1] if package else steps)
+        found[name] = Module(name, path.read_text(encoding="utf-8"), package)
+    return found
+
+
+def imported(module: Module, modules: Modules) -> Iterator[tuple[str, str]]:
+    """Modules that one imports anywhere, type checking and functions included, each with the name taken from it."""
+    for node in ast.walk(module.tree):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, "") for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            source = _absolute(node, module)
+            for alias in node.names:
+                inner = f"{source}.{alias.name}"
+                yield (inner, "") if inner in modules else (source, alias.name)
+
+
+def _absolute(node: ast.ImportFrom, module: Module) -> str:
+    if not node.level:
+        return node.module or ""
+    steps = module.folder.split(".")
+    above = steps[: len(steps) - node.level + 1]
+    return ".".join([*above, node.module] if node.module else above)
+
+
+def ours(name: str) -> bool:
+    """Whether a module is one of the project."""
+    return name.partition(".")[0] in ("tracker", "scripts")
+
+
+def upward_imports(modules: Modules) -> list[str]:
+    """Imports run one way, from higher layers to lower ones."""
+    homeless = [module.name for module in modules.values() if module.layer is None]
+    faults = [f"{name}: no layer, expected an entry in LAYERS" for name in homeless]
+    for module in modules.values():
+        for target, _ in imported(module, modules):
+            if not ours(target) or module.layer is None:
+                continue
+            layer = 0 if target == "tracker" else LAYER.get(unit_of(target))
+            if layer is None:
+                faults.append(f"{module.name} imports {target}, which has no layer")
+            elif layer > module.layer:
+                faults.append(f"{module.name} (layer {module.layer}) imports {target} (layer {layer})")
+    return faults
+
+
+def sideways_imports(modules: Modules) -> list[str]:
+    """Stages never import one another, and neither do applications."""
+    return [
+        f"{module.name} imports its neighbour {target}"
+        for module in modules.values()
+        for target, _ in imported(module, modules)
+        if ours(target)
+        and module.layer in (STAGES, APPLICATIONS)
+        and LAYER.get(unit_of(target)) == module.layer
+        and unit_of(target) != unit_of(module.name)
+    ]
+
+
+def cycles(modules: Modules) -> list[str]:
+    """No file and no unit imports itself, by whatever way round."""
+    files: dict[str, set[str]] = {name: set() for name in modules}
+    units: dict[str, set[str]] = {}
+    for name, module in modules.items():
+        for target, _ in imported(module, modules):
+            if ours(target) and target != name:
+                files[name].add(target)
+                if unit_of(target) != unit_of(name):
+                    units.setdefault(unit_of(name), set()).add(unit_of(target))
+    faults = []
+    for graph in (files, units):
+        try:
+            graphlib.TopologicalSorter(graph).prepare()
+        except graphlib.CycleError as error:
+            faults.append("import cycle: " + " <- ".join(error.args[1]))
+    return faults
+
+
+def hidden_imports(modules: Modules) -> list[str]:
+    """Imports stand at the top of the file; only the command line may set the environment first."""
+    faults = []
+    for module in modules.values():
+        if module.layer == COMMAND_LINE:
+            continue
+        tree = module.tree
+        top = {id(node) for node in tree.body}
+        nodes = (node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom))
+        faults += [f"{module.name}:{node.lineno}: import below the top" for node in nodes if id(node) not in top]
+    return faults
+
+
+def broken_privacy(modules: Modules) -> list[str]:
+    """A file with an underscore is private to its folder, a name with one to its file."""
+    faults = []
+    for module in modules.values():
+        for target, name in imported(module, modules):
+            if not ours(target):
+                continue
+            steps = target.split(".")
+            folders = [".".join(steps[:i]) for i, step in enumerate(steps) if _private(step)]
+            if any(not f"{module.folder}.".startswith(f"{folder}.") for folder in folders):
+                faults.append(f"{module.name} imports {target}, private to {folders[0]}")
+            if _private(name):
+                faults.append(f"{module.name} imports {name}, private to {target}")
+    return faults
+
+
+def _private(name: str) -> bool:
+    return name.startswith("_") and not name.endswith("__")
+
+
+def oversize(modules: Modules) -> list[str]:
+    """Files and functions stay short."""
+    faults = []
+    for module in modules.values():
+        n_lines = module.source.count("\n")
+        if n_lines > MAX_FILE_LINES:
+            faults.append(f"{module.name}: {n_lines} lines, at most {MAX_FILE_LINES}")
+        for node in ast.walk(module.tree):
+            if isinstance(node, Function) and (n_lines := _body_lines(node)) > MAX_FUNCTION_LINES:
+                faults.append(f"{module.name}.{node.name}: {n_lines} lines, at most {MAX_FUNCTION_LINES}")
+    return faults
+
+
+def _body_lines(function: Function) -> int:
+    body = function.body[1:] if ast.get_docstring(function) else function.body
+    return (body[-1].end_lineno or 0) - body[0].lineno + 1 if body else 0
+
+
+def printing_or_exiting(modules: Modules) -> list[str]:
+    """The library raises; only the command line and the scripts print, ask and exit."""
+    faults = []
+    for module in modules.values():
+        if module.layer == COMMAND_LINE:
+            continue
+        for node in ast.walk(module.tree):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in _TALKING:
+                faults.append(f"{module.name}:{node.lineno}: {ast.unparse(node.func)}()")
+            if isinstance(node, ast.Raise) and node.exc and "SystemExit" in ast.unparse(node.exc):
+                faults.append(f"{module.name}:{node.lineno}: raises SystemExit")
+    return faults
+
+
+_TALKING = {"print", "input", "breakpoint", "exit", "quit", "sys.exit", "os._exit", "os.abort"}
+
+
+def foreign_errors(modules: Modules) -> list[str]:
+    """What a user can cause is a TrackerError: a builtin exception is a traceback on the command line.
+
+    Only pydantic's validators raise ValueError, as pydantic wants it.
+    """
+    faults = []
+    for module in modules.values():
+        tree = module.tree
+        validating = {
+            id(node)
+            for function in ast.walk(tree)
+            if isinstance(function, Function) and "validator" in "".join(map(ast.unparse, function.decorator_list))
+            for node in ast.walk(function)
+        }
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Raise) and id(node) not in validating and _builtin_error(node):
+                faults.append(f"{module.name}:{node.lineno}: {ast.unparse(node)}, expected one of tracker.errors")
+    return faults
+
+
+def _builtin_error(node: ast.Raise) -> bool:
+    if node.exc is None:
+        return False
+    name = ast.unparse(node.exc.func if isinstance(node.exc, ast.Call) else node.exc)
+    kind = getattr(builtins, name, None)
+    return (
+        isinstance(kind, type) and issubclass(kind, Exception) and name not in ("NotImplementedError", "StopIteration")
+    )
+
+
+def poor_files(modules: Modules) -> list[str]:
+    """Every file says what it is for and annotates lazily; no file is called after nothing in particular."""
+    faults = []
+    for module in modules.values():
+        if not ast.get_docstring(module.tree):
+            faults.append(f"{module.name}: no docstring")
+        lazy = any(isinstance(node, ast.ImportFrom) and node.module == "__future__" for node in module.tree.body)
+        annotates = any(isinstance(node, ast.AnnAssign | Function | ast.ClassDef) for node in ast.walk(module.tree))
+        if annotates and not lazy:
+            faults.append(f"{module.name}: no `from __future__ import annotations`")
+        if module.name.rpartition(".")[2].strip("_") in VAGUE_NAMES:
+            faults.append(f"{module.name}: a name that says nothing")
+    return faults
+
+
+def unlike_kernels(modules: Modules) -> list[str]:
+    """Compiled functions are plain, module-level and cached on disk, and run without the interpreter's lock."""
+    faults = []
+    for module in modules.values():
+        tree = module.tree
+        top = {id(node) for node in tree.body}
+        for node in ast.walk(tree):
+            if not isinstance(node, Function):
+                continue
+            compiled = [mark for mark in node.decorator_list if "njit" in ast.unparse(mark)]
+            if compiled and id(node) not in top:
+                faults.append(f"{module.name}.{node.name}: a compiled closure is never cached")
+            faults += [
+                f"{module.name}.{node.name}: {word} is missing"
+                for mark in compiled
+                for word in ("cache=True", "nogil=True", "error_model='numpy'")
+                if word not in ast.unparse(mark)
+            ]
+    return faults
+
+
+def stray_optional_imports(modules: Modules) -> list[str]:
+    """Optional libraries are imported by components only, which load when a configuration names them."""
+    faults = []
+    for module in modules.values():
+        libraries = _optional(module, modules)
+        component = module.name.count(".") >= 2 and not module.package
+        if libraries and not (component and module.layer not in (None, 0)):
+            faults.append(f"{module.name} imports {', '.join(sorted(libraries))}")
+        for target, _ in imported(module, modules):
+            if target in modules and module.folder != modules[target].folder:
+                theirs = _optional(modules[target], modules)
+                faults += [f"{module.name} imports {target} and so {library}" for library in sorted(theirs)]
+    return faults
+
+
+def _optional(module: Module, modules: Modules) -> set[str]:
+    return {target.partition(".")[0] for target, _ in imported(module, modules)} & OPTIONAL
+
+
+Law = Callable[[Modules], list[str]]
+
+LAWS: tuple[Law, ...] = (
+    upward_imports,
+    sideways_imports,
+    cycles,
+    hidden_imports,
+    broken_privacy,
+    oversize,
+    printing_or_exiting,
+    foreign_errors,
+    poor_files,
+    unlike_kernels,
+    stray_optional_imports,
+)
+
+VIOLATIONS: tuple[tuple[Law, dict[str, str]], ...] = (
+    (upward_imports, {"tracker.frame": "from tracker.tracking import track"}),
+    (upward_imports, {"tracker.geometry.axes": "from tracker import camera", "tracker.camera": ""}),
+    (upward_imports, {"tracker.rig": "def f():\n    import tracker.objective"}),
+    (upward_imports, {"tracker.rig": "if TYPE_CHECKING:\n    from tracker.run import Run"}),
+    (upward_imports, {"tracker.rig": "from .run import Run"}),
+    (upward_imports, {"tracker.run": "from scripts.benchmark import main"}),
+    (upward_imports, {"tracker.novelty": ""}),
+    (upward_imports, {"tracker.run": "import tracker.novelty"}),
+    (sideways_imports, {"tracker.similarity.overlap": "from tracker.synthesis import Synthesis"}),
+    (sideways_imports, {"tracker.evaluation.report": "from tracker import simulation", "tracker.simulation": ""}),
+    (cycles, {"tracker.rig": "import tracker.camera", "tracker.camera": "from tracker.rig import Rig"}),
+    (cycles, {"tracker.geometry.a": "import tracker.arrays", "tracker.arrays": "import tracker.geometry.b"}),
+    (hidden_imports, {"tracker.rig": "def f():\n    import numpy"}),
+    (broken_privacy, {"tracker.run": "from tracker.reading._sequence import View"}),
+    (broken_privacy, {"tracker.run": "from tracker.reading.video import _header"}),
+    (oversize, {"tracker.rig": "x = 1\n" * 401}),
+    (oversize, {"tracker.rig": "def f():\n" + "    x = 1\n" * 61}),
+    (printing_or_exiting, {"tracker.run": "print('done')"}),
+    (printing_or_exiting, {"tracker.run": "import sys\nsys.exit(1)"}),
+    (printing_or_exiting, {"tracker.run": "raise SystemExit(2)"}),
+    (foreign_errors, {"tracker.run": "raise ValueError('no')"}),
+    (poor_files, {"tracker.run": "from __future__ import annotations"}),
+    (poor_files, {"tracker.run": '"""Runs."""\ndef f() -> int: ...'}),
+    (poor_files, {"tracker.imaging._helpers": '"""Helps."""'}),
+    (unlike_kernels, {"tracker.kernels.x": "@njit(cache=True, nogil=True)\ndef f(): ..."}),
+    (
+        unlike_kernels,
+        {"tracker.kernels.x": "def f():\n    @njit(cache=True, nogil=True, error_model='numpy')\n    def g(): ..."},
+    ),
+    (stray_optional_imports, {"tracker.synthesis": "import moderngl"}),
+    (
+        stray_optional_imports,
+        {"tracker.synthesis.egl": "import moderngl", "tracker.run": "import tracker.synthesis.egl"},
+    ),
+)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.__name__)
+def test_the_project_keeps_the_law(law: Law) -> None:
+    assert law(modules_of_the_project()) == []
+
+
+@pytest.mark.parametrize(("law", "sources"), VIOLATIONS, ids=lambda value: getattr(value, "__name__", None))
+def test_the_law_notices_a_violation(law: Law, sources: dict[str, str]) -> None:
+    modules = {name: Module(name, source, name == "tracker.synthesis") for name, source in sources.items()}
+    assert law(modules)
+
+
+def test_the_whole_package_is_looked_at() -> None:
+    modules = modules_of_the_project()
+    assert {"tracker", "tracker.tracking", "tracker.kernels.chamfer", "tracker.similarity.chamfer"} <= set(modules)
+    assert modules["tracker.similarity"].package
+    assert not modules["tracker.rig"].package
+
+
+def test_importing_the_package_loads_no_library() -> None:
+    script = "import sys; before = set(sys.modules); import tracker; print(*sorted(set(sys.modules) - before))"
+    loaded = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert set(loaded.stdout.split()) <= {"tracker", "__future__"}
