@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-from tracker.arrays import Image
 from tracker.scene import Scene
 from tracker.trajectory import Step
 
@@ -27,7 +26,9 @@ class RunContext:
     n_frames: int
     """Frames the run will have if nothing stops it."""
 
-    backgrounds: tuple[Image | None, ...] = ()
+    resumed: frozenset[int] = frozenset()
+    """Frames taken over from an interrupted run."""
+
     details: Mapping[str, Any] = field(default_factory=dict)
     """The run's description as saved in run.json: resolved config, versions, input hashes."""
 

@@ -23,18 +23,26 @@ class Journal:
     """`steps.jsonl`: every number of every estimate, exact to the last bit."""
 
     def begin(self, run: RunContext) -> JournalRecorder:
-        """Opens the journal; it replaces that of an interrupted run, whose frames are written again."""
-        return JournalRecorder((run.folder / FILE).open("w", encoding="utf-8"))
+        """Opens the journal; the lines of an interrupted run stay, but for a torn last one."""
+        path = run.folder / FILE
+        if run.resumed:
+            lines = path.read_text(encoding="utf-8").splitlines()[: len(run.resumed)]
+            unfinished = path.with_suffix(".part")
+            unfinished.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+            unfinished.replace(path)
+        return JournalRecorder(path.open("a" if run.resumed else "w", encoding="utf-8"), run.resumed)
 
 
 class JournalRecorder:
     """The open journal."""
 
-    def __init__(self, file: TextIO) -> None:
-        self._file = file
+    def __init__(self, file: TextIO, present: frozenset[int]) -> None:
+        self._file, self._present = file, present
 
     def write(self, step: Step) -> None:
-        """Adds one line."""
+        """Adds one line for a frame that is not in it yet."""
+        if step.frame.index in self._present:
+            return
         line = {
             "frame": step.frame.index,
             "time_s": step.frame.time_s,
