@@ -110,19 +110,20 @@ class Camera:
     def undistort(self, pixels: Array) -> Array:
         """Pixels (..., 2) to distortion-free coordinates in the plane z = 1 (..., 2).
 
-        Solved by fixed-point iteration followed by Newton steps on the distortion's Jacobian.
+        Solved by Newton steps on the distortion's Jacobian.
         """
         pixels = np.asarray(pixels, dtype=np.float64)
         target = (pixels - self.matrix[:2, 2]) @ np.linalg.inv(self.matrix[:2, :2]).T
-        plane = target.copy()
+        plane: Array = target.copy()
+        if not self.distortion.any():
+            return plane
         for _ in range(20):
             value, slope = _distort(plane, self.distortion)
             step = np.linalg.solve(slope, (target - value)[..., None])[..., 0]
             plane = plane + step
             if np.abs(step).max(initial=0.0) < 1e-13:
                 break
-        result: Array = plane
-        return result
+        return plane
 
     def rays(self, pixels: Array) -> Array:
         """Unit viewing directions in the world (..., 3) of pixels (..., 2)."""

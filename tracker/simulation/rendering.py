@@ -1,0 +1,169 @@
+"""Pictures of clothed, shaded superquadric persons, drawn over background plates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from tracker.arrays import Array, Array32, Image, Integers, Mask
+from tracker.camera import Camera
+from tracker.kernels.rasterization import rasterize
+from tracker.scene import Person, Scene
+
+_N_ETA, _N_OMEGA = 25, 36
+_SUPERSAMPLE = 2
+_LIGHT = np.array([0.35, -0.2, 0.92]) / np.linalg.norm([0.35, -0.2, 0.92])
+
+# BGR; sleeves contrast with the torso as in the paper's recordings, so that arms before the body show.
+_WARDROBES: tuple[dict[str, tuple[int, int, int]], ...] = (
+    {"torso": (128, 60, 38), "arm": (70, 170, 215), "leg": (62, 58, 60), "foot": (28, 26, 30)},
+    {"torso": (52, 96, 46), "arm": (60, 60, 190), "leg": (120, 96, 70), "foot": (40, 44, 60)},
+)
+_SKIN, _HAIR = (132, 160, 205), (30, 34, 44)
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangulated parts of one person, in the parts' frames."""
+
+    points: Array
+    """(P, N, 3) metres."""
+
+    normals: Array
+    """(P, N, 3) unit."""
+
+    colours: Array32
+    """(P, N, 3) BGR."""
+
+def mesh_of(person: Person, wardrobe: int = 0) -> Mesh:
+    """The person's surface with clothes."""
+    eta = np.linspace(-np.pi / 2, np.pi / 2, _N_ETA)[:, None]
+    omega = np.linspace(-np.pi, np.pi, _N_OMEGA, endpoint=False)[None, :]
+    surfaces = [part.shape.surface(eta, omega) for part in person.body.parts]
+    points = np.array([found[0].reshape(-1, 3) for found in surfaces])
+    normals = np.array([found[1].reshape(-1, 3) for found in surfaces])
+    colours = np.array(
+        [_clothes(part.name, p, wardrobe) for part, p in zip(person.body.parts, points, strict=True)]
+    )
+    return Mesh(points, normals, colours.astype(np.float32))
+
+
+def _clothes(part: str, points: Array, wardrobe: int) -> Array:
+    """Colours (N, 3) of a part's surface: clothes by the part's name, a weak weave, a hair cap."""
+    clothes = _WARDROBES[wardrobe % len(_WARDROBES)]
+    if part.endswith("upper_arm"):
+        colour = clothes["arm"]
+    elif part.endswith(("thigh", "shin")):
+        colour = clothes["leg"]
+    else:
+        colour = clothes.get(part.rpartition("_")[2], _SKIN)
+    colours = np.tile(np.array(colour, dtype=np.float64), (len(points), 1))
+    if part == "head":
+        high = points[:, 2] / np.abs(points[:, 2]).max()
+        colours[(high > 0.35) | ((points[:, 0] < -0.02) & (high > -0.3))] = _HAIR
+    weave = 1 + 0.05 * np.sin(90 * points[:, :1]) * np.sin(70 * points[:, 2:])
+    woven: Array = colours * weave
+    return woven
+
+
+def draw_persons(plate: Image, camera: Camera, scene: Scene, meshes: tuple[Mesh, ...]) -> tuple[Image, Mask]:
+    """Draws the scene's persons over a background plate, with anti-aliased edges and a soft shadow.
+
+    Args:
+        plate: BGR background.
+        camera: its camera.
+        scene: the persons at their poses.
+        meshes: one a person.
+
+    Returns:
+        The picture and the mask (h, w) of pixels that the persons cover by more than half.
+    """
+    placed = [_placed(camera, p, m) for p, m in zip(scene.persons, meshes, strict=True)]
+    pixels, depths, colours, triangles = _joined(placed)
+    picture = _shadowed(plate, camera, scene)
+    mask = np.zeros(plate.shape[:2], dtype=np.bool_)
+    inside = np.isfinite(pixels).all(axis=1)
+    if not inside.all():
+        return picture, mask
+    low = np.maximum(np.floor(pixels.min(axis=0)) - 2, 0).astype(int)
+    high = np.minimum(np.ceil(pixels.max(axis=0)) + 3, camera.size).astype(int)
+    if (high <= low).any():
+        return picture, mask
+    shade, cover = _shade(pixels, depths, colours, triangles, (low, high))
+    area = slice(low[1], high[1]), slice(low[0], high[0])
+    blended = picture[area] * (1 - cover[..., None]) + shade
+    picture[area] = np.clip(blended, 0, 255).astype(np.uint8)
+    mask[area] = cover > 0.5
+    return picture, mask
+
+
+def _placed(camera: Camera, person: Person, mesh: Mesh) -> tuple[Array, Array, Array]:
+    """Pixels (P N, 2), depths (P N,) and shaded colours (P N, 3) of a person's vertices."""
+    placements = person.body.world_from_part(person.q)
+    world = np.einsum("pij,pnj->pni", placements[:, :3, :3], mesh.points) + placements[:, None, :3, 3]
+    normals = np.einsum("pij,pnj->pni", placements[:, :3, :3], mesh.normals)
+    light = 0.55 + 0.45 * np.clip(normals @ _LIGHT, -0.35, 1)
+    world = world.reshape(-1, 3)
+    colours = (mesh.colours * light[..., None]).reshape(-1, 3)
+    return camera.project(world), camera.in_camera(world)[:, 2], colours
+
+
+def _joined(placed: list[tuple[Array, Array, Array]]) -> tuple[Array, Array, Array, Integers]:
+    """All persons' vertices together, with the triangles of all their parts."""
+    per_part = _N_ETA * _N_OMEGA
+    n_vertices = sum(len(found[0]) for found in placed)
+    rows, columns = np.meshgrid(np.arange(_N_ETA - 1), np.arange(_N_OMEGA), indexing="ij")
+    a, b = rows * _N_OMEGA + columns, rows * _N_OMEGA + (columns + 1) % _N_OMEGA
+    quads = np.concatenate(
+        [np.stack([a, b, a + _N_OMEGA], -1).reshape(-1, 3), np.stack([b, b + _N_OMEGA, a + _N_OMEGA], -1).reshape(-1, 3)]
+    )
+    starts = np.arange(0, n_vertices, per_part)
+    triangles = (starts[:, None, None] + quads[None]).reshape(-1, 3).astype(np.int64)
+    pixels, depths, colours = (np.concatenate(parts) for parts in zip(*placed, strict=True))
+    return pixels, depths, colours, triangles
+
+
+def _shade(
+    pixels: Array, depths: Array, colours: Array, triangles: Integers, box: tuple[Array, Array]
+) -> tuple[Array32, Array32]:
+    """Premultiplied colour (h, w, 3) and coverage (h, w) of the persons inside a box of the image."""
+    low, high = box
+    size = (high - low) * _SUPERSAMPLE
+    buffers = np.zeros((size[1], size[0], 4), dtype=np.float32)
+    fine = (pixels - low + 0.5) * _SUPERSAMPLE - 0.5
+    rasterize(fine, depths, triangles, (0, 0), buffers)
+    covered = buffers[..., 0] > 0
+    corners = triangles[buffers[..., 1][covered].astype(np.int64)]
+    u, v = buffers[..., 2][covered][:, None], buffers[..., 3][covered][:, None]
+    shade = np.zeros((size[1], size[0], 3), dtype=np.float32)
+    shade[covered] = (
+        u * colours[corners[:, 0]] + v * colours[corners[:, 1]] + (1 - u - v) * colours[corners[:, 2]]
+    )
+    target = int(high[0] - low[0]), int(high[1] - low[1])
+    colour = cv2.resize(shade, target, interpolation=cv2.INTER_AREA)
+    coverage = cv2.resize(covered.astype(np.float32), target, interpolation=cv2.INTER_AREA)
+    return colour, coverage
+
+
+def _shadowed(plate: Image, camera: Camera, scene: Scene) -> Image:
+    """The plate with soft shadows below the persons' parts."""
+    # A shadow has no detail: a quarter of the resolution is enough.
+    size = plate.shape[1] // 4, plate.shape[0] // 4
+    darkness = np.zeros(size[::-1], dtype=np.float32)
+    circle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    for person in scene.persons:
+        for placement, part in zip(person.body.world_from_part(person.q), person.body.parts, strict=True):
+            height = max(float(placement[2, 3]), 0.0)
+            centre = placement[:3, 3] - height / _LIGHT[2] * _LIGHT
+            radius = float(np.sort(part.shape.size)[1]) + 0.12 * height
+            rim = np.stack([radius * np.cos(circle), radius * np.sin(circle), 0 * circle], axis=1) + centre * (1, 1, 0)
+            outline = camera.project(rim) / 4
+            if np.isfinite(outline).all():
+                blob = np.zeros_like(darkness)
+                cv2.fillConvexPoly(blob, np.round(outline).astype(np.int32), 0.3 / (1 + 1.5 * height))
+                darkness += blob
+    soft = np.minimum(cv2.GaussianBlur(darkness, (0, 0), max(plate.shape) / 480), 0.5)
+    light = 1 - cv2.resize(soft, plate.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    return cv2.multiply(plate, cv2.merge([light, light, light]), dtype=cv2.CV_8U)

@@ -1,0 +1,215 @@
+"""Synthetic recordings: frames in memory, or a folder with videos, plates, rig, model and exact truth."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import tomli_w
+
+from tracker.arrays import Array, Image
+from tracker.body_files import load_body
+from tracker.errors import SequenceError
+from tracker.frame import Frame
+from tracker.resources import model_path
+from tracker.rig import Rig
+from tracker.rig_files import save_rig
+from tracker.scene import Person, Scene
+from tracker.simulation.movements import poses_of
+from tracker.simulation.rendering import draw_persons, mesh_of
+from tracker.simulation.room import background_plates, default_rig
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a simulated recording shows."""
+
+    movement: str = "two_elbow_rotation"
+    """Name in `tracker.simulation.movements.MOVEMENTS`."""
+
+    model: str = "gavrila22"
+    """Bundled body model."""
+
+    seconds: float = 3.0
+    fps: float = 25.0
+    size: tuple[int, int] = (720, 576)
+    """Image size, px."""
+
+    heading_deg: float = -40.0
+    """Direction the first person faces at the start, degrees from the x axis."""
+
+    persons: int = 1
+    """Persons, 1.6 m apart."""
+
+    noise_grey: float = 3.0
+    """Standard deviation of the sensor noise, grey levels."""
+
+    blur_px: float = 0.6
+    """Standard deviation of the lens blur, px."""
+
+    seed: int = 0
+
+    @property
+    def times(self) -> Array:
+        """(T,) seconds."""
+        return np.arange(round(self.seconds * self.fps)) / self.fps
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A recording in memory: rig, plates and true poses; the images are made while they are iterated."""
+
+    recipe: Recipe
+    scene: Scene
+    """The persons at their first poses."""
+
+    poses: tuple[Array, ...]
+    """True poses (T, dof) of each person, rad and m."""
+
+    backgrounds: tuple[Image, ...]
+    """Noise-free plates."""
+
+    def frames(self) -> Iterator[Frame]:
+        """All frames; the same for the same seed."""
+        meshes = tuple(mesh_of(person, k) for k, person in enumerate(self.scene.persons))
+        n_views = len(self.scene.rig)
+        with ThreadPoolExecutor(2) as pool:
+            for t, time_s in enumerate(self.recipe.times):
+                scene = self.scene.with_poses(tuple(poses[t] for poses in self.poses))
+
+                def image(v: int, t: int = t, scene: Scene = scene) -> Image:
+                    picture, _ = draw_persons(self.backgrounds[v], scene.rig.cameras[v], scene, meshes)
+                    return _sensed(picture, self.recipe, (t, v))
+
+                yield Frame(t, float(time_s), tuple(pool.map(image, range(n_views))))
+
+
+def simulate(recipe: Recipe) -> Simulation:
+    """Prepares a recording.
+
+    Raises:
+        ConfigError: no such movement.
+        ModelError: no such model.
+    """
+    body = load_body(model_path(recipe.model))
+    rig = default_rig(recipe.size)
+    poses = tuple(
+        poses_of(recipe.movement, body, recipe.times, recipe.heading_deg + 35 * k, _place(k, recipe.persons))
+        for k in range(recipe.persons)
+    )
+    persons = tuple(Person(f"person{k + 1}", body, poses[k][0]) for k in range(recipe.persons))
+    return Simulation(recipe, Scene(persons, rig), poses, background_plates(rig, recipe.seed))
+
+
+def _place(k: int, n_persons: int) -> tuple[float, float]:
+    return 1.6 * (k - (n_persons - 1) / 2), 0.0
+
+
+def _sensed(picture: Image, recipe: Recipe, key: tuple[int, int]) -> Image:
+    """The picture as a camera delivers it: blurred and noisy."""
+    rng = np.random.default_rng((recipe.seed, *key))
+    if recipe.blur_px > 0:
+        picture = cv2.GaussianBlur(picture, (0, 0), recipe.blur_px)
+    if recipe.noise_grey > 0:
+        noise = rng.standard_normal(picture.shape, dtype=np.float32)
+        picture = cv2.convertScaleAbs(np.maximum(picture + recipe.noise_grey * noise, 0))
+    return picture
+
+
+def write_sequence(recipe: Recipe, folder: Path, progress: Callable[[int, int], None] = lambda done, total: None) -> Path:
+    """Writes a recording to a folder, complete or not at all.
+
+    The folder holds `{view}.mp4`, `background/{view}.png`, `rig.toml`, `model.toml`, `truth_poses.csv`,
+    `truth_joints.csv` and a ready `config.toml`.
+
+    Args:
+        recipe: what to simulate.
+        folder: must not exist, or be empty.
+        progress: told the number of frames done and of all.
+
+    Returns:
+        The path of `config.toml`.
+
+    Raises:
+        SequenceError: the folder holds something.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise SequenceError(f"{folder} is not empty: choose another folder")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = Path(tempfile.mkdtemp(prefix=".simulation-", dir=folder.parent))
+    try:
+        simulation = simulate(recipe)
+        _write_plates(simulation, unfinished / "background")
+        _write_videos(simulation, unfinished, progress)
+        save_rig(simulation.scene.rig, unfinished / "rig.toml")
+        shutil.copyfile(model_path(recipe.model), unfinished / "model.toml")
+        _write_truth(simulation, unfinished)
+        _write_config(simulation, unfinished / "config.toml")
+        if folder.exists():
+            folder.rmdir()
+        unfinished.chmod(0o755)
+        unfinished.rename(folder)
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)
+    return folder / "config.toml"
+
+
+def _write_plates(simulation: Simulation, folder: Path) -> None:
+    folder.mkdir()
+    for v, (name, plate) in enumerate(zip(simulation.scene.rig.names, simulation.backgrounds, strict=True)):
+        cv2.imwrite(str(folder / f"{name}.png"), _sensed(plate, simulation.recipe, (1_000_000, v)))
+
+
+def _write_videos(simulation: Simulation, folder: Path, progress: Callable[[int, int], None]) -> None:
+    recipe, total = simulation.recipe, len(simulation.recipe.times)
+    containers = [av.open(str(folder / f"{name}.mp4"), "w") for name in simulation.scene.rig.names]
+    streams = []
+    for container in containers:
+        rate = Fraction(recipe.fps).limit_denominator(1001)
+        stream = container.add_stream("libx264", rate=rate, options={"crf": "14", "preset": "veryfast"})
+        stream.width, stream.height, stream.pix_fmt = *recipe.size, "yuv420p"
+        streams.append(stream)
+    try:
+        for frame in simulation.frames():
+            for container, stream, image in zip(containers, streams, frame.images, strict=True):
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
+            progress(frame.index + 1, total)
+        for container, stream in zip(containers, streams, strict=True):
+            container.mux(stream.encode(None))
+    finally:
+        for container in containers:
+            container.close()
+
+
+def _write_truth(simulation: Simulation, folder: Path) -> None:
+    with (
+        (folder / "truth_poses.csv").open("w", newline="") as poses_file,
+        (folder / "truth_joints.csv").open("w", newline="") as joints_file,
+    ):
+        poses, joints = csv.writer(poses_file), csv.writer(joints_file)
+        body = simulation.scene.persons[0].body
+        columns = [parameter.column for parameter in body.parameters]
+        poses.writerow(["frame", "time_s", "person", "status", "distance_px", *columns])
+        joints.writerow(["frame", "time_s", "person", "joint", "x_m", "y_m", "z_m"])
+        for t, time_s in enumerate(simulation.recipe.times):
+            for person, truth in zip(simulation.scene.persons, simulation.poses, strict=True):
+                shown = np.where(body.rotates, np.degrees(truth[t]), truth[t])
+                poses.writerow([t, f"{time_s:.6f}", person.name, "true", 0, *(f"{value:.6f}" for value in shown)])
+                for name, point in zip(body.landmark_names, body.landmarks_in_world(truth[t]), strict=True):
+                    joints.writerow([t, f"{time_s:.6f}", person.name, name, *(f"{value:.6f}" for value in point)])
+
+
+def _write_config(simulation: Simulation, path: Path) -> None:
+    reading = {"use": "video", "path": "{view}.mp4", "rig": "rig.toml", "background": "background/{view}.png"}
+    persons = [{"name": person.name, "model": "model.toml"} for person in simulation.scene.persons]
+    table = {"name": simulation.recipe.movement, "reading": reading, "persons": persons}
+    path.write_bytes(tomli_w.dumps(table).encode())
