@@ -211,7 +211,7 @@ class BodyModel:
     def world_from_parameters(self, q: Array) -> Array:
         """Motion of what hangs on each parameter: q (*B, dof) -> (*B, dof + 1, 4, 4); the last is the world."""
         q = np.asarray(q, dtype=np.float64)
-        flat = np.ascontiguousarray(q.reshape(-1, self.dof))
+        flat = np.array(q.reshape(-1, self.dof), order="C")
         motions: Array = chain_transforms(flat, *self.packed)
         return motions.reshape(*q.shape[:-1], self.dof + 1, 4, 4)
 
@@ -233,7 +233,7 @@ class BodyModel:
         A point X that hangs on parameter j moves by ``w x X + v`` for every parameter i with `moves[i, j]`.
         """
         q = np.asarray(q, dtype=np.float64)
-        flat = np.ascontiguousarray(q.reshape(-1, self.dof))
+        flat = np.array(q.reshape(-1, self.dof), order="C")
         twists: Array = twists_in_world(chain_transforms(flat, *self.packed), *self.packed)
         return twists.reshape(*q.shape[:-1], self.dof, 6)
 

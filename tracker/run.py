@@ -220,7 +220,7 @@ def execute(run: Run, output: Path | None = None, resume: bool = False, observer
     scene = Scene(persons, sequence.rig)
     folder.mkdir(parents=True, exist_ok=True)
     if output is None:
-        _link_latest(folder)
+        link_latest(folder)
     parts = {stage: getattr(run, stage) for stage in _DEFAULTS}
     cycle = Cycle(**parts, loss=run.loss, backgrounds=sequence.backgrounds, progress=observer.told)
     context = RunContext(
@@ -279,11 +279,9 @@ def _log_step(step: Step) -> None:
 
 
 def _result_folder(name: str, output: Path | None, resume: bool) -> Path:
-    if output is None:
-        base = Path("results") / name
-        if not resume:
-            return base / time.strftime("%Y-%m-%d_%H-%M-%S")
-        output = base / "latest"
+    if output is None and not resume:
+        return dated_folder(name)
+    output = output or Path("results") / name / "latest"
     if resume:
         if not output.is_dir():
             raise SequenceError(f"{output}: no run to resume there; run without --resume")
@@ -293,7 +291,13 @@ def _result_folder(name: str, output: Path | None, resume: bool) -> Path:
     return output
 
 
-def _link_latest(folder: Path) -> None:
+def dated_folder(name: str) -> Path:
+    """`results/NAME/TIME`."""
+    return Path("results") / name / time.strftime("%Y-%m-%d_%H-%M-%S")
+
+
+def link_latest(folder: Path) -> None:
+    """Points the link `latest` beside a folder at it."""
     link = folder.parent / "latest"
     if folder == link.resolve():
         return

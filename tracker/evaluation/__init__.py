@@ -1,0 +1,1 @@
+"""Evaluation: a result against exact truth or a reference, in millimetres and degrees."""

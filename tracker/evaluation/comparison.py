@@ -1,0 +1,235 @@
+"""Comparison of a run with a truth: joint distances, angles, lost frames, silhouettes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from itertools import permutations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tracker.arrays import Array
+from tracker.errors import SequenceError
+from tracker.evaluation.tables import JOINTS, JointTable, read_joints, read_rows
+
+_TRUTH_NAMES = ("truth_joints.csv", "gt_joints.csv", "joints.csv")
+
+
+@dataclass(frozen=True)
+class PersonErrors:
+    """Errors of one person; joint distances in millimetres."""
+
+    person: str
+    truth: str
+    """Name in the truth."""
+
+    n_frames: int
+    """Frames of the truth within the run's range."""
+
+    n_missing: int
+    """Those without a pose: lost."""
+
+    mean_mm: float
+    median_mm: float
+    p95_mm: float
+    mean_offset_removed_mm: float
+    """After removing one constant offset a joint: another convention of joint centres is no error."""
+
+    median_offset_removed_mm: float
+    joints_mm: dict[str, tuple[float, float]]
+    """Joint -> mean distance, raw and with the offset removed."""
+
+    hinges_deg: dict[str, tuple[float, float]]
+    """Elbow and knee flexion -> RMS error, raw and with the constant offset removed."""
+
+    parameters: dict[str, float]
+    """Pose parameter -> RMS error in degrees or metres; empty without a pose truth."""
+
+    @property
+    def angles_rms_deg(self) -> float:
+        """RMS over all joint angles of the pose; NaN without a pose truth."""
+        angles = [value for name, value in self.parameters.items() if name.endswith("_deg")]
+        return float(np.sqrt(np.mean(np.square(angles)))) if angles else float("nan")
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Errors of all persons, and the mean silhouette overlap."""
+
+    persons: tuple[PersonErrors, ...]
+    silhouette_iou: dict[str, float]
+    """View -> mean intersection over union of model and foreground; empty without backgrounds."""
+
+    distances_mm: tuple[dict[str, Array], ...]
+    """For each person: `frame` (T,) and joint -> (T,) distance, mm."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, without the curves."""
+        table = asdict(self)
+        del table["distances_mm"]
+        for entry, person in zip(table["persons"], self.persons, strict=True):
+            entry["angles_rms_deg"] = person.angles_rms_deg
+        return table
+
+
+def evaluate(result: Path, truth: Path) -> Evaluation:
+    """Compares a result folder with a truth.
+
+    Args:
+        result: folder of a run.
+        truth: table of joints (long: frame, joint, x, y, z, perhaps person), or a folder that holds
+            truth_joints.csv or gt_joints.csv; truth_poses.csv beside it is compared too.
+
+    Raises:
+        SequenceError: files are missing, or have no frame or joint in common.
+    """
+    path = _truth_file(truth)
+    found, true = read_joints(result / "joints.csv"), read_joints(path)
+    pairs = _matched(found, true)
+    frames_run = sorted({int(float(row["frame"])) for row in read_rows(result / "poses.csv")})
+    poses = path.with_name(path.name.replace("joints", "poses"))
+    errors, curves = [], []
+    for person, other in pairs:
+        table, curve = _person(person, other, found, true, frames_run)
+        if poses.is_file() and poses != path:
+            table = _with_parameters(table, result / "poses.csv", poses)
+        errors.append(table)
+        curves.append(curve)
+    return Evaluation(tuple(errors), _overlaps(result), tuple(curves))
+
+
+def _truth_file(truth: Path) -> Path:
+    if truth.is_dir():
+        for name in _TRUTH_NAMES:
+            if (truth / name).is_file():
+                return truth / name
+        raise SequenceError(f"{truth}: no truth in it, expected one of {', '.join(_TRUTH_NAMES)}")
+    if not truth.is_file():
+        raise SequenceError(f"{truth}: no such truth file")
+    return truth
+
+
+def _matched(found: JointTable, true: JointTable) -> list[tuple[str, str]]:
+    """Pairs of persons with the least distance, each true person once."""
+    names, others = list(found.persons), list(true.persons)
+    if not names:
+        raise SequenceError("the result has no pose that is not lost")
+    n = min(len(names), len(others))
+    orders = [list(zip(names, order, strict=False)) for order in permutations(others, n)][:5000]
+
+    def cost(pairs: list[tuple[str, str]]) -> float:
+        gaps = [
+            float(np.linalg.norm(joints["pelvis"] - true.persons[b][frame]["pelvis"]))
+            for a, b in pairs
+            for frame, joints in found.persons[a].items()
+            if "pelvis" in joints and "pelvis" in true.persons[b].get(frame, {})
+        ]
+        return float(np.mean(gaps)) if gaps else np.inf
+
+    return min(orders, key=cost)
+
+
+def _person(
+    person: str, other: str, found: JointTable, true: JointTable, frames_run: list[int]
+) -> tuple[PersonErrors, dict[str, Array]]:
+    mine, theirs = found.persons[person], true.persons[other]
+    frames = [frame for frame in frames_run if frame in theirs]
+    common = [frame for frame in frames if frame in mine]
+    if not common:
+        raise SequenceError(
+            f"no frame in common: the run has {frames_run[0]} to {frames_run[-1]}, "
+            f"the truth {min(theirs)} to {max(theirs)}"
+        )
+    joints = [
+        name for name in JOINTS if all(name in mine[frame] and name in theirs[frame] for frame in common)
+    ]
+    if not joints:
+        raise SequenceError(
+            f"no joint in common: the run has {', '.join(mine[common[0]])}; "
+            f"the truth {', '.join(theirs[common[0]])}"
+        )
+    p = np.array([[mine[frame][name] for name in joints] for frame in common])
+    g = np.array([[theirs[frame][name] for name in joints] for frame in common])
+    gap = 1000 * np.linalg.norm(p - g, axis=-1)
+    removed = 1000 * np.linalg.norm(p - g - (p - g).mean(axis=0), axis=-1)
+    table = PersonErrors(
+        person=person,
+        truth=other,
+        n_frames=len(frames),
+        n_missing=len(frames) - len(common),
+        mean_mm=float(gap.mean()),
+        median_mm=float(np.median(gap)),
+        p95_mm=float(np.percentile(gap, 95)),
+        mean_offset_removed_mm=float(removed.mean()),
+        median_offset_removed_mm=float(np.median(removed)),
+        joints_mm={n: (float(a), float(b)) for n, a, b in zip(joints, gap.mean(0), removed.mean(0), strict=True)},
+        hinges_deg=_hinges(p, g, joints),
+        parameters={},
+    )
+    curve: dict[str, Array] = {"frame": np.array(common, dtype=np.float64)}
+    curve.update({name: gap[:, k] for k, name in enumerate(joints)})
+    return table, curve
+
+
+def flexion(joints: Array) -> Array:
+    """Angle (T,) in degrees between the two segments of three joints (T, 3, 3); 0 straight."""
+    upper, lower = joints[:, 1] - joints[:, 0], joints[:, 2] - joints[:, 1]
+    cosine = (upper * lower).sum(1) / (np.linalg.norm(upper, axis=1) * np.linalg.norm(lower, axis=1))
+    degrees: Array = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    return degrees
+
+
+def _hinges(p: Array, g: Array, joints: list[str]) -> dict[str, tuple[float, float]]:
+    chains = {"elbow": ("shoulder", "elbow", "wrist"), "knee": ("hip", "knee", "ankle")}
+    errors = {}
+    for side in ("left", "right"):
+        for hinge, chain in chains.items():
+            names = [f"{side}_{joint}" for joint in chain]
+            if set(names) <= set(joints):
+                columns = [joints.index(name) for name in names]
+                gap = flexion(p[:, columns]) - flexion(g[:, columns])
+                errors[f"{side}_{hinge}"] = float(np.sqrt((gap**2).mean())), float(gap.std())
+    return errors
+
+
+def _with_parameters(table: PersonErrors, result: Path, truth: Path) -> PersonErrors:
+    """Adds the RMS error of each pose parameter, angles wrapped to half a turn."""
+    mine = {row["frame"]: row for row in read_rows(result) if row["person"] == table.person}
+    theirs = {row["frame"]: row for row in read_rows(truth) if row["person"] == table.truth}
+    errors: dict[str, list[float]] = {}
+    for frame, row in mine.items():
+        for column, value in row.items():
+            true = theirs.get(frame, {}).get(column, "")
+            if value and true and column.endswith(("_deg", "_m")):
+                gap = float(value) - float(true)
+                errors.setdefault(column, []).append((gap + 180) % 360 - 180 if column.endswith("_deg") else gap)
+    rms = {column: float(np.sqrt(np.mean(np.square(gaps)))) for column, gaps in errors.items()}
+    return PersonErrors(**{**vars(table), "parameters": rms})
+
+
+def _overlaps(result: Path) -> dict[str, float]:
+    path = result / "run.json"
+    if not path.is_file():
+        return {}
+    summary = json.loads(path.read_text(encoding="utf-8")).get("summary", {})
+    return {str(view): float(value) for view, value in summary.get("silhouette_iou", {}).items()}
+
+
+def error_figure(evaluation: Evaluation) -> Figure:
+    """Distance of every joint to the truth against frame number, a panel a person."""
+    n_persons = len(evaluation.persons)
+    figure = Figure(figsize=(9, 3.6 * n_persons), layout="constrained")
+    axes = figure.subplots(n_persons, 1, sharex=True, squeeze=False)[:, 0]
+    for axis, person, curves in zip(axes, evaluation.persons, evaluation.distances_mm, strict=True):
+        for k, (name, values) in enumerate((name, v) for name, v in curves.items() if name != "frame"):
+            style = "-" if k < 10 else "--"
+            axis.plot(curves["frame"], values, style, lw=1, label=name.replace("_", " "))
+        axis.set_title(f"{person.person}: mean {person.mean_mm:.0f} mm, median {person.median_mm:.0f} mm", fontsize=10)
+        axis.set_ylabel("joint distance, mm")
+        axis.grid(alpha=0.3)
+        axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1), fontsize=8, frameon=False)
+    axes[-1].set_xlabel("frame")
+    return figure
