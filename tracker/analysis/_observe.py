@@ -30,7 +30,12 @@ def region_around(samples: Array32, size: tuple[int, int], margin_px: float) -> 
 
 
 def accepted_segments(
-    found: EdgeSegments, samples: Array32 | None, accept_px: float, bend_px: float, trusted: Mask
+    found: EdgeSegments,
+    samples: Array32 | None,
+    accept_px: float,
+    bend_px: float,
+    trusted: Mask,
+    outline: Mask | None = None,
 ) -> Mask:
     """Which edge points belong to accepted segments (paper, section 4.2): each segment is one unit.
 
@@ -40,6 +45,8 @@ def accepted_segments(
         accept_px: largest directed chamfer distance of an accepted segment, px.
         bend_px: distance that a right angle between the directions counts, px.
         trusted: (N,) points that the background does not explain.
+        outline: (N,) points on the outline of the foreground; segments along it are accepted wherever they are,
+            so that a limb the prediction has missed is not thrown away.
 
     Returns:
         (N,) mask.
@@ -53,7 +60,10 @@ def accepted_segments(
         distances = expected_distances(found.points, found.directions, samples, bend_px)
         distances = np.minimum(distances, np.float32(4 * accept_px))
         mean = np.bincount(found.segments, distances, found.n_segments) / count
-        keep &= mean <= accept_px
+        near = mean <= accept_px
+        if outline is not None:
+            near |= np.bincount(found.segments, outline, found.n_segments) / count >= 0.7
+        keep &= near
     accepted: Mask = keep[found.segments] & trusted
     return accepted
 

@@ -19,7 +19,7 @@ from tracker.arrays import Array32, Image, Mask
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.frame import Frame
-from tracker.imaging.background import Region, foreground
+from tracker.imaging.background import Region, changed
 from tracker.imaging.edges import EdgeSegments, canny, gradient, segment_edges
 from tracker.observation import Observation, ViewObservation
 
@@ -65,10 +65,14 @@ class ContourAnalysis:
     """Scene points kept of each view."""
 
     grow_px: int = pydantic.Field(default=4, ge=0)
-    """Edges count this far outside of the foreground, where a background is known, px."""
+    """Edges count this far outside of changed pixels, where a background is known, px."""
+
+    outline_px: int = pydantic.Field(default=3, ge=0)
+    """Segments within this distance along the outline of the foreground are accepted whatever is expected, px; 0 for
+    none. They show limbs that the prediction has missed."""
 
     use_background: bool = True
-    """Reject edges outside of the foreground where a background is known."""
+    """Reject edges where nothing has changed, where a background is known."""
 
     threads: int = pydantic.Field(default=2, ge=1)
     """Views analysed at the same time."""
@@ -88,10 +92,11 @@ class ContourAnalysis:
     def _observe_view(self, image: Image, samples: Array32 | None, plate: Image | None) -> ViewObservation:
         size = image.shape[1], image.shape[0]
         region = (0, 0, *size) if samples is None else region_around(samples, size, self.margin_px)
-        silhouette = None if plate is None else foreground(image, plate, region)
+        moving, silhouette = (None, None) if plate is None else changed(image, plate, region)
         found = self._segments(image, region)
-        trusted = self._trusted(found, silhouette)
-        accepted = accepted_segments(found, samples, self.accept_px, self.bend_px, trusted)
+        trusted = self._trusted(found, moving)
+        outline = self._outline(found, silhouette)
+        accepted = accepted_segments(found, samples, self.accept_px, self.bend_px, trusted, outline)
         return view_observation(found, accepted, region, self.reach_px, self.n_scene, silhouette)
 
     def _segments(self, image: Image, region: Region) -> EdgeSegments:
@@ -105,12 +110,26 @@ class ContourAnalysis:
         found = segment_edges(edges, gradients, rule)
         return replace(found, points=found.points + np.array([x, y], dtype=np.float32))
 
-    def _trusted(self, found: EdgeSegments, silhouette: Mask | None) -> Mask:
-        """Points inside the slightly grown foreground."""
-        if silhouette is None or not self.use_background:
+    def _trusted(self, found: EdgeSegments, moving: Mask | None) -> Mask:
+        """Points on or beside pixels that have changed; shadows count, for skin may look like one."""
+        if moving is None or not self.use_background:
             return np.ones(len(found.points), dtype=np.bool_)
-        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * self.grow_px + 1, 2 * self.grow_px + 1))
-        grown = cv2.dilate(silhouette.astype(np.uint8), kernel)
-        columns = np.clip(np.round(found.points).astype(np.int64), 0, (grown.shape[1] - 1, grown.shape[0] - 1))
-        trusted: Mask = grown[columns[:, 1], columns[:, 0]] > 0
-        return trusted
+        return _at(cv2.dilate(moving.astype(np.uint8), _disc(self.grow_px)), found)
+
+    def _outline(self, found: EdgeSegments, silhouette: Mask | None) -> Mask | None:
+        """Points on the outline of the foreground."""
+        if silhouette is None or not self.use_background or self.outline_px == 0:
+            return None
+        return _at(cv2.morphologyEx(silhouette.astype(np.uint8), cv2.MORPH_GRADIENT, _disc(self.outline_px)), found)
+
+
+def _disc(radius_px: int) -> Image:
+    kernel: Image = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius_px + 1, 2 * radius_px + 1))
+    return kernel
+
+
+def _at(picture: Image, found: EdgeSegments) -> Mask:
+    """Where a picture is set at the edge points."""
+    columns = np.clip(np.round(found.points).astype(np.int64), 0, (picture.shape[1] - 1, picture.shape[0] - 1))
+    marked: Mask = picture[columns[:, 1], columns[:, 0]] > 0
+    return marked

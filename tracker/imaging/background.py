@@ -14,9 +14,11 @@ Region = tuple[int, int, int, int]
 # before a grey floor keep the colour too: where the texture is gone, only up to 20 % of loss is a shadow.
 _DARKEST = 0.45
 _DARKEST_WITHOUT_TEXTURE = 0.8
-_CHROMA_GREY = 12.0
+_CHROMA_GREY = 8.0
 _TEXTURE_CORRELATION = 0.7
 _WINDOW = (9, 9)
+_SQUARE = np.ones((3, 3), np.uint8)
+_DISC = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7))
 
 
 def difference(image: Image, plate: Image) -> Image:
@@ -36,8 +38,8 @@ def threshold_level(image: Image, plate: Image, sigmas: float = 6.0, least: floa
     return max(least, sigmas * float(np.median(apart)) / 0.954)
 
 
-def foreground(image: Image, plate: Image, region: Region | None = None, least: float = 14.0) -> Mask:
-    """Moving foreground (h, w): pixels that differ from the plate and are not its shadow.
+def changed(image: Image, plate: Image, region: Region | None = None, least: float = 14.0) -> tuple[Mask, Mask]:
+    """Pixels (h, w) that differ from the plate, and those of them that are not its shadow: the moving foreground.
 
     Args:
         image, plate: BGR (h, w, 3) of the same size.
@@ -45,19 +47,25 @@ def foreground(image: Image, plate: Image, region: Region | None = None, least: 
         least: smallest threshold, grey levels.
 
     Returns:
-        Cleaned of specks and small holes; false outside the region.
+        All changed pixels, and the foreground cleaned of specks and small holes; both false outside the region.
     """
     full = image.shape[:2]
     level = threshold_level(image, plate, least=least)
     x, y, width, height = region or (0, 0, image.shape[1], image.shape[0])
     inside = slice(y, y + height), slice(x, x + width)
     image, plate = image[inside], plate[inside]
-    moving = (difference(image, plate) > level) & ~_shadow(image, plate)
-    cleaned = cv2.morphologyEx(moving.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    cleaned = cv2.morphologyEx(cleaned, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7)))
-    mask = np.zeros(full, dtype=np.bool_)
+    moving = difference(image, plate) > level
+    cleaned = cv2.morphologyEx((moving & ~_shadow(image, plate)).astype(np.uint8), cv2.MORPH_OPEN, _SQUARE)
+    cleaned = cv2.morphologyEx(cleaned, cv2.MORPH_CLOSE, _DISC)
+    anything, mask = np.zeros(full, dtype=np.bool_), np.zeros(full, dtype=np.bool_)
+    anything[inside] = moving
     mask[inside] = _without_specks(cleaned)
-    return mask
+    return anything, mask
+
+
+def foreground(image: Image, plate: Image, region: Region | None = None) -> Mask:
+    """The moving foreground (h, w) of `changed`."""
+    return changed(image, plate, region)[1]
 
 
 def _shadow(image: Image, plate: Image) -> Mask:

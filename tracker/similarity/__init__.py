@@ -26,6 +26,9 @@ class Evidence:
     explained: Array
     """(P,) share of each part's visible contour that lies on scene edges, 0 to 1; NaN for a hidden part."""
 
+    missed_px: Array
+    """(P,) scene contour that no model contour explains, counted for the nearest part, px."""
+
     visible_px: Array
     """(P,) visible contour length of each part over all views, px."""
 

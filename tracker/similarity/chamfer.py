@@ -6,12 +6,13 @@ from typing import Literal
 
 import numpy as np
 import pydantic
+from scipy.spatial import cKDTree
 
 from tracker.arrays import Array
 from tracker.components import component
-from tracker.contours import Contours
+from tracker.contours import Contours, ViewContours
 from tracker.kernels.chamfer import directed_distances
-from tracker.observation import Observation
+from tracker.observation import Observation, ViewObservation
 from tracker.similarity import Evidence
 
 
@@ -30,6 +31,9 @@ class ChamferSimilarity:
     explained_px: float = pydantic.Field(default=5.0, gt=0)
     """A contour sample this close to a scene edge counts as explained, px."""
 
+    missed_px: float = pydantic.Field(default=10.0, gt=0)
+    """A scene edge farther than this from all model contours counts as missed by the model, px."""
+
     def distance(self, contours: Contours, observation: Observation) -> Array:
         """(B,) undirected distance (eq. 3), averaged over the views present, px."""
         directed = self._directed(contours, observation)
@@ -38,7 +42,7 @@ class ChamferSimilarity:
     def evidence(self, contours: Contours, observation: Observation, n_parts: int) -> Evidence:
         """The distance of the first pose in detail."""
         per_view = self._directed(contours, observation)[0].mean(axis=1)
-        length, distance, near = np.zeros(n_parts), np.zeros(n_parts), np.zeros(n_parts)
+        length, distance, near, missed = np.zeros((4, n_parts))
         for v, view in enumerate(observation.views):
             if view is None:
                 continue
@@ -52,9 +56,18 @@ class ChamferSimilarity:
             length += np.bincount(model.parts, model.weights, n_parts)
             distance += np.bincount(model.parts, model.weights * found, n_parts)
             near += np.bincount(model.parts, model.weights * (found <= self.explained_px), n_parts)
+            missed += self._missed(model, view, n_parts)
         seen = np.where(length > 0, length, np.nan)
         average = float(_over_views(per_view[None], self.outlier_px)[0])
-        return Evidence(average, per_view, distance / seen, near / seen, length)
+        return Evidence(average, per_view, distance / seen, near / seen, missed, length)
+
+    def _missed(self, model: ViewContours, view: ViewObservation, n_parts: int) -> Array:
+        """(P,) length of scene contour far from all model contours, by the nearest part."""
+        if len(model.parts) == 0 or len(view.scene) == 0:
+            return np.zeros(n_parts)
+        gaps, nearest = cKDTree(model.pixels).query(view.edges[view.scene])
+        far = gaps > self.missed_px
+        return np.bincount(model.parts[nearest[far]], view.scene_weights[far], n_parts)
 
     def _directed(self, contours: Contours, observation: Observation) -> Array:
         flat, layout, scene, first, _ = observation.packed
