@@ -1,0 +1,164 @@
+"""Cameras: OpenCV as oracle, derivatives against differences, inverses, and values no camera can have."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from tracker.arrays import Array
+from tracker.camera import Camera
+from tracker.errors import CalibrationError
+
+TERMS = ("k1", "k2", "p1", "p2", "k3")
+LENSES = {
+    "none": (0.0, 0.0, 0.0, 0.0, 0.0),
+    **{term: tuple(0.1 * (term == other) for other in TERMS) for term in TERMS},
+    "all": (-0.28, 0.09, 0.002, -0.003, -0.012),
+}
+
+
+def camera_with(lens: str = "all", shear: float = 0.0) -> Camera:
+    motion = np.eye(4)
+    motion[:3, :3] = cv2.Rodrigues(np.array([0.3, -1.1, 0.7]))[0]
+    motion[:3, 3] = 0.2, -0.4, 4.0
+    matrix = np.array([[810.0, shear, 362.5], [0, 790.0, 281.0], [0, 0, 1]])
+    return Camera("north", (720, 576), matrix, np.array(LENSES[lens]), motion)
+
+
+def points_in_view(camera: Camera, n: int = 200) -> Array:
+    """World points over the whole image, 2 to 7 m deep."""
+    rng = np.random.default_rng(5)
+    depth = rng.uniform(2.0, 7.0, n)
+    local = np.stack([rng.uniform(-0.42, 0.42, n) * depth, rng.uniform(-0.34, 0.34, n) * depth, depth], axis=1)
+    points: Array = (local - camera.camera_from_world[:3, 3]) @ camera.camera_from_world[:3, :3]
+    return points
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_projection_is_that_of_opencv(lens: str) -> None:
+    camera = camera_with(lens)
+    points = points_in_view(camera)
+    theirs, _ = cv2.projectPoints(
+        points, camera.rotation_vector(), camera.camera_from_world[:3, 3], camera.matrix, camera.distortion
+    )
+    np.testing.assert_allclose(camera.project(points), theirs[:, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("lens", LENSES)
+@pytest.mark.parametrize("shear", [0.0, 12.0])
+def test_jacobian_equals_finite_differences(lens: str, shear: float) -> None:
+    camera = camera_with(lens, shear)
+    points = points_in_view(camera)
+    step = 1e-6
+    moves = step * np.eye(3)
+    differences = np.stack([camera.project(points + d) - camera.project(points - d) for d in moves], axis=-1)
+    np.testing.assert_allclose(camera.project_jacobian(points), differences / (2 * step), atol=1e-5)
+
+
+@pytest.mark.parametrize("lens", LENSES)
+@pytest.mark.parametrize("shear", [0.0, 12.0])
+def test_undistortion_inverts_projection(lens: str, shear: float) -> None:
+    camera = camera_with(lens, shear)
+    points = points_in_view(camera)
+    local = camera.in_camera(points)
+    np.testing.assert_allclose(camera.undistort(camera.project(points)), local[:, :2] / local[:, 2:], atol=1e-11)
+
+
+@pytest.mark.parametrize("shear", [0.0, 12.0])
+def test_the_ray_of_a_pixel_meets_its_point(shear: float) -> None:
+    camera = camera_with(shear=shear)
+    points = points_in_view(camera)
+    rays = camera.rays(camera.project(points))
+    distance = np.linalg.norm(points - camera.centre, axis=1)
+    np.testing.assert_allclose(np.linalg.norm(rays, axis=1), 1, atol=1e-12)
+    np.testing.assert_allclose(camera.centre + distance[:, None] * rays, points, atol=1e-9)
+
+
+def test_any_leading_axes_are_kept() -> None:
+    camera = camera_with()
+    points = points_in_view(camera, 24)
+    pixels = camera.project(points)
+    np.testing.assert_array_equal(camera.project(points.reshape(2, 3, 4, 3)), pixels.reshape(2, 3, 4, 2))
+    np.testing.assert_array_equal(camera.project(points[0]), pixels[0])
+    assert camera.project_jacobian(points.reshape(4, 6, 3)).shape == (4, 6, 2, 3)
+    np.testing.assert_allclose(camera.rays(pixels.reshape(4, 6, 2))[1, 2], camera.rays(pixels[8]), atol=1e-12)
+
+
+def test_points_behind_the_camera_have_no_image() -> None:
+    camera = camera_with()
+    in_front = points_in_view(camera, 8)
+    behind = 2 * camera.centre - in_front
+    assert np.isfinite(camera.project(in_front)).all()
+    assert np.isnan(camera.project(behind)).all()
+    assert np.isnan(camera.project(camera.centre)).all()
+
+
+@pytest.mark.parametrize("factor", [2, 3, 5])
+def test_downscaling_follows_the_averaged_image(factor: int) -> None:
+    """On a ramp, averaged pixels hold the ramp's value at their centres: both cameras must read the same."""
+    camera = replace(camera_with(), size=(720, 570))
+    smaller = camera.downscaled(factor)
+    assert smaller.size == (720 // factor, 570 // factor)
+    rows, columns = np.mgrid[: camera.size[1], : camera.size[0]].astype(np.float32)
+    points = points_in_view(camera)
+    for ramp in (columns, rows):
+        average = cv2.resize(ramp, smaller.size, interpolation=cv2.INTER_AREA)
+        slope = np.array([average[0, 1] - average[0, 0], average[1, 0] - average[0, 0]])
+        expected = camera.project(points)[:, 0 if ramp is columns else 1]
+        np.testing.assert_allclose(average[0, 0] + smaller.project(points) @ slope, expected, atol=1e-3)
+
+
+def test_a_camera_that_looks_at_a_point() -> None:
+    target = np.array([0.3, -0.2, 1.0])
+    camera = Camera.looking_at("door", (640, 480), 500.0, (4.0, 3.0, 2.5), target)
+    np.testing.assert_allclose(camera.centre, (4, 3, 2.5), atol=1e-12)
+    np.testing.assert_allclose(camera.project(target), (319.5, 239.5), atol=1e-9)
+    u, v = camera.project(target + (0, 0, 0.1))
+    assert u == pytest.approx(319.5)
+    assert v < 239.5
+
+
+def test_values_are_copied_and_cannot_be_changed() -> None:
+    matrix = np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]])
+    camera = Camera("a", (640, 480), matrix, np.zeros(5), np.eye(4))
+    matrix[0, 0] = 1.0
+    assert camera.matrix[0, 0] == 500
+    with pytest.raises(ValueError, match="read-only"):
+        camera.matrix[0, 0] = 1.0
+
+
+def changed(values: Any, index: tuple[int, ...], value: float) -> Array:
+    array = np.array(values, dtype=np.float64)
+    array[index] = value
+    return array
+
+
+GOOD = camera_with()
+MIRRORED = np.diag([-1.0, 1, 1, 1]) @ GOOD.camera_from_world
+WRONG = {
+    "negative focal length": ({"matrix": changed(GOOD.matrix, (0, 0), -810.0)}, "focal length -810"),
+    "no focal length": ({"matrix": changed(GOOD.matrix, (1, 1), 0.0)}, "focal length"),
+    "not intrinsic": ({"matrix": changed(GOOD.matrix, (2, 0), 0.5)}, "intrinsic matrix"),
+    "transposed intrinsic": ({"matrix": GOOD.matrix.T}, "intrinsic matrix"),
+    "principal point": ({"matrix": changed(GOOD.matrix, (0, 2), 1900.0)}, "720x576 image: calibrated at another"),
+    "empty image": ({"size": (0, 576)}, "image size 0x576"),
+    "mirrored": ({"camera_from_world": MIRRORED}, "not a rotation.*det R = -1"),
+    "scaled": ({"camera_from_world": np.diag([2.0, 2, 2, 1])}, "not a rotation"),
+    "transposed motion": ({"camera_from_world": GOOD.camera_from_world.T}, "last row|not a rotation"),
+    "3x4 motion": ({"camera_from_world": np.eye(4)[:3]}, r"camera_from_world: shape \(3, 4\) found, \(4, 4\)"),
+    "four lens terms": ({"distortion": np.zeros(4)}, r"distortion: shape \(4,\) found, \(5\)"),
+    "not a number": ({"distortion": changed(np.zeros(5), (1,), np.nan)}, "distortion.*finite"),
+}
+
+
+@pytest.mark.parametrize("fault", WRONG)
+def test_a_camera_that_cannot_be_is_refused(fault: str) -> None:
+    change, reason = WRONG[fault]
+    with pytest.raises(CalibrationError, match=reason) as refusal:
+        replace(GOOD, **change)  # type: ignore[arg-type]
+    assert '"north"' in str(refusal.value)
+    assert "\n" not in str(refusal.value)
