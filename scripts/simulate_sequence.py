@@ -31,7 +31,9 @@ def main(
     try:
         with Progress() as progress:
             task = progress.add_task(movement, total=len(recipe.times))
-            config = write_sequence(recipe, output, lambda done, total: progress.update(task, completed=done, total=total))
+            config = write_sequence(
+                recipe, output, lambda done, total: progress.update(task, completed=done, total=total)
+            )
     except TrackerError as error:
         Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
         raise typer.Exit(2) from None

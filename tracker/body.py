@@ -121,7 +121,7 @@ class BodyModel:
 
     @cached_property
     def packed(self) -> tuple[Mask, Array, Array, Integers]:
-        """rotates (dof,), axes (dof, 3), points (dof, 3), parents (dof,) for the kinematics kernels."""
+        """Rotates (dof,), axes (dof, 3), points (dof, 3), parents (dof,) for the kinematics kernels."""
         axes = frozen([parameter.axis for parameter in self.parameters]).reshape(-1, 3)
         points = frozen([parameter.point for parameter in self.parameters]).reshape(-1, 3)
         parents = frozen([parameter.parent for parameter in self.parameters], dtype=np.int64)
@@ -191,7 +191,7 @@ class BodyModel:
         """(P,) parts that a fine group moves and no finer chain hanging on it does: an arm's, not the body's."""
         moved = self.moves[:, self.part_parameters]
         mine = self.group(group)
-        own: Mask = moved[mine].any(axis=0)
+        own: Mask = np.asarray(moved[mine].any(axis=0))
         for other in self.fine_groups:
             theirs = self.group(other)
             if other != group and moved[mine].any(axis=0).sum() > moved[theirs].any(axis=0).sum():

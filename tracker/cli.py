@@ -133,7 +133,9 @@ def show(stage: Annotated[str | None, typer.Argument(help="A stage; none lists a
 
 def _component_table(stage: str, use: str) -> Table:
     cls: Any = find(stage, use)
-    table = Table("field", "default", "meaning", title=f'[{stage}] use = "{use}"'.replace("[", r"\["), title_justify="left")
+    table = Table(
+        "field", "default", "meaning", title=f'[{stage}] use = "{use}"'.replace("[", r"\["), title_justify="left"
+    )
     described = cls.__pydantic_fields__
     for field in dataclasses.fields(cls):
         info = described[field.name]
@@ -173,7 +175,9 @@ def _prepare_kernels() -> None:
     """Compiles the kernels where that has not been done yet, visibly."""
     if all_cached():
         return
-    with Progress(SpinnerColumn(), TextColumn("compiling kernels once: {task.description}"), TimeElapsedColumn()) as bar:
+    with Progress(
+        SpinnerColumn(), TextColumn("compiling kernels once: {task.description}"), TimeElapsedColumn()
+    ) as bar:
         task = bar.add_task("")
         warm_up(lambda name: bar.update(task, description=name))
 
@@ -203,7 +207,9 @@ def _print_evaluation(evaluation: Evaluation) -> None:
     if any(person.parameters for person in evaluation.persons):
         rows.append(("joint angles, RMS", [f"{p.angles_rms_deg:.2f} deg" for p in evaluation.persons]))
     for hinge in evaluation.persons[0].hinges_deg:
-        rows.append((f"{hinge.replace('_', ' ')}, RMS (offset removed)", [_hinge(p, hinge) for p in evaluation.persons]))
+        rows.append(
+            (f"{hinge.replace('_', ' ')}, RMS (offset removed)", [_hinge(p, hinge) for p in evaluation.persons])
+        )
     for joint, _ in sorted(evaluation.persons[0].joints_mm.items()):
         rows.append((f"{joint.replace('_', ' ')} (offset removed)", [_joint(p, joint) for p in evaluation.persons]))
     for name, values in rows:

@@ -6,7 +6,7 @@ import dataclasses
 import importlib
 import pkgutil
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, dataclass_transform
+from typing import Annotated, Any, TypeVar, cast, dataclass_transform
 
 import pydantic
 from pydantic.dataclasses import dataclass
@@ -34,7 +34,8 @@ def component(cls: type[_Component]) -> type[_Component]:
     settings = pydantic.ConfigDict(
         extra="forbid", strict=True, use_attribute_docstrings=True, arbitrary_types_allowed=True
     )
-    return dataclass(frozen=True, kw_only=True, config=settings)(cls)
+    made: Any = dataclass(frozen=True, kw_only=True, config=settings)(cls)
+    return cast("type[_Component]", made)
 
 
 def available(stage: str) -> tuple[str, ...]:
@@ -78,9 +79,7 @@ def _outside(stage: str, use: str) -> type[Any]:
     try:
         found = getattr(importlib.import_module(module_name), class_name)
     except (ImportError, AttributeError) as error:
-        raise ConfigError(
-            f'[{stage}] use = "{use}": {error}; expected an importable "package.module:Class"'
-        ) from error
+        raise ConfigError(f'[{stage}] use = "{use}": {error}; expected an importable "package.module:Class"') from error
     if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
         raise ConfigError(f'[{stage}] use = "{use}": not a component, expected a class made with @component')
     return found

@@ -150,7 +150,7 @@ def expanded(text: str, where: str) -> str:
     def variable(match: re.Match[str]) -> str:
         name = match[1]
         if name not in os.environ:
-            raise ConfigError(f'{where}: the environment variable {name} is not set; set it to the folder meant')
+            raise ConfigError(f"{where}: the environment variable {name} is not set; set it to the folder meant")
         return os.environ[name]
 
     return re.sub(r"\$\{(\w+)\}", variable, text)

@@ -69,12 +69,12 @@ class Contours:
     @property
     def n_poses(self) -> int:
         """B, the number of poses."""
-        return self.counts.shape[0]
+        return int(self.counts.shape[0])
 
     @property
     def n_views(self) -> int:
         """V, the number of views."""
-        return self.counts.shape[1]
+        return int(self.counts.shape[1])
 
 
 def joined(sets: Sequence[Contours]) -> Contours:

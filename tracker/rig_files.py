@@ -148,7 +148,7 @@ def _upper_triangular(matrix: Array) -> tuple[Array, Array]:
     upper, turn = rq(matrix)
     signs = np.diag(np.sign(np.diag(upper)))
     upper, turn = upper @ signs, signs @ turn
-    return upper / upper[2, 2], turn
+    return np.asarray(upper / upper[2, 2], dtype=np.float64), np.asarray(turn, dtype=np.float64)
 
 
 def _numbers(name: str, table: Mapping[str, Any], key: str) -> Array:

@@ -214,9 +214,7 @@ def execute(run: Run, output: Path | None = None, resume: bool = False, observer
     folder = _result_folder(run.name, output, resume)
     done = read_journal(folder) if resume else []
     sequence = run.reading.open()
-    persons = tuple(
-        Person(subject.name, body, body.rest()) for subject, body in ((s, s.body()) for s in run.persons)
-    )
+    persons = tuple(Person(subject.name, body, body.rest()) for subject, body in ((s, s.body()) for s in run.persons))
     scene = Scene(persons, sequence.rig)
     folder.mkdir(parents=True, exist_ok=True)
     if output is None:

@@ -60,9 +60,7 @@ class Cycle:
     @property
     def stages(self) -> Stages:
         """What the initialization may use."""
-        return Stages(
-            self.synthesis, self.analysis, self.similarity, self.estimation, self.backgrounds, self.progress
-        )
+        return Stages(self.synthesis, self.analysis, self.similarity, self.estimation, self.backgrounds, self.progress)
 
 
 @dataclass(frozen=True)
@@ -186,9 +184,7 @@ def bootstrap(frame: Frame, scene: Scene, cycle: Cycle, give_up: bool = False) -
     return replace(_finished(frame, scene, cycle, estimates, observation, clock), start=start)
 
 
-def _settle(
-    scene: Scene, cycle: Cycle, observation: Observation, found: Status
-) -> tuple[tuple[Estimate, ...], Scene]:
+def _settle(scene: Scene, cycle: Cycle, observation: Observation, found: Status) -> tuple[tuple[Estimate, ...], Scene]:
     """Estimates of all persons started from the poses of the scene itself."""
     estimates = []
     for k, person in enumerate(scene.persons):

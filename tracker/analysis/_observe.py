@@ -10,6 +10,8 @@ from tracker.imaging.background import Region
 from tracker.imaging.edges import EdgeSegments, chamfer_image
 from tracker.kernels.acceptance import expected_distances
 from tracker.observation import ViewObservation
+
+
 def expected_samples(contours: Contours, view: int) -> Array32:
     """Pixel and normal (M, 4) of the samples that are matched, of all poses, in one view."""
     rows = [

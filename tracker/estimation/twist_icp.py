@@ -79,8 +79,8 @@ class TwistIcpEstimation:
             )
             q = _limited_step(q, matrix + prior, vector + prior @ (q - start), body.limits)
         variance = squares / total if total > 0 else self.noise_px**2
-        covariance = np.linalg.inv(matrix / max(variance, 1e-6) + prior / self.noise_px**2)
-        return q, covariance
+        information = matrix / max(variance, 1e-6) + prior / self.noise_px**2
+        return q, np.asarray(np.linalg.inv(information), dtype=np.float64)
 
 
 def correspondences(

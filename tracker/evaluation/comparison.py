@@ -143,13 +143,10 @@ def _person(
             f"no frame in common: the run has {frames_run[0]} to {frames_run[-1]}, "
             f"the truth {min(theirs)} to {max(theirs)}"
         )
-    joints = [
-        name for name in JOINTS if all(name in mine[frame] and name in theirs[frame] for frame in common)
-    ]
+    joints = [name for name in JOINTS if all(name in mine[frame] and name in theirs[frame] for frame in common)]
     if not joints:
         raise SequenceError(
-            f"no joint in common: the run has {', '.join(mine[common[0]])}; "
-            f"the truth {', '.join(theirs[common[0]])}"
+            f"no joint in common: the run has {', '.join(mine[common[0]])}; the truth {', '.join(theirs[common[0]])}"
         )
     p = np.array([[mine[frame][name] for name in joints] for frame in common])
     g = np.array([[theirs[frame][name] for name in joints] for frame in common])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tracker.arrays import Array
+from tracker.arrays import Array, Mask
 from tracker.camera import Camera
 
 
@@ -23,8 +23,8 @@ def triangulate(cameras: Sequence[Camera], pixels: Array, sigma_px: float = 1.0)
         seen by fewer than two views.
     """
     pixels = np.asarray(pixels, dtype=np.float64)
-    seen = np.isfinite(pixels).all(axis=2)
-    good = seen.sum(axis=0) >= 2
+    seen: Mask = np.asarray(np.isfinite(pixels).all(axis=2))
+    good: Mask = np.asarray(seen.sum(axis=0) >= 2)
     points = np.full((pixels.shape[1], 3), np.nan)
     covariances = np.full((pixels.shape[1], 3, 3), np.nan)
     if not good.any():
@@ -41,7 +41,7 @@ def triangulate(cameras: Sequence[Camera], pixels: Array, sigma_px: float = 1.0)
     return points, covariances
 
 
-def _nearest_to_rays(cameras: Sequence[Camera], pixels: Array, seen: Array) -> Array:
+def _nearest_to_rays(cameras: Sequence[Camera], pixels: Array, seen: Mask) -> Array:
     """(N, 3) points with the least sum of squared distances to their viewing rays."""
     matrix, vector = np.zeros((pixels.shape[1], 3, 3)), np.zeros((pixels.shape[1], 3))
     for v, camera in enumerate(cameras):
@@ -49,11 +49,10 @@ def _nearest_to_rays(cameras: Sequence[Camera], pixels: Array, seen: Array) -> A
         across = (np.eye(3) - rays[:, :, None] * rays[:, None, :]) * seen[v][:, None, None]
         matrix += across
         vector += across @ camera.centre
-    points: Array = np.linalg.solve(matrix, vector[..., None])[..., 0]
-    return points
+    return np.asarray(np.linalg.solve(matrix, vector[..., None])[..., 0], dtype=np.float64)
 
 
-def _reprojection_step(cameras: Sequence[Camera], pixels: Array, seen: Array, points: Array) -> tuple[Array, Array]:
+def _reprojection_step(cameras: Sequence[Camera], pixels: Array, seen: Mask, points: Array) -> tuple[Array, Array]:
     """Normal matrix (N, 3, 3) and Gauss-Newton step (N, 3) of the reprojection error."""
     normal, gradient = np.zeros((len(points), 3, 3)), np.zeros((len(points), 3))
     for v, camera in enumerate(cameras):
@@ -63,5 +62,5 @@ def _reprojection_step(cameras: Sequence[Camera], pixels: Array, seen: Array, po
         jacobian = np.where(used[:, None, None], camera.project_jacobian(points), 0.0)
         normal += np.swapaxes(jacobian, 1, 2) @ jacobian
         gradient += np.einsum("nij,ni->nj", jacobian, residual)
-    step: Array = np.linalg.solve(normal, gradient[..., None])[..., 0]
+    step = np.asarray(np.linalg.solve(normal, gradient[..., None])[..., 0], dtype=np.float64)
     return normal, step

@@ -84,7 +84,8 @@ def _correlation(now: Array32, before: Array32) -> Array32:
     """Normalized cross-correlation of two grey images in a small window, 0 where there is no texture."""
 
     def mean(values: Array32) -> Array32:
-        return cv2.boxFilter(values, cv2.CV_32F, _WINDOW)
+        filtered: Array32 = cv2.boxFilter(values, cv2.CV_32F, _WINDOW)
+        return filtered
 
     a, b = mean(now), mean(before)
     covariance = mean(now * before) - a * b
@@ -100,5 +101,5 @@ def _without_specks(mask: Image) -> Mask:
         return mask.astype(np.bool_)
     areas = stats[:, cv2.CC_STAT_AREA].astype(np.float64)
     areas[0] = 0
-    kept = areas >= 0.02 * areas.max()
-    return kept[labels]
+    kept: Mask = (areas >= 0.02 * areas.max())[labels]
+    return kept

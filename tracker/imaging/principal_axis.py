@@ -36,7 +36,7 @@ def region_points(mask: Mask, most: int = 20000) -> Array:
     points = cv2.findNonZero(mask.astype(np.uint8))
     if points is None:
         return np.zeros((0, 2))
-    flat = points.reshape(-1, 2).astype(np.float64)
+    flat: Array = points.reshape(-1, 2).astype(np.float64)
     return flat[:: max(1, len(flat) // most)]
 
 

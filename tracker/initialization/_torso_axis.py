@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import permutations
 
 import cv2
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from tracker.arrays import Array, Mask
 from tracker.errors import InitializationError
@@ -58,13 +58,10 @@ def person_regions(masks: tuple[Mask | None, ...], n_persons: int, rig: Rig) -> 
     for v, regions in enumerate(split):
         if regions is None:
             continue
-        order = min(
-            permutations(range(n_persons)),
-            key=lambda order: sum(
-                _ray_gap(rig, reference, split[reference][k], v, regions[order[k]])  # type: ignore[index]
-                for k in range(n_persons)
-            ),
-        )
+        first = split[reference]
+        assert first is not None
+        gaps = np.array([[_ray_gap(rig, reference, a, v, b) for b in regions] for a in first])
+        order = linear_sum_assignment(gaps)[1]
         for k in range(n_persons):
             ordered[k][v] = regions[order[k]]
     return [tuple(regions) for regions in ordered]
@@ -89,9 +86,7 @@ def region_axes(regions: tuple[Mask | None, ...], min_pixels: int) -> list[tuple
     """Successive major axes of one person's region in each view; empty where too little of it shows."""
     points = [np.zeros((0, 2)) if region is None else region_points(region) for region in regions]
     areas = [0 if region is None else int(region.sum()) for region in regions]
-    return [
-        iterated_axes(found) if area >= min_pixels else () for found, area in zip(points, areas, strict=True)
-    ]
+    return [iterated_axes(found) if area >= min_pixels else () for found, area in zip(points, areas, strict=True)]
 
 
 def torso_axis(rig: Rig, regions: tuple[Mask | None, ...], axes: list[tuple[PrincipalAxis, ...]]) -> TorsoAxis:

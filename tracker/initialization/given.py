@@ -34,9 +34,7 @@ class GivenInitialization:
         mine = [row for row in rows if row.get("person") == person.name and row.get("status") != "lost"]
         if not mine:
             names = {row.get("person") or "" for row in rows}
-            raise InitializationError(
-                f'{self.poses}: no pose of person "{person.name}"; {nearest(person.name, names)}'
-            )
+            raise InitializationError(f'{self.poses}: no pose of person "{person.name}"; {nearest(person.name, names)}')
         earlier = [row for row in mine if _number(row, "frame", self.poses) <= index]
         return _parameters(earlier[-1] if earlier else mine[0], person.body, self.poses)
 
@@ -57,8 +55,7 @@ def _parameters(row: dict[str, str], body: BodyModel, path: Path) -> Array:
     for parameter in body.parameters:
         if parameter.column not in row:
             raise InitializationError(
-                f'{path}: no column "{parameter.column}" of model "{body.name}"; '
-                f"{nearest(parameter.column, row)}"
+                f'{path}: no column "{parameter.column}" of model "{body.name}"; {nearest(parameter.column, row)}'
             )
         value = _number(row, parameter.column, path)
         values.append(math.radians(value) if parameter.rotates else value)

@@ -119,9 +119,7 @@ class PcaInitialization:
         objective = Objective(scene, k, stages.synthesis, stages.similarity, observation)
         stages.progress("bootstrapping: coarse search of the turn and the limbs")
         coarse = self._coarse(body, scene.persons[k].q)
-        distances = np.concatenate(
-            [objective(coarse[i : i + _BATCH]) for i in range(0, len(coarse), _BATCH)]
-        )
+        distances = np.concatenate([objective(coarse[i : i + _BATCH]) for i in range(0, len(coarse), _BATCH)])
         best, best_distance = scene.persons[k].q, np.inf
         for n, q in enumerate(self._apart(body, coarse, distances), start=1):
             stages.progress(f"bootstrapping: hypothesis {n} of {self.hypotheses}")

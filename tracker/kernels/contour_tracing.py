@@ -161,7 +161,14 @@ def _neighbours(p: int, spheres: Array, radii: Array, listed: Integers) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _cover(
-    inverses: Array, shapes: Array, reaches: Array, eyes: Array, listed: Integers, n: int, sample: Array, contact_m: float
+    inverses: Array,
+    shapes: Array,
+    reaches: Array,
+    eyes: Array,
+    listed: Integers,
+    n: int,
+    sample: Array,
+    contact_m: float,
 ) -> int:
     """2 if another part covers the sample (6,), 1 if one touches its outer side, else 0."""
     outcome = 0

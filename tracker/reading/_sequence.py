@@ -147,9 +147,7 @@ def chosen_offsets(rig: Rig, offsets: dict[str, int]) -> tuple[int, ...]:
     return tuple(offsets.get(name, 0) for name in rig.names)
 
 
-def common_length(
-    rig: Rig, lengths: tuple[int, ...], offsets: tuple[int, ...], on_missing: OnMissing
-) -> int:
+def common_length(rig: Rig, lengths: tuple[int, ...], offsets: tuple[int, ...], on_missing: OnMissing) -> int:
     """Number of frames that all views have; the longest view's where views may be missing.
 
     Raises:

@@ -83,7 +83,9 @@ class ImageReading:
     def _view(self, name: str) -> _ImageView:
         pattern = self.path.replace("{view}", name)
         if "{frame}" not in pattern:
-            raise SequenceError(f'path = "{self.path}": no {{frame}} in it, expected e.g. images/{{view}}/{{frame}}.png')
+            raise SequenceError(
+                f'path = "{self.path}": no {{frame}} in it, expected e.g. images/{{view}}/{{frame}}.png'
+            )
         folder, before_after = Path(pattern).parent, Path(pattern).name.split("{frame}")
         if not folder.is_dir():
             raise SequenceError(f'view "{name}": no folder {folder}')
@@ -105,7 +107,7 @@ class _ImageView:
         path = self.files.get(self.first + index)
         if path is None:
             return None
-        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        image: Image | None = cv2.imread(str(path), cv2.IMREAD_COLOR)
         if image is None:
             raise SequenceError(f"{path}: not an image that can be read: the file is corrupt or truncated")
         return image

@@ -108,7 +108,10 @@ class VideoView(View):
                 f"{self._path}: frame {self._next} cannot be decoded ({error.strerror}): the file is corrupt; "
                 'set on_missing = "skip" to go on without it'
             ) from error
-        return None if frame is None else frame.to_ndarray(format="bgr24")
+        if frame is None:
+            return None
+        image: Image = frame.to_ndarray(format="bgr24").astype(np.uint8, copy=False)
+        return image
 
 
 def _header(path: Path, name: str) -> tuple[int, float]:

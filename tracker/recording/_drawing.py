@@ -102,9 +102,7 @@ def _draw_bones(picture: Image, step: Step, scene: Scene, v: int) -> None:
                 cv2.line(picture, tuple(a), tuple(b), _CYAN, 2, cv2.LINE_AA)
 
 
-def _label(
-    picture: Image, text: str, at: tuple[int, int], colour: tuple[int, int, int], scale: float = 0.6
-) -> None:
+def _label(picture: Image, text: str, at: tuple[int, int], colour: tuple[int, int, int], scale: float = 0.6) -> None:
     cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, (0, 0, 0), 4, cv2.LINE_AA)
     cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
 

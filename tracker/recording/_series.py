@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
+from tracker.estimate import Status
 from tracker.recording._drawing import STATUS_COLOURS
 from tracker.scene import Person, Scene
 from tracker.trajectory import Step
@@ -129,7 +130,7 @@ def _legend(axis: Axes, metres: Axes | None) -> None:
 def _shade_lost(axis: Axes, series: Series, person: int) -> None:
     for frame, statuses in zip(series.frames, series.statuses, strict=True):
         if statuses[person] == "lost":
-            axis.axvspan(frame - 0.5, frame + 0.5, color=STATUS_COLOURS["lost"], alpha=0.25, lw=0)
+            axis.axvspan(frame - 0.5, frame + 0.5, color=STATUS_COLOURS[Status.LOST], alpha=0.25, lw=0)
 
 
 def distance_figure(series: Series) -> Figure:

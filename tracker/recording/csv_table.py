@@ -57,18 +57,14 @@ class CsvRecorder:
             sigma = np.sqrt(np.maximum(np.diag(estimate.covariance), 0.0))
             csv.writer(self._poses).writerow([*head, *self._values(person, estimate, estimate.q)])
             csv.writer(self._sigmas).writerow([*head, *self._values(person, estimate, sigma)])
-            for name, point in zip(
-                person.body.landmark_names, person.body.landmarks_in_world(estimate.q), strict=True
-            ):
+            for name, point in zip(person.body.landmark_names, person.body.landmarks_in_world(estimate.q), strict=True):
                 where = ["", "", ""] if estimate.lost else [self._text(value) for value in point]
                 csv.writer(self._joints).writerow([*start, name, *where])
         for file in (self._poses, self._sigmas, self._joints):
             file.flush()
 
     def _values(self, person: Person, estimate: Estimate, values: Array) -> list[str]:
-        shown = dict(
-            zip((p.column for p in person.body.parameters), in_table_units(person, values), strict=True)
-        )
+        shown = dict(zip((p.column for p in person.body.parameters), in_table_units(person, values), strict=True))
         return ["" if estimate.lost or column not in shown else self._text(shown[column]) for column in self._columns]
 
     def _text(self, value: float) -> str:

@@ -44,5 +44,3 @@ class Similarity(Protocol):
     def evidence(self, contours: Contours, observation: Observation, n_parts: int) -> Evidence:
         """The distance of the first pose in detail."""
         ...
-
-

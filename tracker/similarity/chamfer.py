@@ -65,9 +65,12 @@ class ChamferSimilarity:
         """(P,) length of scene contour far from all model contours, by the nearest part."""
         if len(model.parts) == 0 or len(view.scene) == 0:
             return np.zeros(n_parts)
-        gaps, nearest = cKDTree(model.pixels).query(view.edges[view.scene])
+        found = cKDTree(model.pixels).query(view.edges[view.scene])
+        gaps, nearest = np.asarray(found[0]), np.asarray(found[1])
         far = gaps > self.missed_px
-        return np.bincount(model.parts[nearest[far]], view.scene_weights[far], n_parts)
+        lengths = view.scene_weights[far].astype(np.float64)
+        missed: Array = np.bincount(model.parts[nearest[far]], lengths, n_parts).astype(np.float64)
+        return missed
 
     def _directed(self, contours: Contours, observation: Observation) -> Array:
         flat, layout, scene, first, _ = observation.packed

@@ -37,6 +37,7 @@ class Mesh:
     colours: Array32
     """(P, N, 3) BGR."""
 
+
 def mesh_of(person: Person, wardrobe: int = 0) -> Mesh:
     """The person's surface with clothes."""
     eta = np.linspace(-np.pi / 2, np.pi / 2, _N_ETA)[:, None]
@@ -44,9 +45,7 @@ def mesh_of(person: Person, wardrobe: int = 0) -> Mesh:
     surfaces = [part.shape.surface(eta, omega) for part in person.body.parts]
     points = np.array([found[0].reshape(-1, 3) for found in surfaces])
     normals = np.array([found[1].reshape(-1, 3) for found in surfaces])
-    colours = np.array(
-        [_clothes(part.name, p, wardrobe) for part, p in zip(person.body.parts, points, strict=True)]
-    )
+    colours = np.array([_clothes(part.name, p, wardrobe) for part, p in zip(person.body.parts, points, strict=True)])
     return Mesh(points, normals, colours.astype(np.float32))
 
 
@@ -117,7 +116,10 @@ def _joined(placed: list[tuple[Array, Array, Array]]) -> tuple[Array, Array, Arr
     rows, columns = np.meshgrid(np.arange(_N_ETA - 1), np.arange(_N_OMEGA), indexing="ij")
     a, b = rows * _N_OMEGA + columns, rows * _N_OMEGA + (columns + 1) % _N_OMEGA
     quads = np.concatenate(
-        [np.stack([a, b, a + _N_OMEGA], -1).reshape(-1, 3), np.stack([b, b + _N_OMEGA, a + _N_OMEGA], -1).reshape(-1, 3)]
+        [
+            np.stack([a, b, a + _N_OMEGA], -1).reshape(-1, 3),
+            np.stack([b, b + _N_OMEGA, a + _N_OMEGA], -1).reshape(-1, 3),
+        ]
     )
     starts = np.arange(0, n_vertices, per_part)
     triangles = (starts[:, None, None] + quads[None]).reshape(-1, 3).astype(np.int64)
@@ -138,9 +140,7 @@ def _shade(
     corners = triangles[buffers[..., 1][covered].astype(np.int64)]
     u, v = buffers[..., 2][covered][:, None], buffers[..., 3][covered][:, None]
     shade = np.zeros((size[1], size[0], 3), dtype=np.float32)
-    shade[covered] = (
-        u * colours[corners[:, 0]] + v * colours[corners[:, 1]] + (1 - u - v) * colours[corners[:, 2]]
-    )
+    shade[covered] = u * colours[corners[:, 0]] + v * colours[corners[:, 1]] + (1 - u - v) * colours[corners[:, 2]]
     target = int(high[0] - low[0]), int(high[1] - low[1])
     colour = cv2.resize(shade, target, interpolation=cv2.INTER_AREA)
     coverage = cv2.resize(covered.astype(np.float32), target, interpolation=cv2.INTER_AREA)
@@ -166,4 +166,5 @@ def _shadowed(plate: Image, camera: Camera, scene: Scene) -> Image:
                 darkness += blob
     soft = np.minimum(cv2.GaussianBlur(darkness, (0, 0), max(plate.shape) / 480), 0.5)
     light = 1 - cv2.resize(soft, plate.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-    return cv2.multiply(plate, cv2.merge([light, light, light]), dtype=cv2.CV_8U)
+    shaded: Image = cv2.multiply(plate, cv2.merge([light, light, light]), dtype=cv2.CV_8U)
+    return shaded

@@ -50,9 +50,12 @@ def _faces(rng: np.random.Generator) -> dict[tuple[int, int], Image]:
 
 def _plain(rng: np.random.Generator, rows: int, columns: int, colour: tuple[int, int, int]) -> Image:
     """A surface with soft stains and grain."""
-    stains = cv2.resize(rng.normal(0, 7, (rows // 60 + 2, columns // 60 + 2)), (columns, rows), interpolation=cv2.INTER_CUBIC)
+    stains = cv2.resize(
+        rng.normal(0, 7, (rows // 60 + 2, columns // 60 + 2)), (columns, rows), interpolation=cv2.INTER_CUBIC
+    )
     grain = rng.normal(0, 2.5, (rows, columns))
-    return np.clip(np.array(colour) + (stains + grain)[..., None], 0, 255).astype(np.uint8)
+    plain: Image = np.clip(np.array(colour) + (stains + grain)[..., None], 0, 255).astype(np.uint8)
+    return plain
 
 
 def _floor(rng: np.random.Generator, rows: int, columns: int) -> Image:
@@ -130,7 +133,8 @@ def _render(camera: Camera, faces: dict[tuple[int, int], Image], boxes: list[tup
     for box in boxes:
         _cast_box(origin, rays, box, colours, nearest)
     picture = colours.reshape(2 * height, 2 * width, 3)
-    return cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
+    plate: Image = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
+    return plate
 
 
 def _cast_room(origin: Array, rays: Array, faces: dict[tuple[int, int], Image]) -> Image:

@@ -21,7 +21,6 @@ from tracker.body_files import load_body
 from tracker.errors import SequenceError
 from tracker.frame import Frame
 from tracker.resources import model_path
-from tracker.rig import Rig
 from tracker.rig_files import save_rig
 from tracker.scene import Person, Scene
 from tracker.simulation.movements import poses_of
@@ -125,7 +124,9 @@ def _sensed(picture: Image, recipe: Recipe, key: tuple[int, int]) -> Image:
     return picture
 
 
-def write_sequence(recipe: Recipe, folder: Path, progress: Callable[[int, int], None] = lambda done, total: None) -> Path:
+def write_sequence(
+    recipe: Recipe, folder: Path, progress: Callable[[int, int], None] = lambda done, total: None
+) -> Path:
     """Writes a recording to a folder, complete or not at all.
 
     The folder holds `{view}.mp4`, `background/{view}.png`, `rig.toml`, `model.toml`, `truth_poses.csv`,
@@ -181,6 +182,7 @@ def _write_videos(simulation: Simulation, folder: Path, progress: Callable[[int,
     try:
         for frame in simulation.frames():
             for container, stream, image in zip(containers, streams, frame.images, strict=True):
+                assert image is not None
                 container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
             progress(frame.index + 1, total)
         for container, stream in zip(containers, streams, strict=True):

@@ -1,0 +1,20 @@
+#!/bin/sh
+# Sets everything up in .venv and passes the tests: lint, format, types, pytest. Arguments go to pytest.
+set -eu
+cd "$(dirname "$0")/.."
+. scripts/environment.sh
+make_environment "[gl,dev]"
+# pyrender pins PyOpenGL 3.1.0, which fails on Python 3.12 and with OSMesa.
+.venv/bin/python -m pip install --quiet --disable-pip-version-check --upgrade "PyOpenGL>=3.1.10" 2>/dev/null
+
+gl_packages="libegl1 libgl1 libxrender1 libosmesa6"
+if ! ldconfig -p 2>/dev/null | grep -q libOSMesa; then
+    say "installing the OpenGL packages that the renderer tests use: $gl_packages"
+    # shellcheck disable=SC2086
+    apt_install $gl_packages || say "not installed; tests that need them say so (apt-get install $gl_packages)"
+fi
+[ -n "${BODYTRACK_DATA:-}" ] || say "BODYTRACK_DATA is not set: tests on recordings are skipped"
+
+say "ruff"; .venv/bin/ruff check . && .venv/bin/ruff format --check .
+say "mypy"; .venv/bin/mypy tracker scripts
+say "pytest"; OPENBLAS_NUM_THREADS=1 exec .venv/bin/python -m pytest "$@"
