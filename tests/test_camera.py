@@ -117,7 +117,7 @@ def test_a_camera_that_looks_at_a_point() -> None:
     camera = Camera.looking_at("door", (640, 480), 500.0, (4.0, 3.0, 2.5), target)
     np.testing.assert_allclose(camera.centre, (4, 3, 2.5), atol=1e-12)
     np.testing.assert_allclose(camera.project(target), (319.5, 239.5), atol=1e-9)
-    u, v = camera.project(target + (0, 0, 0.1))
+    u, v = camera.project(target + np.array([0, 0, 0.1]))
     assert u == pytest.approx(319.5)
     assert v < 239.5
 

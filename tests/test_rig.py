@@ -150,7 +150,7 @@ def test_selection_keeps_the_wanted_order() -> None:
     assert len(chosen) == 2
     assert chosen.cameras[1] is rig.cameras[0]
     assert rig.index("right") == 3
-    with pytest.raises(CalibrationError, match='no camera "frnt".*did you mean "front"'):
+    with pytest.raises(CalibrationError, match=r'no camera "frnt".*did you mean "front"'):
         rig.select(("frnt",))
 
 
