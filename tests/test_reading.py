@@ -1,0 +1,406 @@
+"""Reading: the right image for every frame and view, streamed; faults named or, where asked for, left out."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import shutil
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from tracker import reading
+from tracker.arrays import Image
+from tracker.camera import Camera
+from tracker.errors import CalibrationError, SequenceError
+from tracker.reading.images import ImageReading
+from tracker.reading.video import VideoReading, VideoView
+from tracker.rig import Rig
+from tracker.rig_files import load_rig, save_rig
+
+Recording = VideoReading | ImageReading
+WIDTH, HEIGHT, N_FRAMES, FPS = 64, 48, 20, 25
+VIEWS = ("east", "north", "west")
+
+
+def picture(view: int, number: int) -> Image:
+    """The left half's grey tells the frame, the right half's the view; codecs change either by a level or two."""
+    image = np.full((HEIGHT, WIDTH, 3), 10 + 10 * number, dtype=np.uint8)
+    image[:, WIDTH // 2 :] = 40 + 60 * view
+    return image
+
+
+def seen(image: Image | None) -> tuple[int, int] | None:
+    """View and frame that a picture shows."""
+    if image is None:
+        return None
+    left, right = np.median(image[:, : image.shape[1] // 3]), np.median(image[:, -image.shape[1] // 3 :])
+    return round((float(right) - 40) / 60), round((float(left) - 10) / 10)
+
+
+def write_video(path: Path, pictures: list[Image], fps: int = FPS, options: dict[str, str] | None = None) -> None:
+    with av.open(str(path), "w", options=options or {}) as container:
+        stream = container.add_stream("libx264", rate=fps)
+        stream.height, stream.width = pictures[0].shape[:2]
+        stream.pix_fmt = "yuv420p"
+        for image in pictures:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
+        container.mux(stream.encode())
+
+
+def pictures_of(view: int, numbers: range = range(N_FRAMES)) -> list[Image]:
+    return [picture(view, number) for number in numbers]
+
+
+def write_images(folder: Path, view: int, numbers: range = range(N_FRAMES), first: int = 0) -> None:
+    folder.mkdir(parents=True)
+    for number in numbers:
+        cv2.imwrite(str(folder / f"img_{number + first:04d}.png"), picture(view, number))
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three views as videos and as images, with clean plates and the rig."""
+    root = tmp_path_factory.mktemp("recorded")
+    cameras = []
+    for v, name in enumerate(VIEWS):
+        place = (4 * np.cos(v), 4 * np.sin(v), 1.5)
+        cameras.append(Camera.looking_at(name, (WIDTH, HEIGHT), 60.0, place, np.array([0, 0, 1.0])))
+        write_video(root / f"{name}.mp4", pictures_of(v))
+        write_images(root / "images" / name, v)
+        cv2.imwrite(str(root / f"plate_{name}.png"), picture(v, 0))
+    save_rig(Rig(tuple(cameras)), root / "rig.toml")
+    return root
+
+
+@pytest.fixture
+def folder(recorded: Path, tmp_path: Path) -> Path:
+    """A copy of the recording that a test may spoil."""
+    return Path(shutil.copytree(recorded, tmp_path / "copy"))
+
+
+def videos(folder: Path, **settings: Any) -> VideoReading:
+    return VideoReading(path=str(folder / "{view}.mp4"), rig=folder / "rig.toml", **settings)
+
+
+def images(folder: Path, **settings: Any) -> ImageReading:
+    path = str(folder / "images" / "{view}" / "img_{frame}.png")
+    return ImageReading(path=path, rig=folder / "rig.toml", fps=float(FPS), **settings)
+
+
+KINDS: dict[str, Callable[..., Recording]] = {"videos": videos, "images": images}
+both = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS.keys())
+
+
+def shown(recording: Recording) -> list[tuple[tuple[int, int] | None, ...]]:
+    """What the images of all frames show."""
+    return [tuple(map(seen, frame.images)) for frame in recording.open().frames()]
+
+
+@both
+def test_every_view_of_every_frame(recorded: Path, kind: Callable[..., Recording]) -> None:
+    sequence = kind(recorded).open()
+    assert isinstance(sequence, reading.Sequence)
+    assert isinstance(kind(recorded), reading.Reading)
+    assert sequence.rig.names == VIEWS
+    assert sequence.fps == FPS
+    assert sequence.backgrounds == (None, None, None)
+    frames = list(sequence.frames())
+    assert len(frames) == sequence.n_frames == N_FRAMES
+    for number, frame in enumerate(frames):
+        assert frame.index == number
+        assert frame.time_s == pytest.approx(number / FPS)
+        assert frame.missing == ()
+        assert [image.shape for image in frame.images if image is not None] == [(HEIGHT, WIDTH, 3)] * 3
+        assert tuple(map(seen, frame.images)) == tuple((v, number) for v in range(3))
+
+
+@both
+def test_a_sequence_can_be_read_again(recorded: Path, kind: Callable[..., Recording]) -> None:
+    sequence = kind(recorded, stop=4).open()
+    first = [[seen(image) for image in frame.images] for frame in sequence.frames()]
+    assert [[seen(image) for image in frame.images] for frame in sequence.frames()] == first
+
+
+@both
+@pytest.mark.parametrize(("start", "stop", "stride"), [(0, None, 1), (5, 12, 1), (3, None, 4), (19, 20, 7), (0, 1, 1)])
+def test_ranges(recorded: Path, kind: Callable[..., Recording], start: int, stop: int | None, stride: int) -> None:
+    recording = dataclasses.replace(kind(recorded), start=start, stop=stop, stride=stride)
+    sequence = recording.open()
+    expected = list(range(N_FRAMES))[start:stop:stride]
+    frames = list(sequence.frames())
+    assert [frame.index for frame in frames] == expected
+    assert [seen(frame.images[1]) for frame in frames] == [(1, number) for number in expected]
+    assert sequence.n_frames == len(expected)
+    np.testing.assert_allclose([frame.time_s for frame in frames], np.array(expected) / FPS)
+
+
+@both
+@pytest.mark.parametrize(("start", "stop"), [(20, None), (0, 21), (5, 5), (7, 3)])
+def test_ranges_outside_the_recording_are_refused(
+    recorded: Path, kind: Callable[..., Recording], start: int, stop: int | None
+) -> None:
+    with pytest.raises(SequenceError, match=r"the recording has 20.*start and stop"):
+        kind(recorded, start=start, stop=stop).open()
+
+
+@both
+def test_chosen_views_in_the_wanted_order(recorded: Path, kind: Callable[..., Recording]) -> None:
+    recording = kind(recorded, views=("west", "east"), stop=2)
+    assert recording.open().rig.names == ("west", "east")
+    assert shown(recording) == [((2, 0), (0, 0)), ((2, 1), (0, 1))]
+
+
+@both
+def test_an_unknown_view_is_refused(recorded: Path, kind: Callable[..., Recording]) -> None:
+    with pytest.raises(CalibrationError, match=r'no camera "nort".*did you mean "north"'):
+        kind(recorded, views=("nort",)).open()
+
+
+@both
+def test_offsets_say_which_image_belongs_to_frame_0(folder: Path, kind: Callable[..., Recording]) -> None:
+    write_video(folder / "north.mp4", pictures_of(1, range(3, N_FRAMES)))
+    shutil.rmtree(folder / "images" / "north")
+    write_images(folder / "images" / "north", 1, range(3, N_FRAMES), first=-3)
+    recording = kind(folder, offsets={"east": 3, "west": 3})
+    assert shown(recording) == [((0, n), (1, n), (2, n)) for n in range(3, N_FRAMES)]
+    with pytest.raises(SequenceError, match=r'offsets: no view "wst".*did you mean "west"'):
+        kind(folder, offsets={"wst": 3}).open()
+
+
+@both
+def test_views_of_unequal_length(folder: Path, kind: Callable[..., Recording]) -> None:
+    write_video(folder / "north.mp4", pictures_of(1, range(14)))
+    shutil.rmtree(folder / "images" / "north")
+    write_images(folder / "images" / "north", 1, range(14))
+    with pytest.raises(SequenceError, match=r"east 20, north 14, west 20.*on_missing"):
+        kind(folder).open()
+    recording = kind(folder, on_missing="skip")
+    frames = list(recording.open().frames())
+    assert len(frames) == N_FRAMES
+    assert [frame.missing for frame in frames] == [()] * 14 + [(1,)] * 6
+    assert shown(recording)[15] == ((0, 15), None, (2, 15))
+
+
+@both
+def test_a_negative_offset_leaves_a_view_out_of_the_first_frames(folder: Path, kind: Callable[..., Recording]) -> None:
+    recording = kind(folder, offsets={"west": -2}, on_missing="skip")
+    assert shown(recording)[:4] == [
+        ((0, 0), (1, 0), None), ((0, 1), (1, 1), None), ((0, 2), (1, 2), (2, 0)), ((0, 3), (1, 3), (2, 1))
+    ]  # fmt: skip
+
+
+@both
+def test_images_of_another_size_than_calibrated(folder: Path, kind: Callable[..., Recording]) -> None:
+    smaller = load_rig(folder / "rig.toml").downscaled(2)
+    save_rig(smaller, folder / "rig.toml")
+    for policy in ("error", "skip"):
+        with pytest.raises(CalibrationError, match=r"64x48 px, the rig was calibrated at 32x24"):
+            list(kind(folder, on_missing=policy).open().frames())
+
+
+@both
+@pytest.mark.parametrize("factor", [2, 3])
+def test_downscaling_averages_the_images_and_scales_the_rig(
+    recorded: Path, kind: Callable[..., Recording], factor: int
+) -> None:
+    full = kind(recorded, stop=3).open()
+    small = kind(recorded, stop=3, downscale=factor, background=str(recorded / "plate_{view}.png")).open()
+    size = WIDTH // factor, HEIGHT // factor
+    assert [camera.size for camera in small.rig.cameras] == [size] * 3
+    point = np.array([0.1, -0.2, 1.1])
+    expected = (full.rig.project(point) - (factor - 1) / 2) / factor
+    np.testing.assert_allclose(small.rig.project(point), expected, atol=1e-9)
+    assert [plate.shape for plate in small.backgrounds if plate is not None] == [(size[1], size[0], 3)] * 3
+    for large, little in zip(full.frames(), small.frames(), strict=True):
+        for before, after in zip(large.images, little.images, strict=True):
+            assert before is not None
+            assert after is not None
+            cut = before[: size[1] * factor, : size[0] * factor].astype(float)
+            average = cut.reshape(size[1], factor, size[0], factor, 3).mean(axis=(1, 3))
+            assert after.shape == average.shape
+            assert np.abs(after - average).max() <= 0.51
+
+
+@both
+def test_backgrounds(folder: Path, kind: Callable[..., Recording]) -> None:
+    pictures = kind(folder, background=str(folder / "plate_{view}.png")).open().backgrounds
+    assert [seen(plate) for plate in pictures] == [(0, 0), (1, 0), (2, 0)]
+    for v, name in enumerate(VIEWS):
+        passing = [*pictures_of(v, range(9, 16)), *[picture(v, 2)] * 33]
+        write_video(folder / f"empty_{name}.mp4", passing)
+    clips = kind(folder, background=str(folder / "empty_{view}.mp4")).open().backgrounds
+    assert [seen(plate) for plate in clips] == [(0, 2), (1, 2), (2, 2)]
+    assert all(plate is not None and not plate.flags.writeable for plate in (*pictures, *clips))
+
+
+@both
+@pytest.mark.parametrize(
+    ("spoil", "reason"),
+    [
+        (lambda path: path.unlink(), r'background of view "north": no file .*plate_north\.png'),
+        (lambda path: path.write_bytes(b"no picture"), r'background of view "north": .*not an image'),
+    ],
+)
+def test_a_background_that_cannot_be_read(
+    folder: Path, kind: Callable[..., Recording], spoil: Callable[[Path], None], reason: str
+) -> None:
+    spoil(folder / "plate_north.png")
+    with pytest.raises(SequenceError, match=reason):
+        kind(folder, background=str(folder / "plate_{view}.png")).open()
+
+
+def test_a_background_of_another_size(folder: Path) -> None:
+    cv2.imwrite(str(folder / "plate_north.png"), picture(1, 0)[:40])
+    with pytest.raises(CalibrationError, match=r'"north".*64x40'):
+        videos(folder, background=str(folder / "plate_{view}.png")).open()
+
+
+@both
+def test_missing_files_are_named(folder: Path, kind: Callable[..., Recording]) -> None:
+    (folder / "west.mp4").unlink()
+    shutil.rmtree(folder / "images" / "west")
+    with pytest.raises(SequenceError, match=r'view "west": no (file|folder) \S*west'):
+        kind(folder).open()
+
+
+@pytest.mark.parametrize("policy", ["error", "skip"])
+def test_a_file_that_is_no_video(folder: Path, policy: Any) -> None:
+    (folder / "north.mp4").write_bytes(b"these are words" * 100)
+    with pytest.raises(SequenceError, match=r'view "north": \S*north\.mp4 is not a video'):
+        videos(folder, on_missing=policy).open()
+
+
+def truncate(path: Path, view: int, share: float) -> None:
+    """A video cut off while it was copied; its header, at the front, still tells all frames."""
+    rng = np.random.default_rng(0)
+    noisy = [image + rng.integers(0, 3, image.shape, dtype=np.uint8) for image in pictures_of(view)]
+    write_video(path, noisy, options={"movflags": "faststart"})
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(len(whole) * share)])
+
+
+def test_a_truncated_video_is_noticed(folder: Path) -> None:
+    truncate(folder / "north.mp4", 1, 0.8)
+    with pytest.raises(SequenceError, match=r"north"):
+        list(videos(folder).open().frames())
+    frames = list(videos(folder, on_missing="skip").open().frames())
+    assert len(frames) == N_FRAMES
+    present = [1 not in frame.missing for frame in frames]
+    whole = present.index(False)
+    assert 0 < whole < N_FRAMES
+    assert not any(present[whole:])
+    assert [seen(frame.images[1]) for frame in frames[:whole]] == [(1, number) for number in range(whole)]
+    assert all(seen(frame.images[0]) == (0, number) for number, frame in enumerate(frames))
+
+
+def test_a_frame_that_cannot_be_decoded_is_named(folder: Path) -> None:
+    path = folder / "north.mp4"
+    with av.open(str(path)) as container:
+        packets = [packet for packet in container.demux(video=0) if packet.size]
+        broken = max(packets[6:], key=lambda packet: packet.size)
+        start, size = broken.pos or 0, broken.size
+    content = bytearray(path.read_bytes())
+    content[start : start + size] = b"\x55" * size
+    path.write_bytes(content)
+    with pytest.raises(SequenceError, match=r"north\.mp4: frame \d+ cannot be decoded .*corrupt.*on_missing"):
+        list(videos(folder).open().frames())
+    last = list(videos(folder, on_missing="skip").open().frames())[-1]
+    assert 1 in last.missing
+    assert last.index == N_FRAMES - 1
+
+
+def test_different_frame_rates_are_refused(folder: Path) -> None:
+    write_video(folder / "north.mp4", pictures_of(1), fps=30)
+    with pytest.raises(SequenceError, match=r"east 25\.00, north 30\.00, west 25\.00 fps"):
+        videos(folder).open()
+    assert videos(folder, fps=50.0).open().fps == 50.0
+    assert next(videos(folder, fps=50.0, start=10).open().frames()).time_s == pytest.approx(0.2)
+
+
+def test_image_numbers_need_not_start_at_0(folder: Path) -> None:
+    for v, name in enumerate(VIEWS):
+        shutil.rmtree(folder / "images" / name)
+        write_images(folder / "images" / name, v, first=997)
+    assert shown(images(folder, start=8, stop=10)) == [tuple((v, n) for v in range(3)) for n in (8, 9)]
+
+
+def test_images_are_sorted_by_number_not_by_letter(folder: Path) -> None:
+    for name in VIEWS:
+        for file in (folder / "images" / name).iterdir():
+            number = int(re.sub(r"\D", "", file.name))
+            file.rename(file.with_name(f"img_{number}.png"))
+    assert [views[2] for views in shown(images(folder))] == [(2, number) for number in range(N_FRAMES)]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "reason"),
+    [
+        (lambda path: path.unlink(), r'view "north" has no image for frame 7'),
+        (lambda path: path.write_bytes(path.read_bytes()[:80]), r"img_0007\.png: not an image that can be read"),
+    ],
+    ids=["missing", "truncated"],
+)
+def test_one_bad_image(folder: Path, spoil: Callable[[Path], None], reason: str) -> None:
+    spoil(folder / "images" / "north" / "img_0007.png")
+    with pytest.raises(SequenceError, match=reason):
+        list(images(folder).open().frames())
+    frames = list(images(folder, on_missing="skip").open().frames())
+    assert [frame.index for frame in frames if frame.missing] == [7]
+    assert frames[7].missing == (1,)
+    assert seen(frames[8].images[1]) == (1, 8)
+
+
+def test_image_patterns_that_cannot_work(folder: Path) -> None:
+    with pytest.raises(SequenceError, match=r"no \{frame\}"):
+        dataclasses.replace(images(folder), path=str(folder / "images" / "{view}" / "img.png")).open()
+    with pytest.raises(SequenceError, match=r'view "east": no image picture_\{frame\}\.png'):
+        dataclasses.replace(images(folder), path=str(folder / "images" / "{view}" / "picture_{frame}.png")).open()
+
+
+def test_frames_are_streamed(recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No view is decoded further ahead than the frame after the one in hand."""
+    lock, decoded = threading.Lock(), dict.fromkeys(VIEWS, 0)
+    original = VideoView.read
+
+    def counted(self: VideoView, index: int) -> Image | None:
+        with lock:
+            decoded[self._path.stem] = max(decoded[self._path.stem], index + 1)
+        return original(self, index)
+
+    monkeypatch.setattr(VideoView, "read", counted)
+    frames = videos(recorded).open().frames()
+    assert max(decoded.values()) == 0
+    for _ in range(5):
+        frame = next(frames)
+        assert max(decoded.values()) <= frame.index + 2
+    frames.close()  # type: ignore[attr-defined]
+    assert max(decoded.values()) < N_FRAMES
+
+
+def test_abandoned_frames_leave_no_thread(recorded: Path) -> None:
+    before = threading.active_count()
+    frames = videos(recorded).open().frames()
+    next(frames)
+    frames.close()  # type: ignore[attr-defined]
+    assert threading.active_count() == before
+
+
+def test_a_real_recording(data: Callable[[str], Path]) -> None:
+    root = data("balancing")
+    recording = VideoReading(
+        path=str(root / "videos" / "{view}.mp4"), rig=root / "calibration_balancing.json", stop=2, downscale=4
+    )
+    sequence = recording.open()
+    assert sequence.rig.names == ("cam01", "cam02", "cam03", "cam04")
+    assert sequence.fps == pytest.approx(60, rel=0.01)
+    for frame in sequence.frames():
+        for image, camera in zip(frame.images, sequence.rig.cameras, strict=True):
+            assert image is not None
+            assert (image.shape[1], image.shape[0]) == camera.size
