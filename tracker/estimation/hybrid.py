@@ -36,7 +36,7 @@ class HybridEstimation:
     search: bool = False
     """Search the whole pose in every frame, as the paper does; else only where the refined prediction is poor."""
 
-    search_below: float = pydantic.Field(default=0.7, ge=0, le=1)
+    search_below: float = pydantic.Field(default=0.55, ge=0, le=1)
     """Share of a group's visible contour on scene edges under which the group is searched."""
 
     min_visible_px: float = pydantic.Field(default=100.0, ge=0)

@@ -17,7 +17,7 @@ _SUBPIXEL = 4
 _BETWEEN_PX = 4.0
 
 
-def draw_step(step: Step, scene: Scene, width_px: int, stick_figure: bool = False) -> Image:
+def draw_step(step: Step, scene: Scene, width_px: int, stick_figure: bool = False, close: bool = False) -> Image:
     """All views tiled, with the model's contours in white, frame number and status.
 
     Args:
@@ -25,12 +25,15 @@ def draw_step(step: Step, scene: Scene, width_px: int, stick_figure: bool = Fals
         scene: names the views and the persons.
         width_px: width of the picture.
         stick_figure: also draw the bones.
+        close: show only the surroundings of the persons.
 
     Returns:
         BGR picture with even width and height.
     """
     pictures = [_draw_view(step, scene, v, stick_figure) for v in range(len(scene.rig))]
-    picture = tile(pictures, width_px)
+    if close:
+        pictures = [_close_up(picture, step.fitted.of(v)) for v, picture in enumerate(pictures)]
+    picture = tile(pictures, width_px, scene.rig.names)
     lost = [p.name for p, e in zip(step.scene.persons, step.estimates, strict=True) if e.lost]
     states = sorted({str(e.status) for e in step.estimates})
     _label(picture, f"frame {step.frame.index}   {step.frame.time_s:.2f} s   {', '.join(states)}", (10, 24), _WHITE)
@@ -41,13 +44,16 @@ def draw_step(step: Step, scene: Scene, width_px: int, stick_figure: bool = Fals
     return picture
 
 
-def tile(pictures: list[Image], width_px: int) -> Image:
-    """Pictures side by side: in one row where they are upright, in two columns otherwise."""
+def tile(pictures: list[Image], width_px: int, names: tuple[str, ...] = ()) -> Image:
+    """Pictures side by side, named: in one row where they are upright, in two columns otherwise."""
     upright = pictures[0].shape[0] > pictures[0].shape[1]
     columns = len(pictures) if upright or len(pictures) == 1 else 2
+    names = names or ("",) * len(pictures)
     cell_width = width_px // columns
     cell_height = max(round(p.shape[0] * cell_width / p.shape[1]) for p in pictures)
     cells = [_fitted(p, cell_width, cell_height) for p in pictures]
+    for cell, name in zip(cells, names, strict=True):
+        _label(cell, name, (10, cell_height - 12), _WHITE)
     cells += [np.zeros_like(cells[0])] * (-len(cells) % columns)
     rows = [np.hstack(cells[i : i + columns]) for i in range(0, len(cells), columns)]
     whole = np.vstack(rows)
@@ -74,8 +80,19 @@ def _draw_view(step: Step, scene: Scene, v: int, stick_figure: bool) -> Image:
     draw_contours(picture, step.fitted.of(v))
     if stick_figure:
         _draw_bones(picture, step, scene, v)
-    _label(picture, camera.name, (10, picture.shape[0] - 12), _WHITE, max(0.6, picture.shape[1] / 1200))
     return picture
+
+
+def _close_up(picture: Image, contours: ViewContours) -> Image:
+    """The part of a view, in its proportions, that shows the contours with a margin of a fifth around them."""
+    if len(contours.parts) == 0:
+        return picture
+    low, high = contours.pixels.min(axis=0), contours.pixels.max(axis=0)
+    height, width = picture.shape[:2]
+    scale = min(1.0, 1.4 * float(max((high[0] - low[0]) / width, (high[1] - low[1]) / height)))
+    size = np.array([round(width * scale), round(height * scale)])
+    x, y = np.clip(np.round((low + high - size) / 2), 0, (width, height) - size).astype(int).tolist()
+    return picture[y : y + size[1], x : x + size[0]]
 
 
 def draw_contours(picture: Image, contours: ViewContours, colour: tuple[int, int, int] = _WHITE) -> None:
@@ -103,8 +120,10 @@ def _draw_bones(picture: Image, step: Step, scene: Scene, v: int) -> None:
 
 
 def _label(picture: Image, text: str, at: tuple[int, int], colour: tuple[int, int, int], scale: float = 0.6) -> None:
-    cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, (0, 0, 0), 4, cv2.LINE_AA)
-    cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
+    # OpenCV 5 widens the text with its thickness: the shadow is the same text, shifted.
+    for shift, shade in ((1, (0, 0, 0)), (0, colour)):
+        where = at[0] + shift, at[1] + shift
+        cv2.putText(picture, text, where, cv2.FONT_HERSHEY_SIMPLEX, scale, shade, 1, cv2.LINE_AA)
 
 
 def draw_axes(image: Image | None, fit: AxisFit) -> Image:

@@ -54,7 +54,7 @@ class ReportRecorder:
         worst = self._worst is None or distance > self._worst[0]
         shown = k % self._every == 0 or (lost and len(self._pictures) < 4 * self._settings.pictures)
         if shown or worst:
-            picture = encoded(draw_step(step, self._run.scene, self._settings.width_px))
+            picture = encoded(draw_step(step, self._run.scene, self._settings.width_px, close=True))
             if shown:
                 caption = f"frame {step.frame.index}" + (": lost" if lost else "")
                 self._pictures[step.frame.index] = caption, picture
