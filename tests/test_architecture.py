@@ -18,16 +18,16 @@ import tracker.errors
 ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
-    "errors arrays components config geometry imaging kernels",
+    "errors arrays components config resources geometry imaging kernels",
     "camera rig rig_files frame shape body body_files scene contours observation correspondences estimate start "
-    "trajectory resources",
+    "trajectory triangulation",
     "reading calibration prediction synthesis analysis similarity recording",
     "objective",
     "estimation initialization",
     "tracking",
     "acquisition lsm recognition evaluation simulation",
     "run demo batching",
-    "cli __main__ scripts",
+    "cli progress __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}
 

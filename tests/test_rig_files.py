@@ -283,9 +283,7 @@ def test_calibrations_of_recordings(
 def test_a_calibration_fits_its_recording(data: Callable[[str], Path]) -> None:
     """The known joints of the walker lie inside the images, and triangulate to where they are."""
     rig = load_rig(data("room/D-TwoElbowRot/calibration.json"))
-    table = np.genfromtxt(
-        data("room/D-TwoElbowRot/gt_joints.csv"), delimiter=",", skip_header=1, usecols=(-3, -2, -1)
-    )
+    table = np.genfromtxt(data("room/D-TwoElbowRot/gt_joints.csv"), delimiter=",", skip_header=1, usecols=(-3, -2, -1))
     pixels = rig.project(table)
     assert (np.abs(pixels - rig.sizes[:, None] / 2) < rig.sizes[:, None] / 2).all()
     np.testing.assert_allclose(rig.triangulate(pixels)[0], table, atol=1e-8)

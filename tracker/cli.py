@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import sys
 from importlib.metadata import version
 from pathlib import Path
@@ -106,13 +107,11 @@ def run(
 
 
 def _frame_range(text: str) -> tuple[int | None, int | None]:
-    start, colon, stop = text.partition(":")
-    try:
-        if not colon:
-            raise ValueError
-        return (int(start) if start else None, int(stop) if stop else None)
-    except ValueError:
-        raise ConfigError(f"--frames {text}: expected A:B, for instance 0:100, 50: or :100") from None
+    match = re.fullmatch(r"(\d*):(\d*)", text)
+    if match is None:
+        raise ConfigError(f"--frames {text}: expected A:B, for instance 0:100, 50: or :100")
+    start, stop = (int(end) if end else None for end in match.groups())
+    return start, stop
 
 
 @app.command()

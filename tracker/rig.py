@@ -10,7 +10,7 @@ import numpy as np
 from tracker.arrays import Array, frozen
 from tracker.camera import Camera
 from tracker.errors import CalibrationError, nearest
-from tracker.geometry.triangulation import triangulate
+from tracker.triangulation import triangulate
 
 
 @dataclass(frozen=True)

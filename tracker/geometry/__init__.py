@@ -1,1 +1,1 @@
-"""Pure geometry: rotations, rigid motions, twists, superquadrics, triangulation, alignment."""
+"""Pure geometry: rotations, rigid motions, twists, superquadrics."""
