@@ -265,7 +265,7 @@ def test_left_and_right_mirror_each_other(person: BodyModel) -> None:
     parts = [part.name for part in person.parts]
     pairs = [parts.index(other_side(name)) for name in parts]
     np.testing.assert_array_equal(person.shapes[pairs], person.shapes)
-    centres = person.world_from_part(batch)[:, pairs, :3, 3]
+    centres = person.world_from_part(batch)[:, pairs][..., :3, 3]
     turned = person.world_from_part(batch[:, swap] * signs)[..., :3, 3]
     np.testing.assert_allclose(turned, centres * (1, -1, 1), atol=1e-12)
 

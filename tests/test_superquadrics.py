@@ -20,7 +20,7 @@ SHAPES = {
     "box": (0.1, 0.2, 0.3, 0.2, 0.2, 0.0, 0.0),
     "limb": (0.06, 0.05, 0.25, 0.5, 1.0, -0.26, -0.2),
     "torso": (0.11, 0.165, 0.33, 0.45, 0.85, 0.2, 0.06),
-    "cone": (0.1, 0.1, 0.2, 0.6, 0.9, -0.9, -0.9),
+    "cone": (0.1, 0.1, 0.2, 0.6, 0.9, -0.7, -0.7),
 }
 each = pytest.mark.parametrize("shape", [np.array(row) for row in SHAPES.values()], ids=SHAPES.keys())
 
@@ -72,7 +72,7 @@ def test_beyond_the_ends_is_outside(shape: Array) -> None:
 
 @each
 def test_tangent_planes_touch_without_cutting(shape: Array) -> None:
-    """With exponents up to 1 the shape is convex: no surface point lies beyond another one's tangent plane."""
+    """With taper up to 0.7 the shape is convex: no surface point lies beyond another one's tangent plane."""
     points, normals = (values.reshape(-1, 3) for values in surface(shape, *directions()))
     beyond = normals @ points.T - (normals * points).sum(axis=1)[:, None]
     assert beyond.max() < 1e-9
