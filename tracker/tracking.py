@@ -138,10 +138,10 @@ def advance(frame: Frame, scene: Scene, cycle: Cycle, state: State) -> Step:
             estimates.append(_judged(estimate, cycle.loss))
             current = current.with_pose(k, estimate.q)
     start = None
-    lost = [k for k, estimate in enumerate(estimates) if estimate.lost]
-    if any(state.frames_lost[k] % cycle.loss.restart_every == 0 for k in lost):
+    sought = [k for k, estimate in enumerate(estimates) if _sought(estimate, state.frames_lost[k], cycle.loss)]
+    if sought:
         with clock("initialization"):
-            current, estimates, start = _recover(frame, current, cycle, estimates)
+            current, estimates, start = _recover(frame, current, cycle, estimates, sought)
     step = _finished(frame, current, cycle, tuple(estimates), observation, clock)
     return replace(step, start=start, predicted=predicted, expected=expected)
 
@@ -210,24 +210,36 @@ def _judged(estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) 
     return replace(estimate, status=Status.LOST if estimate.explained < loss.lost_below else found)
 
 
+def _sought(estimate: Estimate, frames_lost: int, loss: LossRule) -> bool:
+    """Whether a person is looked for anew in this frame.
+
+    One that was lost is, even when the pose it was lost at explains the images again: limbs have moved meanwhile.
+    """
+    return frames_lost % loss.restart_every == 0 if estimate.lost else frames_lost > 0
+
+
 def _recover(
-    frame: Frame, scene: Scene, cycle: Cycle, estimates: list[Estimate]
+    frame: Frame, scene: Scene, cycle: Cycle, estimates: list[Estimate], sought: list[int]
 ) -> tuple[Scene, list[Estimate], Start | None]:
-    """Initializes anew and takes over the poses of lost persons where they explain the images."""
+    """Initializes anew and takes over the poses of the persons sought where they explain the images better."""
+    recovered = list(estimates)
+    for k in sought:
+        if not recovered[k].lost:
+            recovered[k] = replace(recovered[k], status=Status.RECOVERED)
     try:
         start = cycle.initialization.start(frame, scene, cycle.stages)
     except InitializationError:
-        return scene, estimates, None
-    lost = [estimate.lost for estimate in estimates]
-    poses = [new if gone else person.q for new, gone, person in zip(start.poses, lost, scene.persons, strict=True)]
+        return scene, recovered, None
+    poses = [start.poses[k] if k in sought else person.q for k, person in enumerate(scene.persons)]
     trial = scene.with_poses(tuple(poses))
-    observation = cycle.analysis.observe(frame, cycle.synthesis.contours(trial), cycle.backgrounds)
-    again, trial = _settle(trial, cycle, observation, Status.RECOVERED)
-    recovered = list(estimates)
-    for k, estimate in enumerate(again):
-        if lost[k] and not estimate.lost:
-            recovered[k] = estimate
-            scene = scene.with_pose(k, estimate.q)
+    expected = joined([cycle.synthesis.contours(scene), cycle.synthesis.contours(trial)])
+    observation = cycle.analysis.observe(frame, expected, cycle.backgrounds)
+    again, _ = _settle(trial, cycle, observation, Status.RECOVERED)
+    for k in sought:
+        old = Objective(scene, k, cycle.synthesis, cycle.similarity, observation).evidence(scene.persons[k].q)
+        if not again[k].lost and (recovered[k].lost or again[k].distance_px < old.distance_px):
+            recovered[k] = again[k]
+            scene = scene.with_pose(k, again[k].q)
     return scene, recovered, start
 
 

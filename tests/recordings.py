@@ -1,0 +1,75 @@
+"""Small simulated recordings and the components to track them with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from tracker.analysis.contours import ContourAnalysis
+from tracker.arrays import Array, Image
+from tracker.estimation.hybrid import HybridEstimation
+from tracker.frame import Frame
+from tracker.initialization import Initialization, Stages
+from tracker.initialization.pca import PcaInitialization
+from tracker.prediction.polynomial import PolynomialPrediction
+from tracker.scene import Scene
+from tracker.similarity.chamfer import ChamferSimilarity
+from tracker.simulation.sequence import Recipe, Simulation, simulate
+from tracker.start import Start
+from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking import Cycle, LossRule
+
+SMALL = (360, 288)
+"""Image size of quick tests; a pixel is 12.5 mm at the person."""
+
+
+class TrueStart:
+    """Starts at the simulation's true poses, a little off."""
+
+    def __init__(self, simulation: Simulation, off_deg: float = 1.0, off_m: float = 0.01) -> None:
+        self.simulation, self.off_deg, self.off_m = simulation, off_deg, off_m
+        self.asked: list[int] = []
+
+    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        self.asked.append(frame.index)
+        rng = np.random.default_rng(frame.index)
+        poses = []
+        for person, truth in zip(self.simulation.scene.persons, self.simulation.poses, strict=True):
+            off = np.where(person.body.rotates, np.radians(self.off_deg), self.off_m)
+            poses.append(person.body.clamped(truth[frame.index] + off * rng.normal(size=person.body.dof)))
+        return Start(tuple(poses))
+
+
+def small_simulation(movement: str = "arm_swing", n_frames: int = 8, **changes: object) -> Simulation:
+    recipe = Recipe(movement, seconds=n_frames / 25, size=SMALL)
+    return simulate(replace(recipe, **changes))  # type: ignore[arg-type]
+
+
+def cycle_for(simulation: Simulation, start: Initialization | None = None, **changes: object) -> Cycle:
+    cycle = Cycle(
+        synthesis=CpuSynthesis(),
+        analysis=ContourAnalysis(),
+        similarity=ChamferSimilarity(),
+        prediction=PolynomialPrediction(),
+        estimation=HybridEstimation(),
+        initialization=start or PcaInitialization(),
+        loss=LossRule(),
+        backgrounds=simulation.backgrounds,
+    )
+    return replace(cycle, **changes)  # type: ignore[arg-type]
+
+
+def with_images(simulation: Simulation, change: Callable[[int, int, Image | None], Image | None]) -> Iterator[Frame]:
+    """The simulation's frames with every image replaced by `change(frame, view, image)`."""
+    for frame in simulation.frames():
+        images = tuple(change(frame.index, v, image) for v, image in enumerate(frame.images))
+        yield replace(frame, images=images)
+
+
+def joint_errors_mm(simulation: Simulation, person: int, frame: int, q: Array) -> Array:
+    """(L,) distances of the landmarks to the truth."""
+    body = simulation.scene.persons[person].body
+    gap = body.landmarks_in_world(q) - body.landmarks_in_world(simulation.poses[person][frame])
+    return 1000 * np.linalg.norm(gap, axis=1)
