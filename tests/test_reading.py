@@ -44,11 +44,14 @@ def seen(image: Image | None) -> tuple[int, int] | None:
     return round((float(right) - 40) / 60), round((float(left) - 10) / 10)
 
 
-def write_video(path: Path, pictures: list[Image], fps: int = FPS, options: dict[str, str] | None = None) -> None:
-    with av.open(str(path), "w", options=options or {}) as container:
+def write_video(path: Path, pictures: list[Image], fps: int = FPS, gop: int = 12) -> None:
+    """H.264 with its header at the front of the file."""
+    options = {"movflags": "faststart"} if path.suffix == ".mp4" else {}
+    with av.open(str(path), "w", options=options) as container:
         stream = container.add_stream("libx264", rate=fps)
         stream.height, stream.width = pictures[0].shape[:2]
         stream.pix_fmt = "yuv420p"
+        stream.gop_size = gop
         for image in pictures:
             container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
         container.mux(stream.encode())
@@ -281,7 +284,7 @@ def truncate(path: Path, view: int, share: float) -> None:
     """A video cut off while it was copied; its header, at the front, still tells all frames."""
     rng = np.random.default_rng(0)
     noisy = [image + rng.integers(0, 3, image.shape, dtype=np.uint8) for image in pictures_of(view)]
-    write_video(path, noisy, options={"movflags": "faststart"})
+    write_video(path, noisy)
     whole = path.read_bytes()
     path.write_bytes(whole[: int(len(whole) * share)])
 
@@ -316,6 +319,51 @@ def test_a_frame_that_cannot_be_decoded_is_named(folder: Path) -> None:
     assert last.index == N_FRAMES - 1
 
 
+def test_a_header_that_tells_more_frames_than_there_are(folder: Path) -> None:
+    """All views cut off alike have equal lengths; only the headers tell."""
+    for v, name in enumerate(VIEWS):
+        truncate(folder / f"{name}.mp4", v, 0.8)
+    with pytest.raises(SequenceError, match=r'view "east": \S*east\.mp4 holds \d+ of the 20 frames.*truncated'):
+        videos(folder).open()
+
+
+def test_lost_frames_do_not_shift_the_later_ones(folder: Path) -> None:
+    """Matroska files lose whole frames where they are spoilt; the time stamps tell which."""
+    for v, name in enumerate(VIEWS):
+        write_video(folder / f"{name}.mkv", pictures_of(v), gop=1)
+    lost = 7
+    with av.open(str(folder / "north.mkv")) as source, av.open(str(folder / "gap.mkv"), "w") as target:
+        stream = target.add_stream_from_template(source.streams.video[0])
+        packets = [packet for packet in source.demux(video=0) if packet.size]
+        for packet in packets[:lost] + packets[lost + 1 :]:
+            packet.stream = stream
+            target.mux(packet)
+    (folder / "gap.mkv").replace(folder / "north.mkv")
+    recording = dataclasses.replace(videos(folder), path=str(folder / "{view}.mkv"), stop=N_FRAMES - 1)
+    with pytest.raises(SequenceError, match=rf"north\.mkv: frame {lost} is lost"):
+        list(recording.open().frames())
+    expected = [(1, number) if number != lost else None for number in range(N_FRAMES - 1)]
+    assert [views[1] for views in shown(dataclasses.replace(recording, on_missing="skip"))] == expected
+
+
+def test_stop_within_the_shortest_view_needs_nothing_more(folder: Path) -> None:
+    write_video(folder / "north.mp4", pictures_of(1, range(14)))
+    assert len(shown(videos(folder, stop=14))) == 14
+    with pytest.raises(SequenceError, match=r"north 14"):
+        videos(folder, stop=15).open()
+
+
+@both
+def test_a_path_without_view_is_refused(recorded: Path, kind: Callable[..., Recording]) -> None:
+    recording = kind(recorded)
+    fixed = dataclasses.replace(recording, path=recording.path.replace("{view}", "east"))
+    with pytest.raises(SequenceError, match=r"no \{view\} in it, so all 3 views would show the same"):
+        fixed.open()
+    assert shown(dataclasses.replace(fixed, views=("east",), stop=1)) == [((0, 0),)]
+    with pytest.raises(SequenceError, match=r"no \{view\} in it"):
+        kind(recorded, background=str(recorded / "plate_east.png")).open()
+
+
 def test_different_frame_rates_are_refused(folder: Path) -> None:
     write_video(folder / "north.mp4", pictures_of(1), fps=30)
     with pytest.raises(SequenceError, match=r"east 25\.00, north 30\.00, west 25\.00 fps"):
@@ -329,6 +377,27 @@ def test_image_numbers_need_not_start_at_0(folder: Path) -> None:
         shutil.rmtree(folder / "images" / name)
         write_images(folder / "images" / name, v, first=997)
     assert shown(images(folder, start=8, stop=10)) == [tuple((v, n) for v in range(3)) for n in (8, 9)]
+
+
+def test_a_view_that_lacks_its_first_images_is_not_shifted(folder: Path) -> None:
+    (folder / "images" / "north" / "img_0000.png").unlink()
+    with pytest.raises(SequenceError, match=r'view "north" has no image for frame 0'):
+        list(images(folder).open().frames())
+    assert shown(images(folder, on_missing="skip"))[:2] == [((0, 0), None, (2, 0)), ((0, 1), (1, 1), (2, 1))]
+
+
+def test_a_jpeg_cut_off_is_noticed(folder: Path) -> None:
+    """OpenCV would fill the rest with grey."""
+    for v, name in enumerate(VIEWS):
+        for number in range(3):
+            cv2.imwrite(str(folder / "images" / name / f"img_{number}.jpg"), picture(v, number))
+    recording = dataclasses.replace(images(folder), path=str(folder / "images" / "{view}" / "img_{frame}.jpg"))
+    assert len(shown(recording)) == 3
+    spoilt = folder / "images" / "west" / "img_1.jpg"
+    spoilt.write_bytes(spoilt.read_bytes()[:-40])
+    with pytest.raises(SequenceError, match=r"west/img_1\.jpg: not an image that can be read"):
+        shown(recording)
+    assert [views[2] for views in shown(dataclasses.replace(recording, on_missing="skip"))] == [(2, 0), None, (2, 2)]
 
 
 def test_images_are_sorted_by_number_not_by_letter(folder: Path) -> None:
@@ -360,6 +429,8 @@ def test_one_bad_image(folder: Path, spoil: Callable[[Path], None], reason: str)
 def test_image_patterns_that_cannot_work(folder: Path) -> None:
     with pytest.raises(SequenceError, match=r"no \{frame\}"):
         dataclasses.replace(images(folder), path=str(folder / "images" / "{view}" / "img.png")).open()
+    with pytest.raises(SequenceError, match=r"no \{frame\} in the file name"):
+        dataclasses.replace(images(folder), path=str(folder / "images" / "{view}_{frame}" / "img.png")).open()
     with pytest.raises(SequenceError, match=r'view "east": no image picture_\{frame\}\.png'):
         dataclasses.replace(images(folder), path=str(folder / "images" / "{view}" / "picture_{frame}.png")).open()
 

@@ -66,6 +66,22 @@ def test_no_point_and_no_view_give_no_point() -> None:
     assert np.isnan(rig.triangulate(np.full((4, 5, 2), np.nan))[0]).all()
 
 
+def test_rays_that_do_not_meet_leave_the_other_points_alone() -> None:
+    """Two cameras side by side looking the same way: equal pixels never meet, crossed ones meet behind."""
+    left, right = (
+        Camera.looking_at(name, (640, 480), 500.0, (4.0, y, 1.0), np.array([0, y, 1.0]))
+        for name, y in (("left", -0.1), ("right", 0.1))
+    )
+    rig = Rig((left, right))
+    point = np.array([0.5, 0.2, 1.3])
+    pixels = np.stack([rig.project(point), [(320, 240), (320, 240)], [(310, 240), (330, 240)]], axis=1)
+    found, covariance = rig.triangulate(pixels)
+    np.testing.assert_allclose(found[0], point, atol=1e-9)
+    assert np.isfinite(covariance[0]).all()
+    assert np.isnan(found[1:]).all()
+    assert np.isnan(covariance[1:]).all()
+
+
 def test_triangulation_is_the_optimizers_least_reprojection_error() -> None:
     rig, points = four_views(), points_in_the_room(10)
     noise = np.random.default_rng(3).normal(0, 3.0, (4, 10, 2))

@@ -70,7 +70,7 @@ def some_camera(seed: int, k: int) -> Camera:
     rng = np.random.default_rng([seed, k])
     motion = np.eye(4)
     axis = rng.normal(size=3)
-    angle = rng.choice([0.0, 0.001, np.pi / 2, np.pi - 0.001, rng.uniform(0, np.pi)])
+    angle = rng.choice([0.0, 1e-6, np.pi / 2, np.pi - 1e-6, np.pi, rng.uniform(0, np.pi)])
     motion[:3, :3] = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix()
     motion[:3, 3] = rng.uniform(-5, 5, 3)
     width, height = int(rng.integers(100, 4000)), int(rng.integers(100, 4000))
@@ -169,7 +169,9 @@ TOML_FAULTS = {
     "misspelt": (rename("translation", "translaton"), r'no entry "translation"; did you mean "translaton"'),
     "no rotation": (drop("rotation"), r'no entry "rotation"'),
     "no size": (drop("size"), r'no entry "size"'),
-    "three sizes": (put(size=[1280, 720, 3]), r"size: 3 numbers"),
+    "three sizes": (put(size=[1280, 720, 3]), r"size: \[1280\.0, 720\.0, 3\.0\] found, expected width and height"),
+    "half a pixel": (put(size=[1280.5, 720]), r"size: \[1280\.5, .*whole px"),
+    "not finite": (put(matrix=[[900, 0, 640], [float("nan"), 905, 360], [0, 0, 1]]), r"matrix: expected finite"),
     "short matrix": (put(matrix=[900, 0, 640]), r"matrix has 3"),
     "ragged matrix": (put(matrix=[[900, 0, 640], [0, 900], [0, 0, 1]]), r"matrix: expected numbers"),
     "words": (put(translation=["0", "a", "1"]), r"translation: expected numbers"),
@@ -194,7 +196,8 @@ JSON_FAULTS = {
     "no K": (rename("K", "k"), r'no entry "K"'),
     "no R": (drop("R"), r'no entry "R"'),
     "Rodrigues": (put(R=[0.1, 0.2, 0.3]), r"rotation 3"),
-    "null": (put(t=[None, 0, 1]), r"finite|expected numbers"),
+    "null": (put(t=[None, 0, 1]), r"t: expected finite numbers"),
+    "no height": (put(width=720), r'no entry "height"'),
     "three lens terms": (put(dist=[0.1, 0, 0]), r"dist: 3 numbers"),
 }
 
@@ -205,6 +208,25 @@ def test_a_fault_in_json_names_file_and_camera(tmp_path: Path, fault: str) -> No
     content = entries()
     change(content[1])
     assert_refused(written(tmp_path, {"cameras": content}, ".json"), reason, '"SIDE"')
+
+
+@pytest.mark.parametrize("cameras", [[1, 2], {"SIDE": [0, 1]}, ["SIDE"]])
+def test_cameras_that_are_no_tables(tmp_path: Path, cameras: Any) -> None:
+    assert_refused(written(tmp_path, {"cameras": cameras}, ".json"), r"found, expected a table", "rig.json")
+
+
+def test_stated_units_are_honoured(tmp_path: Path) -> None:
+    content = entries()
+    metres = load_rig(written(tmp_path, {"units": "m", "cameras": content}, ".json"))
+    for entry in content:
+        entry["t"] = [1000 * value for value in entry["t"]]
+    assert_equal(load_rig(written(tmp_path, {"units": "mm", "cameras": content}, ".json")), metres, 1e-12)
+    other = tables() | {"metadata": {"units": "cm"}}
+    for key in ("cam_1", "cam_2"):
+        other[key]["translation"] = [100 * value for value in other[key]["translation"]]
+    north = load_rig(written(tmp_path, other, ".toml")).cameras[0]
+    np.testing.assert_allclose(north.centre, (5, 0, 0), atol=1e-12)
+    assert_refused(written(tmp_path, {"units": "inch", "cameras": content}, ".json"), "valid: cm, m, mm", '"inch"')
 
 
 def test_two_cameras_at_one_place(tmp_path: Path) -> None:

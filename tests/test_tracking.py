@@ -81,7 +81,9 @@ def test_missing_views_are_left_out(missing):
 
 def test_nobody_found_in_the_first_frames_is_an_error():
     simulation = small_simulation(n_frames=4)
-    steps = track(simulation.frames(), simulation.scene, cycle_for(simulation, NoStart(), loss=LossRule(start_within=3)))
+    steps = track(
+        simulation.frames(), simulation.scene, cycle_for(simulation, NoStart(), loss=LossRule(start_within=3))
+    )
     assert next(steps).estimates[0].status is Status.LOST
     assert next(steps).estimates[0].status is Status.LOST
     with pytest.raises(InitializationError, match="nobody there"):

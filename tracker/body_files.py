@@ -143,7 +143,7 @@ def _parameter(axis: _Axis, joint: Array, parent: int, scale: float) -> Paramete
     if axis.limits_deg is not None:
         low, high = (math.radians(limit) for limit in axis.limits_deg)
     else:
-        low, high = axis.limits_m or (-math.inf, math.inf)
+        low, high = (scale * limit for limit in axis.limits_m or (-math.inf, math.inf))
     length = float(np.linalg.norm(axis.axis))
     if length == 0 or not low < high:
         raise ModelError(f'parameter "{axis.name}": axis of length {length:g} or limits out of order')

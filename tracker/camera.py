@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, frozen, shape_fault
 from tracker.errors import CalibrationError
@@ -158,8 +158,8 @@ class Camera:
 
     def rotation_vector(self) -> Array:
         """(3,) Rodrigues vector of the exterior orientation."""
-        vector: Array = cv2.Rodrigues(np.array(self.camera_from_world[:3, :3]))[0].ravel()
-        return vector
+        # cv2.Rodrigues loses up to 1e-5 rad near 0 and 180 degrees
+        return np.asarray(Rotation.from_matrix(self.camera_from_world[:3, :3]).as_rotvec(), dtype=np.float64)
 
 
 def _distort(plane: Array, distortion: Array) -> tuple[Array, Array]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import tomli_w
 from scipy.linalg import rq
+from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array
 from tracker.camera import Camera
@@ -21,9 +22,12 @@ from tracker.rig import Rig
 # A room is metres across: cameras hundreds of units from one another were calibrated in millimetres.
 _FARTHEST_M = 200.0
 
+_METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+"""Units a file may state."""
+
 
 def load_rig(path: Path) -> Rig:
-    """Reads a calibration file, `.toml` or `.json`, lengths in metres.
+    """Reads a calibration file, `.toml` or `.json`, lengths in metres unless its `units` say cm or mm.
 
     Args:
         path: TOML tables with name, size, matrix, distortions, rotation (Rodrigues vector or matrix) and
@@ -35,8 +39,11 @@ def load_rig(path: Path) -> Rig:
     """
     try:
         content = _parse(path)
-        cameras = _toml_cameras(content) if path.suffix.lower() == ".toml" else _json_cameras(content)
-        rig = Rig(tuple(cameras))
+        if path.suffix.lower() == ".toml":
+            cameras, stated = _toml_cameras(content), content.get("metadata", {})
+        else:
+            cameras, stated = _json_cameras(content), content
+        rig = Rig(tuple(_in_metres(camera, stated) for camera in cameras))
         _check_units(rig)
     except CalibrationError as error:
         raise CalibrationError(f"{path}: {error}") from error
@@ -96,7 +103,7 @@ def _toml_camera(name: str, table: Mapping[str, Any]) -> Camera:
             "undistort the images first"
         )
     rotation = _numbers(name, table, "rotation")
-    matrix = cv2.Rodrigues(rotation.reshape(3))[0] if rotation.size == 3 else rotation
+    matrix = Rotation.from_rotvec(rotation.reshape(3)).as_matrix() if rotation.size == 3 else rotation
     return _camera(name, table, ("size", "matrix", "distortions", "translation"), matrix)
 
 
@@ -105,21 +112,27 @@ def _json_cameras(content: Mapping[str, Any]) -> list[Camera]:
         raise CalibrationError(f'no entry "cameras"; {nearest("cameras", content)}')
     entries = content["cameras"]
     if isinstance(entries, dict):
-        entries = [{"name": name, **entry} for name, entry in entries.items()]
-    if not isinstance(entries, list):
+        named = list(entries.items())
+    elif isinstance(entries, list):
+        named = [(f"cam_{k}", entry) for k, entry in enumerate(entries)]
+    else:
         raise CalibrationError('"cameras": expected a list, or a table by camera name')
-    cameras = []
-    for k, entry in enumerate(entries):
-        name = str(entry.get("name", f"cam_{k}"))
-        sized = {"size": [entry.get("width"), entry.get("height")], **entry} if "width" in entry else entry
-        cameras.append(_camera(name, sized, ("size", "K", "dist", "t"), _numbers(name, sized, "R")))
-    return cameras
+    return [_json_camera(name, entry) for name, entry in named]
+
+
+def _json_camera(name: str, entry: Any) -> Camera:
+    if not isinstance(entry, dict):
+        raise CalibrationError(f'camera "{name}": {entry!r} found, expected a table with size, K, dist, R, t')
+    name = str(entry.get("name", name))
+    if "width" in entry:
+        entry = entry | {"size": [_numbers(name, entry, key) for key in ("width", "height")]}
+    return _camera(name, entry, ("size", "K", "dist", "t"), _numbers(name, entry, "R"))
 
 
 def _camera(name: str, table: Mapping[str, Any], keys: tuple[str, str, str, str], rotation: Array) -> Camera:
     size, matrix, distortion, translation = (_numbers(name, table, key) for key in keys)
-    if size.size != 2:
-        raise CalibrationError(f'camera "{name}": {keys[0]}: {size.size} numbers found, expected width and height')
+    if size.size != 2 or (size != np.round(size)).any():
+        raise CalibrationError(f'camera "{name}": size: {size.tolist()} found, expected width and height in whole px')
     if distortion.size not in (4, 5):
         raise CalibrationError(
             f'camera "{name}": {keys[2]}: {distortion.size} numbers found, expected k1 k2 p1 p2 or k1 k2 p1 p2 k3'
@@ -158,7 +171,18 @@ def _numbers(name: str, table: Mapping[str, Any], key: str) -> Array:
         values: Array = np.array(table[key], dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise CalibrationError(f'camera "{name}": {key}: expected numbers, found {table[key]!r}') from error
+    if not np.isfinite(values).all():
+        raise CalibrationError(f'camera "{name}": {key}: expected finite numbers, found {table[key]!r}')
     return values
+
+
+def _in_metres(camera: Camera, stated: Mapping[str, Any]) -> Camera:
+    unit = stated.get("units", "m")
+    if unit not in _METRES:
+        raise CalibrationError(f'units = "{unit}": {nearest(str(unit), _METRES)}')
+    motion = np.array(camera.camera_from_world)
+    motion[:3, 3] *= _METRES[unit]
+    return replace(camera, camera_from_world=motion)
 
 
 def _check_units(rig: Rig) -> None:

@@ -20,7 +20,7 @@ def triangulate(cameras: Sequence[Camera], pixels: Array, sigma_px: float = 1.0)
 
     Returns:
         World points (N, 3) metres and their covariances (N, 3, 3) m^2, ``sigma^2 (J^T J)^-1``; NaN for points
-        seen by fewer than two views.
+        seen by fewer than two views, and for rays that are parallel or part in front of the cameras.
     """
     pixels = np.asarray(pixels, dtype=np.float64)
     seen: Mask = np.asarray(np.isfinite(pixels).all(axis=2))
@@ -34,10 +34,10 @@ def triangulate(cameras: Sequence[Camera], pixels: Array, sigma_px: float = 1.0)
     for _ in range(10):
         normal, step = _reprojection_step(cameras, pixels, seen, found)
         found = found + step
-        if np.abs(step).max() < 1e-10:
+        if not (np.abs(step) > 1e-10).any():
             break
     points[good] = found
-    covariances[good] = sigma_px**2 * np.linalg.inv(normal)
+    covariances[good] = sigma_px**2 * _solved(normal, np.broadcast_to(np.eye(3), normal.shape))
     return points, covariances
 
 
@@ -49,7 +49,7 @@ def _nearest_to_rays(cameras: Sequence[Camera], pixels: Array, seen: Mask) -> Ar
         across = (np.eye(3) - rays[:, :, None] * rays[:, None, :]) * seen[v][:, None, None]
         matrix += across
         vector += across @ camera.centre
-    return np.asarray(np.linalg.solve(matrix, vector[..., None])[..., 0], dtype=np.float64)
+    return _solved(matrix, vector[..., None])[..., 0]
 
 
 def _reprojection_step(cameras: Sequence[Camera], pixels: Array, seen: Mask, points: Array) -> tuple[Array, Array]:
@@ -62,5 +62,13 @@ def _reprojection_step(cameras: Sequence[Camera], pixels: Array, seen: Mask, poi
         jacobian = np.where(used[:, None, None], camera.project_jacobian(points), 0.0)
         normal += np.swapaxes(jacobian, 1, 2) @ jacobian
         gradient += np.einsum("nij,ni->nj", jacobian, residual)
-    step = np.asarray(np.linalg.solve(normal, gradient[..., None])[..., 0], dtype=np.float64)
-    return normal, step
+    return normal, _solved(normal, gradient[..., None])[..., 0]
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Solutions (N, 3, K) of N symmetric systems (N, 3, 3), (N, 3, K); NaN for singular ones, not a failure of all."""
+    size = np.trace(matrix, axis1=1, axis2=2) / 3
+    regular = np.linalg.det(matrix) > 1e-14 * size**3
+    solution = np.full(right.shape, np.nan)
+    solution[regular] = np.linalg.solve(matrix[regular], right[regular])
+    return solution

@@ -32,7 +32,7 @@ def _frozen(dtype: Any, *shape: int) -> Any:
 def _calls() -> list[tuple[Any, tuple[Any, ...]]]:
     """Every kernel with arguments of the types it is called with; read-only arrays are types of their own."""
     chain = _frozen(_B1, 1), _frozen(_F8, 1, 3), _frozen(_F8, 1, 3), _frozen(_I8, 1)
-    model = _frozen(_F8, 1, 7), _frozen(_F4, 1, 9, 16, 6), _frozen(_F4, 1, 4, 40), _frozen(_F8, 2, 1)
+    model = _frozen(_F8, 1, 7), _frozen(_F4, 1, 9, 16, 6), _frozen(_F4, 1, 4, 40), _frozen(_F8, 3, 1)
     rig = _frozen(_F8, 1, 25), _frozen(_F8, 1, 2)
     samples = _own(_F4, 0, 1, 1, 5), _own(_F4, 0, 1, 1, 3), _own(_I8, 0, 1, 1), _own(_B1, 0, 1, 1), _own(_I8, 0, 1)
     scene = _frozen(_F4, 0, 5), _frozen(_I8, 2)

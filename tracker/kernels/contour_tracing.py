@@ -132,28 +132,54 @@ def _bend(world: Array, i: int, j: int, t: float, sample: Array) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _spheres(placements: Array, b: int, radii: Array, camera: Array, spheres: Array) -> None:
-    """Bounding spheres as seen from a camera (P, 6): unit direction, distance, angular radius, depth."""
-    for p in range(len(radii)):
-        x = placements[b, p, 0, 3] - camera[12]
-        y = placements[b, p, 1, 3] - camera[13]
-        z = placements[b, p, 2, 3] - camera[14]
-        distance = np.sqrt(x * x + y * y + z * z) + 1e-12
-        spheres[p, 0], spheres[p, 1], spheres[p, 2] = x / distance, y / distance, z / distance
-        spheres[p, 3], spheres[p, 4] = distance, radii[p] / distance
-        spheres[p, 5] = camera[8] * x + camera[9] * y + camera[10] * z
+def _capsules(
+    placements: Array, b: int, shapes: Array, bounds: Array, camera: Array, margin_m: float, out: Array
+) -> None:
+    """Where the parts lie in an image, seen as their axes with a width.
+
+    Args:
+        placements, b, shapes, bounds, camera: as in `trace_contours`.
+        margin_m: added to the width, metres.
+        out: (P, 8) output: one end of the axis, the axis divided by its squared length, the axis, the squared width
+            around it, px, and the nearest depth, metres; -1 for a part that is not wholly before the camera.
+    """
+    for p in range(len(shapes)):
+        x, y, z = placements[b, p, 0, 3], placements[b, p, 1, 3], placements[b, p, 2, 3]
+        half = shapes[p, 2]
+        ax, ay, az = half * placements[b, p, 0, 2], half * placements[b, p, 1, 2], half * placements[b, p, 2, 2]
+        u0, v0, d0 = project_point(camera, x - ax, y - ay, z - az)
+        u1, v1, d1 = project_point(camera, x + ax, y + ay, z + az)
+        width = bounds[2, p] + margin_m
+        depth = min(d0, d1) - width
+        out[p, 7] = depth if depth > 0.05 else -1.0
+        du, dv = u1 - u0, v1 - v0
+        square = du * du + dv * dv + 1e-9
+        out[p, 0], out[p, 1] = u0, v0
+        out[p, 2], out[p, 3] = du / square, dv / square
+        out[p, 4], out[p, 5] = du, dv
+        # A tenth on top covers perspective and lens distortion across the width of a part.
+        out[p, 6] = (1.1 * camera[15] * width / max(depth, 0.05)) ** 2
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _neighbours(p: int, spheres: Array, radii: Array, listed: Integers) -> int:
+def _beside(capsules: Array, q: int, u: float, v: float) -> float:
+    """Squared distance of a pixel from the axis of part q, px^2."""
+    x, y = u - capsules[q, 0], v - capsules[q, 1]
+    t = min(max(x * capsules[q, 2] + y * capsules[q, 3], 0.0), 1.0)
+    x, y = x - t * capsules[q, 4], y - t * capsules[q, 5]
+    return x * x + y * y
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _neighbours(p: int, capsules: Array, bounds: Array, listed: Integers) -> int:
     """Parts that may cover or touch part p; their number."""
     n = 0
-    for q in range(len(radii)):
-        if q == p or spheres[q, 3] - radii[q] > spheres[p, 3] + radii[p] + 0.1:
+    u, v = capsules[p, 0] + 0.5 * capsules[p, 4], capsules[p, 1] + 0.5 * capsules[p, 5]
+    own = 0.5 * np.sqrt(capsules[p, 4] ** 2 + capsules[p, 5] ** 2) + np.sqrt(capsules[p, 6])
+    for q in range(len(capsules)):
+        if q == p or capsules[q, 7] < 0.0 or capsules[q, 7] > capsules[p, 7] + 2.0 * bounds[0, p] + 0.1:
             continue
-        x, y, z = spheres[q, 0] - spheres[p, 0], spheres[q, 1] - spheres[p, 1], spheres[q, 2] - spheres[p, 2]
-        reach = spheres[q, 4] + spheres[p, 4]
-        if x * x + y * y + z * z < reach * reach:
+        if np.sqrt(_beside(capsules, q, u, v)) < own + np.sqrt(capsules[q, 6]):
             listed[n] = q
             n += 1
     return n
@@ -165,9 +191,11 @@ def _cover(
     shapes: Array,
     reaches: Array,
     eyes: Array,
+    capsules: Array,
     listed: Integers,
     n: int,
     sample: Array,
+    pixel: tuple[float, float],
     contact_m: float,
 ) -> int:
     """2 if another part covers the sample (6,), 1 if one touches its outer side, else 0."""
@@ -175,6 +203,8 @@ def _cover(
     wx, wy, wz, nx, ny, nz = sample[0], sample[1], sample[2], sample[3], sample[4], sample[5]
     for k in range(n):
         q = listed[k]
+        if _beside(capsules, q, pixel[0], pixel[1]) > capsules[q, 6]:
+            continue
         x = inverses[q, 0, 0] * wx + inverses[q, 0, 1] * wy + inverses[q, 0, 2] * wz + inverses[q, 0, 3]
         y = inverses[q, 1, 0] * wx + inverses[q, 1, 1] * wy + inverses[q, 1, 2] * wz + inverses[q, 1, 3]
         z = inverses[q, 2, 0] * wx + inverses[q, 2, 1] * wy + inverses[q, 2, 2] * wz + inverses[q, 2, 3]
@@ -225,8 +255,8 @@ def trace_contours(
         grids: (P, 2 R - 1, 2 C, 6) surface points and normals; even rows and columns are the grid, odd ones
             the middles of its edges; the first and last row are the poles.
         planes: (P, 4, R C) normals of the grid points and their product with the points.
-        bounds: (2, P) radii of bounding spheres, metres, and reaches of bounding ellipsoids, squared, in
-            units of the half extents.
+        bounds: (3, P) radii of bounding spheres, metres; reaches of bounding ellipsoids, squared, in units of
+            the half extents; largest distances of the surface from the z axis, metres.
         cameras: (V, 25) from `Rig.packed`.
         sizes: (V, 2) image sizes, px.
         spacing: longest contour a sample stands for, px; distance at which parts touch, metres.
@@ -236,19 +266,19 @@ def trace_contours(
     """
     n_parts = len(shapes)
     n_rows, n_columns = (grids.shape[1] + 1) // 2, grids.shape[2] // 2
-    inverses, eyes, spheres = np.zeros((n_parts, 3, 4)), np.zeros((n_parts, 3)), np.zeros((n_parts, 6))
+    inverses, eyes, capsules = np.zeros((n_parts, 3, 4)), np.zeros((n_parts, 3)), np.zeros((n_parts, 8))
     facing = np.zeros(n_rows * n_columns, dtype=np.float32)
     crossings, world = np.zeros((2 * facing.size, 6)), np.zeros((2 * facing.size, 8))
     ids = np.zeros((2, n_rows, n_columns), dtype=np.int64)
     pieces = np.zeros((2 * facing.size, 2), dtype=np.int64)
     listed = np.zeros(n_parts, dtype=np.int64)
     sample = np.zeros(6)
-    radii, reaches = bounds[0], bounds[1]
+    reaches = bounds[1]
     for b in range(len(placements)):
         _prepare(placements, b, shapes, inverses)
         for v in range(len(cameras)):
             camera = cameras[v]
-            _spheres(placements, b, radii, camera, spheres)
+            _capsules(placements, b, shapes, bounds, camera, spacing[1], capsules)
             for p in range(n_parts):
                 for r in range(3):
                     eyes[p, r] = (
@@ -259,13 +289,13 @@ def trace_contours(
                     )
             n = 0
             for p in range(n_parts):
-                if spheres[p, 5] < radii[p] + 0.05:
+                if capsules[p, 7] < 0.0:
                     continue
                 eye = (eyes[p, 0] * shapes[p, 0], eyes[p, 1] * shapes[p, 1], eyes[p, 2] * shapes[p, 2])
                 n_crossings = _find_crossings(grids, planes, p, eye, facing, crossings, ids)
                 n_pieces = _join(ids, pieces)
                 _to_world(placements, b, p, crossings, n_crossings, camera, world)
-                n_listed = _neighbours(p, spheres, radii, listed)
+                n_listed = _neighbours(p, capsules, bounds, listed)
                 for k in range(n_pieces):
                     i, j = pieces[k, 0], pieces[k, 1]
                     length = np.sqrt((world[j, 6] - world[i, 6]) ** 2 + (world[j, 7] - world[i, 7]) ** 2)
@@ -275,7 +305,9 @@ def trace_contours(
                         x, y, _ = project_point(camera, sample[0], sample[1], sample[2])
                         if x < -0.5 or y < -0.5 or x > sizes[v, 0] - 0.5 or y > sizes[v, 1] - 0.5:
                             continue
-                        cover = _cover(inverses, shapes, reaches, eyes, listed, n_listed, sample, spacing[1])
+                        cover = _cover(
+                            inverses, shapes, reaches, eyes, capsules, listed, n_listed, sample, (x, y), spacing[1]
+                        )
                         if cover == 2 or n == parts.shape[2]:
                             continue
                         nx = camera[0] * sample[3] + camera[1] * sample[4] + camera[2] * sample[5]

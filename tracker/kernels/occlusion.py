@@ -45,7 +45,7 @@ def blocks_ray(shapes: Array, reaches: Array, eyes: Array, q: int, x: float, y: 
     """Whether part q covers a point seen from a camera.
 
     The inside-outside function of a convex shape is quasi-convex along a ray, so its minimum is found by
-    ternary search between the two crossings of the bounding ellipsoid.
+    ternary search between the crossings of the bounding ellipsoid and box.
 
     Args:
         shapes: (P, 7) packed superquadrics with exponents up to 1.
@@ -64,9 +64,18 @@ def blocks_ray(shapes: Array, reaches: Array, eyes: Array, q: int, x: float, y: 
         return False
     half = np.sqrt(gap / length2)
     low, high = along - half, min(along + half, 1.0)
+    for origin, direction, taper in ((ox, dx, shapes[q, 5]), (oy, dy, shapes[q, 6]), (oz, dz, 0.0)):
+        # The slab of the bounding box; most rays through the ellipsoid's rim miss the box.
+        side = 1.0 + abs(taper)
+        if abs(direction) < 1e-12:
+            if abs(origin) > side:
+                return False
+            continue
+        enter, leave = (-side - origin) / direction, (side - origin) / direction
+        low, high = max(low, min(enter, leave)), min(high, max(enter, leave))
     if high <= low:
         return False
-    for _ in range(6):
+    for _ in range(4):
         third = (high - low) / 3.0
         s, t = low + third, high - third
         first = inside_value(shapes, q, ox + s * dx, oy + s * dy, oz + s * dz)

@@ -147,14 +147,39 @@ def chosen_offsets(rig: Rig, offsets: dict[str, int]) -> tuple[int, ...]:
     return tuple(offsets.get(name, 0) for name in rig.names)
 
 
-def common_length(rig: Rig, lengths: tuple[int, ...], offsets: tuple[int, ...], on_missing: OnMissing) -> int:
-    """Number of frames that all views have; the longest view's where views may be missing.
+def view_paths(pattern: str, rig: Rig) -> tuple[Path, ...]:
+    """The path of every view.
 
     Raises:
-        SequenceError: the views have different numbers of frames and none may be missing.
+        SequenceError: the pattern gives all views the same path.
+    """
+    if "{view}" not in pattern and len(rig) > 1:
+        raise SequenceError(f'"{pattern}": no {{view}} in it, so all {len(rig)} views would show the same')
+    return tuple(Path(pattern.replace("{view}", name)) for name in rig.names)
+
+
+def read_image(path: Path) -> Image | None:
+    """A BGR image (h, w, 3), None if the file is none or is cut off."""
+    content = path.read_bytes()
+    # OpenCV fills a cut-off JPEG with grey without a word
+    cut_off = content.startswith(_JPEG_START) and _JPEG_END not in content[-1024:]
+    if not content or cut_off:
+        return None
+    image: Image | None = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)
+    return image
+
+
+def common_length(
+    rig: Rig, lengths: tuple[int, ...], offsets: tuple[int, ...], on_missing: OnMissing, stop: int | None
+) -> int:
+    """Number of frames that all views have; the longest view's where views may be missing or end after `stop`.
+
+    Raises:
+        SequenceError: the views have different numbers of frames, some too few, and none may be missing.
     """
     usable = [length - offset for length, offset in zip(lengths, offsets, strict=True)]
-    if on_missing == "error" and len(set(usable)) > 1:
+    enough = stop is not None and stop <= min(usable)
+    if on_missing == "error" and len(set(usable)) > 1 and not enough:
         table = ", ".join(f"{name} {length}" for name, length in zip(rig.names, usable, strict=True))
         raise SequenceError(
             f"the views have different numbers of frames ({table}): give offsets or stop, or set "
@@ -193,11 +218,10 @@ def load_backgrounds(
     if pattern is None:
         return (None,) * len(rig)
     plates = []
-    for name, size in zip(rig.names, sizes, strict=True):
-        path = Path(pattern.replace("{view}", name))
+    for name, size, path in zip(rig.names, sizes, view_paths(pattern, rig), strict=True):
         if not path.exists():
             raise SequenceError(f'background of view "{name}": no file {path}')
-        plate = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.suffix.lower() in _IMAGES else clip(path)
+        plate = read_image(path) if path.suffix.lower() in _IMAGES else clip(path)
         if plate is None:
             raise SequenceError(f'background of view "{name}": {path} is not an image that can be read')
         check_size(name, plate, size)
@@ -205,4 +229,5 @@ def load_backgrounds(
     return tuple(plates)
 
 
+_JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 _IMAGES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"}

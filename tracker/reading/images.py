@@ -6,7 +6,6 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import pydantic
 
 from tracker.arrays import Image
@@ -19,7 +18,9 @@ from tracker.reading._sequence import (
     chosen_rig,
     common_length,
     load_backgrounds,
+    read_image,
     selected,
+    view_paths,
 )
 from tracker.reading.video import plate_of_clip
 
@@ -41,13 +42,13 @@ class ImageReading:
     """Cameras to use, in this order; empty for all of the rig."""
 
     offsets: dict[str, int] = pydantic.Field(default_factory=dict)
-    """Position in a view's images that belongs to frame 0, where it is not 0."""
+    """Position in a view's images, counted from the lowest number of all views, that belongs to frame 0."""
 
     background: PathPattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`."""
 
     start: int = pydantic.Field(default=0, ge=0)
-    """First frame, counted from each view's lowest number."""
+    """First frame, counted from the lowest number of all views."""
 
     stop: int | None = pydantic.Field(default=None, ge=1)
     """Frame after the last one; None for all."""
@@ -65,8 +66,13 @@ class ImageReading:
         """Opens all views; see `tracker.reading.Reading.open`."""
         rig = chosen_rig(self.rig, self.views)
         offsets = chosen_offsets(rig, self.offsets)
-        views = tuple(self._view(name) for name in rig.names)
-        length = common_length(rig, tuple(view.length for view in views), offsets, self.on_missing)
+        paths = view_paths(self.path, rig)
+        files = [self._files(name, path) for name, path in zip(rig.names, paths, strict=True)]
+        # one origin for all views: one that lacks its first images must not be shifted against the others
+        first = min(min(numbered) for numbered in files)
+        views = tuple(_ImageView(numbered, first) for numbered in files)
+        lengths = tuple(max(numbered) - first + 1 for numbered in files)
+        length = common_length(rig, lengths, offsets, self.on_missing, self.stop)
         sizes = tuple(camera.size for camera in rig.cameras)
         return OpenSequence(
             rig=rig if self.downscale == 1 else rig.downscaled(self.downscale),
@@ -80,34 +86,32 @@ class ImageReading:
             open_views=lambda: views,
         )
 
-    def _view(self, name: str) -> _ImageView:
-        pattern = self.path.replace("{view}", name)
-        if "{frame}" not in pattern:
+    def _files(self, name: str, pattern: Path) -> dict[int, Path]:
+        folder, before_after = pattern.parent, pattern.name.split("{frame}")
+        if len(before_after) != 2:
             raise SequenceError(
-                f'path = "{self.path}": no {{frame}} in it, expected e.g. images/{{view}}/{{frame}}.png'
+                f'path = "{self.path}": no {{frame}} in the file name, expected e.g. images/{{view}}/{{frame}}.png'
             )
-        folder, before_after = Path(pattern).parent, Path(pattern).name.split("{frame}")
         if not folder.is_dir():
             raise SequenceError(f'view "{name}": no folder {folder}')
         number = re.compile(r"(\d+)".join(re.escape(piece) for piece in before_after))
         matches = ((number.fullmatch(file.name), file) for file in folder.iterdir())
         files = {int(match[1]): file for match, file in matches if match}
         if not files:
-            raise SequenceError(f'view "{name}": no image {Path(pattern).name} in {folder}')
-        return _ImageView(files, min(files), max(files) - min(files) + 1)
+            raise SequenceError(f'view "{name}": no image {pattern.name} in {folder}')
+        return files
 
 
 @dataclass(frozen=True)
 class _ImageView:
     files: dict[int, Path]
     first: int
-    length: int
 
     def read(self, index: int) -> Image | None:
         path = self.files.get(self.first + index)
         if path is None:
             return None
-        image: Image | None = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        image = read_image(path)
         if image is None:
             raise SequenceError(f"{path}: not an image that can be read: the file is corrupt or truncated")
         return image

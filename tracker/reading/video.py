@@ -20,6 +20,7 @@ from tracker.reading._sequence import (
     common_length,
     load_backgrounds,
     selected,
+    view_paths,
 )
 
 # Frames of a background clip that its median is taken over.
@@ -67,10 +68,10 @@ class VideoReading:
         """Opens all views; see `tracker.reading.Reading.open`."""
         rig = chosen_rig(self.rig, self.views)
         offsets = chosen_offsets(rig, self.offsets)
-        paths = [Path(self.path.replace("{view}", name)) for name in rig.names]
-        headers = [_header(path, name) for path, name in zip(paths, rig.names, strict=True)]
+        paths = view_paths(self.path, rig)
+        headers = [_header(path, name, self.on_missing) for path, name in zip(paths, rig.names, strict=True)]
         lengths = tuple(length for length, _ in headers)
-        length = common_length(rig, lengths, offsets, self.on_missing)
+        length = common_length(rig, lengths, offsets, self.on_missing, self.stop)
         sizes = tuple(camera.size for camera in rig.cameras)
         return OpenSequence(
             rig=rig if self.downscale == 1 else rig.downscaled(self.downscale),
@@ -91,34 +92,50 @@ class VideoView(View):
     def __init__(self, path: Path) -> None:
         self._path = path
         self._container = av.open(str(path))
-        self._decoder = self._container.decode(video=0)
-        self._next = 0
+        stream = self._container.streams.video[0]
+        # AVI keeps no time stamps
+        timed = "avi" not in self._container.format.name
+        self._rate = float(stream.average_rate or 0) if timed else 0.0
+        self._decoder = self._container.decode(stream)
+        self._frame: av.VideoFrame | None = None
+        self._number = -1
 
     def read(self, index: int) -> Image | None:
         """Image `index` of the file, None past its end."""
-        frame = None
-        try:
-            while self._next <= index:
-                frame = next(self._decoder)
-                self._next += 1
-        except StopIteration:
-            return None
-        except av.FFmpegError as error:
+        while self._number < index:
+            if not self._advance():
+                return None
+        if self._number > index or self._frame is None:
             raise SequenceError(
-                f"{self._path}: frame {self._next} cannot be decoded ({error.strerror}): the file is corrupt; "
+                f"{self._path}: frame {index} is lost, the file goes on with frame {self._number}: it is corrupt; "
                 'set on_missing = "skip" to go on without it'
-            ) from error
-        if frame is None:
-            return None
-        image: Image = frame.to_ndarray(format="bgr24").astype(np.uint8, copy=False)
+            )
+        image: Image = self._frame.to_ndarray(format="bgr24").astype(np.uint8, copy=False)
         return image
 
+    def _advance(self) -> bool:
+        """Decodes the next frame there is; its time stamp tells whether others before it were lost."""
+        try:
+            frame = next(self._decoder)
+        except StopIteration:
+            return False
+        except av.FFmpegError as error:
+            raise SequenceError(
+                f"{self._path}: frame {self._number + 1} cannot be decoded ({error.strerror}): the file is corrupt; "
+                'set on_missing = "skip" to go on without it'
+            ) from error
+        before = None if self._frame is None else self._frame.time
+        steps = 1 if before is None or frame.time is None else round((frame.time - before) * self._rate)
+        self._frame = frame
+        self._number += max(1, steps)
+        return True
 
-def _header(path: Path, name: str) -> tuple[int, float]:
+
+def _header(path: Path, name: str, on_missing: OnMissing) -> tuple[int, float]:
     """Number of frames and frames per second; the packets are counted, for headers may lie.
 
     Raises:
-        SequenceError: no such file, or not a video.
+        SequenceError: no such file, not a video, or, where nothing may be missing, a truncated one.
     """
     if not path.is_file():
         raise SequenceError(f'view "{name}": no file {path}')
@@ -128,11 +145,17 @@ def _header(path: Path, name: str) -> tuple[int, float]:
                 raise SequenceError(f'view "{name}": {path} has no video stream')
             stream = container.streams.video[0]
             fps = float(stream.average_rate or stream.guessed_rate or 0)
+            n_told = stream.frames
             n_frames = sum(packet.size > 0 for packet in container.demux(stream))
     except av.FFmpegError as error:
         raise SequenceError(f'view "{name}": {path} is not a video that can be read: {error.strerror}') from error
     if n_frames == 0:
         raise SequenceError(f'view "{name}": {path} holds no frame')
+    if on_missing == "error" and n_frames < n_told:
+        raise SequenceError(
+            f'view "{name}": {path} holds {n_frames} of the {n_told} frames that its header tells: it is truncated; '
+            'copy it anew, or set on_missing = "skip"'
+        )
     return n_frames, fps
 
 
@@ -151,7 +174,7 @@ def plate_of_clip(path: Path) -> Image:
     Raises:
         SequenceError: the clip cannot be read.
     """
-    n_frames, _ = _header(path, path.stem)
+    n_frames, _ = _header(path, path.stem, "skip")
     wanted = set(np.linspace(0, n_frames - 1, min(_PLATE_FRAMES, n_frames)).round().astype(int).tolist())
     view = VideoView(path)
     images = [image for image in (view.read(index) for index in sorted(wanted)) if image is not None]

@@ -92,7 +92,7 @@ def _grids(shapes: Array, n_eta: int, n_omega: int) -> tuple[Array32, Array32, A
 
 
 def _make_grids(shapes: Array, n_eta: int, n_omega: int) -> tuple[Array32, Array32, Array]:
-    grids, planes, radii, reaches = [], [], [], []
+    grids, planes, radii, reaches, widths = [], [], [], [], []
     for shape in shapes:
         eta, omega = spread(shape, 2 * n_eta - 1, 2 * n_omega)
         points, normals = surface(shape, eta[:, None], omega[None, :])
@@ -102,4 +102,5 @@ def _make_grids(shapes: Array, n_eta: int, n_omega: int) -> tuple[Array32, Array
         radii.append(np.linalg.norm(points, axis=-1).max())
         # 4 % more than the grid's farthest point covers the surface between the points
         reaches.append(1.04 * ((points / shape[:3]) ** 2).sum(axis=-1).max())
-    return frozen(grids, np.float32), frozen(planes, np.float32), frozen([radii, reaches])
+        widths.append(1.02 * np.linalg.norm(points[..., :2], axis=-1).max())
+    return frozen(grids, np.float32), frozen(planes, np.float32), frozen([radii, reaches, widths])

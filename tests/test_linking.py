@@ -1,0 +1,112 @@
+"""Linking and splitting of edges: plain twins, and the laws of chains and segments."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from tracker.arrays import Array32, Image, Integers
+from tracker.imaging.edges import canny, gradient
+from tracker.kernels.linking import link_edges, split_segments
+
+RULE = (4, float(np.radians(20.0)), 8)
+
+
+def edge_maps() -> dict[str, Image]:
+    """Noise of several densities, and the edges of a cluttered picture."""
+    rng = np.random.default_rng(7)
+    maps = {f"{density:.0%}": (rng.random((23, 31)) < density).astype(np.uint8) for density in (0, 0.05, 0.3, 0.7, 1)}
+    blobs = cv2.GaussianBlur(rng.integers(0, 256, (90, 120), dtype=np.uint8), (0, 0), 2.0)
+    return {**maps, "clutter": canny(gradient(cv2.equalizeHist(blobs), 1.0), 3.0, 7.0)}
+
+
+EDGE_MAPS = edge_maps()
+
+
+def chains_of(edges: Image) -> tuple[Integers, Integers]:
+    """Points and first points of the chains."""
+    n = int(np.count_nonzero(edges))
+    points, starts = np.empty((n, 2), dtype=np.int64), np.empty(n + 1, dtype=np.int64)
+    n_chains = link_edges(edges.copy(), points, starts)
+    return points, starts[: n_chains + 1]
+
+
+def plain_chains(edges: Image) -> list[list[tuple[int, int]]]:
+    """The twin of the linking: walks to one side, then to the other."""
+    free = {(int(x), int(y)) for y, x in np.argwhere(edges)}
+    neighbours = ((1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1))
+
+    def walk(pixel: tuple[int, int]) -> list[tuple[int, int]]:
+        way: list[tuple[int, int]] = []
+        while True:
+            around = [(pixel[0] + dx, pixel[1] + dy) for dx, dy in neighbours]
+            following = next((other for other in around if other in free), None)
+            if following is None:
+                return way
+            free.remove(following)
+            way.append(following)
+            pixel = following
+
+    chains = []
+    for first in sorted(free, key=lambda pixel: pixel[::-1]):
+        if first in free:
+            free.remove(first)
+            forth = walk(first)
+            back = walk(first)
+            chains.append([*forth[::-1], first, *back] if back else [first, *forth])
+    return chains
+
+
+@pytest.mark.parametrize("name", EDGE_MAPS)
+def test_linking_equals_its_plain_twin_and_puts_every_edge_pixel_in_one_chain(name: str) -> None:
+    edges = EDGE_MAPS[name]
+    points, starts = chains_of(edges)
+    chains = [points[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True)]
+    assert [[tuple(pixel) for pixel in chain.tolist()] for chain in chains] == plain_chains(edges)
+    assert sorted(map(tuple, points[:, ::-1].tolist())) == list(map(tuple, np.argwhere(edges).tolist()))
+    for chain in chains:
+        assert (np.abs(np.diff(chain, axis=0)).max(axis=1, initial=0) == 1).all()
+
+
+def plain_segments(points: Integers, starts: Integers) -> Integers:
+    """The twin of the splitting: recursive Ramer-Douglas-Peucker on the unwrapped tangent angles."""
+    reach, tolerance, shortest = RULE
+    labels = np.full(len(points), -1, dtype=np.int64)
+    n = 0
+
+    def divide(angles: Array32, low: int, high: int, first: int) -> None:
+        nonlocal n
+        along = np.arange(high - low)
+        slope = (np.float64(angles[high - 1]) - angles[low]) / max(high - 1 - low, 1)
+        departure = np.abs(angles[low:high] - np.float64(angles[low]) - slope * along)[1:-1]
+        if high - low >= 2 * shortest and departure.max() > tolerance:
+            where = int(np.clip(low + 1 + departure.argmax(), low + shortest, high - shortest))
+            divide(angles, low, where, first)
+            divide(angles, where, high, first)
+        else:
+            labels[first + low : first + high] = n
+            n += 1
+
+    for a, b in zip(starts[:-1], starts[1:], strict=True):
+        if b - a >= shortest:
+            i = np.arange(b - a)
+            ends = points[a + np.minimum(i + reach, b - a - 1)] - points[a + np.maximum(i - reach, 0)]
+            angles = np.unwrap(np.arctan2(ends[:, 1].astype(float), ends[:, 0].astype(float)))
+            divide(angles.astype(np.float32), 0, int(b - a), int(a))
+    return labels
+
+
+@pytest.mark.parametrize("name", EDGE_MAPS)
+def test_splitting_equals_its_plain_twin_and_segments_are_long_runs_of_one_chain(name: str) -> None:
+    points, starts = chains_of(EDGE_MAPS[name])
+    labels = np.empty(len(points), dtype=np.int64)
+    n_segments = split_segments(points, starts, len(starts) - 1, RULE, labels)
+    np.testing.assert_array_equal(labels, plain_segments(points, starts))
+    chain = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    assert ((labels < 0) == (np.diff(starts) < RULE[2])[chain]).all()
+    kept = labels[labels >= 0]
+    np.testing.assert_array_equal(np.unique(kept), np.arange(n_segments))
+    assert (np.diff(kept) >= 0).all()
+    assert np.bincount(kept).min(initial=RULE[2]) >= RULE[2]
+    assert all(len(np.unique(chain[labels == s])) == 1 for s in range(n_segments))
