@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import cv2
 import numpy as np
 import pytest
@@ -62,7 +64,7 @@ def plain_chains(edges: Image) -> list[list[tuple[int, int]]]:
 def test_linking_equals_its_plain_twin_and_puts_every_edge_pixel_in_one_chain(name: str) -> None:
     edges = EDGE_MAPS[name]
     points, starts = chains_of(edges)
-    chains = [points[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True)]
+    chains = [points[a:b] for a, b in itertools.pairwise(starts)]
     assert [[tuple(pixel) for pixel in chain.tolist()] for chain in chains] == plain_chains(edges)
     assert sorted(map(tuple, points[:, ::-1].tolist())) == list(map(tuple, np.argwhere(edges).tolist()))
     for chain in chains:
@@ -88,7 +90,7 @@ def plain_segments(points: Integers, starts: Integers) -> Integers:
             labels[first + low : first + high] = n
             n += 1
 
-    for a, b in zip(starts[:-1], starts[1:], strict=True):
+    for a, b in itertools.pairwise(starts):
         if b - a >= shortest:
             i = np.arange(b - a)
             ends = points[a + np.minimum(i + reach, b - a - 1)] - points[a + np.maximum(i - reach, 0)]

@@ -14,7 +14,17 @@ from tracker.run import Run, SilentObserver, execute, load_run, run_from, with_f
 from tracker.simulation.sequence import Recipe, write_sequence
 from tracker.trajectory import Step
 
-RESULTS = "poses.csv sigmas.csv joints.csv run.json steps.jsonl overlay.mp4 parameters.png report.html log.txt".split()
+RESULTS = [
+    "poses.csv",
+    "sigmas.csv",
+    "joints.csv",
+    "run.json",
+    "steps.jsonl",
+    "overlay.mp4",
+    "parameters.png",
+    "report.html",
+    "log.txt",
+]
 
 
 class Interrupter(SilentObserver):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
+
 from tracker.errors import InitializationError
 from tracker.estimate import Status
 from tracker.frame import Frame
