@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tracker.arrays import Array32, Integers, Mask
 
@@ -78,6 +80,17 @@ class Contours:
 
 
 def joined(sets: Sequence[Contours]) -> Contours:
-    """The poses of several sets one after the other; all must be of the same scene and capacity M."""
-    fields = ("positions", "points", "parts", "between", "counts")
-    return Contours(*(np.concatenate([getattr(one, name) for one in sets]) for name in fields))
+    """The poses of several sets of the same views, one after the other, padded to the longest."""
+    longest = max(int(one.counts.max(initial=1)) for one in sets)
+
+    def padded(samples: NDArray[Any]) -> NDArray[Any]:
+        missing = longest - samples.shape[2]
+        if missing <= 0:
+            return samples[:, :, :longest]
+        return np.pad(samples, [(0, 0), (0, 0), (0, missing), *[(0, 0)] * (samples.ndim - 3)])
+
+    samples = (
+        np.concatenate([padded(getattr(one, name)) for one in sets])
+        for name in ("positions", "points", "parts", "between")
+    )
+    return Contours(*samples, counts=np.concatenate([one.counts for one in sets]))

@@ -19,7 +19,7 @@ class TaperedSuperquadric:
     ``z = a3 sin^e1(eta)``.
 
     Raises:
-        ModelError: sizes not positive, squareness outside 0.1-1 (convex shapes), taper outside -0.95..0.95.
+        ModelError: sizes not positive, squareness outside 0.1-1 (convex shapes), taper outside -0.7..0.7.
     """
 
     size: Array
@@ -29,7 +29,8 @@ class TaperedSuperquadric:
     """(2,) exponents e1 (along z) and e2 (around z): 1 an ellipsoid, towards 0 a box."""
 
     taper: Array
-    """(2,) relative growth of x and y from the middle to the +z end; the -z end shrinks alike."""
+    """(2,) relative growth of x and y from the middle to the +z end; the -z end shrinks alike. Beyond 0.7 an ellipsoid
+    is no longer convex, which silhouettes and visibility rely on."""
 
     def __post_init__(self) -> None:
         for name, length in (("size", 3), ("squareness", 2), ("taper", 2)):
@@ -41,8 +42,8 @@ class TaperedSuperquadric:
             raise ModelError(f"superquadric: half extents {self.size.tolist()} m, expected positive")
         if not ((self.squareness >= 0.1) & (self.squareness <= 1)).all():
             raise ModelError(f"superquadric: squareness {self.squareness.tolist()}, expected 0.1 to 1")
-        if not (np.abs(self.taper) <= 0.95).all():
-            raise ModelError(f"superquadric: taper {self.taper.tolist()}, expected -0.95 to 0.95")
+        if not (np.abs(self.taper) <= 0.7).all():
+            raise ModelError(f"superquadric: taper {self.taper.tolist()}, expected -0.7 to 0.7")
 
     @property
     def packed(self) -> Array:

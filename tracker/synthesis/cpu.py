@@ -15,6 +15,9 @@ from tracker.geometry.superquadrics import spread, surface
 from tracker.kernels.contour_tracing import trace_contours
 from tracker.scene import Scene
 
+# A part shows about 2 n_eta pieces, long ones cut at step_px: 64 were never reached at the default step.
+_SAMPLES_PER_PART = 64
+
 
 @component
 class CpuSynthesis:
@@ -35,10 +38,15 @@ class CpuSynthesis:
     def contours(self, scene: Scene, person: int | None = None, poses: Array | None = None) -> Contours:
         """Visible occluding contours; see `tracker.synthesis.Synthesis.contours`."""
         placements = scene.world_from_parts(person, poses)
+        found = self._traced(scene, placements, _SAMPLES_PER_PART * len(scene.shapes))
+        while int(found.counts.max(initial=0)) == found.parts.shape[2]:
+            found = self._traced(scene, placements, 2 * found.parts.shape[2])
+        return found
+
+    def _traced(self, scene: Scene, placements: Array, capacity: int) -> Contours:
+        """Contours with room for so many samples in a view; further ones are dropped."""
         grids, planes, bounds = _grids(scene.shapes, self.n_eta, self.n_omega)
-        # A part shows about 2 n_eta pieces, long ones cut at step_px: at most 60 samples a part were seen in
-        # 1920 px images; a full buffer only drops samples.
-        layout = (len(placements), len(scene.rig), 64 * len(scene.shapes))
+        layout = (len(placements), len(scene.rig), capacity)
         positions = np.empty((*layout, 5), dtype=np.float32)
         points = np.empty((*layout, 3), dtype=np.float32)
         parts = np.empty(layout, dtype=np.int64)
