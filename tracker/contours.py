@@ -89,8 +89,6 @@ def joined(sets: Sequence[Contours]) -> Contours:
             return samples[:, :, :longest]
         return np.pad(samples, [(0, 0), (0, 0), (0, missing), *[(0, 0)] * (samples.ndim - 3)])
 
-    samples = (
-        np.concatenate([padded(getattr(one, name)) for one in sets])
-        for name in ("positions", "points", "parts", "between")
-    )
-    return Contours(*samples, counts=np.concatenate([one.counts for one in sets]))
+    names = ("positions", "points", "parts", "between")
+    samples = {name: np.concatenate([padded(getattr(one, name)) for one in sets]) for name in names}
+    return Contours(**samples, counts=np.concatenate([one.counts for one in sets]))
