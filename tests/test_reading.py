@@ -273,11 +273,24 @@ def test_missing_files_are_named(folder: Path, kind: Callable[..., Recording]) -
         kind(folder).open()
 
 
-@pytest.mark.parametrize("policy", ["error", "skip"])
-def test_a_file_that_is_no_video(folder: Path, policy: Any) -> None:
-    (folder / "north.mp4").write_bytes(b"these are words" * 100)
-    with pytest.raises(SequenceError, match=r'view "north": \S*north\.mp4 is not a video'):
-        videos(folder, on_missing=policy).open()
+@pytest.mark.parametrize("content", [b"these are words" * 100, None])
+def test_a_view_that_cannot_be_opened(folder: Path, content: bytes | None) -> None:
+    path = folder / "north.mp4"
+    path.unlink()
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(SequenceError, match=r'view "north": .*north\.mp4'):
+        videos(folder).open()
+    frames = list(videos(folder, on_missing="skip").open().frames())
+    assert len(frames) == N_FRAMES
+    assert all(frame.missing == (1,) for frame in frames)
+
+
+def test_no_view_that_can_be_opened(folder: Path) -> None:
+    for path in folder.glob("*.mp4"):
+        path.write_bytes(b"these are words" * 100)
+    with pytest.raises(SequenceError, match="is not a video"):
+        videos(folder, on_missing="skip").open()
 
 
 def truncate(path: Path, view: int, share: float) -> None:

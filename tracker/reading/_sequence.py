@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal, Protocol, TypeVar
 
 import cv2
 import numpy as np
@@ -18,6 +18,7 @@ from tracker.rig import Rig
 from tracker.rig_files import load_rig
 
 OnMissing = Literal["error", "skip"]
+_View = TypeVar("_View")
 
 
 class View(Protocol):
@@ -30,6 +31,34 @@ class View(Protocol):
             SequenceError: it cannot be read.
         """
         ...
+
+
+@dataclass(frozen=True)
+class AbsentView:
+    """A view whose files are missing or cannot be opened."""
+
+    def read(self, index: int) -> Image | None:
+        """None for every frame."""
+        return None
+
+
+def opened_views(names: tuple[str, ...], opened: Callable[[str], _View], on_missing: OnMissing) -> list[_View | None]:
+    """What `opened` makes of each view; None for views that cannot be opened, where that is allowed.
+
+    Raises:
+        SequenceError: from `opened`, where nothing may be missing or no view can be opened.
+    """
+    views: list[_View | None] = []
+    faults: list[SequenceError] = []
+    for name in names:
+        try:
+            views.append(opened(name))
+        except SequenceError as fault:
+            views.append(None)
+            faults.append(fault)
+    if faults and (on_missing == "error" or len(faults) == len(names)):
+        raise faults[0]
+    return views
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from tracker.reading._sequence import (
     chosen_rig,
     common_length,
     load_backgrounds,
+    opened_views,
     read_image,
     selected,
     view_paths,
@@ -67,11 +68,13 @@ class ImageReading:
         rig = chosen_rig(self.rig, self.views)
         offsets = chosen_offsets(rig, self.offsets)
         paths = view_paths(self.path, rig)
-        files = [self._files(name, path) for name, path in zip(rig.names, paths, strict=True)]
+        by_name = dict(zip(rig.names, paths, strict=True))
+        found = opened_views(rig.names, lambda name: self._files(name, by_name[name]), self.on_missing)
         # one origin for all views: one that lacks its first images must not be shifted against the others
-        first = min(min(numbered) for numbered in files)
+        first = min(min(numbered) for numbered in found if numbered)
+        files = [numbered or {} for numbered in found]
         views = tuple(_ImageView(numbered, first) for numbered in files)
-        lengths = tuple(max(numbered) - first + 1 for numbered in files)
+        lengths = tuple(max(numbered, default=first - 1) - first + 1 for numbered in files)
         length = common_length(rig, lengths, offsets, self.on_missing, self.stop)
         sizes = tuple(camera.size for camera in rig.cameras)
         return OpenSequence(

@@ -12,6 +12,7 @@ from tracker.arrays import Image
 from tracker.components import FilePath, PathPattern, component
 from tracker.errors import SequenceError
 from tracker.reading._sequence import (
+    AbsentView,
     OnMissing,
     OpenSequence,
     View,
@@ -19,6 +20,7 @@ from tracker.reading._sequence import (
     chosen_rig,
     common_length,
     load_backgrounds,
+    opened_views,
     selected,
     view_paths,
 )
@@ -69,20 +71,23 @@ class VideoReading:
         rig = chosen_rig(self.rig, self.views)
         offsets = chosen_offsets(rig, self.offsets)
         paths = view_paths(self.path, rig)
-        headers = [_header(path, name, self.on_missing) for path, name in zip(paths, rig.names, strict=True)]
-        lengths = tuple(length for length, _ in headers)
+        by_name = dict(zip(rig.names, paths, strict=True))
+        headers = opened_views(rig.names, lambda name: _header(by_name[name], name, self.on_missing), self.on_missing)
+        lengths = tuple(header[0] if header else 0 for header in headers)
         length = common_length(rig, lengths, offsets, self.on_missing, self.stop)
         sizes = tuple(camera.size for camera in rig.cameras)
         return OpenSequence(
             rig=rig if self.downscale == 1 else rig.downscaled(self.downscale),
             source_sizes=sizes,
-            fps=self.fps or _common_fps(rig.names, [fps for _, fps in headers]),
+            fps=self.fps or _common_fps([(n, h[1]) for n, h in zip(rig.names, headers, strict=True) if h]),
             selection=selected(self.start, self.stop, self.stride, length),
             backgrounds=load_backgrounds(rig, self.background, sizes, self.downscale, plate_of_clip),
             offsets=offsets,
             downscale=self.downscale,
             on_missing=self.on_missing,
-            open_views=lambda: tuple(VideoView(path) for path in paths),
+            open_views=lambda: tuple(
+                VideoView(path) if header else AbsentView() for path, header in zip(paths, headers, strict=True)
+            ),
         )
 
 
@@ -159,13 +164,14 @@ def _header(path: Path, name: str, on_missing: OnMissing) -> tuple[int, float]:
     return n_frames, fps
 
 
-def _common_fps(names: tuple[str, ...], rates: list[float]) -> float:
-    if max(rates) - min(rates) > 0.01 * max(rates):
-        table = ", ".join(f"{name} {rate:.2f}" for name, rate in zip(names, rates, strict=True))
+def _common_fps(rates: list[tuple[str, float]]) -> float:
+    lowest, highest = min(rate for _, rate in rates), max(rate for _, rate in rates)
+    if highest - lowest > 0.01 * highest:
+        table = ", ".join(f"{name} {rate:.2f}" for name, rate in rates)
         raise SequenceError(f"the views have different frame rates ({table} fps): give fps, or convert the files")
-    if max(rates) <= 0:
+    if highest <= 0:
         raise SequenceError("the videos do not tell their frame rate: give fps")
-    return rates[0]
+    return rates[0][1]
 
 
 def plate_of_clip(path: Path) -> Image:

@@ -34,6 +34,7 @@ class Series:
     statuses: list[list[str]] = field(default_factory=list)
     overlaps: list[Array] = field(default_factory=list)
     seconds: list[dict[str, float]] = field(default_factory=list)
+    missing: Counter[str] = field(default_factory=Counter)
 
     def add(self, step: Step) -> None:
         """Takes the numbers of one frame."""
@@ -46,6 +47,7 @@ class Series:
         missing = np.full(len(self.scene.rig), np.nan)
         self.overlaps.append(missing if step.overlap is None else step.overlap)
         self.seconds.append(step.seconds)
+        self.missing.update(self.scene.rig.names[v] for v in step.frame.missing)
 
     def shown(self, person: int) -> Array:
         """(T, dof) pose parameters in degrees and metres; NaN in lost frames."""
@@ -82,6 +84,7 @@ class Series:
             "frames_per_second": len(self.frames) / total if total else 0.0,
             "seconds_per_frame_by_stage": {k: v / len(self.frames) for k, v in stages.items()},
             "silhouette_iou": self.mean_overlap(),
+            "frames_without_image": dict(self.missing),
         }
 
 
