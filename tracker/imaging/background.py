@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 
@@ -24,8 +26,20 @@ _DISC = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7))
 def difference(image: Image, plate: Image) -> Image:
     """Largest channel difference (h, w) uint8 between an image and a plate (h, w, 3), lightly smoothed."""
     apart = cv2.absdiff(cv2.GaussianBlur(image, (3, 3), 0), cv2.GaussianBlur(plate, (3, 3), 0))
-    largest: Image = apart.max(axis=2)
+    largest: Image = _largest(apart)
     return largest
+
+
+def _largest(picture: Any) -> Any:
+    """The largest of the three channels (h, w, 3) -> (h, w); numpy takes ten times as long over an axis of three."""
+    blue, green, red = cv2.split(picture)
+    return cv2.max(cv2.max(blue, green), red)
+
+
+def _summed(picture: Array32) -> Array32:
+    """The sum of the three channels (h, w, 3) -> (h, w)."""
+    total: Array32 = cv2.transform(picture, np.ones((1, 3), dtype=np.float32))
+    return total
 
 
 def threshold_level(image: Image, plate: Image, sigmas: float = 6.0, least: float = 14.0) -> float:
@@ -34,7 +48,7 @@ def threshold_level(image: Image, plate: Image, sigmas: float = 6.0, least: floa
     The median of the differences is the noise of the background, which covers most of the image; a sixteenth of
     the pixels is enough to find it.
     """
-    apart = cv2.absdiff(image[::4, ::4], plate[::4, ::4]).max(axis=2)
+    apart = _largest(cv2.absdiff(image[::4, ::4], plate[::4, ::4]))
     return max(least, sigmas * float(np.median(apart)) / 0.954)
 
 
@@ -72,9 +86,9 @@ def _shadow(image: Image, plate: Image) -> Mask:
     """Pixels that are the plate darkened evenly in all channels, its texture still there."""
     now = cv2.GaussianBlur(image, (5, 5), 0).astype(np.float32)
     before = cv2.GaussianBlur(plate, (5, 5), 0).astype(np.float32)
-    ratio = (now * before).sum(axis=2) / np.maximum((before * before).sum(axis=2), 1.0)
-    off = np.abs(now - ratio[..., None] * before).max(axis=2)
-    textured = _correlation(now.mean(axis=2), before.mean(axis=2)) > _TEXTURE_CORRELATION
+    ratio = _summed(now * before) / np.maximum(_summed(before * before), 1.0)
+    off = _largest(cv2.absdiff(now, cv2.merge([ratio, ratio, ratio]) * before))
+    textured = _correlation(_summed(now) / 3, _summed(before) / 3) > _TEXTURE_CORRELATION
     darkest = np.where(textured, _DARKEST, _DARKEST_WITHOUT_TEXTURE)
     shadow: Mask = (ratio > darkest) & (ratio < 0.97) & (off < _CHROMA_GREY)
     return shadow
