@@ -88,7 +88,7 @@ def _shadow(image: Image, plate: Image) -> Mask:
     before = cv2.GaussianBlur(plate, (5, 5), 0).astype(np.float32)
     ratio = _summed(now * before) / np.maximum(_summed(before * before), 1.0)
     off = _largest(cv2.absdiff(now, cv2.merge([ratio, ratio, ratio]) * before))
-    textured = _correlation(_summed(now) / 3, _summed(before) / 3) > _TEXTURE_CORRELATION
+    textured = _correlation(_summed(now) / np.float32(3), _summed(before) / np.float32(3)) > _TEXTURE_CORRELATION
     darkest = np.where(textured, _DARKEST, _DARKEST_WITHOUT_TEXTURE)
     shadow: Mask = (ratio > darkest) & (ratio < 0.97) & (off < _CHROMA_GREY)
     return shadow

@@ -33,6 +33,40 @@ class View(Protocol):
         ...
 
 
+class Settings(Protocol):
+    """Fields that every reading component has."""
+
+    @property
+    def background(self) -> str | None: ...
+    @property
+    def offsets(self) -> dict[str, int]: ...
+    @property
+    def start(self) -> int: ...
+    @property
+    def stop(self) -> int | None: ...
+    @property
+    def stride(self) -> int: ...
+    @property
+    def downscale(self) -> int: ...
+    @property
+    def on_missing(self) -> OnMissing: ...
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a reading component has found on disk."""
+
+    rig: Rig
+    """The cameras of the images as on disk."""
+
+    fps: float
+    lengths: tuple[int, ...]
+    """Number of images of each view, 0 where it is absent."""
+
+    open_views: Callable[[], tuple[View, ...]]
+    plate_of_clip: Callable[[Path], Image]
+
+
 @dataclass(frozen=True)
 class AbsentView:
     """A view whose files are missing or cannot be opened."""
@@ -156,6 +190,29 @@ def downscaled(image: Image, factor: int) -> Image:
     cropped = image[: size[1] * factor, : size[0] * factor]
     smaller: Image = cv2.resize(cropped, size, interpolation=cv2.INTER_AREA)
     return smaller
+
+
+def opened(settings: Settings, recording: Recording) -> OpenSequence:
+    """The sequence that the settings choose from a recording.
+
+    Raises:
+        SequenceError: lengths, range or backgrounds do not fit.
+    """
+    rig, downscale = recording.rig, settings.downscale
+    offsets = chosen_offsets(rig, settings.offsets)
+    length = common_length(rig, recording.lengths, offsets, settings.on_missing, settings.stop)
+    sizes = tuple(camera.size for camera in rig.cameras)
+    return OpenSequence(
+        rig=rig if downscale == 1 else rig.downscaled(downscale),
+        source_sizes=sizes,
+        fps=recording.fps,
+        selection=selected(settings.start, settings.stop, settings.stride, length),
+        backgrounds=load_backgrounds(rig, settings.background, sizes, downscale, recording.plate_of_clip),
+        offsets=offsets,
+        downscale=downscale,
+        on_missing=settings.on_missing,
+        open_views=recording.open_views,
+    )
 
 
 def chosen_rig(path: Path, views: tuple[str, ...]) -> Rig:

@@ -14,13 +14,11 @@ from tracker.errors import SequenceError
 from tracker.reading._sequence import (
     OnMissing,
     OpenSequence,
-    chosen_offsets,
+    Recording,
     chosen_rig,
-    common_length,
-    load_backgrounds,
+    opened,
     opened_views,
     read_image,
-    selected,
     view_paths,
 )
 from tracker.reading.video import plate_of_clip
@@ -66,28 +64,13 @@ class ImageReading:
     def open(self) -> OpenSequence:
         """Opens all views; see `tracker.reading.Reading.open`."""
         rig = chosen_rig(self.rig, self.views)
-        offsets = chosen_offsets(rig, self.offsets)
-        paths = view_paths(self.path, rig)
-        by_name = dict(zip(rig.names, paths, strict=True))
-        found = opened_views(rig.names, lambda name: self._files(name, by_name[name]), self.on_missing)
+        paths = dict(zip(rig.names, view_paths(self.path, rig), strict=True))
+        found = opened_views(rig.names, lambda name: self._files(name, paths[name]), self.on_missing)
         # one origin for all views: one that lacks its first images must not be shifted against the others
         first = min(min(numbered) for numbered in found if numbered)
-        files = [numbered or {} for numbered in found]
-        views = tuple(_ImageView(numbered, first) for numbered in files)
-        lengths = tuple(max(numbered, default=first - 1) - first + 1 for numbered in files)
-        length = common_length(rig, lengths, offsets, self.on_missing, self.stop)
-        sizes = tuple(camera.size for camera in rig.cameras)
-        return OpenSequence(
-            rig=rig if self.downscale == 1 else rig.downscaled(self.downscale),
-            source_sizes=sizes,
-            fps=self.fps,
-            selection=selected(self.start, self.stop, self.stride, length),
-            backgrounds=load_backgrounds(rig, self.background, sizes, self.downscale, plate_of_clip),
-            offsets=offsets,
-            downscale=self.downscale,
-            on_missing=self.on_missing,
-            open_views=lambda: views,
-        )
+        views = tuple(_ImageView(numbered or {}, first) for numbered in found)
+        lengths = tuple(max(view.files, default=first - 1) - first + 1 for view in views)
+        return opened(self, Recording(rig, self.fps, lengths, lambda: views, plate_of_clip))
 
     def _files(self, name: str, pattern: Path) -> dict[int, Path]:
         folder, before_after = pattern.parent, pattern.name.split("{frame}")

@@ -15,13 +15,11 @@ from tracker.reading._sequence import (
     AbsentView,
     OnMissing,
     OpenSequence,
+    Recording,
     View,
-    chosen_offsets,
     chosen_rig,
-    common_length,
-    load_backgrounds,
+    opened,
     opened_views,
-    selected,
     view_paths,
 )
 
@@ -69,26 +67,16 @@ class VideoReading:
     def open(self) -> OpenSequence:
         """Opens all views; see `tracker.reading.Reading.open`."""
         rig = chosen_rig(self.rig, self.views)
-        offsets = chosen_offsets(rig, self.offsets)
-        paths = view_paths(self.path, rig)
-        by_name = dict(zip(rig.names, paths, strict=True))
-        headers = opened_views(rig.names, lambda name: _header(by_name[name], name, self.on_missing), self.on_missing)
+        paths = dict(zip(rig.names, view_paths(self.path, rig), strict=True))
+        headers = opened_views(rig.names, lambda name: _header(paths[name], name, self.on_missing), self.on_missing)
+        rates = [(name, header[1]) for name, header in zip(rig.names, headers, strict=True) if header]
+
+        def views() -> tuple[View, ...]:
+            files = zip(paths.values(), headers, strict=True)
+            return tuple(VideoView(path) if header else AbsentView() for path, header in files)
+
         lengths = tuple(header[0] if header else 0 for header in headers)
-        length = common_length(rig, lengths, offsets, self.on_missing, self.stop)
-        sizes = tuple(camera.size for camera in rig.cameras)
-        return OpenSequence(
-            rig=rig if self.downscale == 1 else rig.downscaled(self.downscale),
-            source_sizes=sizes,
-            fps=self.fps or _common_fps([(n, h[1]) for n, h in zip(rig.names, headers, strict=True) if h]),
-            selection=selected(self.start, self.stop, self.stride, length),
-            backgrounds=load_backgrounds(rig, self.background, sizes, self.downscale, plate_of_clip),
-            offsets=offsets,
-            downscale=self.downscale,
-            on_missing=self.on_missing,
-            open_views=lambda: tuple(
-                VideoView(path) if header else AbsentView() for path, header in zip(paths, headers, strict=True)
-            ),
-        )
+        return opened(self, Recording(rig, self.fps or _common_fps(rates), lengths, views, plate_of_clip))
 
 
 class VideoView(View):
