@@ -1,0 +1,25 @@
+"""Components made from the shortest configuration that describes them."""
+
+from __future__ import annotations
+
+import typing
+from pathlib import Path
+from typing import Any
+
+from tracker.components import find
+from tracker.config import build
+
+
+def minimal(stage: str, use: str) -> dict[str, Any]:
+    """The shortest section that describes a component: only what has no default, pointing at nothing."""
+    table: dict[str, Any] = {"use": use}
+    types = typing.get_type_hints(find(stage, use))
+    for name, field in find(stage, use).__pydantic_fields__.items():
+        if field.is_required():
+            values = {str: "absent/{view}/{frame}.png", Path: "absent.toml", float: 25.0, int: 25}
+            table[name] = values[types[name]]
+    return table
+
+
+def made(stage: str, use: str, **fields: Any) -> Any:
+    return build(stage, {**minimal(stage, use), **fields}, f"test.toml [{stage}]", Path("/nowhere"))
