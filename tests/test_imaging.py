@@ -46,6 +46,10 @@ def half_plane(degrees: float, offset: float) -> tuple[Array, Region]:
     return normal, lambda x, y: nx * x + ny * y > offset
 
 
+def disc(x0: float, y0: float, radius: float) -> Region:
+    return lambda x, y: np.hypot(x - x0, y - y0) < radius
+
+
 DEGREES = (0.0, 10.0, 22.0, 30.0, 45.0, 68.0, 90.0, 137.0, 180.0, 200.0, 270.0, 333.0)
 
 
@@ -127,7 +131,7 @@ def test_a_circle_is_one_segment_or_two(radius: int) -> None:
     # Pixels quantize the tangent to 7 degrees, so that now and then a circle is split; most are not.
     counts = []
     for x0, y0 in np.random.default_rng(radius).uniform(79, 81, (11, 2)):
-        found = edges_of(digitized(picture(lambda x, y, a=x0, b=y0: np.hypot(x - a, y - b) < radius, n=4)))
+        found = edges_of(digitized(picture(disc(x0, y0, radius), n=4)))
         gaps = np.hypot(*(found.points - (x0, y0)).T) - radius
         assert np.abs(gaps).max() < 0.5
         assert len(gaps) > 0.9 * 2 * np.pi * radius
@@ -142,7 +146,8 @@ def test_a_polygon_is_split_at_its_corners_and_only_there(sides: int, turn: floa
     normals = np.stack([normal_at(turn + 360 * k / sides) for k in range(sides)])
 
     def inside(x: Array, y: Array) -> Mask:
-        return np.logical_and.reduce([n[0] * (x - 80) + n[1] * (y - 80) < inradius for n in normals])
+        within: Mask = np.logical_and.reduce([n[0] * (x - 80) + n[1] * (y - 80) < inradius for n in normals])
+        return within
 
     found = edges_of(digitized(picture(inside)))
     outward = (found.points - 80) @ normals.T
@@ -162,7 +167,7 @@ def test_a_polygon_is_split_at_its_corners_and_only_there(sides: int, turn: floa
 def test_an_s_curve_is_split_where_its_curvature_changes_sign(radius: int, flip: bool) -> None:
     def wave(x: Array, y: Array) -> Mask:
         left, right = np.hypot(x - 80 + radius, y - 80), np.hypot(x - 80 - radius, y - 80)
-        band = ((y > 80) & (np.abs(left - radius) < 3)) | ((y <= 80) & (np.abs(right - radius) < 3))
+        band: Mask = ((y > 80) & (np.abs(left - radius) < 3)) | ((y <= 80) & (np.abs(right - radius) < 3))
         return band if not flip else band[:, ::-1]
 
     found = edges_of(digitized(picture(wave)))
