@@ -104,9 +104,9 @@ def chamfer_image(points: Array32, size: tuple[int, int], reach: float) -> Array
     free = np.full(size[::-1], 255, dtype=np.uint8)
     if len(points) == 0:
         return np.full(size[::-1], reach, dtype=np.float32)
-    columns = np.clip(np.round(points[:, 0]).astype(np.int64), 0, size[0] - 1)
-    rows = np.clip(np.round(points[:, 1]).astype(np.int64), 0, size[1] - 1)
-    free[rows, columns] = 0
+    # Halves go up, not to even numbers: the result must not depend on where the region begins.
+    pixels = np.clip(np.floor(points + np.float32(0.5)).astype(np.int64), 0, (size[0] - 1, size[1] - 1))
+    free[pixels[:, 1], pixels[:, 0]] = 0
     distance = cv2.distanceTransform(free, cv2.DIST_L2, 5)
     clamped: Array32 = np.minimum(distance, np.float32(reach))
     return clamped
