@@ -24,7 +24,8 @@ class ViewObservation:
     """(N,) constant-curvature segment of each edge point."""
 
     accepted: Mask
-    """(N,) whether the point's segment was accepted into the filtered scene edge map."""
+    """(N,) whether the point's segment was accepted into the filtered scene edge map; single points of an accepted
+    segment that the background explains are left out."""
 
     scene: Integers
     """(S,) indices of the edge points that stand for the accepted contours, evenly thinned."""

@@ -238,26 +238,26 @@ def execute(run: Run, output: Path | None = None, resume: bool = False, observer
 def _record(run: Run, context: RunContext, steps: Any, observer: Observer) -> RunResult:
     """Feeds every recorder; they are finished whatever happens."""
     begin, n_frames, n_lost, interrupted = time.perf_counter(), 0, 0, False
-    recorders: list[Recorder] = []
-    try:
-        recorders.extend(recording.begin(context) for recording in run.recordings)
-        for step in steps:
-            for recorder in recorders:
-                recorder.write(step)
-            n_frames += 1
-            n_lost += any(estimate.lost for estimate in step.estimates)
-            _log_step(step)
-            observer.stepped(step)
-    except KeyboardInterrupt:
-        interrupted = True
-        log.warning("interrupted after %d frames", n_frames)
-    except TrackerError as error:
-        log.error("%s", error)
-        raise
-    finally:
-        observer.told("writing the results")
-        for recorder in recorders:
-            recorder.finish()
+    with contextlib.ExitStack() as finishing:
+        recorders: list[Recorder] = []
+        for recording in run.recordings:
+            recorders.append(recording.begin(context))
+            finishing.callback(recorders[-1].finish)
+        finishing.callback(observer.told, "writing the results")
+        try:
+            for step in steps:
+                for recorder in recorders:
+                    recorder.write(step)
+                n_frames += 1
+                n_lost += any(estimate.lost for estimate in step.estimates)
+                _log_step(step)
+                observer.stepped(step)
+        except KeyboardInterrupt:
+            interrupted = True
+            log.warning("interrupted after %d frames", n_frames)
+        except TrackerError as error:
+            log.error("%s", error)
+            raise
     return RunResult(context.folder, n_frames, n_lost, time.perf_counter() - begin, interrupted)
 
 

@@ -132,18 +132,38 @@ def _bend(world: Array, i: int, j: int, t: float, sample: Array) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _capsules(
-    placements: Array, b: int, shapes: Array, bounds: Array, camera: Array, margin_m: float, out: Array
-) -> None:
-    """Where the parts lie in an image, seen as their axes with a width.
+def _prepare(placements: Array, b: int, shapes: Array, bounds: Array, solids: Array) -> None:
+    """Fills the columns 0-11 and 15-20 of `solids` for one pose."""
+    for p in range(len(shapes)):
+        for r in range(3):
+            shift = 0.0
+            for k in range(3):
+                solids[p, 4 * r + k] = placements[b, p, k, r] / shapes[p, r]
+                shift -= placements[b, p, k, r] * placements[b, p, k, 3]
+            solids[p, 4 * r + 3] = shift / shapes[p, r]
+        e1, e2 = shapes[p, 3], shapes[p, 4]
+        solids[p, 15], solids[p, 16], solids[p, 17] = bounds[1, p], shapes[p, 5], shapes[p, 6]
+        solids[p, 18], solids[p, 19], solids[p, 20] = 2.0 / e2, e2 / e1, 2.0 / e1
 
-    Args:
-        placements, b, shapes, bounds, camera: as in `trace_contours`.
-        margin_m: added to the width, metres.
-        out: (P, 8) output: one end of the axis, the axis divided by its squared length, the axis, the squared width
-            around it, px, and the nearest depth, metres; -1 for a part that is not wholly before the camera.
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _see(
+    placements: Array, b: int, shapes: Array, bounds: Array, camera: Array, margin_m: float, solids: Array
+) -> None:
+    """Fills the columns 12-14 and 21-28 of `solids` for one view.
+
+    In the image a part is its axis with a width: 21-22 one end of the axis, 23-24 the axis divided by its squared
+    length, 25-26 the axis, 27 the squared width around it, px, and 28 the nearest depth, metres, -1 for a part that
+    is not wholly before the camera. `margin_m` is added to the width.
     """
     for p in range(len(shapes)):
+        for r in range(3):
+            solids[p, 12 + r] = (
+                solids[p, 4 * r] * camera[12]
+                + solids[p, 4 * r + 1] * camera[13]
+                + solids[p, 4 * r + 2] * camera[14]
+                + solids[p, 4 * r + 3]
+            )
         x, y, z = placements[b, p, 0, 3], placements[b, p, 1, 3], placements[b, p, 2, 3]
         half = shapes[p, 2]
         ax, ay, az = half * placements[b, p, 0, 2], half * placements[b, p, 1, 2], half * placements[b, p, 2, 2]
@@ -151,84 +171,81 @@ def _capsules(
         u1, v1, d1 = project_point(camera, x + ax, y + ay, z + az)
         width = bounds[2, p] + margin_m
         depth = min(d0, d1) - width
-        out[p, 7] = depth if depth > 0.05 else -1.0
         du, dv = u1 - u0, v1 - v0
         square = du * du + dv * dv + 1e-9
-        out[p, 0], out[p, 1] = u0, v0
-        out[p, 2], out[p, 3] = du / square, dv / square
-        out[p, 4], out[p, 5] = du, dv
+        solids[p, 21], solids[p, 22], solids[p, 23], solids[p, 24] = u0, v0, du / square, dv / square
+        solids[p, 25], solids[p, 26] = du, dv
         # A tenth on top covers perspective and lens distortion across the width of a part.
-        out[p, 6] = (1.1 * camera[15] * width / max(depth, 0.05)) ** 2
+        solids[p, 27] = (1.1 * camera[15] * width / max(depth, 0.05)) ** 2
+        solids[p, 28] = depth if depth > 0.05 else -1.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _beside(capsules: Array, q: int, u: float, v: float) -> float:
+def _beside(solids: Array, q: int, u: float, v: float) -> float:
     """Squared distance of a pixel from the axis of part q, px^2."""
-    x, y = u - capsules[q, 0], v - capsules[q, 1]
-    t = min(max(x * capsules[q, 2] + y * capsules[q, 3], 0.0), 1.0)
-    x, y = x - t * capsules[q, 4], y - t * capsules[q, 5]
+    x, y = u - solids[q, 21], v - solids[q, 22]
+    t = min(max(x * solids[q, 23] + y * solids[q, 24], 0.0), 1.0)
+    x, y = x - t * solids[q, 25], y - t * solids[q, 26]
     return x * x + y * y
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _neighbours(p: int, capsules: Array, bounds: Array, listed: Integers) -> int:
-    """Parts that may cover or touch part p; their number."""
+def _neighbours(p: int, solids: Array, radius: float, listed: Integers) -> int:
+    """Parts that may cover or touch part p, which lies within a sphere of that radius, metres; their number."""
     n = 0
-    u, v = capsules[p, 0] + 0.5 * capsules[p, 4], capsules[p, 1] + 0.5 * capsules[p, 5]
-    own = 0.5 * np.sqrt(capsules[p, 4] ** 2 + capsules[p, 5] ** 2) + np.sqrt(capsules[p, 6])
-    for q in range(len(capsules)):
-        if q == p or capsules[q, 7] < 0.0 or capsules[q, 7] > capsules[p, 7] + 2.0 * bounds[0, p] + 0.1:
+    u, v = solids[p, 21] + 0.5 * solids[p, 25], solids[p, 22] + 0.5 * solids[p, 26]
+    own = 0.5 * np.sqrt(solids[p, 25] ** 2 + solids[p, 26] ** 2) + np.sqrt(solids[p, 27])
+    for q in range(len(solids)):
+        if q == p or solids[q, 28] < 0.0 or solids[q, 28] > solids[p, 28] + 2.0 * radius + 0.1:
             continue
-        if np.sqrt(_beside(capsules, q, u, v)) < own + np.sqrt(capsules[q, 6]):
+        if np.sqrt(_beside(solids, q, u, v)) < own + np.sqrt(solids[q, 27]):
             listed[n] = q
             n += 1
     return n
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _cover(
-    inverses: Array,
-    shapes: Array,
-    reaches: Array,
-    eyes: Array,
-    capsules: Array,
-    listed: Integers,
-    n: int,
-    sample: Array,
-    pixel: tuple[float, float],
-    contact_m: float,
-) -> int:
+def _cover(solids: Array, listed: Integers, n: int, sample: Array, pixel: tuple[float, float], contact_m: float) -> int:
     """2 if another part covers the sample (6,), 1 if one touches its outer side, else 0."""
     outcome = 0
-    wx, wy, wz, nx, ny, nz = sample[0], sample[1], sample[2], sample[3], sample[4], sample[5]
+    wx, wy, wz = sample[0], sample[1], sample[2]
     for k in range(n):
         q = listed[k]
-        if _beside(capsules, q, pixel[0], pixel[1]) > capsules[q, 6]:
+        if _beside(solids, q, pixel[0], pixel[1]) > solids[q, 27]:
             continue
-        x = inverses[q, 0, 0] * wx + inverses[q, 0, 1] * wy + inverses[q, 0, 2] * wz + inverses[q, 0, 3]
-        y = inverses[q, 1, 0] * wx + inverses[q, 1, 1] * wy + inverses[q, 1, 2] * wz + inverses[q, 1, 3]
-        z = inverses[q, 2, 0] * wx + inverses[q, 2, 1] * wy + inverses[q, 2, 2] * wz + inverses[q, 2, 3]
-        if blocks_ray(shapes, reaches, eyes, q, x, y, z):
+        x = solids[q, 0] * wx + solids[q, 1] * wy + solids[q, 2] * wz + solids[q, 3]
+        y = solids[q, 4] * wx + solids[q, 5] * wy + solids[q, 6] * wz + solids[q, 7]
+        z = solids[q, 8] * wx + solids[q, 9] * wy + solids[q, 10] * wz + solids[q, 11]
+        if blocks_ray(solids, q, x, y, z):
+            # What covers this sample most often covers the next one.
+            listed[k], listed[0] = listed[0], q
             return 2
-        if outcome == 0 and x * x + y * y + z * z < 4.0 * reaches[q]:
-            x += contact_m * (inverses[q, 0, 0] * nx + inverses[q, 0, 1] * ny + inverses[q, 0, 2] * nz)
-            y += contact_m * (inverses[q, 1, 0] * nx + inverses[q, 1, 1] * ny + inverses[q, 1, 2] * nz)
-            z += contact_m * (inverses[q, 2, 0] * nx + inverses[q, 2, 1] * ny + inverses[q, 2, 2] * nz)
-            if inside_value(shapes, q, x, y, z) < 1.0:
+        if outcome == 0 and x * x + y * y + z * z < 4.0 * solids[q, 15]:
+            nx, ny, nz = contact_m * sample[3], contact_m * sample[4], contact_m * sample[5]
+            x += solids[q, 0] * nx + solids[q, 1] * ny + solids[q, 2] * nz
+            y += solids[q, 4] * nx + solids[q, 5] * ny + solids[q, 6] * nz
+            z += solids[q, 8] * nx + solids[q, 9] * ny + solids[q, 10] * nz
+            if inside_value(solids, q, x, y, z) < 1.0:
                 outcome = 1
     return outcome
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _prepare(placements: Array, b: int, shapes: Array, inverses: Array) -> None:
-    """Motions from the world into each part's frame, scaled to units of its half extents (P, 3, 4)."""
-    for p in range(len(shapes)):
-        for r in range(3):
-            shift = 0.0
-            for k in range(3):
-                inverses[p, r, k] = placements[b, p, k, r] / shapes[p, r]
-                shift -= placements[b, p, k, r] * placements[b, p, k, 3]
-            inverses[p, r, 3] = shift / shapes[p, r]
+def _write(
+    camera: Array, sample: Array, pixel: tuple[float, float], weight: float, at: tuple[int, int, int], out: Array32
+) -> None:
+    """Writes pixel, image normal and weight of a sample (6,) to out[at] (5,).
+
+    The tangent plane of the contour passes through the camera and projects to the line K^-T n.
+    """
+    b, v, n = at
+    nx = camera[0] * sample[3] + camera[1] * sample[4] + camera[2] * sample[5]
+    ny = camera[4] * sample[3] + camera[5] * sample[4] + camera[6] * sample[5]
+    nx /= camera[15]
+    ny = (ny - camera[24] * nx) / camera[16]
+    norm = 1.0 / np.sqrt(nx * nx + ny * ny)
+    out[b, v, n, 0], out[b, v, n, 1], out[b, v, n, 4] = pixel[0], pixel[1], weight
+    out[b, v, n, 2], out[b, v, n, 3] = nx * norm, ny * norm
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -264,38 +281,27 @@ def trace_contours(
         points: (B, V, M, 3) output: world positions.
         parts, between, counts: outputs, laid out as in `Contours`.
     """
-    n_parts = len(shapes)
+    n_parts, capacity = len(shapes), parts.shape[2]
     n_rows, n_columns = (grids.shape[1] + 1) // 2, grids.shape[2] // 2
-    inverses, eyes, capsules = np.zeros((n_parts, 3, 4)), np.zeros((n_parts, 3)), np.zeros((n_parts, 8))
+    solids, sample = np.zeros((n_parts, 29)), np.zeros(6)
     facing = np.zeros(n_rows * n_columns, dtype=np.float32)
     crossings, world = np.zeros((2 * facing.size, 6)), np.zeros((2 * facing.size, 8))
     ids = np.zeros((2, n_rows, n_columns), dtype=np.int64)
-    pieces = np.zeros((2 * facing.size, 2), dtype=np.int64)
-    listed = np.zeros(n_parts, dtype=np.int64)
-    sample = np.zeros(6)
-    reaches = bounds[1]
+    pieces, listed = np.zeros((2 * facing.size, 2), dtype=np.int64), np.zeros(n_parts, dtype=np.int64)
     for b in range(len(placements)):
-        _prepare(placements, b, shapes, inverses)
+        _prepare(placements, b, shapes, bounds, solids)
         for v in range(len(cameras)):
             camera = cameras[v]
-            _capsules(placements, b, shapes, bounds, camera, spacing[1], capsules)
-            for p in range(n_parts):
-                for r in range(3):
-                    eyes[p, r] = (
-                        inverses[p, r, 0] * camera[12]
-                        + inverses[p, r, 1] * camera[13]
-                        + inverses[p, r, 2] * camera[14]
-                        + inverses[p, r, 3]
-                    )
+            _see(placements, b, shapes, bounds, camera, spacing[1], solids)
             n = 0
             for p in range(n_parts):
-                if capsules[p, 7] < 0.0:
+                if solids[p, 28] < 0.0:
                     continue
-                eye = (eyes[p, 0] * shapes[p, 0], eyes[p, 1] * shapes[p, 1], eyes[p, 2] * shapes[p, 2])
+                eye = solids[p, 12] * shapes[p, 0], solids[p, 13] * shapes[p, 1], solids[p, 14] * shapes[p, 2]
                 n_crossings = _find_crossings(grids, planes, p, eye, facing, crossings, ids)
                 n_pieces = _join(ids, pieces)
                 _to_world(placements, b, p, crossings, n_crossings, camera, world)
-                n_listed = _neighbours(p, capsules, bounds, listed)
+                n_listed = _neighbours(p, solids, bounds[0, p], listed)
                 for k in range(n_pieces):
                     i, j = pieces[k, 0], pieces[k, 1]
                     length = np.sqrt((world[j, 6] - world[i, 6]) ** 2 + (world[j, 7] - world[i, 7]) ** 2)
@@ -305,19 +311,11 @@ def trace_contours(
                         x, y, _ = project_point(camera, sample[0], sample[1], sample[2])
                         if x < -0.5 or y < -0.5 or x > sizes[v, 0] - 0.5 or y > sizes[v, 1] - 0.5:
                             continue
-                        cover = _cover(
-                            inverses, shapes, reaches, eyes, capsules, listed, n_listed, sample, (x, y), spacing[1]
-                        )
-                        if cover == 2 or n == parts.shape[2]:
+                        cover = _cover(solids, listed, n_listed, sample, (x, y), spacing[1])
+                        if cover == 2 or n == capacity:
                             continue
-                        nx = camera[0] * sample[3] + camera[1] * sample[4] + camera[2] * sample[5]
-                        ny = camera[4] * sample[3] + camera[5] * sample[4] + camera[6] * sample[5]
-                        nx /= camera[15]
-                        ny = (ny - camera[24] * nx) / camera[16]
-                        norm = np.sqrt(nx * nx + ny * ny)
-                        positions[b, v, n, 0], positions[b, v, n, 1] = x, y
-                        positions[b, v, n, 2], positions[b, v, n, 3] = nx / norm, ny / norm
-                        positions[b, v, n, 4] = 0.0 if cover == 1 else length / n_samples
+                        weight = 0.0 if cover == 1 else length / n_samples
+                        _write(camera, sample, (x, y), weight, (b, v, n), positions)
                         points[b, v, n, 0], points[b, v, n, 1], points[b, v, n, 2] = sample[0], sample[1], sample[2]
                         parts[b, v, n] = p
                         between[b, v, n] = cover == 1

@@ -1,6 +1,11 @@
 """Ray tests against tapered superquadrics.
 
-Arrays are indexed here, never sliced: a slice costs a reference count, which is most of the time of such a test.
+What a test needs of a part stands in one row of one array, `solids` (P, 29): numba passes an array by its nine
+words, and slices cost a reference count, so that several arrays or slices would be most of the time of a test.
+
+Columns: 0-11 motion (3x4) from the world into the part's frame in units of its half extents; 12-14 camera centre
+in that frame; 15 largest squared distance of the surface from the origin there; 16-17 taper; 18-20 exponents 2/e2,
+e2/e1 and 2/e1; 21-28 the part in the image, see `tracker.kernels.contour_tracing`.
 """
 
 from __future__ import annotations
@@ -12,11 +17,11 @@ from tracker.arrays import Array
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def inside_value(shapes: Array, q: int, x: float, y: float, z: float) -> float:
+def inside_value(solids: Array, q: int, x: float, y: float, z: float) -> float:
     """Inside-outside function of part q at a point in units of its half extents.
 
     Args:
-        shapes: (P, 7) packed superquadrics with exponents up to 1.
+        solids: (P, 29) parts with exponents e1, e2 up to 1.
         q: the part.
         x, y, z: position in the part's frame divided by a1, a2, a3.
 
@@ -26,66 +31,60 @@ def inside_value(shapes: Array, q: int, x: float, y: float, z: float) -> float:
     """
     if z > 1.0 or z < -1.0:
         return 9.0
-    u = abs(x / (1.0 + shapes[q, 5] * z))
-    v = abs(y / (1.0 + shapes[q, 6] * z))
+    u = abs(x / (1.0 + solids[q, 16] * z))
+    v = abs(y / (1.0 + solids[q, 17] * z))
     if u > 1.0 or v > 1.0:
         return 9.0
     if u * u + v * v + z * z < 1.0:
         return 0.5
-    e1, e2 = shapes[q, 3], shapes[q, 4]
-    if e2 == 1.0:
-        around = (u * u + v * v) ** (1.0 / e1)
+    if solids[q, 18] == 2.0:
+        around = (u * u + v * v) ** (0.5 * solids[q, 20])
     else:
-        around = (u ** (2.0 / e2) + v ** (2.0 / e2)) ** (e2 / e1)
-    return around + abs(z) ** (2.0 / e1)
+        around = (u ** solids[q, 18] + v ** solids[q, 18]) ** solids[q, 19]
+    return around + abs(z) ** solids[q, 20]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def blocks_ray(shapes: Array, reaches: Array, eyes: Array, q: int, x: float, y: float, z: float) -> bool:
+def _clipped(origin: float, direction: float, side: float, low: float, high: float) -> tuple[float, float]:
+    """What is left of a ray between low and high inside the slab from -side to side."""
+    inverse = 1.0 / direction if direction != 0.0 else 1e300
+    enter, leave = (-side - origin) * inverse, (side - origin) * inverse
+    return max(low, min(enter, leave)), min(high, max(enter, leave))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def blocks_ray(solids: Array, q: int, x: float, y: float, z: float) -> bool:
     """Whether part q covers a point seen from a camera.
 
-    The inside-outside function of a convex shape is quasi-convex along a ray, so its minimum is found by
-    ternary search between the crossings of the bounding ellipsoid and box.
+    The ray is clipped to the part's bounding ellipsoid and box. Where it comes nearest to the centre, in units of
+    the half extents, the inside-outside function is close to its least value along the ray; there and half-way
+    to both ends of what is left of the ray it is evaluated.
 
     Args:
-        shapes: (P, 7) packed superquadrics with exponents up to 1.
-        reaches: (P,) largest squared distance of the surface from the centre in units of the half extents.
-        eyes: (P, 3) camera centre in each part's frame divided by its half extents.
+        solids: (P, 29) parts.
         q: the part.
-        x, y, z: the point, likewise.
+        x, y, z: the point in the part's frame divided by a1, a2, a3.
     """
-    ox, oy, oz = eyes[q, 0], eyes[q, 1], eyes[q, 2]
+    ox, oy, oz = solids[q, 12], solids[q, 13], solids[q, 14]
     dx, dy, dz = x - ox, y - oy, z - oz
     length2 = dx * dx + dy * dy + dz * dz
     along = -(ox * dx + oy * dy + oz * dz) / length2
     nx, ny, nz = ox + along * dx, oy + along * dy, oz + along * dz
-    gap = reaches[q] - (nx * nx + ny * ny + nz * nz)
+    gap = solids[q, 15] - (nx * nx + ny * ny + nz * nz)
     if gap <= 0.0:
         return False
     half = np.sqrt(gap / length2)
     low, high = along - half, min(along + half, 1.0)
-    for origin, direction, taper in ((ox, dx, shapes[q, 5]), (oy, dy, shapes[q, 6]), (oz, dz, 0.0)):
-        # The slab of the bounding box; most rays through the ellipsoid's rim miss the box.
-        side = 1.0 + abs(taper)
-        if abs(direction) < 1e-12:
-            if abs(origin) > side:
-                return False
-            continue
-        enter, leave = (-side - origin) / direction, (side - origin) / direction
-        low, high = max(low, min(enter, leave)), min(high, max(enter, leave))
+    low, high = _clipped(ox, dx, 1.0 + abs(solids[q, 16]), low, high)
+    low, high = _clipped(oy, dy, 1.0 + abs(solids[q, 17]), low, high)
+    low, high = _clipped(oz, dz, 1.0, low, high)
     if high <= low:
         return False
-    for _ in range(4):
-        third = (high - low) / 3.0
-        s, t = low + third, high - third
-        first = inside_value(shapes, q, ox + s * dx, oy + s * dy, oz + s * dz)
-        if first < 1.0:
-            return True
-        second = inside_value(shapes, q, ox + t * dx, oy + t * dy, oz + t * dz)
-        if second < 1.0:
-            return True
-        if first < second or (first == second and along < 0.5 * (low + high)):
-            high = t
-        else:
-            low = s
-    return False
+    middle = min(max(along, low), high)
+    if inside_value(solids, q, ox + middle * dx, oy + middle * dy, oz + middle * dz) < 1.0:
+        return True
+    t = 0.5 * (low + middle)
+    if inside_value(solids, q, ox + t * dx, oy + t * dy, oz + t * dz) < 1.0:
+        return True
+    t = 0.5 * (middle + high)
+    return inside_value(solids, q, ox + t * dx, oy + t * dy, oz + t * dz) < 1.0

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from typing import TextIO
 
 import numpy as np
+import pydantic
 
 from tracker.arrays import Array
 from tracker.components import component
@@ -24,7 +25,7 @@ _POSE_COLUMNS = ("frame", "time_s", "person", "status", "distance_px")
 class CsvTable:
     """`poses.csv`, `sigmas.csv` and `joints.csv`; in lost frames the values are empty."""
 
-    decimals: int = 5
+    decimals: int = pydantic.Field(default=5, ge=0, le=15)
     """Digits after the point: 0.01 mm and 0.00001 degrees."""
 
     def begin(self, run: RunContext) -> CsvRecorder:
