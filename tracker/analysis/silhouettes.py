@@ -45,15 +45,15 @@ class SilhouetteAnalysis:
         Raises:
             SequenceError: a view has no background plate.
         """
-        if len(backgrounds) != len(frame.images) or any(plate is None for plate in backgrounds):
+        plates = [plate for plate in backgrounds if plate is not None]
+        if len(plates) < len(frame.images):
             raise SequenceError(
                 "silhouettes need the background of every view: add "
                 '`background = "background/{view}.png"` to [reading], or use = "contours" in [analysis]'
             )
         views = []
-        for v, (image, plate) in enumerate(zip(frame.images, backgrounds, strict=True)):
+        for v, (image, plate) in enumerate(zip(frame.images, plates, strict=True)):
             samples = None if expected is None else expected_samples(expected, v)
-            assert plate is not None
             views.append(None if image is None else self._observe_view(image, samples, plate))
         return Observation(tuple(views))
 

@@ -53,17 +53,13 @@ def person_regions(masks: tuple[Mask | None, ...], n_persons: int, rig: Rig) -> 
                 f'view "{name}" shows {len(regions)} moving region(s), expected {n_persons}: bootstrapping needs '
                 "persons that do not overlap; start at another frame or give the poses"
             )
-    reference = next(v for v, regions in enumerate(split) if regions is not None)
+    present = [(v, regions) for v, regions in enumerate(split) if regions is not None]
+    reference, first = present[0]
     ordered: list[list[Mask | None]] = [[None] * len(masks) for _ in range(n_persons)]
-    for v, regions in enumerate(split):
-        if regions is None:
-            continue
-        first = split[reference]
-        assert first is not None
+    for v, regions in present:
         gaps = np.array([[_ray_gap(rig, reference, a, v, b) for b in regions] for a in first])
-        order = linear_sum_assignment(gaps)[1]
-        for k in range(n_persons):
-            ordered[k][v] = regions[order[k]]
+        for k, other in enumerate(linear_sum_assignment(gaps)[1]):
+            ordered[k][v] = regions[other]
     return [tuple(regions) for regions in ordered]
 
 
@@ -95,18 +91,20 @@ def torso_axis(rig: Rig, regions: tuple[Mask | None, ...], axes: list[tuple[Prin
     Raises:
         InitializationError: fewer than two views show the person, or all of them from the same direction.
     """
-    seen = [v for v, found in enumerate(axes) if found]
+    seen = [
+        (v, region) for v, (found, region) in enumerate(zip(axes, regions, strict=True)) if found and region is not None
+    ]
     if len(seen) < 2:
         raise InitializationError(
             f"the foreground shows a person in {len(seen)} view(s), expected at least two: "
             "check the background plates and their threshold"
         )
     normals = []
-    for v in seen:
+    for v, _ in seen:
         lower, upper = rig.cameras[v].rays(axes[v][-1].ends)
         normal = np.cross(lower, upper)
         normals.append(normal / np.linalg.norm(normal))
-    centres = np.array([rig.cameras[v].centre for v in seen])
+    centres = np.array([rig.cameras[v].centre for v, _ in seen])
     point, direction, strength = line_from_planes(np.array(normals), centres)
     if strength < 0.1:
         raise InitializationError(
@@ -114,13 +112,12 @@ def torso_axis(rig: Rig, regions: tuple[Mask | None, ...], axes: list[tuple[Prin
         )
     # The head is up: bootstrapping assumes an upright person, as the paper's does.
     direction = direction if direction[2] > 0 else -direction
-    tops = [_head_position(rig, v, regions[v], point, direction) for v in seen]
+    tops = [_head_position(rig, v, region, point, direction) for v, region in seen]
     return TorsoAxis(point + float(np.median(tops)) * direction, direction)
 
 
-def _head_position(rig: Rig, v: int, region: Mask | None, point: Array, direction: Array) -> float:
+def _head_position(rig: Rig, v: int, region: Mask, point: Array, direction: Array) -> float:
     """Top of the head along the axis in one view: the upper end of the histogram of near-axis points."""
-    assert region is not None
     camera = rig.cameras[v]
     along, distance = nearest_along_line(point, direction, camera.centre, camera.rays(region_points(region)))
     along = along[distance < _LATERAL_M]

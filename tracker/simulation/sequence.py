@@ -182,8 +182,8 @@ def _write_videos(simulation: Simulation, folder: Path, progress: Callable[[int,
     try:
         for frame in simulation.frames():
             for container, stream, image in zip(containers, streams, frame.images, strict=True):
-                assert image is not None
-                container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
+                if image is not None:
+                    container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
             progress(frame.index + 1, total)
         for container, stream in zip(containers, streams, strict=True):
             container.mux(stream.encode(None))
