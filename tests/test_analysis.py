@@ -149,7 +149,9 @@ def test_every_analysis_finds_the_outline_and_keeps_the_contract(
         assert (np.diff(view.scene) > 0).all()
         assert view.distance.max() <= view.reach
         pixels = np.floor(view.edges[view.accepted] + 0.5).astype(int) - view.origin
-        assert (view.distance[pixels[:, 1], pixels[:, 0]] == 0).all()
+        assert sorted(map(tuple, np.argwhere(view.distance == 0)[:, ::-1].tolist())) == sorted(
+            set(map(tuple, pixels.tolist()))
+        )
         assert view.silhouette is not None
         # Contours of the model, and hulls drawn in its place, differ by less than 2 px.
         samples = expected_samples(expected, v)
@@ -220,6 +222,18 @@ def test_a_background_rejects_what_has_not_changed(frame: Frame, plates: Plates)
             assert (view.edges[:, 0] < 36).any()
             assert (view.edges[view.accepted][:, 0] < 36).any() == sees_post
             assert (view.silhouette is None) == (backgrounds[0] is None)
+
+
+@pytest.mark.parametrize(("grow_px", "sees_post"), [(0, False), (4, False), (12, True)])
+def test_edges_count_so_far_outside_of_what_has_changed(
+    grow_px: int, sees_post: bool, frame: Frame, plates: tuple[Image, ...]
+) -> None:
+    image = plates[0].copy()
+    image[POST[0], 40:60] = 90  # 8 px beside the post
+    view = ContourAnalysis(grow_px=grow_px).observe(replace(frame, images=(image,)), None, plates[:1]).views[0]
+    assert view is not None
+    sides = [abs(view.edges[view.accepted, 0] - x) < 1 for x in (POST[1].start - 0.5, POST[1].stop - 0.5, 39.5, 59.5)]
+    assert [side.sum() > 200 for side in sides] == [False, sees_post, True, True]
 
 
 def test_the_expected_contours_reject_what_is_far_from_them(frame: Frame, expected: Contours) -> None:

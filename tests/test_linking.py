@@ -18,7 +18,7 @@ RULE = (4, float(np.radians(20.0)), 8)
 def edge_maps() -> dict[str, Image]:
     """Noise of several densities, and the edges of a cluttered picture."""
     rng = np.random.default_rng(7)
-    maps = {f"{density:.0%}": (rng.random((23, 31)) < density).astype(np.uint8) for density in (0, 0.05, 0.3, 0.7, 1)}
+    maps = {f"{density:.0%}": (rng.random((60, 80)) < density).astype(np.uint8) for density in (0, 0.05, 0.3, 0.7, 1)}
     blobs = cv2.GaussianBlur(rng.integers(0, 256, (90, 120), dtype=np.uint8), (0, 0), 2.0)
     return {**maps, "clutter": canny(gradient(cv2.equalizeHist(blobs), 1.0), 3.0, 7.0)}
 
