@@ -7,6 +7,7 @@ import pydantic
 from scipy.linalg import cho_factor, cho_solve
 
 from tracker.arrays import Array, Mask
+from tracker.body import BodyModel
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.correspondences import Correspondences
@@ -48,22 +49,41 @@ class TwistIcpEstimation:
     prior_m: float = pydantic.Field(default=0.15, gt=0)
     """Standard deviation of a translation around the start, metres."""
 
+    same_deg: float = pydantic.Field(default=0.5, ge=0)
+    """Starts whose angles differ by less than this, and whose translations by less than `same_m`, are one, degrees."""
+
+    same_m: float = pydantic.Field(default=0.005, ge=0)
+    """The same for translations, metres."""
+
+    rest_deg: float = pydantic.Field(default=0.1, ge=0)
+    """Steps smaller than this and `rest_m` end the iterations at a gate, degrees."""
+
+    rest_m: float = pydantic.Field(default=0.001, ge=0)
+    """The same for translations, metres."""
+
     def estimate(self, objective: Objective, starts: Array) -> Estimate:
-        """Refines every start and keeps the one of least distance."""
-        refined = [self.refine(objective, start) for start in starts]
+        """Refines every start that differs from those before it and keeps the one of least distance."""
+        tolerance = self._steps(objective.body, self.same_deg, self.same_m)
+        distinct: list[Array] = []
+        for start in starts:
+            if not any((np.abs(start - other) < tolerance).all() for other in distinct):
+                distinct.append(start)
+        refined = [self.refine(objective, start) for start in distinct]
         distances = objective(np.array([q for q, _ in refined]))
         q, covariance = refined[int(np.argmin(distances))]
-        return objective.estimate(q, covariance, len(starts) * (self.iterations + 1))
+        return objective.estimate(q, covariance, len(distinct) * (self.iterations + 1))
 
     def refine(self, objective: Objective, start: Array) -> tuple[Array, Array]:
         """Gauss-Newton from one start (dof,): the pose (dof,) and its covariance (dof, dof)."""
         body = objective.body
         q = body.clamped(start)
-        spread = np.where(body.rotates, np.radians(self.prior_deg), self.prior_m)
+        spread = self._steps(body, self.prior_deg, self.prior_m)
         prior = np.diag((self.noise_px / spread) ** 2)
-        gates = np.geomspace(self.gate_px, self.final_gate_px, self.iterations)
+        gates = np.geomspace(self.gate_px, self.final_gate_px, self.iterations).tolist()
         matrix, squares, total = prior, 0.0, 0.0
-        for gate_px in gates:
+        resting = self._steps(body, self.rest_deg, self.rest_m)
+        while gates:
+            gate_px = gates.pop(0)
             pairs = correspondences(objective, objective.contours(q[None]), q, float(gate_px), self.direction_deg)
             matrix, vector, squares, total = normal_equations(
                 pairs.points,
@@ -77,10 +97,19 @@ class TwistIcpEstimation:
                 body.moves,
                 0.5 * float(gate_px),
             )
+            before = q
             q = _limited_step(q, matrix + prior, vector + prior @ (q - start), body.limits)
+            if (np.abs(q - before) < resting).all():
+                # At rest with a wide gate: only the narrow one can still move it.
+                gates = gates[-1:]
         variance = squares / total if total > 0 else self.noise_px**2
         information = matrix / max(variance, 1e-6) + prior / self.noise_px**2
         return q, np.asarray(np.linalg.inv(information), dtype=np.float64)
+
+    def _steps(self, body: BodyModel, angle_deg: float, length_m: float) -> Array:
+        """(dof,) an angle for rotations and a length for translations, rad and m."""
+        steps: Array = np.where(body.rotates, np.radians(angle_deg), length_m)
+        return steps
 
 
 def correspondences(
