@@ -42,6 +42,9 @@ class HybridEstimation:
     min_visible_px: float = pydantic.Field(default=100.0, ge=0)
     """Groups that show less contour than this over all views are judged as if they showed so much, px."""
 
+    most_limbs: int = pydantic.Field(default=2, ge=0)
+    """Where more groups than this are poor, the whole pose is searched first."""
+
     scatter: int = pydantic.Field(default=96, ge=1)
     """Poses of a limb scattered over its joint limits when it is searched."""
 
@@ -52,7 +55,7 @@ class HybridEstimation:
         """The best of the refined predictions and, where needed, of the refined search results."""
         refined = self.then.estimate(objective, starts)
         weak = self._weak_groups(objective, refined.q)
-        if self.search or len(weak) > 2 or objective.body.fine_groups[0] in weak:
+        if self.search or len(weak) > self.most_limbs:
             searched = self.first.estimate(objective, np.concatenate([starts, refined.q[None]]))
             again = self.then.estimate(objective, searched.q[None])
             refined = again if again.distance_px < refined.distance_px else refined
