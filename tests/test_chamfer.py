@@ -1,0 +1,301 @@
+"""The chamfer distance against a plain twin of the paper's equations, and what a search needs of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from observations import bent, four_views, ideal
+from scipy.interpolate import RegularGridInterpolator
+from scipy.spatial.distance import cdist
+
+from tracker.arrays import Array, Array32
+from tracker.body_files import load_body
+from tracker.contours import Contours
+from tracker.kernels.chamfer import chamfer_lookup, directed_distances, robust_mean
+from tracker.objective import Objective
+from tracker.observation import Observation, ViewObservation
+from tracker.resources import model_path
+from tracker.scene import Person, Scene
+from tracker.similarity.chamfer import ChamferSimilarity
+from tracker.synthesis.cpu import CpuSynthesis
+
+THETA = 12.0
+rules = pytest.mark.parametrize("outliers", ["clamp", "reject"])
+
+
+def plain_mean(distances: Array, weights: Array, theta: float, outliers: str, slack: float = 0.0) -> float:
+    """Eq. 2 of the paper for one set of points, with its outliers clamped at theta or rejected in two passes.
+
+    The limit of the second pass may fall on a point: `slack` shifts it by that share.
+    """
+    if outliers == "clamp":
+        distances = np.minimum(distances, theta)
+        return float(np.average(distances, weights=weights)) if weights.sum() > 0 else theta
+    near = distances <= theta
+    distances, weights = distances[near], weights[near]
+    if weights.sum() == 0:
+        return theta
+    mean = np.average(distances, weights=weights)
+    sigma = np.sqrt(np.average((distances - mean) ** 2, weights=weights))
+    kept = distances <= mean + 2 * sigma * (1 + slack)
+    return float(np.average(distances[kept], weights=weights[kept]))
+
+
+def plain_lookup(view: ViewObservation, pixels: Array, outside: float) -> Array:
+    """Bilinear values of a chamfer image at pixels (N, 2)."""
+    x, y = view.origin
+    height, width = view.distance.shape
+    axes = np.arange(y, y + height), np.arange(x, x + width)
+    table = RegularGridInterpolator(axes, view.distance.astype(np.float64), bounds_error=False, fill_value=outside)
+    values: Array = table(pixels[:, ::-1])
+    return values
+
+
+def plain_directed(contours: Contours, observation: Observation, theta: float, outliers: str) -> Array:
+    """(B, V, 2) directed distances, the twin of `directed_distances`."""
+    result = np.full((contours.n_poses, contours.n_views, 2), np.nan)
+    for b, v in np.ndindex(contours.n_poses, contours.n_views):
+        view, model = observation.views[v], contours.of(v, b)
+        if view is None:
+            continue
+        matched = model.weights > 0
+        pixels, weights = model.pixels[matched].astype(np.float64), model.weights[matched].astype(np.float64)
+        to_scene = plain_lookup(view, pixels, theta + 1)
+        gaps = cdist(view.edges[view.scene], pixels)
+        to_model = gaps.min(axis=1) if len(pixels) else np.full(len(gaps), np.inf)
+        result[b, v, 0] = plain_mean(to_scene, weights, theta, outliers)
+        result[b, v, 1] = plain_mean(to_model, view.scene_weights.astype(np.float64), theta, outliers)
+    return result
+
+
+def scattered_view(rng: np.random.Generator, n_scene: int = 60) -> ViewObservation:
+    """Edge points anywhere, half of them in the scene, and a chamfer image of a part of the image."""
+    n = 2 * n_scene
+    angles = rng.uniform(0, 2 * np.pi, n)
+    return ViewObservation(
+        edges=rng.uniform(0, 100, (n, 2)).astype(np.float32),
+        directions=np.stack([np.cos(angles), np.sin(angles)], axis=1).astype(np.float32),
+        segments=np.zeros(n, dtype=np.int64),
+        accepted=np.ones(n, dtype=np.bool_),
+        scene=rng.permutation(n)[:n_scene],
+        scene_weights=rng.uniform(0.5, 3, n_scene).astype(np.float32),
+        origin=(int(rng.integers(0, 20)), int(rng.integers(0, 20))),
+        distance=rng.uniform(0, 1.5 * THETA, (70, 60)).astype(np.float32),
+        reach=1.5 * THETA,
+    )
+
+
+def scattered_contours(rng: np.random.Generator, n_poses: int = 5, n_views: int = 3) -> Contours:
+    """Samples anywhere, some outside of the image and some between parts; as many as may be in the first pose."""
+    layout = (n_poses, n_views, 40)
+    positions = rng.uniform(-10, 110, (*layout, 5)).astype(np.float32)
+    between = rng.uniform(size=layout) < 0.2
+    positions[..., 4] = np.where(between, 0, rng.uniform(0.5, 8, layout))
+    counts = rng.integers(10, 41, layout[:2])
+    counts[0] = 40
+    parts = rng.integers(0, 6, layout)
+    return Contours(positions, np.zeros((*layout, 3), dtype=np.float32), parts, between, counts)
+
+
+def scattered(seed: int) -> tuple[Contours, Observation]:
+    """Three views, the second one missing."""
+    rng = np.random.default_rng(seed)
+    return scattered_contours(rng), Observation((scattered_view(rng), None, scattered_view(rng, 31)))
+
+
+@given(
+    st.lists(st.tuples(st.floats(0, 100, width=32), st.floats(0.125, 8, width=32)), max_size=30),
+    st.floats(1, 60),
+    st.sampled_from(["clamp", "reject"]),
+)
+def test_the_robust_mean_is_that_of_the_paper(pairs: list[tuple[float, float]], theta: float, outliers: str) -> None:
+    distances, weights = np.array(pairs, dtype=np.float64).reshape(-1, 2).T
+    reject = outliers == "reject"
+    found = robust_mean(distances.astype(np.float32), weights.astype(np.float32), len(pairs), theta, reject)
+    expected = [plain_mean(distances, weights, theta, outliers, slack) for slack in (-1e-6, 0, 1e-6)]
+    assert min(abs(found - value) for value in expected) < 1e-4 * theta
+    assert 0 <= found <= theta * (1 + 1e-6)
+
+
+@rules
+def test_only_the_first_n_points_count(outliers: str) -> None:
+    distances, weights = np.array([1, 3, 500], dtype=np.float32), np.array([1, 1, 7], dtype=np.float32)
+    assert robust_mean(distances, weights, 2, 40.0, outliers == "reject") == pytest.approx(2)
+    assert robust_mean(distances, weights, 0, 40.0, outliers == "reject") == 40
+
+
+def test_points_are_rejected_twice() -> None:
+    """Above theta first, then above mean + 2 sigma of what is left."""
+    distances = np.array([1.0] * 20 + [30.0, 90.0], dtype=np.float32)
+    weights = np.ones(22, dtype=np.float32)
+    assert robust_mean(distances, weights, 22, 40.0, True) == pytest.approx(1)
+    assert robust_mean(distances, weights, 22, 40.0, False) == pytest.approx((20 + 30 + 40) / 22)
+
+
+def test_lookup_is_bilinear_and_ends_with_the_region() -> None:
+    view = scattered_view(np.random.default_rng(1))
+    flat, layout, *_ = Observation((None, view)).packed
+    pixels = np.random.default_rng(2).uniform(-5, 105, (500, 2))
+    found = [chamfer_lookup(flat, layout, 1, x, y, 77.0) for x, y in pixels]
+    expected = plain_lookup(view, pixels, 77.0)
+    assert 50 < (expected == 77).sum() < 450
+    np.testing.assert_allclose(found, expected, atol=1e-4)
+    (x, y), (height, width) = view.origin, view.distance.shape
+    for row, column in ((0, 0), (0, width - 1), (height - 1, 0), (height - 1, width - 1), (7, 5)):
+        assert chamfer_lookup(flat, layout, 1, x + column, y + row, 77.0) == pytest.approx(view.distance[row, column])
+
+
+@rules
+@pytest.mark.parametrize("seed", range(4))
+def test_directed_distances_equal_their_plain_twin(outliers: str, seed: int) -> None:
+    contours, observation = scattered(seed)
+    flat, layout, scene, first, _ = observation.packed
+    found = directed_distances(
+        contours.positions, contours.counts, flat, layout, scene, first, THETA, outliers == "reject"
+    )
+    np.testing.assert_allclose(found, plain_directed(contours, observation, THETA, outliers), rtol=2e-4)
+    assert np.isnan(found[:, 1]).all()
+    assert np.isfinite(found[:, [0, 2]]).all()
+
+
+@rules
+def test_the_distance_is_the_mean_over_directions_and_views_present(outliers: Any) -> None:
+    contours, observation = scattered(9)
+    similarity = ChamferSimilarity(outlier_px=THETA, outliers=outliers)
+    expected = plain_directed(contours, observation, THETA, outliers)[:, [0, 2]].mean(axis=(1, 2))
+    np.testing.assert_allclose(similarity.distance(contours, observation), expected, rtol=2e-4)
+
+
+@rules
+def test_without_model_or_scene_the_distance_is_that_of_an_outlier(outliers: Any) -> None:
+    contours, observation = scattered(5)
+    similarity = ChamferSimilarity(outlier_px=THETA, outliers=outliers)
+    blank = Observation((None, None, None))
+    np.testing.assert_array_equal(similarity.distance(contours, blank), THETA)
+    hidden = replace(contours, counts=np.zeros_like(contours.counts))
+    np.testing.assert_array_equal(similarity.distance(hidden, observation), THETA)
+    evidence = similarity.evidence(hidden, observation, 6)
+    assert evidence.distance_px == THETA
+    assert np.isnan(evidence.per_part_px).all()
+    assert not evidence.visible_px.any()
+    dark = Observation(tuple(None if view is None else emptied(view) for view in observation.views))
+    np.testing.assert_array_equal(similarity.distance(contours, dark), THETA)
+    evidence = similarity.evidence(contours, dark, 6)
+    np.testing.assert_allclose(evidence.per_part_px, THETA)
+    np.testing.assert_allclose(evidence.explained, 0)
+    assert not evidence.missed_px.any()
+
+
+def emptied(view: ViewObservation) -> ViewObservation:
+    """The view without an edge."""
+    nothing = np.zeros((0, 2), dtype=np.float32)
+    index, weight = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.float32)
+    far: Array32 = np.full_like(view.distance, view.reach)
+    return replace(
+        view, edges=nothing, directions=nothing, segments=index, accepted=index > 0, scene=index,
+        scene_weights=weight, distance=far,
+    )  # fmt: skip
+
+
+@rules
+def test_evidence_is_the_distance_in_detail(outliers: Any) -> None:
+    contours, observation = scattered(3)
+    similarity = ChamferSimilarity(outlier_px=THETA, outliers=outliers, explained_px=4.0, missed_px=6.0)
+    evidence = similarity.evidence(contours, observation, 7)
+    assert evidence.distance_px == similarity.distance(contours, observation)[0]
+    expected = plain_directed(contours, observation, THETA, outliers)[0].mean(axis=1)
+    np.testing.assert_allclose(evidence.per_view_px, expected, rtol=2e-4)
+    visible, missed, missed_total = np.zeros(7), np.zeros(7), 0.0
+    for v, view in enumerate(observation.views):
+        if view is None:
+            continue
+        model = contours.of(v)
+        np.add.at(visible, model.parts, model.weights)
+        gaps = cdist(view.edges[view.scene], model.pixels)
+        far = gaps.min(axis=1) > 6.0
+        np.add.at(missed, model.parts[gaps.argmin(axis=1)[far]], view.scene_weights[far])
+        missed_total += view.scene_weights[far].sum()
+    assert missed_total > 0
+    np.testing.assert_allclose(evidence.visible_px, visible, rtol=1e-5)
+    np.testing.assert_allclose(evidence.missed_px, missed, rtol=1e-5)
+    assert np.isnan(evidence.per_part_px[6])
+    assert np.isnan(evidence.explained[6])
+    assert ((evidence.per_part_px >= 0) & (evidence.per_part_px <= THETA))[:6].all()
+    assert ((evidence.explained >= 0) & (evidence.explained <= 1))[:6].all()
+
+
+@pytest.fixture(scope="module")
+def truth() -> Scene:
+    body = load_body(model_path("gavrila22"))
+    return Scene((Person("one", body, bent(body)),), four_views())
+
+
+@pytest.fixture(scope="module")
+def observation(truth: Scene) -> Observation:
+    return ideal(truth)
+
+
+def objective_of(scene: Scene, observation: Observation, **settings: Any) -> Objective:
+    return Objective(scene, 0, CpuSynthesis(), ChamferSimilarity(**settings), observation)
+
+
+def test_the_true_pose_explains_everything(truth: Scene, observation: Observation) -> None:
+    objective, q = objective_of(truth, observation), truth.persons[0].q
+    evidence = objective.evidence(q)
+    # scene to model, a sample stands for 8 px of contour: the mean distance to the nearest of evenly spaced ones is 2
+    assert evidence.distance_px < 1.3
+    assert np.nanmax(evidence.per_part_px) < 0.7
+    assert np.nanmin(evidence.explained) > 0.95
+    assert evidence.missed_px.sum() < 0.02 * evidence.visible_px.sum()
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_every_parameter_off_the_truth_costs_the_more_the_farther(
+    truth: Scene, observation: Observation, sign: int
+) -> None:
+    objective, q = objective_of(truth, observation), truth.persons[0].q
+    body = truth.persons[0].body
+    steps = np.where(body.rotates, np.radians(4), 0.02)
+    slices = [objective(q + sign * np.arange(5)[:, None] * steps * unit) for unit in np.eye(body.dof)]
+    rising = np.diff(slices, axis=1)
+    assert (rising[:, 0] > 0).all(), [body.names[i] for i in np.flatnonzero(rising[:, 0] <= 0)]
+    assert (rising > 0).mean() > 0.9
+    assert (np.array(slices)[:, 4] > np.array(slices)[:, 0] + 0.1).all()
+
+
+def test_clamping_feels_a_displaced_limb_that_rejection_forgets(truth: Scene, observation: Observation) -> None:
+    body, q = truth.persons[0].body, truth.persons[0].q
+    turned = q + np.radians(30) * np.eye(body.dof)[body.index("left_arm_elevation")]
+    rises = []
+    for outliers in ("clamp", "reject"):
+        right, wrong = objective_of(truth, observation, outliers=outliers)(np.stack([q, turned]))
+        rises.append(wrong - right)
+    assert rises[0] > 1.5 * rises[1] > 0
+
+
+def test_a_limb_where_there_is_none_and_none_where_there_is_one(truth: Scene, observation: Observation) -> None:
+    """The displaced arm is unexplained; what it left behind is missed, and counted for parts near by."""
+    body, q = truth.persons[0].body, truth.persons[0].q
+    turned = q + np.radians(60) * np.eye(body.dof)[body.index("left_arm_abduction")]
+    objective = objective_of(truth, observation)
+    before, after = objective.evidence(q), objective.evidence(turned)
+    arm, others = body.parts_of("left_arm"), ~body.parts_of("left_arm")
+    share = [np.average(e.explained[arm], weights=e.visible_px[arm]) for e in (before, after)]
+    assert share[0] > 0.95
+    assert share[1] < 0.5
+    assert np.nanmin(after.explained[body.parts_of("right_leg")]) > 0.95
+    arm_length = before.visible_px[arm].sum()
+    assert 0.3 * arm_length < after.missed_px.sum() < 1.5 * arm_length
+    assert after.visible_px[others].sum() > 0.9 * before.visible_px[others].sum()
+
+
+def test_sides_of_contrast_make_no_difference(truth: Scene, observation: Observation) -> None:
+    turned = tuple(replace(v, directions=-v.directions) for v in observation.views if v is not None)
+    poses = truth.persons[0].q + np.zeros((1, 22))
+    one, other = (objective_of(truth, o)(poses) for o in (observation, Observation(turned)))
+    np.testing.assert_array_equal(one, other)
