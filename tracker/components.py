@@ -56,9 +56,9 @@ def find(stage: str, use: str) -> type[Any]:
         ConfigError: there is none of that name.
     """
     if ":" in use:
-        return _outside(stage, use)
+        return _outside(use)
     if use not in available(stage):
-        raise ConfigError(f'[{stage}] use = "{use}": no such component; {nearest(use, available(stage))}')
+        raise ConfigError(f'use = "{use}": no such component; {nearest(use, available(stage))}')
     module = importlib.import_module(f"tracker.{stage}.{use}")
     classes = [
         value
@@ -74,12 +74,12 @@ def _is_component(cls: type[Any]) -> bool:
     return dataclasses.is_dataclass(cls) and "__pydantic_config__" in vars(cls) and not cls.__name__.startswith("_")
 
 
-def _outside(stage: str, use: str) -> type[Any]:
+def _outside(use: str) -> type[Any]:
     module_name, _, class_name = use.partition(":")
     try:
         found = getattr(importlib.import_module(module_name), class_name)
     except (ImportError, AttributeError) as error:
-        raise ConfigError(f'[{stage}] use = "{use}": {error}; expected an importable "package.module:Class"') from error
+        raise ConfigError(f'use = "{use}": {error}; expected an importable "package.module:Class"') from error
     if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
-        raise ConfigError(f'[{stage}] use = "{use}": not a component, expected a class made with @component')
+        raise ConfigError(f'use = "{use}": not a component, expected a class made with @component')
     return found

@@ -86,6 +86,8 @@ def evaluate(result: Path, truth: Path) -> Evaluation:
     Raises:
         SequenceError: files are missing, or have no frame or joint in common.
     """
+    if not (result / "joints.csv").is_file():
+        raise SequenceError(f"{result}: no joints.csv there, expected the result folder of a run")
     path = _truth_file(truth)
     found, true = read_joints(result / "joints.csv"), read_joints(path)
     pairs = _matched(found, true)

@@ -145,10 +145,10 @@ def write_sequence(
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise SequenceError(f"{folder} is not empty: choose another folder")
+    simulation = simulate(recipe)
     folder.parent.mkdir(parents=True, exist_ok=True)
     unfinished = Path(tempfile.mkdtemp(prefix=".simulation-", dir=folder.parent))
     try:
-        simulation = simulate(recipe)
         _write_plates(simulation, unfinished / "background")
         _write_videos(simulation, unfinished, progress)
         save_rig(simulation.scene.rig, unfinished / "rig.toml")
