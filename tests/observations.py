@@ -9,9 +9,11 @@ from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.camera import Camera
 from tracker.contours import Contours, ViewContours
+from tracker.objective import Objective
 from tracker.observation import Observation, ViewObservation
 from tracker.rig import Rig
 from tracker.scene import Scene
+from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.synthesis.cpu import CpuSynthesis
 
 REACH_PX = 40.0
@@ -75,3 +77,22 @@ def view_of(
         distance=np.minimum(distance, REACH_PX).astype(np.float32),
         reach=REACH_PX,
     )
+
+
+def objective_of(scene: Scene, observation: Observation, person: int = 0) -> Objective:
+    """The objective of the default components."""
+    return Objective(scene, person, CpuSynthesis(), ChamferSimilarity(), observation)
+
+
+def off(body: BodyModel, angle_deg: float, length_m: float, seed: int) -> Array:
+    """An error (dof,) of the same size in every parameter, its signs at random."""
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], body.dof)
+    errors: Array = signs * np.where(body.rotates, np.radians(angle_deg), length_m)
+    return errors
+
+
+def joint_errors_mm(body: BodyModel, q: Array, truth: Array) -> Array:
+    """(L,) distances of the landmarks of two poses."""
+    gaps = body.landmarks_in_world(q) - body.landmarks_in_world(truth)
+    errors: Array = 1000 * np.linalg.norm(gaps, axis=-1)
+    return errors
