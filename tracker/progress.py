@@ -29,6 +29,7 @@ class RunProgress:
         self._task: TaskID | None = None
         self._recent: deque[dict[str, float]] = deque(maxlen=25)
         self._lost = 0
+        self._rate = ""
 
     def __enter__(self) -> RunProgress:
         self._bar.start()
@@ -37,6 +38,8 @@ class RunProgress:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if self._task is not None and self._rate:
+            self._bar.update(self._task, detail=self._rate)
         self._bar.stop()
 
     def counted(self, what: str, done: int, total: int) -> None:
@@ -61,8 +64,9 @@ class RunProgress:
         stages = " ".join(f"{stage} {1000 * value / n:.0f}" for stage, value in total.most_common(3))
         rate = n / max(sum(total.values()), 1e-9)
         lost = f", {self._lost} lost" if self._lost else ""
+        self._rate = f"{rate:.1f} frames/s ({stages} ms){lost}"
         if self._task is not None:
-            self._bar.update(self._task, advance=1, detail=f"{rate:.1f} frames/s ({stages} ms){lost}")
+            self._bar.update(self._task, advance=1, detail=self._rate)
 
     def told(self, message: str) -> None:
         """Shows what takes long."""

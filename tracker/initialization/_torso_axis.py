@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import cv2
 import numpy as np
@@ -88,41 +89,60 @@ def region_axes(regions: tuple[Mask | None, ...], min_pixels: int) -> list[tuple
 def torso_axis(rig: Rig, regions: tuple[Mask | None, ...], axes: list[tuple[PrincipalAxis, ...]]) -> TorsoAxis:
     """The 3-D axis that projects to the major axes of at least two views, with the head's place on it.
 
+    A shadow that hangs on a region turns its major axis. With three views or more, each is left out in turn, and of
+    all lines the one wins that the foreground of all views lies around best.
+
     Raises:
-        InitializationError: fewer than two views show the person, or all of them from the same direction.
+        InitializationError: fewer than two views show the person, all of them from the same direction, or the
+            foreground of no view lies around the axis.
     """
-    seen = [
-        (v, region) for v, (found, region) in enumerate(zip(axes, regions, strict=True)) if found and region is not None
-    ]
+    seen = {v: region for v, region in enumerate(regions) if axes[v] and region is not None}
     if len(seen) < 2:
         raise InitializationError(
             f"the foreground shows a person in {len(seen)} view(s), expected at least two: "
             "check the background plates and their threshold"
         )
-    normals = []
-    for v, _ in seen:
-        lower, upper = rig.cameras[v].rays(axes[v][-1].ends)
-        normal = np.cross(lower, upper)
-        normals.append(normal / np.linalg.norm(normal))
-    centres = np.array([rig.cameras[v].centre for v, _ in seen])
-    point, direction, strength = line_from_planes(np.array(normals), centres)
-    if strength < 0.1:
+    subsets = [tuple(seen), *(combinations(seen, len(seen) - 1) if len(seen) > 2 else ())]
+    lines = [line for line in (_line(rig, axes, views) for views in subsets) if line is not None]
+    if not lines:
         raise InitializationError(
             "the views see the torso's axis from one direction only, expected two views well apart"
         )
-    # The head is up: bootstrapping assumes an upright person, as the paper's does.
-    direction = direction if direction[2] > 0 else -direction
-    tops = [_head_position(rig, v, region, point, direction) for v, region in seen]
+    rays = {v: rig.cameras[v].rays(region_points(region, 4000)) for v, region in seen.items()}
+    spreads = [_along(rig, rays, point, direction) for point, direction in lines]
+    best = max(range(len(lines)), key=lambda k: sum(share for _, share in spreads[k]))
+    (point, direction), spread = lines[best], spreads[best]
+    tops = [_head_position(along) for along, share in spread if share > 0.3]
+    if not tops:
+        raise InitializationError("the foreground does not lie around the torso's axis: check the background plates")
     return TorsoAxis(point + float(np.median(tops)) * direction, direction)
 
 
-def _head_position(rig: Rig, v: int, region: Mask, point: Array, direction: Array) -> float:
-    """Top of the head along the axis in one view: the upper end of the histogram of near-axis points."""
-    camera = rig.cameras[v]
-    along, distance = nearest_along_line(point, direction, camera.centre, camera.rays(region_points(region)))
-    along = along[distance < _LATERAL_M]
-    if len(along) < 10:
-        raise InitializationError(f'view "{camera.name}": the foreground does not lie around the torso\'s axis')
+def _line(rig: Rig, axes: list[tuple[PrincipalAxis, ...]], views: tuple[int, ...]) -> tuple[Array, Array] | None:
+    """Point and upward direction (3,) of the line in the planes of some views' axes; None if these are one plane."""
+    normals = []
+    for v in views:
+        lower, upper = rig.cameras[v].rays(axes[v][-1].ends)
+        normal = np.cross(lower, upper)
+        normals.append(normal / np.linalg.norm(normal))
+    centres = np.array([rig.cameras[v].centre for v in views])
+    point, direction, strength = line_from_planes(np.array(normals), centres)
+    # The head is up: bootstrapping assumes an upright person, as the paper's does.
+    return None if strength < 0.1 else (point, direction if direction[2] > 0 else -direction)
+
+
+def _along(rig: Rig, rays: dict[int, Array], point: Array, direction: Array) -> list[tuple[Array, float]]:
+    """For each view the positions along the line of the foreground near it, metres, and their share of it all."""
+    found = []
+    for v, directions in rays.items():
+        along, distance = nearest_along_line(point, direction, rig.cameras[v].centre, directions)
+        near = distance < _LATERAL_M
+        found.append((along[near], float(near.mean())))
+    return found
+
+
+def _head_position(along: Array) -> float:
+    """Top of the head in one view: the upper end of the histogram of the positions along the axis, metres."""
     bins = np.arange(along.min(), along.max() + 2 * _BIN_M, _BIN_M)
     counts, _ = np.histogram(along, bins)
     # A head is a third as wide as a torso; specks above it are narrower.
