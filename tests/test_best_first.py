@@ -118,6 +118,14 @@ def test_a_dip_behind_a_ridge_is_found_with_patience(body: BodyModel) -> None:
         assert round((q - start)[column] / np.radians(5)) == expected
 
 
+def test_patience_counts_from_the_last_improvement(body: BodyModel) -> None:
+    column, start = body.index("right_leg_elevation"), bent(body)
+    landscape = Landscape(body, lambda poses: poses[:, column])
+    search = BestFirstEstimation(**PAPER, patience=1)
+    q, _ = search.search_group(cast("Objective", landscape), start, np.array([column]))
+    assert (q - start)[column] == pytest.approx(-np.radians(15))
+
+
 def test_the_search_stays_in_range_and_limits(body: BodyModel) -> None:
     elbow, knee = body.index("left_arm_extension"), body.index("right_leg_extension")
     start = bent(body)

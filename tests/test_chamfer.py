@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from observations import bent, four_views, ideal
 from scipy.interpolate import RegularGridInterpolator
@@ -108,6 +108,7 @@ def scattered(seed: int) -> tuple[Contours, Observation]:
     return scattered_contours(rng), Observation((scattered_view(rng), None, scattered_view(rng, 31)))
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.tuples(st.floats(0, 100, width=32), st.floats(0.125, 8, width=32)), max_size=30),
     st.floats(1, 60),
