@@ -15,6 +15,9 @@ from tracker.recording import RunContext
 from tracker.recording._drawing import draw_step
 from tracker.trajectory import Step
 
+_FRAGMENT = 10
+"""Frames that are written together."""
+
 
 @component
 class Overlay:
@@ -54,7 +57,8 @@ class OverlayRecorder:
 
     def _open_stream(self, width: int, height: int) -> VideoStream:
         rate = Fraction(self._run.fps).limit_denominator(1001)
-        options = {"crf": str(self._settings.quality), "preset": "veryfast", "g": "25"}
+        # Without look-ahead every frame leaves the encoder at once, and a kill loses at most one fragment.
+        options = {"crf": str(self._settings.quality), "preset": "veryfast", "tune": "zerolatency", "g": str(_FRAGMENT)}
         stream = self._container.add_stream("libx264", rate=rate, options=options)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         return stream

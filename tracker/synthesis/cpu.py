@@ -80,10 +80,19 @@ class CpuSynthesis:
             mask = np.zeros(camera.size[::-1], dtype=np.uint8)
             for pixels in camera.project(world):
                 if np.isfinite(pixels).all():
-                    hull = cv2.convexHull(pixels.astype(np.float32))
+                    hull = _shrunk(cv2.convexHull(pixels.astype(np.float32)).reshape(-1, 2))
                     cv2.fillConvexPoly(mask, np.round(hull * 16).astype(np.int32), 1, shift=4)
             masks.append(mask.astype(np.bool_))
         return tuple(masks)
+
+
+def _shrunk(hull: Array32) -> Array32:
+    """A convex polygon (N, 2) moved inwards by half a pixel: OpenCV fills every pixel the outline touches."""
+    along = np.roll(hull, -1, axis=0) - np.roll(hull, 1, axis=0)
+    inwards = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    inwards *= np.sign((inwards * (hull.mean(axis=0) - hull)).sum(axis=1, keepdims=True))
+    moved: Array32 = hull + 0.5 * inwards / np.maximum(np.linalg.norm(inwards, axis=1, keepdims=True), 1e-6)
+    return moved
 
 
 _CACHE: OrderedDict[tuple[bytes, int, int], tuple[Array32, Array32, Array]] = OrderedDict()

@@ -1,0 +1,133 @@
+"""Errors of results whose errors are known."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from tracker.errors import SequenceError
+from tracker.evaluation.comparison import error_figure, evaluate, flexion
+from tracker.evaluation.tables import JOINTS, joint_name
+
+N_FRAMES = 12
+
+
+def write_joints(path, persons, header=("frame", "person", "joint", "x_m", "y_m", "z_m"), names=None):
+    names = names or dict.fromkeys(JOINTS)
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(header)
+        for person, joints in persons.items():
+            for frame, positions in enumerate(joints):
+                for k, joint in enumerate(JOINTS):
+                    writer.writerow([frame, person, names.get(joint) or joint, *positions[k]])
+
+
+@pytest.fixture
+def truth():
+    rng = np.random.default_rng(0)
+    return rng.normal(size=(1, len(JOINTS), 3)) + 0.1 * rng.normal(size=(N_FRAMES, len(JOINTS), 3))
+
+
+@pytest.fixture
+def result(tmp_path):
+    folder = tmp_path / "result"
+    folder.mkdir()
+    with (folder / "poses.csv").open("w") as file:
+        file.write("frame,time_s,person,status\n" + "".join(f"{t},{t},a,tracked\n" for t in range(N_FRAMES)))
+    return folder
+
+
+def test_a_perfect_result_has_no_error(result, truth, tmp_path):
+    write_joints(result / "joints.csv", {"a": truth})
+    write_joints(tmp_path / "gt_joints.csv", {"1": truth}, ("frame", "person", "joint", "x", "y", "z"))
+    person = evaluate(result, tmp_path).persons[0]
+    assert (person.n_frames, person.n_missing) == (N_FRAMES, 0)
+    assert person.mean_mm == pytest.approx(0, abs=1e-9)
+    assert max(raw for raw, _ in person.hinges_deg.values()) == pytest.approx(0, abs=1e-4)
+
+
+def test_a_constant_offset_is_removed(result, truth, tmp_path):
+    write_joints(result / "joints.csv", {"a": truth + np.array([0.03, 0.0, 0.04])})
+    write_joints(tmp_path / "truth_joints.csv", {"1": truth})
+    person = evaluate(result, tmp_path).persons[0]
+    assert person.mean_mm == pytest.approx(50)
+    assert person.mean_offset_removed_mm == pytest.approx(0, abs=1e-6)
+
+
+def test_missing_frames_are_counted_and_persons_matched_by_distance(result, truth, tmp_path):
+    write_joints(result / "joints.csv", {"a": truth[:9] + 5, "b": truth})
+    write_joints(tmp_path / "truth.csv", {"1": truth, "2": truth + 5})
+    evaluation = evaluate(result, tmp_path / "truth.csv")
+    assert [(p.person, p.truth, p.n_missing) for p in evaluation.persons] == [("a", "2", 3), ("b", "1", 0)]
+    assert error_figure(evaluation).axes
+
+
+def test_pose_truth_is_compared_with_wrapped_angles(result, truth, tmp_path):
+    write_joints(result / "joints.csv", {"a": truth})
+    write_joints(tmp_path / "truth_joints.csv", {"1": truth})
+    for path, angle, name in ((result / "poses.csv", 179.0, "a"), (tmp_path / "truth_poses.csv", -179.0, "1")):
+        with path.open("w") as file:
+            file.write("frame,time_s,person,status,torso_x_m,torso_twist_deg\n")
+            file.writelines(f"{t},{t},{name},tracked,0.5,{angle}\n" for t in range(N_FRAMES))
+    person = evaluate(result, tmp_path).persons[0]
+    assert person.parameters == pytest.approx({"torso_x_m": 0.0, "torso_twist_deg": 2.0})
+    assert person.angles_rms_deg == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ("theirs", "ours"),
+    [("l_elbow", "left_elbow"), ("RKnee", "right_knee"), ("Head", "head_top"), ("Hip", "pelvis"), ("toe", "toe")],
+)
+def test_joints_are_known_by_other_names(theirs, ours):
+    assert joint_name(theirs) == ours
+
+
+def test_flexion_is_the_angle_between_the_segments():
+    joints = np.array([[[0, 0, 0], [0, 0, -1], [np.sin(0.7), 0, -1 - np.cos(0.7)]]])
+    assert flexion(joints) == pytest.approx(np.degrees(0.7))
+
+
+def test_faults_are_named(result, truth, tmp_path):
+    write_joints(result / "joints.csv", {"a": truth})
+    with pytest.raises(SequenceError, match="no such truth file"):
+        evaluate(result, tmp_path / "nowhere.csv")
+    with pytest.raises(SequenceError, match=r"no joints\.csv there"):
+        evaluate(tmp_path, result / "joints.csv")
+    write_joints(tmp_path / "odd.csv", {"1": truth}, names={joint: f"x{k}" for k, joint in enumerate(JOINTS)})
+    with pytest.raises(SequenceError, match="no joint in common"):
+        evaluate(result, tmp_path / "odd.csv")
+
+
+def test_the_figures_are_those_of_the_recordings_own_script(data, result, tmp_path):
+    """Against a perturbed copy of the truth, mean and offset-removed mean over the joints both compare."""
+    folder = data("room/D-TwoElbowRot")
+    rng = np.random.default_rng(1)
+    with (folder / "gt_joints.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if joint_name(row["joint"]) in JOINTS]
+    shifts = {row["joint"]: 0.05 * rng.normal(size=3) for row in rows}
+    for row in rows:
+        for k, axis in enumerate("xyz"):
+            row[axis] = f"{float(row[axis]) + shifts[row['joint']][k] + 0.01 * rng.normal():.6f}"
+    moved = tmp_path / "moved.csv"
+    with moved.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys())
+        writer.writeheader()
+        writer.writerows(rows)
+    (result / "joints.csv").write_text(moved.read_text())
+    with (result / "poses.csv").open("w") as file:
+        file.write("frame,person\n" + "".join(f"{t},1\n" for t in range(100)))
+    report = tmp_path / "report.json"
+    script = [sys.executable, str(data("room/score.py")), str(folder), "--joints", str(moved), "--json", str(report)]
+    subprocess.run(script, check=True, capture_output=True)
+    theirs = json.loads(report.read_text())["people"]["1"]["joints"]
+    ours = evaluate(result, folder).persons[0]
+    skipped = {"head"}  # theirs alone scores the middle of the head
+    assert set(theirs["joints_scored"]) - skipped == set(theirs["joints_scored"])
+    assert ours.mean_mm == pytest.approx(theirs["mpjpe_mm"], rel=1e-6)
+    assert ours.mean_offset_removed_mm == pytest.approx(theirs["mpjpe_bias_removed_mm"], rel=1e-6)

@@ -1,0 +1,135 @@
+"""What a run leaves on disk, against the steps it was given."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import replace
+
+import av
+import numpy as np
+import pytest
+from recordings import TrueStart, cycle_for, small_simulation
+
+from tracker.errors import SequenceError
+from tracker.estimate import Status
+from tracker.recording import RunContext
+from tracker.recording.csv_table import CsvTable
+from tracker.recording.journal import FILE, Journal, read_journal
+from tracker.recording.overlay import Overlay
+from tracker.recording.plots import Plots
+from tracker.recording.report import Report
+from tracker.recording.run_json import RunJson
+from tracker.tracking import track
+
+N_FRAMES = 5
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """Steps of a short run, the third one lost, and their scene."""
+    simulation = small_simulation(n_frames=N_FRAMES)
+    steps = list(track(simulation.frames(), simulation.scene, cycle_for(simulation, TrueStart(simulation))))
+    lost = tuple(replace(estimate, status=Status.LOST) for estimate in steps[2].estimates)
+    steps[2] = replace(steps[2], estimates=lost)
+    return simulation.scene, steps
+
+
+def record(recording, recorded, folder, finish=True, **changes):
+    scene, steps = recorded
+    context = RunContext(name="test", folder=folder, scene=scene, fps=25.0, n_frames=N_FRAMES)
+    recorder = recording.begin(replace(context, **changes))
+    for step in steps:
+        recorder.write(step)
+    if finish:
+        recorder.finish()
+    return recorder
+
+
+def rows_of(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_tables_hold_the_estimates_in_degrees_and_metres(recorded, tmp_path):
+    record(CsvTable(), recorded, tmp_path)
+    scene, steps = recorded
+    body = scene.persons[0].body
+    rows, sigmas = rows_of(tmp_path / "poses.csv"), rows_of(tmp_path / "sigmas.csv")
+    assert list(rows[0])[:6] == ["frame", "time_s", "person", "status", "distance_px", "torso_x_m"]
+    assert list(rows[0]) == list(sigmas[0])
+    for row, sigma, step in zip(rows, sigmas, steps, strict=True):
+        estimate = step.estimates[0]
+        assert (row["frame"], row["status"]) == (str(step.frame.index), str(estimate.status))
+        cells = [row[parameter.column] for parameter in body.parameters]
+        if estimate.lost:
+            assert set(cells) == {""}
+            continue
+        values = [
+            float(cell) * (np.pi / 180 if p.rotates else 1) for cell, p in zip(cells, body.parameters, strict=True)
+        ]
+        np.testing.assert_allclose(values, estimate.q, atol=1e-5)
+        assert float(sigma["torso_x_m"]) == pytest.approx(np.sqrt(estimate.covariance[0, 0]), abs=1e-5)
+    joints = rows_of(tmp_path / "joints.csv")
+    assert list(joints[0]) == ["frame", "time_s", "person", "joint", "x_m", "y_m", "z_m"]
+    first = np.array([[float(row[axis]) for axis in ("x_m", "y_m", "z_m")] for row in joints if row["frame"] == "0"])
+    np.testing.assert_allclose(first, body.landmarks_in_world(steps[0].estimates[0].q), atol=1e-5)
+    assert {row["x_m"] for row in joints if row["frame"] == "2"} == {""}
+
+
+def test_the_journal_is_exact_and_survives_a_torn_line(recorded, tmp_path):
+    record(Journal(), recorded, tmp_path)
+    with (tmp_path / FILE).open("a") as file:
+        file.write('{"frame": 5, "ti')
+    for replay, step in zip(read_journal(tmp_path), recorded[1], strict=True):
+        mine, theirs = replay.estimates[0], step.estimates[0]
+        np.testing.assert_array_equal(mine.q, theirs.q)
+        np.testing.assert_array_equal(mine.covariance, theirs.covariance)
+        assert (mine.status, mine.distance_px) == (theirs.status, theirs.distance_px)
+        assert replay.index == step.frame.index
+    lines = (tmp_path / FILE).read_text().splitlines()
+    (tmp_path / FILE).write_text("\n".join([lines[0], lines[1][:40], lines[2]]))
+    with pytest.raises(SequenceError, match="line 2 is damaged"):
+        read_journal(tmp_path)
+
+
+def n_playable(path):
+    with av.open(str(path)) as container:
+        return sum(1 for _ in container.decode(video=0))
+
+
+def test_the_overlay_shows_every_frame(recorded, tmp_path):
+    record(Overlay(width_px=320), recorded, tmp_path)
+    assert n_playable(tmp_path / "overlay.mp4") == N_FRAMES
+
+
+def test_the_overlay_of_a_killed_run_plays_but_for_its_last_frames(recorded, tmp_path):
+    scene, steps = recorded
+    recorder = record(Overlay(width_px=320), (scene, 6 * steps), tmp_path, finish=False)
+    killed = tmp_path / "killed.mp4"
+    killed.write_bytes((tmp_path / "overlay.mp4").read_bytes())
+    recorder.finish()
+    assert n_playable(killed) >= 6 * N_FRAMES - 11
+
+
+def test_the_report_is_one_file_without_references(recorded, tmp_path):
+    record(Report(pictures=2), recorded, tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    assert not re.search(r"(src|href)=\"(?!data:)", page)
+    assert page.count("data:image/") >= 4
+    assert "LOST" not in page.split("<body>")[0]
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_plots_are_drawn_for_each_person(recorded, tmp_path):
+    record(Plots(), recorded, tmp_path)
+    assert (tmp_path / "parameters.png").stat().st_size > 10_000
+
+
+def test_run_json_tells_whether_the_run_is_complete(recorded, tmp_path):
+    record(RunJson(), recorded, tmp_path, finish=False)
+    assert '"complete": false' in (tmp_path / "run.json").read_text()
+    record(RunJson(), recorded, tmp_path)
+    text = (tmp_path / "run.json").read_text()
+    assert '"complete": true' in text
+    assert '"lost": 1' in text

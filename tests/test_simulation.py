@@ -1,0 +1,113 @@
+"""Simulated recordings: the truth on disk is what the pictures show."""
+
+from __future__ import annotations
+
+import csv
+
+import cv2
+import numpy as np
+import pytest
+from recordings import small_simulation
+
+from tracker.body_files import load_body
+from tracker.errors import ConfigError, SequenceError
+from tracker.resources import model_path
+from tracker.rig_files import load_rig
+from tracker.simulation.movements import MOVEMENTS, poses_of
+from tracker.simulation.rendering import draw_persons, mesh_of
+from tracker.simulation.sequence import Recipe, simulate, write_sequence
+from tracker.synthesis.cpu import CpuSynthesis
+
+TIMES = np.arange(0, 4, 0.02)
+
+
+@pytest.fixture(scope="module")
+def body():
+    return load_body(model_path("gavrila22"))
+
+
+@pytest.mark.parametrize("movement", sorted(MOVEMENTS))
+def test_movements_are_smooth_within_the_limits_and_stand_on_the_floor(movement, body):
+    poses = poses_of(movement, body, TIMES, heading_deg=30.0, place=(0.4, -0.2))
+    low, high = body.limits.T
+    assert ((poses >= low - 1e-12) & (poses <= high + 1e-12)).all()
+    speed = np.abs(np.diff(poses, axis=0)) / 0.02
+    assert np.degrees(speed[:, body.rotates]).max() < 420
+    assert speed[:, ~body.rotates].max() < 2.0
+    eta, omega = np.linspace(-np.pi / 2, np.pi / 2, 41)[:, None], np.linspace(-np.pi, np.pi, 61)[None]
+    for q in poses[::20]:
+        placed = body.world_from_part(q)
+        heights = [
+            (part.shape.surface(eta, omega)[0] @ placed[p, 2, :3]).min() + placed[p, 2, 3]
+            for p, part in enumerate(body.parts)
+        ]
+        assert min(heights) == pytest.approx(0, abs=2e-3)
+
+
+def test_a_squat_keeps_its_feet(body):
+    marks = [body.landmark_names.index(f"{side}_ankle") for side in ("left", "right")]
+    feet = body.landmarks_in_world(poses_of("squat", body, TIMES))[:, marks, :2].mean(axis=1)
+    assert np.linalg.norm(feet - feet[0], axis=1).max() < 1e-9
+
+
+def test_an_unknown_movement_names_the_nearest():
+    with pytest.raises(ConfigError, match='no movement "sqat"; did you mean "squat"'):
+        simulate(Recipe("sqat"))
+
+
+def test_pictures_and_masks_agree_with_the_tracer():
+    """Rasterizer and contour tracer share no code but the surface: outlines meet to a pixel."""
+    simulation = simulate(Recipe("walking_on_the_spot", seconds=0.6))
+    scene = simulation.scene.with_pose(0, simulation.poses[0][12])
+    contours, silhouettes = CpuSynthesis(step_px=4.0).contours(scene), CpuSynthesis().silhouettes(scene)
+    meshes = (mesh_of(scene.persons[0]),)
+    for v, camera in enumerate(scene.rig.cameras):
+        _, mask = draw_persons(simulation.backgrounds[v], camera, scene, meshes)
+        overlap = np.count_nonzero(mask & silhouettes[v]) / np.count_nonzero(mask | silhouettes[v])
+        assert overlap > 0.97
+        inside = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
+        outside = cv2.distanceTransform(1 - mask.astype(np.uint8), cv2.DIST_L2, 5)
+        view = contours.of(v)
+        columns, rows = np.round(view.pixels).astype(int).T
+        # No contour lies off the person, and the whole outline is covered by contours.
+        assert outside[rows, columns].max() < 1.5
+        outline = np.argwhere((inside > 0) & (inside <= 1.0))[:, ::-1]
+        gaps = np.linalg.norm(outline[:, None] - view.pixels[None], axis=2).min(axis=1)
+        assert np.percentile(gaps, 99) < 4.0
+
+
+def test_the_same_seed_gives_the_same_pictures():
+    first, again, other = (next(small_simulation(seed=seed).frames()).images for seed in (1, 1, 2))
+    for a, b, c in zip(first, again, other, strict=True):
+        np.testing.assert_array_equal(a, b)
+        assert (a != c).any()
+
+
+def test_a_recording_on_disk_holds_its_truth(tmp_path):
+    recipe = Recipe("turn", seconds=0.12, size=(320, 256))
+    config = write_sequence(recipe, tmp_path / "sequence")
+    folder = config.parent
+    simulation = simulate(recipe)
+    rig = load_rig(folder / "rig.toml")
+    for mine, theirs in zip(rig.cameras, simulation.scene.rig.cameras, strict=True):
+        np.testing.assert_allclose(mine.camera_from_world, theirs.camera_from_world, atol=1e-9)
+    body = load_body(folder / "model.toml")
+    with (folder / "truth_poses.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    poses = [[float(row[p.column]) * (np.pi / 180 if p.rotates else 1) for p in body.parameters] for row in rows]
+    np.testing.assert_allclose(poses, simulation.poses[0], atol=1e-6)
+    with (folder / "truth_joints.csv").open() as file:
+        joints = [[float(row[axis]) for axis in ("x_m", "y_m", "z_m")] for row in csv.DictReader(file)]
+    expected = body.landmarks_in_world(simulation.poses[0]).reshape(-1, 3)
+    np.testing.assert_allclose(joints, expected, atol=1e-6)
+    with pytest.raises(SequenceError, match="not empty"):
+        write_sequence(recipe, folder)
+
+
+def test_nothing_is_left_of_a_recording_that_fails(tmp_path):
+    def stop(done: int, total: int) -> None:
+        raise RuntimeError("stop")
+
+    with pytest.raises(RuntimeError, match="stop"):
+        write_sequence(Recipe(seconds=0.08, size=(320, 256)), tmp_path / "sequence", stop)
+    assert list(tmp_path.iterdir()) == []
