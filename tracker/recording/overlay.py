@@ -43,7 +43,7 @@ class OverlayRecorder:
     def __init__(self, run: RunContext, settings: Overlay) -> None:
         self._run, self._settings = run, settings
         # Fragments: what was written before a kill stays playable.
-        fragmented = {"movflags": "frag_keyframe+empty_moov+default_base_moof"}
+        fragmented = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
         self._container: OutputContainer = av.open(str(run.folder / "overlay.mp4"), "w", options=fragmented)
         self._stream: VideoStream | None = None
 
