@@ -17,7 +17,7 @@ from tracker.analysis import Analysis
 from tracker.body import BodyModel
 from tracker.body_files import load_body
 from tracker.config import Table, build, build_class, describe, expanded, read_config
-from tracker.errors import ConfigError, SequenceError, TrackerError, nearest
+from tracker.errors import ConfigError, ModelError, SequenceError, TrackerError, nearest
 from tracker.estimation import Estimation
 from tracker.initialization import Initialization
 from tracker.prediction import Prediction
@@ -185,7 +185,10 @@ def _subjects(entries: Any, source: str, folder: Path) -> tuple[Subject, ...]:
         if stature is not None and (not isinstance(stature, (int, float)) or not 0.2 < stature < 5):
             raise ConfigError(f"{source} persons: stature_m = {stature!r}, expected a height in metres")
         named = model.endswith(".toml")
-        path = folder / expanded(model, f"{source} persons") if named else model_path(model)
+        try:
+            path = folder / expanded(model, f"{source} persons") if named else model_path(model)
+        except ModelError as error:
+            raise ConfigError(f"{source} persons: {error}") from error
         name = str(entry.get("name", f"person{k + 1}"))
         if name in (subject.name for subject in subjects):
             raise ConfigError(f'{source} persons: two persons are called "{name}"')

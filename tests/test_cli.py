@@ -1,0 +1,68 @@
+"""The command line: what it prints, and that every mistake is one line and exit code 2."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tracker.simulation.sequence import Recipe, write_sequence
+
+
+def bodytrack(*arguments: object, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "tracker", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)
+
+
+@pytest.fixture(scope="module")
+def sequence(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cli") / "sequence"
+    write_sequence(Recipe("arm_swing", seconds=0.16, size=(320, 256)), folder)
+    return folder
+
+
+def test_a_run_can_be_tracked_and_evaluated(sequence, tmp_path):
+    given = ["--set", "initialization.use=given", "--set", f"initialization.poses={sequence / 'truth_poses.csv'}"]
+    done = bodytrack("run", sequence / "config.toml", "--output", tmp_path / "out", "--frames", "1:4", *given)
+    assert done.returncode == 0, done.stderr
+    assert "tracked 3 frames, 0 lost" in done.stdout
+    evaluated = bodytrack("evaluate", tmp_path / "out", "--truth", sequence)
+    assert evaluated.returncode == 0, evaluated.stderr
+    assert "joint distance, mean" in evaluated.stdout
+    assert (tmp_path / "out" / "evaluation.png").is_file()
+    again = bodytrack("run", sequence / "config.toml", "--output", tmp_path / "out")
+    assert again.returncode == 2
+    assert "not empty" in again.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "nowhere.toml"], "cannot read the configuration"),
+        (["show", "simlarity"], 'did you mean "similarity"'),
+        (["evaluate", ".", "--truth", "."], "no joints.csv there"),
+        (["demo", "--movement", "hop", "--output", "out"], 'no movement "hop"'),
+    ],
+)
+def test_a_mistake_is_one_line_and_leaves_nothing(arguments, message, tmp_path):
+    done = bodytrack(*arguments, folder=tmp_path)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_debug_shows_the_traceback(tmp_path):
+    done = bodytrack("--debug", "run", "nowhere.toml", folder=tmp_path)
+    assert done.returncode != 0
+    assert "Traceback" in done.stderr
+
+
+def test_components_are_shown_with_their_documentation():
+    assert "chamfer" in bodytrack("show").stdout
+    shown = bodytrack("show", "similarity").stdout
+    assert "outlier_px" in shown
+    assert "40.0" in shown
+    assert bodytrack("--version").stdout.startswith("bodytrack ")

@@ -1,0 +1,90 @@
+"""Configuration files: every mistake is one line that names file, section, key and the nearest valid one."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tracker.config import build, describe, read_config
+from tracker.errors import ConfigError
+from tracker.run import load_run, run_from
+
+CONFIGS = sorted((Path(__file__).parents[1] / "configs").glob("*.toml"))
+GOOD = """
+persons = [{ name = "anna", model = "gavrila22", stature_m = 1.7 }]
+reading = { use = "video", path = "videos/{view}.mp4", rig = "rig.toml" }
+"""
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(text: str) -> Path:
+        path = tmp_path / "run.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_the_configurations_load_and_describe_themselves(path, monkeypatch, tmp_path):
+    monkeypatch.setenv("BODYTRACK_DATA", str(tmp_path))
+    run = load_run(path)
+    assert run_from(run.described(), "run.json", Path("/"), "other") == run
+
+
+def test_sections_have_defaults_and_paths_start_at_the_file(written, tmp_path):
+    run = load_run(written(GOOD))
+    assert run.name == "run"
+    assert run.reading.path == str(tmp_path / "videos/{view}.mp4")
+    assert run.reading.rig == tmp_path / "rig.toml"
+    assert run.persons[0].body().stature_m == pytest.approx(1.7)
+
+
+def test_overrides_reach_nested_components(written):
+    overrides = ["similarity.outlier_px=15", "estimation.first.use=best_first", "estimation.first.step_deg=2.5"]
+    run = load_run(written(GOOD), overrides)
+    assert run.similarity.outlier_px == 15
+    assert run.estimation.first.step_deg == 2.5
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (GOOD + "[similarty]\n", 'run.toml: unknown section "similarty"; did you mean "similarity"'),
+        (GOOD + "[similarity]\noutlier = 3\n", r'\[similarity\]: unknown key "outlier"; did you mean "outlier'),
+        (GOOD + '[similarity]\nuse = "chamfr"\n', r'use = "chamfr": no such component; did you mean "chamfer"'),
+        (GOOD + '[similarity]\noutlier_px = "far"\n', r"\[similarity\]: outlier_px = 'far': input should be"),
+        (GOOD + "[similarity]\noutlier_px = -1\n", r"outlier_px = -1: input should be greater than 0"),
+        (GOOD + "[estimation]\nfirst = 3\n", r"\[estimation\] first: expected a table like"),
+        (GOOD + "[loss]\nlost = 1\n", r'\[loss\]: unknown key "lost"; did you mean "lost_below"'),
+        (GOOD.replace("rig =", "rg ="), r'\[reading\]: unknown key "rg"; did you mean "rig"'),
+        (GOOD.replace(', rig = "rig.toml"', ""), r'the key "rig" is missing'),
+        (GOOD.replace("gavrila22", "gavrila2"), 'no body model "gavrila2"; did you mean "gavrila22"'),
+        (GOOD.replace("stature_m", "statur_m"), 'unknown key "statur_m"; did you mean "stature_m"'),
+        (GOOD.replace("= 1.7", "= 170"), "stature_m = 170, expected a height in metres"),
+        ("reading = {", "not a TOML file"),
+        ('reading = { use = "video" }', r"the section \[persons\] is missing"),
+        (GOOD.replace("videos/", "${NO_SUCH_FOLDER}/"), "environment variable NO_SUCH_FOLDER is not set"),
+    ],
+)
+def test_mistakes_are_named(written, text, message):
+    assert "NO_SUCH_FOLDER" not in os.environ
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_run(written(text))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("override", ["similarity", "=3", "name.first=1"])
+def test_malformed_overrides_are_refused(written, override):
+    with pytest.raises(ConfigError, match="--set"):
+        read_config(written('name = "x"' + GOOD), [override])
+
+
+def test_a_component_describes_itself_with_all_its_fields():
+    component = build("similarity", {"use": "chamfer", "outlier_px": 12.0}, "test", Path())
+    table = describe(component)
+    assert table == {**table, "use": "chamfer", "outlier_px": 12.0, "outliers": "clamp"}
+    assert build("similarity", table, "test", Path()) == component
