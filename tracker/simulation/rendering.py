@@ -77,7 +77,7 @@ def draw_persons(plate: Image, camera: Camera, scene: Scene, meshes: tuple[Mesh,
         meshes: one a person.
 
     Returns:
-        The picture and the mask (h, w) of pixels that the persons cover by more than half.
+        The picture and the mask (h, w) of pixels that the persons cover by half or more.
     """
     placed = [_placed(camera, p, m) for p, m in zip(scene.persons, meshes, strict=True)]
     pixels, depths, colours, triangles = _joined(placed)
@@ -94,7 +94,7 @@ def draw_persons(plate: Image, camera: Camera, scene: Scene, meshes: tuple[Mesh,
     area = slice(low[1], high[1]), slice(low[0], high[0])
     blended = picture[area] * (1 - cover[..., None]) + shade
     picture[area] = np.clip(blended, 0, 255).astype(np.uint8)
-    mask[area] = cover > 0.5
+    mask[area] = cover >= 0.5
     return picture, mask
 
 

@@ -75,24 +75,31 @@ class CpuSynthesis:
         points = grids[..., :3].reshape(len(grids), -1, 3).astype(np.float64)
         placements = scene.world_from_parts()[0]
         world = np.einsum("pij,pnj->pni", placements[:, :3, :3], points) + placements[:, None, :3, 3]
-        masks = []
-        for camera in scene.rig.cameras:
-            mask = np.zeros(camera.size[::-1], dtype=np.uint8)
-            for pixels in camera.project(world):
-                if np.isfinite(pixels).all():
-                    hull = _shrunk(cv2.convexHull(pixels.astype(np.float32)).reshape(-1, 2))
-                    cv2.fillConvexPoly(mask, np.round(hull * 16).astype(np.int32), 1, shift=4)
-            masks.append(mask.astype(np.bool_))
-        return tuple(masks)
+        return tuple(_filled(camera.project(world), camera.size) for camera in scene.rig.cameras)
 
 
-def _shrunk(hull: Array32) -> Array32:
-    """A convex polygon (N, 2) moved inwards by half a pixel: OpenCV fills every pixel the outline touches."""
-    along = np.roll(hull, -1, axis=0) - np.roll(hull, 1, axis=0)
-    inwards = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    inwards *= np.sign((inwards * (hull.mean(axis=0) - hull)).sum(axis=1, keepdims=True))
-    moved: Array32 = hull + 0.5 * inwards / np.maximum(np.linalg.norm(inwards, axis=1, keepdims=True), 1e-6)
-    return moved
+# OpenCV fills every pixel that an outline touches: at four times the resolution that is an eighth of a pixel.
+_FINE = 4
+
+
+def _filled(parts: Array, size: tuple[int, int]) -> Mask:
+    """The region (h, w) of an image that the convex hulls of the parts' points (P, N, 2), px, cover."""
+    mask = np.zeros(size[::-1], dtype=np.bool_)
+    parts = parts[np.isfinite(parts).all(axis=(1, 2))]
+    if len(parts) == 0:
+        return mask
+    low = np.clip(np.floor(parts.min(axis=(0, 1))) - 1, 0, size).astype(int)
+    high = np.clip(np.ceil(parts.max(axis=(0, 1))) + 2, 0, size).astype(int)
+    if (high <= low).any():
+        return mask
+    width, height = (high - low).tolist()
+    fine = np.zeros((_FINE * height, _FINE * width), dtype=np.uint8)
+    for pixels in parts:
+        hull = cv2.convexHull(((pixels - low + 0.5) * _FINE - 0.5).astype(np.float32))
+        cv2.fillConvexPoly(fine, np.round(hull * 16).astype(np.int32), 255, shift=4)
+    covered = cv2.resize(fine, (width, height), interpolation=cv2.INTER_AREA)
+    mask[low[1] : high[1], low[0] : high[0]] = covered > 127
+    return mask
 
 
 _CACHE: OrderedDict[tuple[bytes, int, int], tuple[Array32, Array32, Array]] = OrderedDict()
