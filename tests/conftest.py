@@ -7,6 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from observations import bent, four_views, ideal
+
+from tracker.body import BodyModel
+from tracker.body_files import load_body
+from tracker.observation import Observation
+from tracker.resources import model_path
+from tracker.scene import Person, Scene
 
 
 @pytest.fixture(scope="session")
@@ -21,3 +28,21 @@ def data() -> Callable[[str], Path]:
         return found
 
     return path
+
+
+@pytest.fixture(scope="session")
+def body() -> BodyModel:
+    """The 22-parameter body."""
+    return load_body(model_path("gavrila22"))
+
+
+@pytest.fixture(scope="session")
+def truth(body: BodyModel) -> Scene:
+    """One bent person before four cameras."""
+    return Scene((Person("one", body, bent(body)),), four_views())
+
+
+@pytest.fixture(scope="session")
+def observation(truth: Scene) -> Observation:
+    """The contours of `truth` as edges."""
+    return ideal(truth)

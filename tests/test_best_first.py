@@ -9,32 +9,15 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from observations import bent, four_views, ideal, joint_errors_mm, objective_of, off
+from observations import bent, joint_errors_mm, objective_of, off
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_files import load_body
 from tracker.estimate import Estimate
 from tracker.estimation.best_first import BestFirstEstimation
 from tracker.objective import Objective
 from tracker.observation import Observation
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-
-
-@pytest.fixture(scope="module")
-def body() -> BodyModel:
-    return load_body(model_path("gavrila22"))
-
-
-@pytest.fixture(scope="module")
-def truth(body: BodyModel) -> Scene:
-    return Scene((Person("one", body, bent(body)),), four_views())
-
-
-@pytest.fixture(scope="module")
-def observation(truth: Scene) -> Observation:
-    return ideal(truth)
+from tracker.scene import Scene
 
 
 @dataclass

@@ -8,29 +8,12 @@ from observations import bent, four_views, ideal, joint_errors_mm, objective_of,
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_files import load_body
 from tracker.estimate import Estimate
 from tracker.estimation.hybrid import HybridEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.objective import Objective
 from tracker.observation import Observation
-from tracker.resources import model_path
 from tracker.scene import Person, Scene
-
-
-@pytest.fixture(scope="module")
-def body() -> BodyModel:
-    return load_body(model_path("gavrila22"))
-
-
-@pytest.fixture(scope="module")
-def truth(body: BodyModel) -> Scene:
-    return Scene((Person("one", body, bent(body)),), four_views())
-
-
-@pytest.fixture(scope="module")
-def observation(truth: Scene) -> Observation:
-    return ideal(truth)
 
 
 @pytest.mark.parametrize("seed", range(4))

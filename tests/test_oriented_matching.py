@@ -6,33 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from observations import bent, four_views, ideal, objective_of, off
+from observations import four_views, ideal, objective_of, off
 
 from tracker.arrays import Array, Integers
 from tracker.body import BodyModel
-from tracker.body_files import load_body
 from tracker.correspondences import Correspondences
 from tracker.estimation.twist_icp import correspondences
 from tracker.kernels.oriented_matching import match_oriented, normal_equations
 from tracker.observation import Observation
-from tracker.resources import model_path
 from tracker.rig import Rig
-from tracker.scene import Person, Scene
-
-
-@pytest.fixture(scope="module")
-def body() -> BodyModel:
-    return load_body(model_path("gavrila22"))
-
-
-@pytest.fixture(scope="module")
-def truth(body: BodyModel) -> Scene:
-    return Scene((Person("one", body, bent(body)),), four_views())
-
-
-@pytest.fixture(scope="module")
-def observation(truth: Scene) -> Observation:
-    return ideal(truth)
+from tracker.scene import Scene
 
 
 def directed_points(rng: np.random.Generator, n: int, reach: float = 60.0) -> Array:
