@@ -34,7 +34,9 @@ class Landscape:
 
     def estimate(self, q: Array, covariance: Array, evaluations: int) -> Estimate:
         nothing = np.zeros(0)
-        return Estimate(q, covariance, float(self.height(q[None])[0]), nothing, nothing, 1.0, evaluations)
+        return Estimate(
+            q, covariance, float(self.height(q[None])[0]), nothing, nothing, nothing, nothing, 1.0, evaluations
+        )
 
     @property
     def poses(self) -> Array:

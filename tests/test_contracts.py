@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recordings import cycle_for, small_simulation
+from renderers import working
 from scipy.spatial import cKDTree
 from sections import made
 
@@ -69,7 +70,7 @@ def around(scene: Scene, n: int, off_deg: float, off_m: float) -> np.ndarray:
 
 @each("synthesis")
 def test_contours_are_images_of_the_surface(use, scene):
-    contours = made("synthesis", use).contours(scene)
+    contours = working(use, scene).contours(scene)
     assert (contours.n_poses, contours.n_views) == (1, len(scene.rig))
     for v, camera in enumerate(scene.rig.cameras):
         view = contours.of(v)
@@ -82,7 +83,7 @@ def test_contours_are_images_of_the_surface(use, scene):
 
 @each("synthesis")
 def test_contours_and_silhouettes_agree(use, scene):
-    synthesis = made("synthesis", use)
+    synthesis = working(use, scene)
     contours, masks = synthesis.contours(scene), synthesis.silhouettes(scene)
     for v, mask in enumerate(masks):
         assert mask.shape == scene.rig.cameras[v].size[::-1]
@@ -97,7 +98,7 @@ def test_contours_and_silhouettes_agree(use, scene):
 
 @each("synthesis")
 def test_a_batch_is_its_poses_one_by_one(use, scene):
-    synthesis, poses = made("synthesis", use), around(scene, 3, 10.0, 0.1)
+    synthesis, poses = working(use, scene), around(scene, 3, 10.0, 0.1)
     batch = synthesis.contours(scene, 0, poses)
     for b, q in enumerate(poses):
         single = synthesis.contours(scene.with_pose(0, q))
@@ -214,8 +215,9 @@ def test_an_estimate_is_a_possible_pose_no_worse_than_the_starts(use, scene, obs
     assert estimate.per_view_px.shape == (len(scene.rig),)
     assert estimate.per_part_px.shape == (len(body.parts),)
     assert estimate.evaluations >= 1
-    np.testing.assert_allclose(estimate.distance_px, objective(estimate.q[None])[0], rtol=1e-6)
-    assert estimate.distance_px <= objective(starts).min()
+    # reported are the distances of full contours; a search may work with fewer samples
+    assert estimate.distance_px == pytest.approx(objective.evidence(estimate.q).distance_px)
+    assert estimate.distance_px <= min(objective.evidence(q).distance_px for q in starts)
     np.testing.assert_array_equal(made("estimation", use).estimate(objective, starts).q, estimate.q)
 
 

@@ -70,7 +70,7 @@ def test_refinement_keeps_the_best_start(truth: Scene, observation: Observation)
     estimation, objective = TwistIcpEstimation(), objective_of(truth, observation)
     both = estimation.estimate(objective, np.stack([far, near]))
     np.testing.assert_array_equal(both.q, estimation.estimate(objective, near[None]).q)
-    assert both.distance_px == pytest.approx(float(objective(both.q[None])[0]))
+    assert both.distance_px == pytest.approx(objective.evidence(both.q).distance_px)
 
 
 def test_refinement_stops_at_the_joint_limits(body: BodyModel, truth: Scene) -> None:

@@ -122,8 +122,17 @@ def test_normal_equations_equal_their_plain_twin(
     body = truth.persons[0].body
     residual, jacobian = pairs.residual(body, q, rig)
     weights = pairs.weights / (1 + (residual / robust_px) ** 2) ** 2
-    arrays = (pairs.points, pairs.parameters, pairs.views, pairs.normals, pairs.pixels, pairs.weights)
-    matrix, vector, squares, total = normal_equations(*arrays, rig.packed, body.twists(q), body.moves, robust_px)
+    # each pair as a sample of its own, of one pixel of contour
+    order = np.arange(len(pairs.views))
+    own = np.stack([pairs.views, order, order, np.zeros_like(order)], axis=1)
+    samples = np.zeros((len(rig), len(order), 5), dtype=np.float32)
+    samples[..., 2:4], samples[..., 4] = pairs.normals, pairs.weights
+    points = np.tile(pairs.points.astype(np.float32), (len(rig), 1, 1))
+    scene = np.c_[pairs.pixels, np.zeros((len(order), 3))].astype(np.float32)
+    parts = np.tile(order, (len(rig), 1))
+    matrix, vector, squares, total = normal_equations(
+        own, samples, points, parts, pairs.parameters, scene, rig.packed, body.twists(q), body.moves, 1.0, robust_px
+    )
     scale = np.sqrt(np.diag(jacobian.T @ (weights[:, None] * jacobian)))
     expected = jacobian.T @ (weights[:, None] * jacobian)
     np.testing.assert_allclose(matrix / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-6)

@@ -122,7 +122,7 @@ def test_constant_acceleration_amplifies_noise_as_theory_says(body: BodyModel) -
 
 def estimate(q: Array, status: Status) -> Estimate:
     nothing = np.zeros(0)
-    return Estimate(q, np.zeros((len(q), len(q))), 1.0, nothing, nothing, 1.0, 1, status)
+    return Estimate(q, np.zeros((len(q), len(q))), 1.0, nothing, nothing, nothing, nothing, 1.0, 1, status=status)
 
 
 def test_history_grows_with_what_is_tracked_and_forgets_the_oldest() -> None:

@@ -64,7 +64,9 @@ def test_pictures_and_masks_agree_with_the_tracer():
     for v, camera in enumerate(scene.rig.cameras):
         _, mask = draw_persons(simulation.backgrounds[v], camera, scene, meshes)
         overlap = np.count_nonzero(mask & silhouettes[v]) / np.count_nonzero(mask | silhouettes[v])
-        assert overlap > 0.99
+        # of a pixel's four samples two count as half: the mask reaches a quarter of a pixel beyond the outline
+        assert overlap > 0.975
+        assert np.count_nonzero(silhouettes[v] & ~mask) < 5
         inside = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
         outside = cv2.distanceTransform(1 - mask.astype(np.uint8), cv2.DIST_L2, 5)
         view = contours.of(v)

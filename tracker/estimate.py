@@ -43,11 +43,20 @@ class Estimate:
     per_part_px: Array
     """(P,) directed chamfer distance of the person's visible part contours, px; NaN for a hidden part."""
 
+    visible_px: Array
+    """(P,) visible contour of each part over all views, px."""
+
+    unexplained_px: Array
+    """(P,) how much of it is not on scene edges, and scene contour beside it that the model misses, px."""
+
     explained: float
     """Share of the person's visible contour that lies on accepted scene edges, 0 to 1."""
 
     evaluations: int
     """Poses synthesized and compared."""
+
+    search_s: float = 0.0
+    """Time spent searching, seconds; the rest of the estimation is refinement."""
 
     status: Status = Status.TRACKED
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from tracker.arrays import Array
+from tracker.arrays import Array, Integers
 from tracker.body import BodyModel
 from tracker.contours import Contours
 from tracker.estimate import Estimate
 from tracker.observation import Observation
 from tracker.scene import Scene
-from tracker.similarity import Evidence, Similarity
-from tracker.synthesis import Synthesis
+from tracker.similarity import Directed, Evidence, Similarity
+from tracker.synthesis import Scoring, Synthesis
+from tracker.trajectory import History
 
 
 @dataclass(frozen=True)
@@ -28,14 +30,28 @@ class Objective:
     synthesis: Synthesis
     similarity: Similarity
     observation: Observation
+    history: History | None = None
+    """What is known of the person from the frames before."""
 
     @property
     def body(self) -> BodyModel:
         """The model whose pose is sought."""
         return self.scene.persons[self.person].body
 
+    @cached_property
+    def ends(self) -> Integers:
+        """(P,) last pose parameter that moves each part of the scene; -2 for the parts of other persons."""
+        found = np.full(len(self.scene.shapes), -2, dtype=np.int64)
+        first = self.scene.first_part(self.person)
+        found[first : first + len(self.body.parts)] = self.body.part_parameters
+        return found
+
     def __call__(self, poses: Array) -> Array:
         """Distances (B,) px of poses (B, dof)."""
+        if isinstance(self.synthesis, Scoring) and isinstance(self.similarity, Directed):
+            rule = self.similarity.rule
+            directed = self.synthesis.directed_distances(self.scene, self.person, poses, self.observation, *rule)
+            return self.similarity.combined(directed)
         return self.similarity.distance(self.contours(poses), self.observation)
 
     def contours(self, poses: Array) -> Contours:
@@ -60,6 +76,8 @@ class Objective:
             distance_px=found.distance_px,
             per_view_px=found.per_view_px,
             per_part_px=found.per_part_px[own],
+            visible_px=visible,
+            unexplained_px=np.where(seen, visible * (1 - np.nan_to_num(explained)), 0.0) + found.missed_px[own],
             explained=share,
             evaluations=evaluations,
         )

@@ -130,13 +130,14 @@ def advance(frame: Frame, scene: Scene, cycle: Cycle, state: State) -> Step:
     with clock("analysis"):
         observation = cycle.analysis.observe(frame, expected, cycle.backgrounds)
     estimates, current = [], predicted
-    with clock("estimation"):
+    with clock("refinement"):
         for k, poses in enumerate(candidates):
             # Earlier persons are at their best poses by now, later ones as predicted (paper, figure 2).
-            objective = Objective(current, k, cycle.synthesis, cycle.similarity, observation)
+            objective = Objective(current, k, cycle.synthesis, cycle.similarity, observation, state.histories[k])
             estimate = cycle.estimation.estimate(objective, poses)
             estimates.append(_judged(estimate, cycle.loss))
             current = current.with_pose(k, estimate.q)
+    clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     start = None
     sought = [k for k, estimate in enumerate(estimates) if _sought(estimate, state.frames_lost[k], cycle.loss)]
     if sought:
@@ -170,8 +171,9 @@ def bootstrap(frame: Frame, scene: Scene, cycle: Cycle, give_up: bool = False) -
     with clock("analysis"):
         expected = None if start is None else cycle.synthesis.contours(scene)
         observation = cycle.analysis.observe(frame, expected, cycle.backgrounds)
-    with clock("estimation"):
+    with clock("refinement"):
         estimates, scene = _settle(scene, cycle, observation, Status.BOOTSTRAPPED)
+    clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     if start is None:
         estimates = tuple(replace(estimate, status=Status.LOST) for estimate in estimates)
     elif give_up and all(estimate.lost for estimate in estimates):
@@ -281,6 +283,12 @@ class _Clock:
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
+
+    def move(self, stage: str, other: str, seconds: float) -> None:
+        """Books some of a stage's time to another one."""
+        if seconds > 0:
+            self.seconds[stage] -= seconds
+            self.seconds[other] = self.seconds.get(other, 0.0) + seconds
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:

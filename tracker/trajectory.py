@@ -59,15 +59,25 @@ class Replay:
     """(V,) as in `Step`."""
 
 
+# Weight of a new frame in what is usual: half of it is forgotten in 6 frames.
+_NEWS = 0.11
+
+
 @dataclass(frozen=True)
 class History:
-    """Poses of one person in the frames that were not lost, oldest first."""
+    """Poses of one person in the frames that were not lost, oldest first, and how well they explained the images."""
 
     times: Array
     """(T,) seconds."""
 
     poses: Array
     """(T, dof) rad and m."""
+
+    usual_px: Array | None = None
+    """(2, P) running means of each part's visible contour and of what is unexplained there, px; None at a start."""
+
+    n_frames: int = 0
+    """Frames tracked since the start."""
 
     @staticmethod
     def start(time_s: float, q: Array) -> History:
@@ -82,4 +92,7 @@ class History:
             return History.start(time_s, estimate.q)
         times = np.append(self.times, time_s)[-window:]
         poses = np.concatenate([self.poses, estimate.q[None]])[-window:]
-        return History(frozen(times), frozen(poses))
+        usual_px = np.stack([estimate.visible_px, estimate.unexplained_px])
+        if self.usual_px is not None:
+            usual_px = (1 - _NEWS) * self.usual_px + _NEWS * usual_px
+        return History(frozen(times), frozen(poses), frozen(usual_px), self.n_frames + 1)

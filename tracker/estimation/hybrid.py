@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import replace
+
 import numpy as np
 import pydantic
 from scipy.stats.qmc import Halton
 
-from tracker.arrays import Array, Integers
+from tracker.arrays import Array, Integers, Mask
 from tracker.body import BodyModel
 from tracker.components import component
 from tracker.estimate import Estimate
@@ -36,8 +39,16 @@ class HybridEstimation:
     search: bool = False
     """Search the whole pose in every frame, as the paper does; else only where the refined prediction is poor."""
 
-    search_below: float = pydantic.Field(default=0.55, ge=0, le=1)
-    """Share of a group's visible contour on scene edges under which the group is searched."""
+    search_below: float = pydantic.Field(default=0.9, ge=0, le=1)
+    """Share of a group's visible contour on scene edges under which the group is searched. A shin 30 degrees off still
+    lies 80 % on edges: those of its other side, of the other leg, of the floor."""
+
+    unusual: float = pydantic.Field(default=0.06, ge=0, le=1)
+    """The same, by how much the share must be less than is usual for the group: a model that does not quite fit leaves
+    something unexplained in every frame."""
+
+    again_every: int = pydantic.Field(default=12, ge=1)
+    """Frames after which a group is searched even if its poor state is usual."""
 
     min_visible_px: float = pydantic.Field(default=100.0, ge=0)
     """Groups that show less contour than this over all views are judged as if they showed so much, px."""
@@ -53,41 +64,83 @@ class HybridEstimation:
 
     def estimate(self, objective: Objective, starts: Array) -> Estimate:
         """The best of the refined predictions and, where needed, of the refined search results."""
-        refined = self.then.estimate(objective, starts)
-        weak = self._weak_groups(objective, refined.q)
+        order = np.argsort(objective(starts), kind="stable")
+        refined = self.then.estimate(objective, starts[order[:1]])
+        weak = self._weak_groups(objective, refined)
+        if len(starts) > 1 and (weak or self.search):
+            refined = _better(refined, self.then.estimate(objective, starts[order[1:]]))
+            weak = self._weak_groups(objective, refined)
+        if not (weak or self.search):
+            return refined
+        begin = time.perf_counter()
         if self.search or len(weak) > self.most_limbs:
             searched = self.first.estimate(objective, np.concatenate([starts, refined.q[None]]))
             again = self.then.estimate(objective, searched.q[None])
-            refined = again if again.distance_px < refined.distance_px else refined
-            weak = self._weak_groups(objective, refined.q)
+            again = replace(again, evaluations=again.evaluations + searched.evaluations)
+            refined = _better(refined, again)
+            weak = self._weak_groups(objective, refined)
         for group in weak:
-            again = self._searched_limb(objective, refined.q, group)
-            refined = again if again.distance_px < refined.distance_px else refined
-        return refined
+            refined = _better(refined, self._searched_limb(objective, refined.q, group))
+        weak = self._weak_groups(objective, refined)
+        if len(weak) > 1:
+            refined = _better(refined, self._searched_together(objective, refined.q, weak))
+        return replace(refined, search_s=time.perf_counter() - begin)
 
     def _searched_limb(self, objective: Objective, q: Array, group: str) -> Estimate:
         """A limb searched from where it is and from the best of poses scattered over its joint limits."""
         columns = objective.body.group(group)
         scattered = _scattered(objective.body, q, columns, self.scatter)
         best = scattered[np.argsort(objective(scattered), kind="stable")[: self.restarts]]
-        found = [self.limb.search_group(objective, start, columns)[0] for start in (q, *best)]
-        return self.then.estimate(objective, np.array(found))
+        found = [self.limb.search_group(objective, start, columns) for start in (q, *best)]
+        refined = self.then.estimate(objective, np.array([pose for pose, _ in found]))
+        n_evaluations = self.scatter + sum(n for _, n in found)
+        return replace(refined, evaluations=refined.evaluations + n_evaluations)
 
-    def _weak_groups(self, objective: Objective, q: Array) -> tuple[str, ...]:
-        """Fine groups whose contours the scene explains too little, or that leave too much of the scene unexplained."""
+    def _searched_together(self, objective: Objective, q: Array, groups: tuple[str, ...]) -> Estimate:
+        """Several limbs, one after the other, from poses of all of them.
+
+        Legs that are taken for each other stay so as long as one of them is held.
+        """
         body = objective.body
-        found = objective.evidence(q)
-        first = objective.scene.first_part(objective.person)
-        own = slice(first, first + len(body.parts))
-        visible, missed = found.visible_px[own], found.missed_px[own]
-        unexplained = visible * (1 - np.nan_to_num(found.explained[own]))
+        columns = np.concatenate([body.group(group) for group in groups])
+        neutral = q.copy()
+        neutral[columns] = body.rest()[columns]
+        scattered = np.concatenate([neutral[None], _scattered(body, q, columns, 2 * self.scatter)])
+        best = scattered[np.argsort(objective(scattered), kind="stable")[: self.restarts]]
+        found, n_evaluations = [], len(scattered)
+        for start in (neutral, *best):
+            for group in groups:
+                start, n = self.limb.search_group(objective, start, body.group(group))
+                n_evaluations += n
+            found.append(start)
+        refined = self.then.estimate(objective, np.array(found))
+        return replace(refined, evaluations=refined.evaluations + n_evaluations)
+
+    def _weak_groups(self, objective: Objective, estimate: Estimate) -> tuple[str, ...]:
+        """Fine groups whose contours the scene explains too little, or that leave too much of the scene unexplained."""
+        body, history = objective.body, objective.history
+        usual_px = None if history is None else history.usual_px
+        if history is not None and history.n_frames % self.again_every == 0:
+            usual_px = None
         weak = []
         for group in body.fine_groups:
             parts = body.parts_of(group)
-            allowed = (1 - self.search_below) * max(float(visible[parts].sum()), self.min_visible_px)
-            if (unexplained + missed)[parts].sum() > allowed:
+            allowed = 1 - self.search_below
+            if usual_px is not None:
+                allowed = max(allowed, self.unusual + self._share(usual_px[0], usual_px[1], parts))
+            if self._share(estimate.visible_px, estimate.unexplained_px, parts) > allowed:
                 weak.append(group)
         return tuple(weak)
+
+    def _share(self, visible_px: Array, unexplained_px: Array, parts: Mask) -> float:
+        """How much of some parts' contour is unexplained."""
+        return float(unexplained_px[parts].sum() / max(float(visible_px[parts].sum()), self.min_visible_px))
+
+
+def _better(one: Estimate, other: Estimate) -> Estimate:
+    """The estimate of less distance, with the evaluations of both."""
+    best = other if other.distance_px < one.distance_px else one
+    return replace(best, evaluations=one.evaluations + other.evaluations)
 
 
 def _scattered(body: BodyModel, q: Array, columns: Integers, n: int) -> Array:

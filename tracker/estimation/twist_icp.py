@@ -6,7 +6,7 @@ import numpy as np
 import pydantic
 from scipy.linalg import cho_factor, cho_solve
 
-from tracker.arrays import Array, Mask
+from tracker.arrays import Array, Integers, Mask
 from tracker.body import BodyModel
 from tracker.components import component
 from tracker.contours import Contours
@@ -83,20 +83,7 @@ class TwistIcpEstimation:
         matrix, squares, total = prior, 0.0, 0.0
         resting = self._steps(body, self.rest_deg, self.rest_m)
         while gates:
-            gate_px = gates.pop(0)
-            pairs = correspondences(objective, objective.contours(q[None]), q, float(gate_px), self.direction_deg)
-            matrix, vector, squares, total = normal_equations(
-                pairs.points,
-                pairs.parameters,
-                pairs.views,
-                pairs.normals,
-                pairs.pixels,
-                pairs.weights,
-                objective.scene.rig.packed,
-                body.twists(q),
-                body.moves,
-                0.5 * float(gate_px),
-            )
+            matrix, vector, squares, total = self._equations(objective, q, gates.pop(0))
             before = q
             q = _limited_step(q, matrix + prior, vector + prior @ (q - start), body.limits)
             if (np.abs(q - before) < resting).all():
@@ -106,16 +93,41 @@ class TwistIcpEstimation:
         information = matrix / max(variance, 1e-6) + prior / self.noise_px**2
         return q, np.asarray(np.linalg.inv(information), dtype=np.float64)
 
+    def _equations(self, objective: Objective, q: Array, gate_px: float) -> tuple[Array, Array, float, float]:
+        """Normal equations at a pose (dof,); see `normal_equations`."""
+        body, contours = objective.body, objective.contours(q[None])
+        return normal_equations(
+            _pairs(objective, contours, gate_px, self.direction_deg),
+            contours.positions[0],
+            contours.points[0],
+            contours.parts[0],
+            objective.ends,
+            objective.observation.packed[2],
+            objective.scene.rig.packed,
+            body.twists(q),
+            body.moves,
+            _PX_PER_OBSERVATION,
+            0.5 * gate_px,
+        )
+
     def _steps(self, body: BodyModel, angle_deg: float, length_m: float) -> Array:
         """(dof,) an angle for rotations and a length for translations, rad and m."""
         steps: Array = np.where(body.rotates, np.radians(angle_deg), length_m)
         return steps
 
 
+def _pairs(objective: Objective, contours: Contours, gate_px: float, direction_deg: float) -> Integers:
+    """(N, 4) oriented nearest neighbours both ways; see `match_oriented`."""
+    _, _, scene, first, _ = objective.observation.packed
+    pairs = np.empty((int(contours.counts[0].sum()) + len(scene), 4), dtype=np.int64)
+    gate = (gate_px, float(np.cos(np.radians(direction_deg))))
+    return pairs[: match_oriented(contours.positions[0], contours.counts[0], scene, first, gate, pairs)]
+
+
 def correspondences(
     objective: Objective, contours: Contours, q: Array, gate_px: float, direction_deg: float
 ) -> Correspondences:
-    """Oriented nearest neighbours between a person's contours and the observation, both ways.
+    """Oriented nearest neighbours between a person's contours and the observation, both ways, one by one.
 
     Args:
         objective: scene, person and observation.
@@ -127,11 +139,8 @@ def correspondences(
     Returns:
         Pairs of the person's own parts, weighted in observations of 8 px of contour.
     """
-    _, _, scene, first, _ = objective.observation.packed
-    positions = contours.positions[0]
-    pairs = np.empty((int(contours.counts[0].sum()) + len(scene), 4), dtype=np.int64)
-    gate = (gate_px, float(np.cos(np.radians(direction_deg))))
-    pairs = pairs[: match_oriented(positions, contours.counts[0], scene, first, gate, pairs)]
+    scene, positions = objective.observation.packed[2], contours.positions[0]
+    pairs = _pairs(objective, contours, gate_px, direction_deg)
     parts = contours.parts[0][pairs[:, 0], pairs[:, 1]]
     start = objective.scene.first_part(objective.person)
     own: Mask = (parts >= start) & (parts < start + len(objective.body.parts))

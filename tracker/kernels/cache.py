@@ -10,11 +10,13 @@ import numpy as np
 
 from tracker.kernels.acceptance import expected_distances
 from tracker.kernels.chamfer import directed_distances
+from tracker.kernels.contour_scoring import score_poses
 from tracker.kernels.contour_tracing import trace_contours
 from tracker.kernels.kinematics import chain_transforms, twists_in_world
 from tracker.kernels.linking import edge_profile, link_edges, split_segments
 from tracker.kernels.oriented_matching import match_oriented, normal_equations
 from tracker.kernels.rasterization import rasterize
+from tracker.kernels.silhouettes import fill_parts
 
 _F8, _F4, _I8, _B1 = np.float64, np.float32, np.int64, np.bool_
 
@@ -32,23 +34,25 @@ def _frozen(dtype: Any, *shape: int) -> Any:
 def _calls() -> list[tuple[Any, tuple[Any, ...]]]:
     """Every kernel with arguments of the types it is called with; read-only arrays are types of their own."""
     chain = _frozen(_B1, 1), _frozen(_F8, 1, 3), _frozen(_F8, 1, 3), _frozen(_I8, 1)
-    model = _frozen(_F8, 1, 7), _frozen(_F4, 1, 9, 16, 6), _frozen(_F4, 1, 4, 40), _frozen(_F8, 3, 1)
+    model = _frozen(_F8, 1, 7), _frozen(_F4, 1, 17 * 32, 7), _frozen(_F4, 1, 4, 9 * 16), (9, 16), _frozen(_F8, 3, 1)
     rig = _frozen(_F8, 1, 25), _frozen(_F8, 1, 2)
     samples = _own(_F4, 0, 1, 1, 5), _own(_F4, 0, 1, 1, 3), _own(_I8, 0, 1, 1), _own(_B1, 0, 1, 1), _own(_I8, 0, 1)
-    scene = _frozen(_F4, 0, 5), _frozen(_I8, 2)
-    pairs = _own(_F8, 0, 3), _own(_I8, 0), _own(_I8, 0), _own(_F8, 0, 2), _own(_F8, 0, 2), _own(_F8, 0)
+    images, scene = (_frozen(_F4, 0), _frozen(_I8, 1, 5)), (_frozen(_F4, 0, 5), _frozen(_I8, 2))
+    pairs = _own(_I8, 0, 4), _own(_F4, 1, 1, 5), _own(_F4, 1, 1, 3), _own(_I8, 1, 1), _own(_I8, 1)
     points, starts = _own(_I8, 0, 2), _own(_I8, 1)
     return [
         (chain_transforms, (_own(_F8, 0, 1), *chain)),
         (twists_in_world, (_own(_F8, 0, 2, 4, 4), *chain)),
         (trace_contours, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), *samples)),
-        (directed_distances, (samples[0], samples[4], _frozen(_F4, 0), _frozen(_I8, 1, 5), *scene, 40.0, False)),
+        (score_poses, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), *images, *scene, (40.0, False))),
+        (directed_distances, (samples[0], samples[4], *images, *scene, 40.0, False)),
         (link_edges, (_own(np.uint8, 1, 1), points, starts)),
         (split_segments, (points, starts, 0, (4, 0.3, 8), _own(_I8, 0))),
         (edge_profile, (points, _own(_F4, 1, 1, 2), _own(_F4, 0, 2), _own(_F4, 0, 2))),
         (expected_distances, (_own(_F4, 0, 2), _own(_F4, 0, 2), _own(_F4, 0, 4), 20.0)),
         (match_oriented, (_own(_F4, 1, 1, 5), _own(_I8, 1), *scene, (30.0, 0.8), _own(_I8, 0, 4))),
-        (normal_equations, (*pairs, rig[0], _own(_F8, 1, 6), _frozen(_B1, 1, 2), 1.0)),
+        (normal_equations, (*pairs, scene[0], rig[0], _own(_F8, 1, 6), _frozen(_B1, 1, 2), 16.0, 1.0)),
+        (fill_parts, (_own(_F8, 1, 4, 4), _frozen(_F4, 1, 17 * 32, 7), (9, 16), _frozen(_F8, 25), _own(_B1, 1, 1))),
         (rasterize, (_own(_F8, 0, 2), _own(_F8, 0), _own(_I8, 0, 3), (0, 0), _own(_F4, 1, 1, 4))),
     ]
 

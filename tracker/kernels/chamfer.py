@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -63,13 +65,91 @@ def robust_mean(distances: Array32, weights: Array32, n: int, theta: float, reje
     return kept / total if total > 0.0 else theta
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz"})
-def nearest_squared(columns: Array32, x: float, y: float, best: Array32, n: int) -> None:
-    """Lowers best[i] to the squared distance of scene point i to (x, y); vectorizes over the scene points."""
-    px, py = np.float32(x), np.float32(y)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz", "contract"})
+def _nearest_squared(xs: Array32, ys: Array32, n: int, four: tuple[Any, ...], best: Array32) -> None:
+    """Lowers best[i] to the squared distance of point i to the nearest of four others; eight points at a time."""
+    x0, y0, x1, y1, x2, y2, x3, y3 = four
     for i in range(n):
-        dx, dy = columns[0, i] - px, columns[1, i] - py
-        best[i] = min(best[i], dx * dx + dy * dy)
+        x, y = xs[i], ys[i]
+        a = min((x - x0) * (x - x0) + (y - y0) * (y - y0), (x - x1) * (x - x1) + (y - y1) * (y - y1))
+        b = min((x - x2) * (x - x2) + (y - y2) * (y - y2), (x - x3) * (x - x3) + (y - y3) * (y - y3))
+        best[i] = min(best[i], min(a, b))
+
+
+Matching = tuple[Array32, Array32, Array32, Array32, Array32]
+"""Positions and shares of a view's scene points, and shares and distances of whichever points are in work."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def matching_workspace(n_scene: int, n_samples: int) -> Matching:
+    """What `directed_pair` writes to on its way; separate arrays, so that the compiler need not fear overlaps."""
+    most = max(n_scene, n_samples) + 4
+    return (
+        np.zeros(n_scene, dtype=np.float32),
+        np.zeros(n_scene, dtype=np.float32),
+        np.zeros(n_scene, dtype=np.float32),
+        np.zeros(most, dtype=np.float32),
+        np.zeros(most, dtype=np.float32),
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def directed_pair(
+    samples: Array32,
+    n_samples: int,
+    flat: Array32,
+    layout: Integers,
+    v: int,
+    scene: Array32,
+    part: tuple[int, int],
+    rule: tuple[float, bool],
+    work: Matching,
+) -> tuple[float, float]:
+    """Normalized directed chamfer distances of one pose in one view: model to scene, scene to model, px.
+
+    Args:
+        samples: (M, 5 or more) pixel, image normal, contour length; those of length 0 are not matched.
+        n_samples: valid ones.
+        flat, layout: chamfer images, from `Observation.packed`.
+        v: the view.
+        scene: (S, 5) scene points of all views.
+        part: first of the view's points and the one after its last.
+        rule: distance theta at which a point is an outlier, px; whether it is rejected or else clamped.
+        work: from `matching_workspace`.
+    """
+    theta, reject = rule
+    start, n_scene = part[0], part[1] - part[0]
+    xs, ys, scene_shares, shares, distances = work
+    far = np.float32(1e6 if reject else theta + 1.0)
+    n = 0
+    for m in range(n_samples):
+        if samples[m, 4] > 0.0:
+            distances[n] = chamfer_lookup(flat, layout, v, samples[m, 0], samples[m, 1], theta + 1.0)
+            shares[n] = samples[m, 4]
+            n += 1
+    to_scene = robust_mean(distances, shares, n, theta, reject)
+    for i in range(n_scene):
+        xs[i], ys[i], scene_shares[i] = scene[start + i, 0], scene[start + i, 1], scene[start + i, 4]
+        distances[i] = far * far
+    nowhere = np.float32(1e7)
+    a = b = c = d = e = f = nowhere
+    waiting = 0
+    for m in range(n_samples):
+        if samples[m, 4] <= 0.0:
+            continue
+        x, y = samples[m, 0], samples[m, 1]
+        if waiting == 3:
+            _nearest_squared(xs, ys, n_scene, (a, b, c, d, e, f, x, y), distances)
+            a = b = c = d = e = f = nowhere
+            waiting = 0
+            continue
+        a, b, c, d, e, f = c, d, e, f, x, y
+        waiting += 1
+    if waiting > 0:
+        _nearest_squared(xs, ys, n_scene, (a, b, c, d, e, f, nowhere, nowhere), distances)
+    for i in range(n_scene):
+        distances[i] = np.sqrt(distances[i])
+    return to_scene, robust_mean(distances, scene_shares, n_scene, theta, reject)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -96,35 +176,12 @@ def directed_distances(
         (B, V, 2) px: model to scene, scene to model; NaN for a missing view.
     """
     n_poses, n_views = counts.shape
-    result = np.zeros((n_poses, n_views, 2))
-    most = 0
-    for v in range(n_views):
-        most = max(most, first[v + 1] - first[v])
-    columns = np.zeros((2, most), dtype=np.float32)
-    weights, best = np.zeros(most, dtype=np.float32), np.zeros(most, dtype=np.float32)
-    distances = np.zeros(positions.shape[2], dtype=np.float32)
-    shares = np.zeros(positions.shape[2], dtype=np.float32)
-    for v in range(n_views):
-        if layout[v, 3] == 0:
-            result[:, v, :] = np.nan
-            continue
-        n_scene = first[v + 1] - first[v]
-        for i in range(n_scene):
-            columns[0, i], columns[1, i] = scene[first[v] + i, 0], scene[first[v] + i, 1]
-            weights[i] = scene[first[v] + i, 4]
-        for b in range(n_poses):
-            best[:] = np.float32(theta * theta + 1.0) if not reject else np.float32(1e12)
-            n = 0
-            for m in range(counts[b, v]):
-                if positions[b, v, m, 4] <= 0.0:
-                    continue
-                x, y = positions[b, v, m, 0], positions[b, v, m, 1]
-                distances[n] = chamfer_lookup(flat, layout, v, x, y, theta + 1.0)
-                shares[n] = positions[b, v, m, 4]
-                nearest_squared(columns, x, y, best, n_scene)
-                n += 1
-            result[b, v, 0] = robust_mean(distances, shares, n, theta, reject)
-            for i in range(n_scene):
-                best[i] = np.sqrt(best[i])
-            result[b, v, 1] = robust_mean(best, weights, n_scene, theta, reject)
+    result = np.full((n_poses, n_views, 2), np.nan)
+    work = matching_workspace(len(scene), positions.shape[2])
+    for b in range(n_poses):
+        for v in range(n_views):
+            if layout[v, 3] > 0:
+                part, samples, n = (first[v], first[v + 1]), positions[b, v], counts[b, v]
+                pair = directed_pair(samples, n, flat, layout, v, scene, part, (theta, reject), work)
+                result[b, v, 0], result[b, v, 1] = pair
     return result

@@ -26,15 +26,26 @@ def _nearest(
 ) -> int:
     """Index of the row (x, y, direction x, y) nearest to the query whose direction agrees, -1 if there is none.
 
-    The rows low..high are sorted by y.
+    The rows low..high are sorted by y: the search goes up and down from the query until rows are farther away in y
+    alone than the best found.
     """
     x, y, nx, ny = query
     radius, cosine = gate
     best, found = radius * radius, -1
-    for i in range(_first_below(rows, low, high, y - radius), high):
-        dx, dy = rows[i, 0] - x, rows[i, 1] - y
-        if dy > radius:
+    start = _first_below(rows, low, high, y)
+    for i in range(start, high):
+        dy = rows[i, 1] - y
+        if dy * dy >= best:
             break
+        dx = rows[i, 0] - x
+        distance = dx * dx + dy * dy
+        if distance < best and abs(nx * rows[i, 2] + ny * rows[i, 3]) >= cosine:
+            best, found = distance, i
+    for i in range(start - 1, low - 1, -1):
+        dy = rows[i, 1] - y
+        if dy * dy >= best:
+            break
+        dx = rows[i, 0] - x
         distance = dx * dx + dy * dy
         if distance < best and abs(nx * rows[i, 2] + ny * rows[i, 3]) >= cosine:
             best, found = distance, i
@@ -119,16 +130,30 @@ def _project_along(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _chains(moves: Mask) -> tuple[Integers, Integers]:
+    """For each last parameter, the parameters that move what hangs on it (J, dof), and how many (J,)."""
+    dof, n_ends = moves.shape
+    chains, lengths = np.zeros((n_ends, dof), dtype=np.int64), np.zeros(n_ends, dtype=np.int64)
+    for j in range(n_ends):
+        for d in range(dof):
+            if moves[d, j]:
+                chains[j, lengths[j]] = d
+                lengths[j] += 1
+    return chains, lengths
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 def normal_equations(
-    points: Array,
-    parameters: Integers,
-    views: Integers,
-    normals: Array,
-    pixels: Array,
-    weights: Array,
+    pairs: Integers,
+    positions: Array32,
+    points: Array32,
+    parts: Integers,
+    ends: Integers,
+    scene: Array32,
     cameras: Array,
     twists: Array,
     moves: Mask,
+    px_per_observation: float,
     robust_px: float,
 ) -> tuple[Array, Array, float, float]:
     """Normal equations of the point-to-contour residuals, robustly weighted (Geman & McClure).
@@ -136,44 +161,52 @@ def normal_equations(
     The twin is `Correspondences.residual` with J^T W J and J^T W r.
 
     Args:
-        points, parameters, views, normals, pixels, weights: N correspondences, see `Correspondences`.
+        pairs: (N, 4) from `match_oriented`.
+        positions, points: (V, M, 5), (V, M, 3) model samples of one pose.
+        parts: (V, M) their scene-wide parts.
+        ends: (P,) last parameter that moves each part; -2 for parts of other persons, whose pairs do not count.
+        scene: (S, 5) scene points from `Observation.packed`.
         cameras: (V, 25) from `Rig.packed`.
         twists: (dof, 6) spatial twists of the parameters.
         moves: (dof, dof + 1) from `BodyModel.moves`.
+        px_per_observation: contour length that counts as one observation, px.
         robust_px: residual at which a pair's weight has fallen to a quarter, px.
 
     Returns:
         J^T W J (dof, dof), J^T W r (dof,), sum of w r^2 and sum of w.
     """
     dof = len(twists)
-    matrix, vector = np.zeros((dof, dof)), np.zeros(dof)
-    row = np.zeros(dof)
-    active = np.zeros(dof, dtype=np.int64)
+    matrix, vector, row = np.zeros((dof, dof)), np.zeros(dof), np.zeros(dof)
+    chains, lengths = _chains(moves)
     squares = total = 0.0
-    for i in range(len(points)):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        u, v, sx, sy, sz = _project_along(cameras, views[i], (x, y, z), (normals[i, 0], normals[i, 1]))
-        residual = (u - pixels[i, 0]) * normals[i, 0] + (v - pixels[i, 1]) * normals[i, 1]
-        weight = weights[i] / (1.0 + (residual / robust_px) ** 2) ** 2
-        n = 0
-        for d in range(dof):
-            if not moves[d, parameters[i]]:
-                continue
+    for i in range(len(pairs)):
+        view, m, s = pairs[i, 0], pairs[i, 1], pairs[i, 2]
+        end = ends[parts[view, m]]
+        if end < -1:
+            continue
+        x, y, z = float(points[view, m, 0]), float(points[view, m, 1]), float(points[view, m, 2])
+        nu, nv = float(positions[view, m, 2]), float(positions[view, m, 3])
+        length = positions[view, m, 4] if pairs[i, 3] == 0 else scene[s, 4]
+        u, v, sx, sy, sz = _project_along(cameras, view, (x, y, z), (nu, nv))
+        residual = (u - scene[s, 0]) * nu + (v - scene[s, 1]) * nv
+        weight = length / px_per_observation / (1.0 + (residual / robust_px) ** 2) ** 2
+        n = lengths[end]
+        for k in range(n):
+            d = chains[end, k]
             w0, w1, w2 = twists[d, 3], twists[d, 4], twists[d, 5]
-            row[n] = (
+            row[k] = (
                 sx * (twists[d, 0] + w1 * z - w2 * y)
                 + sy * (twists[d, 1] + w2 * x - w0 * z)
                 + sz * (twists[d, 2] + w0 * y - w1 * x)
             )
-            active[n] = d
-            n += 1
-        for a in range(n):
-            vector[active[a]] += weight * row[a] * residual
-            for c in range(a + 1):
-                matrix[active[a], active[c]] += weight * row[a] * row[c]
+        for k in range(n):
+            d, weighted = chains[end, k], weight * row[k]
+            vector[d] += weighted * residual
+            for j in range(k + 1):
+                matrix[d, chains[end, j]] += weighted * row[j]
         squares += weight * residual * residual
         total += weight
     for a in range(dof):
         for c in range(a):
-            matrix[c, a] = matrix[a, c] = matrix[a, c] + matrix[c, a]
+            matrix[c, a] = matrix[a, c]
     return matrix, vector, squares, total

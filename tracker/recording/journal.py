@@ -88,8 +88,11 @@ def _to_json(estimate: Estimate) -> dict[str, Any]:
         "distance_px": estimate.distance_px,
         "per_view_px": estimate.per_view_px.tolist(),
         "per_part_px": estimate.per_part_px.tolist(),
+        "visible_px": estimate.visible_px.tolist(),
+        "unexplained_px": estimate.unexplained_px.tolist(),
         "explained": estimate.explained,
         "evaluations": estimate.evaluations,
+        "search_s": estimate.search_s,
         "status": str(estimate.status),
     }
 
@@ -111,8 +114,11 @@ def _estimate(values: dict[str, Any]) -> Estimate:
         distance_px=float(values["distance_px"]),
         per_view_px=_array(values["per_view_px"]),
         per_part_px=_array(values["per_part_px"]),
+        visible_px=_array(values["visible_px"]),
+        unexplained_px=_array(values["unexplained_px"]),
         explained=float(values["explained"]),
         evaluations=int(values["evaluations"]),
+        search_s=float(values["search_s"]),
         status=Status(values["status"]),
     )
 

@@ -44,3 +44,17 @@ class Similarity(Protocol):
     def evidence(self, contours: Contours, observation: Observation, n_parts: int) -> Evidence:
         """The distance of the first pose in detail."""
         ...
+
+
+@runtime_checkable
+class Directed(Protocol):
+    """A similarity made of directed chamfer distances, which a synthesis may compute itself."""
+
+    @property
+    def rule(self) -> tuple[float, bool]:
+        """Distance at which a point is an outlier, px; whether outliers are rejected or else clamped."""
+        ...
+
+    def combined(self, directed: Array) -> Array:
+        """(B,) px: the distance of each pose from its directed distances (B, V, 2)."""
+        ...

@@ -36,7 +36,15 @@ class ChamferSimilarity:
 
     def distance(self, contours: Contours, observation: Observation) -> Array:
         """(B,) undirected distance (eq. 3), averaged over the views present, px."""
-        directed = self._directed(contours, observation)
+        return self.combined(self._directed(contours, observation))
+
+    @property
+    def rule(self) -> tuple[float, bool]:
+        """Distance theta, and whether outliers are rejected; see `tracker.similarity.Directed`."""
+        return self.outlier_px, self.outliers == "reject"
+
+    def combined(self, directed: Array) -> Array:
+        """(B,) the undirected distance from the directed ones (B, V, 2) px."""
         return _over_views(directed.mean(axis=2), self.outlier_px)
 
     def evidence(self, contours: Contours, observation: Observation, n_parts: int) -> Evidence:
@@ -81,8 +89,7 @@ class ChamferSimilarity:
             layout,
             scene,
             first,
-            self.outlier_px,
-            self.outliers == "reject",
+            *self.rule,
         )
         return directed
 

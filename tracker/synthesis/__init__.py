@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
-from tracker.arrays import Array, Mask
+from tracker.arrays import Array, Integers, Mask
 from tracker.contours import Contours
+from tracker.observation import Observation
 from tracker.scene import Scene
 
 
@@ -28,4 +29,31 @@ class Synthesis(Protocol):
 
     def silhouettes(self, scene: Scene) -> tuple[Mask, ...]:
         """The region (H, W) that all persons cover, for each view."""
+        ...
+
+    def part_ids(self, scene: Scene) -> tuple[Integers, ...]:
+        """The scene-wide part (H, W) seen at each pixel's centre in every view, -1 where there is none."""
+        ...
+
+
+@runtime_checkable
+class Scoring(Protocol):
+    """A synthesis that compares poses with an observation itself, without handing over contours."""
+
+    def directed_distances(
+        self, scene: Scene, person: int, poses: Array, observation: Observation, theta: float, reject: bool
+    ) -> Array:
+        """Normalized directed chamfer distances (paper, eq. 2) of many poses of one person.
+
+        Args:
+            scene: persons, poses and rig.
+            person: whose poses vary.
+            poses: (B, dof) of that person, rad and m.
+            observation: what the images show.
+            theta: distance at which a point is an outlier, px.
+            reject: reject outliers as the paper does, or else clamp them at theta.
+
+        Returns:
+            (B, V, 2) px: model to scene, scene to model; NaN for a missing view.
+        """
         ...

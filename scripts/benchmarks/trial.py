@@ -1,0 +1,178 @@
+"""A simulated recording tracked from a known start, and its errors against the exact truth."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from tracker.analysis.contours import ContourAnalysis
+from tracker.arrays import Array, Image, Mask
+from tracker.body import BodyModel
+from tracker.errors import InitializationError
+from tracker.estimate import Estimate
+from tracker.estimation.hybrid import HybridEstimation
+from tracker.frame import Frame
+from tracker.initialization import Initialization, Stages
+from tracker.initialization.pca import PcaInitialization
+from tracker.prediction.polynomial import PolynomialPrediction
+from tracker.scene import Scene
+from tracker.similarity.chamfer import ChamferSimilarity
+from tracker.start import Start
+from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking import Cycle, LossRule, track
+from tracker.trajectory import Step
+
+TRACKED_MM = 100.0
+"""Mean joint error above which a pose is wrong."""
+
+LIMB_MM = 150.0
+"""Error of a single joint above which a limb is off."""
+
+
+class KnownStart:
+    """Starts frame 0 at a pose; a person lost later is looked for as `again` does, or not at all."""
+
+    def __init__(self, q: Array, again: Initialization | None) -> None:
+        self._q, self._again = q, again
+
+    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        """See `tracker.initialization.Initialization.start`."""
+        if frame.index == 0:
+            return Start((self._q,))
+        if self._again is None:
+            raise InitializationError("only the first frame has a known start")
+        return self._again.start(frame, scene, stages)
+
+
+def default_cycle(
+    start: Array, backgrounds: tuple[Image | None, ...], threads: int = 2, *, recovers: bool = True
+) -> Cycle:
+    """The components as they come, started at a known pose (dof,)."""
+    return Cycle(
+        synthesis=CpuSynthesis(),
+        analysis=ContourAnalysis(threads=threads),
+        similarity=ChamferSimilarity(),
+        prediction=PolynomialPrediction(),
+        estimation=HybridEstimation(),
+        initialization=KnownStart(start, PcaInitialization() if recovers else None),
+        loss=LossRule(),
+        backgrounds=backgrounds,
+    )
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Tracked frames beside the truth."""
+
+    body: BodyModel
+    estimates: tuple[Estimate, ...]
+    """One a frame."""
+
+    truth: Array
+    """(T, dof) rad and m."""
+
+    stages: tuple[dict[str, float], ...]
+    """Seconds spent in each stage of each frame, as the tracking tells."""
+
+    wall_s: Array
+    """(T,) wall time of each frame, decoding or rendering left out."""
+
+    waiting_s: Array
+    """(T,) wall time until each frame was there."""
+
+    cpu_s: Array
+    """(T,) processor time of each frame, of all threads and with decoding or rendering."""
+
+    @property
+    def lost(self) -> Mask:
+        """(T,) frames flagged as lost."""
+        return np.array([estimate.lost for estimate in self.estimates])
+
+    @property
+    def poses(self) -> Array:
+        """(T, dof) estimated."""
+        return np.array([estimate.q for estimate in self.estimates])
+
+    @property
+    def sigmas(self) -> Array:
+        """(T, dof) predicted standard deviations."""
+        deviations: Array = np.sqrt([np.diag(estimate.covariance) for estimate in self.estimates])
+        return deviations
+
+    @property
+    def joints_mm(self) -> Array:
+        """(T, L) distances of the landmarks to the truth."""
+        gaps = self.body.landmarks_in_world(self.poses) - self.body.landmarks_in_world(self.truth)
+        errors: Array = 1000 * np.linalg.norm(gaps, axis=-1)
+        return errors
+
+    @property
+    def hinges_deg(self) -> Array:
+        """(T, 4) errors of the elbow and knee angles."""
+        columns = [k for k, name in enumerate(self.body.names) if name.endswith("_extension")]
+        errors: Array = np.degrees(self.poses - self.truth)[:, columns]
+        return errors
+
+    def error_cells(self) -> list[str]:
+        """Mean and 95 % of the joint errors, mm, and the hinges' RMS, degrees, of the frames not lost."""
+        kept = ~self.lost
+        return error_cells(self.joints_mm[kept], self.hinges_deg[kept])
+
+    @property
+    def wrong(self) -> Mask:
+        """(T,) frames whose mean joint error exceeds 100 mm."""
+        mask: Mask = self.joints_mm.mean(axis=1) > TRACKED_MM
+        return mask
+
+
+def tracked(frames: Iterable[Frame], scene: Scene, truth: Array, cycle: Cycle) -> Outcome:
+    """Tracks one person through frames whose true poses (T, dof) are known, in order."""
+    clocked = _Clocked(iter(frames))
+    estimates, stages, times = [], [], []
+    begin = time.perf_counter(), time.process_time()
+    steps: Iterator[Step] = track(clocked, scene, cycle)
+    for step in steps:
+        now = time.perf_counter(), time.process_time()
+        times.append((now[0] - begin[0] - clocked.waited_s, clocked.waited_s, now[1] - begin[1]))
+        estimates.append(step.estimates[0])
+        stages.append(step.seconds)
+        begin = time.perf_counter(), time.process_time()
+    wall_s, waiting_s, cpu_s = np.array(times).T
+    body = scene.persons[0].body
+    return Outcome(body, tuple(estimates), truth[: len(estimates)], tuple(stages), wall_s, waiting_s, cpu_s)
+
+
+class _Clocked:
+    """Frames, with the time spent waiting for the last one."""
+
+    def __init__(self, frames: Iterator[Frame]) -> None:
+        self._frames, self.waited_s = frames, 0.0
+
+    def __iter__(self) -> _Clocked:
+        return self
+
+    def __next__(self) -> Frame:
+        begin = time.perf_counter()
+        frame = next(self._frames)
+        self.waited_s = time.perf_counter() - begin
+        return frame
+
+
+def error_cells(joints_mm: Array, hinges_deg: Array) -> list[str]:
+    """Mean and 95 % of joint errors, mm, and the RMS of hinge errors, degrees."""
+    if joints_mm.size == 0:
+        return ["-", "-", "-"]
+    rms = float(np.sqrt(np.mean(hinges_deg**2)))
+    return [f"{joints_mm.mean():.2f}", f"{np.percentile(joints_mm, 95):.2f}", f"{rms:.2f}"]
+
+
+def longest(mask: Mask) -> int:
+    """Length of the longest run of true values."""
+    run = most = 0
+    for value in mask.tolist():
+        run = run + 1 if value else 0
+        most = max(most, run)
+    return most

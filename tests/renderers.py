@@ -1,0 +1,21 @@
+"""Components that need graphics libraries, where those are installed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from sections import made
+
+from tracker.errors import RenderError
+from tracker.scene import Scene
+
+
+def working(use: str, scene: Scene) -> Any:
+    """A synthesis; the test is skipped, saying what is missing, where it cannot work."""
+    synthesis = made("synthesis", use)
+    try:
+        synthesis.silhouettes(scene)
+    except RenderError as error:
+        pytest.skip(str(error))
+    return synthesis

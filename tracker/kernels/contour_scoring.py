@@ -1,0 +1,114 @@
+"""Poses synthesized and compared with an observation in one go: no contour is written to memory.
+
+In a decomposed search most parts of the body stand still. They are traced once for all poses; of each pose only the
+moving parts are traced, and tested for what they hide of the others.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.kernels.chamfer import directed_pair, matching_workspace
+from tracker.kernels.contour_tracing import trace_view, tracing_workspace
+from tracker.kernels.occlusion import ROW, SOLID_COLUMNS, SPOT_ROWS, cover, place_solids, view_solids
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def moving_parts(placements: Array) -> Mask:
+    """Parts (P,) whose placements (B, P, 4, 4) are not the same in all poses; all of them where B is 1."""
+    n_poses, n_parts = placements.shape[:2]
+    moving = np.zeros(n_parts, dtype=np.bool_)
+    for p in range(n_parts):
+        moving[p] = n_poses == 1
+        for b in range(1, n_poses):
+            for r in range(3):
+                for k in range(4):
+                    moving[p] |= placements[b, p, r, k] != placements[0, p, r, k]
+    return moving
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_seen(
+    still: Array32,
+    n_still: int,
+    solids: Array32,
+    moving: Mask,
+    contact_m: float,
+    spots: Array32,
+    traced: Array32,
+    n: int,
+) -> int:
+    """Appends to n traced samples those of the parts that stand still that no moving one covers; their number."""
+    for i in range(n_still):
+        for k in range(8):
+            spots[k * ROW + i] = still[i, k]
+        for k in range(3):
+            spots[(8 + k) * ROW + i] = still[i, 10 + k]
+        spots[11 * ROW + i] = still[i, 9]
+    for q in range(len(solids)):
+        if moving[q] and solids[q, 28] > 0.0:
+            cover(solids, q, contact_m, spots, n_still)
+    for i in range(n_still):
+        if spots[11 * ROW + i] == 0.0 and n < len(traced):
+            for k in range(5):
+                traced[n, k] = still[i, k]
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def score_poses(
+    placements: Array,
+    shapes: Array,
+    grids: Array32,
+    planes: Array32,
+    layout: tuple[int, int],
+    bounds: Array,
+    cameras: Array,
+    sizes: Array,
+    spacing: tuple[float, float],
+    flat: Array32,
+    regions: Integers,
+    scene: Array32,
+    first: Integers,
+    rule: tuple[float, bool],
+) -> Array:
+    """Directed chamfer distances of many poses; the twin is `trace_contours` and `directed_distances`.
+
+    Args:
+        placements, shapes, grids, planes, layout, bounds, cameras, sizes, spacing: see `trace_contours`.
+        flat, regions, scene, first: the observation, from `Observation.packed`.
+        rule: distance at which a point is an outlier, px; reject outliers as the paper does, or else clamp them.
+
+    Returns:
+        (B, V, 2) px: model to scene, scene to model; NaN for a missing view.
+    """
+    n_poses, n_views, n_parts = len(placements), len(cameras), len(shapes)
+    result = np.full((n_poses, n_views, 2), np.nan)
+    everything, moving = np.ones(n_parts, dtype=np.bool_), moving_parts(placements)
+    solids = np.zeros((n_parts, SOLID_COLUMNS), dtype=np.float32)
+    traced, still = np.zeros((128 * n_parts, 13), dtype=np.float32), np.zeros((ROW, 13), dtype=np.float32)
+    spots = np.zeros(SPOT_ROWS * ROW, dtype=np.float32)
+    tracing, matching = tracing_workspace(n_parts, layout), matching_workspace(len(scene), len(traced))
+    for v in range(n_views):
+        if regions[v, 3] == 0:
+            continue
+        camera, size, part = cameras[v].astype(np.float32), (sizes[v, 0], sizes[v, 1]), (first[v], first[v + 1])
+        n_still = 0
+        if not moving.all():
+            place_solids(placements, 0, shapes, bounds, solids)
+            view_solids(shapes, bounds, cameras[v], spacing[1], solids)
+            masks = ~moving, ~moving
+            n_still = trace_view(grids, planes, layout, bounds, solids, camera, size, spacing, masks, tracing, still)
+        # As many samples as there is room for may be too few: then all parts are traced for every pose.
+        masks = (moving, everything) if n_still < ROW else (everything, everything)
+        for b in range(n_poses):
+            place_solids(placements, b, shapes, bounds, solids)
+            view_solids(shapes, bounds, cameras[v], spacing[1], solids)
+            n = trace_view(grids, planes, layout, bounds, solids, camera, size, spacing, masks, tracing, traced)
+            if 0 < n_still < ROW:
+                n = _add_seen(still, n_still, solids, moving, spacing[1], spots, traced, n)
+            result[b, v] = directed_pair(traced, n, flat, regions, v, scene, part, rule, matching)
+    return result

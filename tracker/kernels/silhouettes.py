@@ -1,0 +1,66 @@
+"""The region of an image that convex parts cover."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from tracker.arrays import Array, Array32, Mask
+from tracker.kernels.projection import project_point
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _widen(u0: float, v0: float, u1: float, v1: float, extents: Array) -> None:
+    """Widens the extents (2, h) of the pixel rows that a line crosses to where it crosses them."""
+    if v1 < v0:
+        u0, v0, u1, v1 = u1, v1, u0, v0
+    first, last = max(int(np.ceil(v0)), 0), min(int(np.floor(v1)), extents.shape[1] - 1)
+    slope = (u1 - u0) / (v1 - v0) if v1 > v0 else 0.0
+    for row in range(first, last + 1):
+        u = u0 + slope * (row - v0)
+        extents[0, row] = min(extents[0, row], u)
+        extents[1, row] = max(extents[1, row], u)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_parts(placements: Array, grids: Array32, layout: tuple[int, int], camera: Array, mask: Mask) -> None:
+    """Sets the pixels whose centres the parts cover: row by row, between the outermost lines of their grids.
+
+    Args:
+        placements: (P, 4, 4) world_from_part, metres.
+        grids: (P, F, 7) surface points first; see `tracker.kernels.contour_pieces.find_pieces`.
+        layout: R, C of the grids, with F = (2 R - 1) (2 C).
+        camera: (25,) row of `Rig.packed`.
+        mask: (h, w) in and out; parts that are not wholly before the camera are left out.
+    """
+    height, width = mask.shape
+    n_rows, n_columns = 2 * layout[0] - 1, 2 * layout[1]
+    pixels, extents = np.zeros((n_rows * n_columns, 2)), np.zeros((2, height))
+    for p in range(len(placements)):
+        nearest = np.inf
+        for i in range(n_rows * n_columns):
+            x, y, z = grids[p, i, 0], grids[p, i, 1], grids[p, i, 2]
+            wx, wy, wz = (
+                placements[p, 0, 0] * x + placements[p, 0, 1] * y + placements[p, 0, 2] * z + placements[p, 0, 3],
+                placements[p, 1, 0] * x + placements[p, 1, 1] * y + placements[p, 1, 2] * z + placements[p, 1, 3],
+                placements[p, 2, 0] * x + placements[p, 2, 1] * y + placements[p, 2, 2] * z + placements[p, 2, 3],
+            )
+            pixels[i, 0], pixels[i, 1], depth = project_point(camera, wx, wy, wz)
+            nearest = min(nearest, depth)
+        if nearest <= 0.0:
+            continue
+        extents[0], extents[1] = np.inf, -np.inf
+        for r in range(n_rows):
+            for c in range(n_columns):
+                i = r * n_columns + c
+                beside = r * n_columns + (c + 1 if c + 1 < n_columns else 0)
+                _widen(pixels[i, 0], pixels[i, 1], pixels[beside, 0], pixels[beside, 1], extents)
+                if r + 1 < n_rows:
+                    below = i + n_columns
+                    _widen(pixels[i, 0], pixels[i, 1], pixels[below, 0], pixels[below, 1], extents)
+        for row in range(height):
+            if extents[0, row] <= extents[1, row]:
+                first = max(int(np.ceil(extents[0, row])), 0)
+                last = min(int(np.floor(extents[1, row])), width - 1)
+                for column in range(first, last + 1):
+                    mask[row, column] = True

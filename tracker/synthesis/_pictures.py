@@ -1,0 +1,137 @@
+"""Pictures of part numbers and depths, and what is made from them: contours, silhouettes, distances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.camera import Camera
+from tracker.contours import Contours
+from tracker.kernels.chamfer import directed_distances
+from tracker.kernels.id_contours import id_contours
+from tracker.kernels.rasterization import rasterize
+from tracker.observation import Observation
+from tracker.scene import Scene
+from tracker.synthesis._meshes import before_cameras, boxes_of, meshes_of
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What a view shows inside a box of the image; around the box there is nothing."""
+
+    ids: Integers
+    """(h, w) scene-wide part number, -1 for the background."""
+
+    depths: Array32
+    """(h, w) metres, where there is a part."""
+
+    origin: tuple[int, int] = (0, 0)
+    """Pixel (x, y) of the image at the box's upper left corner."""
+
+    def whole(self, camera: Camera) -> Integers:
+        """Part numbers (H, W) of the whole image."""
+        ids = np.full(camera.size[::-1], -1, dtype=np.int64)
+        (x, y), (height, width) = self.origin, self.ids.shape
+        ids[y : y + height, x : x + width] = self.ids
+        return ids
+
+
+def contours_of(scene: Scene, placements: Array, pictures: Sequence[Sequence[Picture]], contact_m: float) -> Contours:
+    """Contours found in pictures.
+
+    Args:
+        scene: shapes and rig.
+        placements: (B, P, 4, 4) world_from_part, metres.
+        pictures: B times V.
+        contact_m: distance at which parts touch, metres.
+    """
+    solids = solids_of(scene.shapes, placements)
+    found = [
+        [
+            _traced(picture, camera, row, solids[b], contact_m)
+            for picture, camera, row in zip(pictures[b], scene.rig.cameras, scene.rig.packed, strict=True)
+        ]
+        for b in range(len(placements))
+    ]
+    lengths = [[len(view[2]) for view in views] for views in found]
+    counts = np.array(lengths, dtype=np.int64).reshape(len(placements), len(scene.rig))
+    layout = (len(placements), len(scene.rig), int(counts.max(initial=1)))
+    positions, points = (np.zeros((*layout, n), dtype=np.float32) for n in (5, 3))
+    parts, between = np.zeros(layout, dtype=np.int64), np.zeros(layout, dtype=np.bool_)
+    for b, v in np.ndindex(*layout[:2]):
+        own = b, v, slice(counts[b, v])
+        positions[own], points[own], parts[own], between[own] = found[b][v]
+    return Contours(positions, points, parts, between, counts)
+
+
+def _traced(
+    picture: Picture, camera: Camera, row: Array, solids: Array, contact_m: float
+) -> tuple[Array32, Array32, Integers, Mask]:
+    """Samples of one picture: positions (N, 5), points (N, 3), parts (N,), between (N,)."""
+    capacity = 4096
+    while True:
+        positions, points = (np.empty((capacity, n), dtype=np.float32) for n in (5, 3))
+        parts, between = np.empty(capacity, dtype=np.int64), np.empty(capacity, dtype=np.bool_)
+        frame = (*picture.origin, *camera.size)
+        outputs = positions, points, parts, between
+        n = id_contours(picture.ids, picture.depths, frame, row, solids, contact_m, *outputs)
+        if n <= capacity:
+            return positions[:n], points[:n], parts[:n], between[:n]
+        capacity = n
+
+
+def solids_of(shapes: Array, placements: Array) -> Array:
+    """Parts (B, P, 17) as `tracker.kernels.id_contours` takes them, of shapes (P, 7) placed at (B, P, 4, 4)."""
+    rotations = np.swapaxes(placements[..., :3, :3], -1, -2)
+    motions = np.concatenate([rotations, -rotations @ placements[..., :3, 3:]], axis=-1) / shapes[:, :3, None]
+    e1, e2 = shapes[:, 3], shapes[:, 4]
+    rows = np.stack([shapes[:, 5], shapes[:, 6], 2 / e2, e2 / e1, 2 / e1], axis=-1)
+    flat = motions.reshape(*placements.shape[:2], 12)
+    return np.concatenate([flat, np.broadcast_to(rows, (len(placements), *rows.shape))], axis=-1)
+
+
+def rasterized(scene: Scene, n_eta: int, n_omega: int) -> tuple[Picture, ...]:
+    """Pictures of all views from the z-buffer on the CPU, exact and slow.
+
+    Args:
+        scene: persons, poses and rig.
+        n_eta: latitudes of the parts' meshes.
+        n_omega: their longitudes.
+    """
+    placements = scene.world_from_parts()
+    meshes = meshes_of(scene.shapes, n_eta, n_omega)
+    before = before_cameras(scene, placements, meshes.widths)
+    boxes = boxes_of(scene, placements, meshes.widths, before)[0]
+    world = meshes.points @ np.swapaxes(placements[0, :, :3, :3], -1, -2) + placements[0, :, None, :3, 3]
+    starts = meshes.points.shape[1] * np.arange(len(scene.shapes))
+    pictures = []
+    for v, camera in enumerate(scene.rig.cameras):
+        x, y, width, height = boxes[v].tolist()
+        buffers = np.zeros((height, width, 4), dtype=np.float32)
+        triangles = (starts[before[0, v], None, None] + meshes.triangles).reshape(-1, 3)
+        pixels, depths = camera.project(world).reshape(-1, 2), camera.in_camera(world)[..., 2].ravel()
+        rasterize(pixels, depths, triangles, (x, y), buffers)
+        owners = np.flatnonzero(before[0, v]).repeat(len(meshes.triangles))
+        empty = buffers[..., 0] == 0
+        ids = np.where(empty, -1, np.append(owners, -1)[np.where(empty, -1, buffers[..., 1].astype(np.int64))])
+        depths = 1 / np.where(empty, 1, buffers[..., 0])
+        pictures.append(Picture(ids, np.asarray(depths, dtype=np.float32), (x, y)))
+    return tuple(pictures)
+
+
+def rasterized_ids(scene: Scene, n_eta: int, n_omega: int) -> tuple[Integers, ...]:
+    """Scene-wide part number (H, W) seen at each pixel's centre in every view, -1 for none; see `rasterized`."""
+    pictures = rasterized(scene, n_eta, n_omega)
+    return tuple(picture.whole(camera) for picture, camera in zip(pictures, scene.rig.cameras, strict=True))
+
+
+def distances_of(contours: Contours, observation: Observation, theta: float, reject: bool) -> Array:
+    """Directed chamfer distances (B, V, 2), px, of contours; see `tracker.kernels.chamfer.directed_distances`."""
+    flat, layout, points, first, _ = observation.packed
+    distances: Array = directed_distances(
+        contours.positions, contours.counts, flat, layout, points, first, theta, reject
+    )
+    return distances
