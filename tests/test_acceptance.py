@@ -8,7 +8,7 @@ import pytest
 from tracker.analysis._observe import accepted_segments
 from tracker.arrays import Array32
 from tracker.imaging.edges import EdgeSegments
-from tracker.kernels.acceptance import expected_distances
+from tracker.kernels.acceptance import expected_distances, marked
 
 
 def straight(length: int, start: tuple[float, float], step: tuple[float, float]) -> tuple[Array32, Array32]:
@@ -49,7 +49,7 @@ def test_segments_are_accepted_or_rejected_as_units() -> None:
 def test_the_mean_directed_distance_of_a_segment_is_compared_with_the_limit() -> None:
     found = segments_of(straight(60, (60, 109), (1, 0)))
     everything = np.ones(60, dtype=np.bool_)
-    exact = expected_distances(found.points, found.directions, LINE, 20.0).mean()
+    exact = expected_distances(found.points, found.directions, LINE, 20.0, 56.0).mean()
     assert 9.0 <= exact < 9.1
     assert accepted_segments(found, LINE, float(exact) + 0.01, 20.0, everything).all()
     assert not accepted_segments(found, LINE, float(exact) - 0.01, 20.0, everything).any()
@@ -85,22 +85,40 @@ def oriented(rng: np.random.Generator, n: int) -> tuple[Array32, Array32]:
 
 
 @pytest.mark.parametrize("bend_px", [0.0, 20.0])
-@pytest.mark.parametrize("n_samples", [1, 60])
-def test_expected_distances_equal_their_numpy_twin(bend_px: float, n_samples: int) -> None:
+@pytest.mark.parametrize("n_samples", [0, 1, 60])
+@pytest.mark.parametrize("n_edges", [0, 1, 32, 300])
+@pytest.mark.parametrize("most_px", [15.0, 1000.0])
+def test_expected_distances_equal_their_numpy_twin(
+    bend_px: float, n_samples: int, n_edges: int, most_px: float
+) -> None:
     rng = np.random.default_rng(9)
-    edges, directions = oriented(rng, 300)
+    edges, directions = oriented(rng, n_edges)
     pixels, normals = oriented(rng, n_samples)
-    found = expected_distances(edges, directions, np.concatenate([pixels, normals], axis=1), bend_px)
+    # Chains of neighbours as well as edges anywhere.
+    edges[: n_edges // 2] = edges[:1] + rng.uniform(-20, 20, (n_edges // 2, 2))
+    found = expected_distances(edges, directions, np.concatenate([pixels, normals], axis=1), bend_px, most_px)
     gaps = np.linalg.norm(edges[:, None].astype(float) - pixels, axis=2)
     sines = directions[:, None, 0].astype(float) * normals[:, 1] - directions[:, None, 1].astype(float) * normals[:, 0]
-    twin = np.sqrt(gaps**2 + (bend_px * sines) ** 2).min(axis=1)
+    twin = np.sqrt(gaps**2 + (bend_px * sines) ** 2).min(axis=1, initial=most_px)
     np.testing.assert_allclose(found, twin, rtol=1e-4, atol=1e-3)
 
 
-def test_expected_distances_count_no_direction_sign_and_are_large_without_samples() -> None:
+def test_expected_distances_count_no_direction_sign_and_are_the_largest_without_samples() -> None:
     rng = np.random.default_rng(9)
     edges, directions = oriented(rng, 50)
     samples = np.concatenate(oriented(rng, 20), axis=1)
-    same = expected_distances(edges, directions, samples, 20.0)
-    np.testing.assert_array_equal(expected_distances(edges, -directions, samples, 20.0), same)
-    assert expected_distances(edges, directions, samples[:0], 20.0).min() > 1e5
+    same = expected_distances(edges, directions, samples, 20.0, 500.0)
+    np.testing.assert_array_equal(expected_distances(edges, -directions, samples, 20.0, 500.0), same)
+    np.testing.assert_array_equal(expected_distances(edges, directions, samples[:0], 20.0, 500.0), np.float32(500))
+
+
+def test_points_are_marked_where_the_nearest_pixel_of_the_picture_is_set() -> None:
+    rng = np.random.default_rng(2)
+    picture = rng.integers(0, 2, (20, 30), dtype=np.uint8)
+    points = rng.uniform(-5, 45, (500, 2)).astype(np.float32)
+    marks = np.zeros(500, dtype=np.bool_)
+    marked(points, picture, (7, 3), marks)
+    whole = np.zeros((60, 60), dtype=np.uint8)
+    whole[13:33, 17:47] = picture
+    columns, rows = np.round(points).astype(int).T + 10
+    np.testing.assert_array_equal(marks, whole[rows, columns] > 0)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+
 import cv2
 import numpy as np
 import pytest
 
-from tracker.arrays import Image, Mask
-from tracker.imaging.background import changed, difference, foreground, threshold_level
+from tracker.arrays import Array, Image, Mask, frozen
+from tracker.imaging.background import _SHADOW, changed, difference, foreground, prepared, threshold_level
+from tracker.kernels.changes import large_regions, mark_changes, median_change
+from tracker.kernels.shadows import MARGIN, without_shadows
 
 SIZE = 240, 320
 BOX = slice(60, 180), slice(120, 180)
@@ -106,6 +111,172 @@ def test_a_coloured_darkening_is_no_shadow() -> None:
     image = background.copy()
     image[BOX] = np.round(image[BOX] * np.array([0.5, 0.7, 0.9]))
     assert overlap(foreground(image, background), covering(BOX)) > 0.9
+
+
+def with_soft_shadow(image: Image | Array, share: float, width: float, place: tuple[slice, slice] = FLOOR) -> Image:
+    """A shadow whose border is as wide as a Gaussian of so many px."""
+    dark = cv2.GaussianBlur(covering(place).astype(np.float32), (0, 0), width)
+    darkened: Image = np.round(image * (1 - (1 - share) * dark[..., None])).astype(np.uint8)
+    return darkened
+
+
+@pytest.mark.parametrize("share", [0.5, 0.6, 0.7])
+@pytest.mark.parametrize("noise", [0.0, 2.0])
+def test_a_soft_shadow_on_a_smooth_floor_is_no_foreground(share: float, noise: float) -> None:
+    smooth = plate(texture=1.0)
+    image = with_soft_shadow(with_object(smooth), share, 5.0)
+    anything, mask = changed(seen(image, noise), seen(smooth, noise, seed=2))
+    assert anything[150:180, 220:280].all()
+    assert overlap(mask, covering(BOX)) > 0.95
+
+
+@pytest.mark.parametrize("share", [0.5, 0.6, 0.7])
+@pytest.mark.parametrize("noise", [0.0, 2.0])
+@pytest.mark.parametrize("blur_px", [0.5, 1.0])
+def test_an_object_like_a_shadow_on_a_smooth_floor_is_told_by_its_sharp_outline(
+    share: float, noise: float, blur_px: float
+) -> None:
+    smooth = plate(texture=1.0)
+    inside = cv2.GaussianBlur(covering(BOX).astype(np.float32), (0, 0), blur_px)[..., None]
+    mixed = smooth * (1 - inside) + share * smooth.mean(axis=(0, 1)) * inside
+    image = with_soft_shadow(mixed, share, 5.0)
+    mask = foreground(seen(image, noise), seen(smooth, noise, seed=2))
+    assert overlap(mask, covering(BOX)) > 0.9
+
+
+def test_the_shadow_of_an_object_that_looks_like_it_goes_and_the_object_stays() -> None:
+    # Trousers of the floor's colour in the lower half of the box, which the shadow begins at.
+    smooth = plate(texture=1.0)
+    image = with_soft_shadow(smooth, 0.65, 5.0, (slice(170, 185), slice(100, 300)))
+    image[BOX] = (40, 60, 200)
+    image[120:180, 120:180] = np.round(0.5 * smooth.mean(axis=(0, 1)))
+    mask = foreground(seen(image, 1.0), seen(smooth, 1.0, seed=2))
+    assert mask[BOX].mean() > 0.85  # a notch at the foot, where the shadow's outline is nearer than the trousers'
+    assert (mask & ~covering(BOX)).sum() < 0.03 * covering(BOX).sum()
+
+
+CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+
+
+def grown(mask: Mask, kernel: Image) -> Mask:
+    larger: Mask = cv2.dilate(mask.astype(np.uint8), kernel) > 0
+    return larger
+
+
+def steps(region: Mask, start: Mask) -> Array:
+    """Steps (h, w) along the region from the nearest starting pixel."""
+    reached, taken = start, np.where(start, 0.0, np.inf)
+    for step in range(1, int(region.sum())):
+        further = grown(reached, CROSS) & region & ~reached
+        if not further.any():
+            break
+        taken[further] = step
+        reached = reached | further
+    return taken
+
+
+def plain_objects(image: Image, background: Image, moving: Mask) -> tuple[Mask, Mask]:
+    """The twin of the subtraction of shadows: whole images, not the pixels that have changed; and what is a tie."""
+    least, least_smooth, most, chroma, texture, outline_px = _SHADOW
+    now, before = (cv2.GaussianBlur(picture, (5, 5), 0).astype(float) for picture in (image, background))
+    ratio = (now * before).sum(axis=2) / np.maximum((before * before).sum(axis=2), 1)
+    off = np.abs(now - ratio[..., None] * before).max(axis=2)
+
+    def mean(values: Array) -> Array:
+        filtered: Array = cv2.boxFilter(values, cv2.CV_64F, (9, 9))
+        return filtered
+
+    a, b = now.mean(axis=2), before.mean(axis=2)
+    variances = (np.maximum(mean(c * c) - mean(c) ** 2, 1) for c in (a, b))
+    textured = mean(a * b) - mean(a) * mean(b) > texture * np.sqrt(np.prod(list(variances), axis=0))
+    like: Mask = moving & (least < ratio) & (ratio < most) & (off < chroma)
+    undecided = like & (ratio <= least_smooth) & ~textured
+    wide = np.pad(ratio, 2, mode="reflect")
+    slope = np.hypot(wide[2:-2, 4:] - wide[2:-2, :-4], wide[4:, 2:-2] - wide[:-4, 2:-2]) / 4
+    objects, ties = moving & ~like, np.zeros(moving.shape, dtype=np.bool_)
+    beside = grown(objects, np.ones((3, 3), np.uint8))
+    n, labels = cv2.connectedComponents(undecided.astype(np.uint8), connectivity=4)
+    for k in range(1, n):
+        region: Mask = labels == k
+        outline = region & grown(np.pad(~region, 1, constant_values=True), CROSS)[1:-1, 1:-1]
+        sharp = outline & (beside | (slope > (1 - ratio[region].mean()) / outline_px))
+        share = sharp.sum() / outline.sum()
+        if share >= 0.5:
+            objects = objects | region
+        elif share >= 0.2:
+            to_sharp, to_soft = steps(region, sharp), steps(region, outline & ~sharp)
+            objects = objects | (region & (to_sharp < to_soft))
+            ties = ties | (region & (to_sharp == to_soft))
+    return objects, ties
+
+
+@pytest.mark.parametrize("texture", [0.5, 4.0, 25.0])
+@pytest.mark.parametrize("region", [(0, 0, 320, 240), (90, 30, 230, 200)])
+def test_shadows_are_subtracted_as_by_the_plain_twin(texture: float, region: tuple[int, int, int, int]) -> None:
+    background = plate(texture)
+    shaded = with_soft_shadow(with_shadow(background, 0.6), 0.6, 5.0, (slice(150, 238), slice(20, 160)))
+    image = seen(with_object(with_object(shaded), (slice(40, 110), slice(60, 100)), (66, 78, 90)), 1.5)
+    moving = difference(image, background) > threshold_level(image, background)
+    x, y, width, height = region
+    part = np.s_[y : y + height, x : x + width]
+    found = np.empty((height, width), dtype=np.uint8)
+    smooth, before = (
+        cv2.GaussianBlur(np.pad(one, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="reflect"), (5, 5), 0)
+        for one in (image, background)
+    )
+    near = np.ascontiguousarray(smooth[y : y + height + 2 * MARGIN, x : x + width + 2 * MARGIN])
+    without_shadows(near, before, (x, y), np.array(moving[part]).view(np.uint8), _SHADOW, found)
+    inside = np.zeros(SIZE, dtype=np.bool_)
+    inside[part] = moving[part]
+    # Thresholds are compared in other precisions.
+    objects, ties = plain_objects(image, background, inside)
+    assert ((found > 0) != objects[part])[~ties[part]].mean() < 1e-4
+    assert 0.05 < found.mean() < 0.5
+
+
+@pytest.mark.parametrize("level", [14.0, 30.7, 255.0, 400.0])
+def test_changes_are_marked_as_by_numpy(level: float) -> None:
+    image, background = np.random.default_rng(4).integers(0, 256, (2, 40, 53, 3), dtype=np.uint8)
+    background[:20] = np.clip(image[:20].astype(int) + np.random.default_rng(5).integers(-40, 41, (20, 53, 3)), 0, 255)
+    moving = np.full((20, 30), 7, dtype=np.uint8)
+    mark_changes(np.array(image[9:31, 6:38]), background, (7, 10), level, moving)
+    apart = np.abs(image.astype(int) - background).max(axis=2)
+    np.testing.assert_array_equal(moving, (apart > level)[10:30, 7:37])
+
+
+@pytest.mark.parametrize("size", [(1, 1, 3), (2, 3, 3), (60, 81, 3)])
+def test_the_median_change_is_that_of_numpy(size: tuple[int, int, int]) -> None:
+    one, other = np.random.default_rng(4).integers(0, 256, (2, *size), dtype=np.uint8)
+    apart = np.abs(one.astype(int) - other).max(axis=2)
+    assert median_change(one, other, 2) == np.median(apart[:, ::2])
+    assert median_change(one, one, 1) == 0
+
+
+def test_large_regions_equal_their_numpy_twin() -> None:
+    noise = (np.random.default_rng(8).random((60, 80)) < 0.45).astype(np.uint8)
+    for picture in (noise, np.zeros_like(noise)):
+        n, labels = cv2.connectedComponents(picture)
+        areas = np.bincount(labels.ravel(), minlength=n)
+        areas[0] = 0
+        found = np.empty(labels.shape, dtype=np.bool_)
+        large_regions(labels, n, 0.1, found)
+        np.testing.assert_array_equal(found, ((areas > 0) & (areas >= 0.1 * areas.max()))[labels])
+
+
+def test_a_read_only_plate_is_prepared_once_and_forgotten_with_its_picture() -> None:
+    writable, lasting = plate(), frozen(plate(), np.uint8)
+    assert prepared(lasting) is prepared(lasting)
+    assert prepared(writable) is not prepared(writable)
+    assert prepared(lasting[:100]) is not prepared(lasting[:100])
+    for name, value in vars(prepared(lasting)).items():
+        np.testing.assert_array_equal(value, getattr(prepared(writable), name))
+    image = seen(with_object(plate()), 2.0)
+    for one, other in zip(changed(image, lasting), changed(image, writable), strict=True):
+        np.testing.assert_array_equal(one, other)
+    kept = weakref.ref(prepared(lasting))
+    del lasting
+    gc.collect()
+    assert kept() is None
 
 
 def test_foreground_has_changed_up_to_closed_holes() -> None:

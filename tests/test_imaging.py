@@ -80,7 +80,7 @@ def test_noise_moves_edges_as_far_as_the_filters_predict(noise: float, across: i
     response = cv2.Sobel(cv2.GaussianBlur(impulse, (0, 0), 1.0), cv2.CV_32F, 1, 0) / 8
     difference = np.roll(response, 1, axis=1) - np.roll(response, -1, axis=1)
     clean = picture(half_plane(0.0, 80.0)[1])
-    slope = gradient(digitized(clean), 1.0)[80, 79:82, 0]
+    slope = gradient(digitized(clean), 1.0).slopes[80, 79:82, 0]
     rounding = np.sqrt(1 / 12)
     deviation = np.hypot(noise, rounding) * np.sqrt((difference**2).sum())
     predicted = deviation / (2 * abs(slope[0] - 2 * slope[1] + slope[2]))
@@ -100,16 +100,16 @@ def test_noise_moves_edges_as_far_as_the_filters_predict(noise: float, across: i
 def test_the_gradient_of_a_ramp_is_its_slope(sigma_px: float) -> None:
     x, y = np.meshgrid(np.arange(40), np.arange(40))
     ramp = (10 + 3 * x + 2 * y).astype(np.uint8)
-    inner = gradient(ramp, sigma_px)[8:-8, 8:-8]
+    inner = gradient(ramp, sigma_px).slopes[8:-8, 8:-8]
     np.testing.assert_allclose(inner, np.broadcast_to([3.0, 2.0], inner.shape), atol=0.01)
 
 
 def test_the_gradient_of_a_colour_image_is_that_of_its_strongest_channel() -> None:
     image = np.random.default_rng(2).integers(0, 256, (30, 40, 3), dtype=np.uint8)
-    each = np.stack([gradient(np.ascontiguousarray(image[..., c]), 1.0) for c in range(3)])
+    each = np.stack([gradient(np.ascontiguousarray(image[..., c]), 1.0).slopes for c in range(3)])
     strongest = np.abs(each).sum(axis=-1).argmax(axis=0)
     expected = np.take_along_axis(each, strongest[None, ..., None], axis=0)[0]
-    found = gradient(image, 1.0)
+    found = gradient(image, 1.0).slopes
     tied = np.abs(np.abs(each).sum(axis=-1) - np.abs(found).sum(axis=-1)) < 1e-6
     assert (np.abs(found).sum(axis=-1) == np.abs(expected).sum(axis=-1)).all()
     alone = tied.sum(axis=0) == 1
@@ -117,9 +117,22 @@ def test_the_gradient_of_a_colour_image_is_that_of_its_strongest_channel() -> No
     np.testing.assert_array_equal(found[alone], expected[alone])
 
 
+@pytest.mark.parametrize("size", [(2, 2), (2, 9), (9, 2), (3, 3), (31, 70)])
+@pytest.mark.parametrize("darkest", [0, 250])
+def test_strongest_slopes_equal_their_numpy_twin_to_the_border(size: tuple[int, int], darkest: int) -> None:
+    # Few grey levels make many ties, which the first channel wins.
+    image = np.random.default_rng(3).integers(darkest, 256, (*size, 3), dtype=np.uint8)
+    each = np.stack([cv2.Sobel(image, cv2.CV_16S, *order) for order in ((1, 0), (0, 1))])
+    strongest = np.abs(each).sum(axis=0).argmax(axis=-1)
+    dx, dy = np.take_along_axis(each, strongest[None, ..., None], axis=-1)[..., 0]
+    found = gradient(image, 0.0)
+    np.testing.assert_array_equal(found.dx, dx)
+    np.testing.assert_array_equal(found.dy, dy)
+
+
 def test_edge_thresholds_are_slopes_in_grey_levels_per_pixel() -> None:
     slopes = gradient(digitized(picture(half_plane(0.0, 80.0)[1])), 1.0)
-    peak = float(np.abs(slopes).max())
+    peak = float(np.abs(slopes.slopes).max())
     assert np.count_nonzero(canny(slopes, 1.0, 1.02 * peak)) == 0
     edges = canny(slopes, 1.0, 0.98 * peak)
     assert np.count_nonzero(edges) >= 158
@@ -185,10 +198,10 @@ def test_analysing_edges_leaves_its_input_alone_and_is_deterministic() -> None:
     image = digitized(picture(half_plane(30.0, 100.0)[1]), noise=6.0)
     slopes = gradient(image, 1.0)
     edges = canny(slopes, 3.0, 7.0)
-    before = edges.copy(), slopes.copy()
+    before = edges.copy(), slopes.dx.copy(), slopes.dy.copy()
     first, second = segment_edges(edges, slopes, RULE), segment_edges(edges, slopes, RULE)
-    np.testing.assert_array_equal(edges, before[0])
-    np.testing.assert_array_equal(slopes, before[1])
+    for kept, copy in zip((edges, slopes.dx, slopes.dy), before, strict=True):
+        np.testing.assert_array_equal(kept, copy)
     for name in ("points", "directions", "segments"):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
 
@@ -215,6 +228,18 @@ def test_a_chamfer_image_is_the_distance_to_the_nearest_point(reach: float, frac
     # The 5 x 5 mask's steps are up to 2 % off; points count at their pixel.
     slack = 0.02 * exact + np.sqrt(2) * fraction + 1e-3
     assert (np.abs(found - np.minimum(exact, reach)) <= slack).all()
+
+
+@pytest.mark.parametrize("reach", [2.5, 40.0])
+@pytest.mark.parametrize(
+    ("size", "n_points"), [((70, 50), 1), ((70, 50), 40), ((333, 217), 90), ((3, 40), 2), ((1, 1), 1)]
+)
+def test_a_chamfer_image_is_that_of_opencv(size: tuple[int, int], n_points: int, reach: float) -> None:
+    pixels = np.random.default_rng(n_points).integers(0, size, (n_points, 2))
+    free = np.full(size[::-1], 255, dtype=np.uint8)
+    free[pixels[:, 1], pixels[:, 0]] = 0
+    twin = np.minimum(cv2.distanceTransform(free, cv2.DIST_L2, 5), reach)
+    np.testing.assert_allclose(chamfer_image(pixels.astype(np.float32), size, reach), twin, atol=1e-3)
 
 
 def test_a_chamfer_image_of_nothing_is_its_reach() -> None:

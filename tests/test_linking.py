@@ -10,7 +10,7 @@ import pytest
 
 from tracker.arrays import Array32, Image, Integers
 from tracker.imaging.edges import canny, gradient
-from tracker.kernels.linking import link_edges, split_segments
+from tracker.kernels.linking import Pixels, edge_profile, link_edges, split_segments, trace_segments
 
 RULE = (4, float(np.radians(20.0)), 8)
 
@@ -26,11 +26,11 @@ def edge_maps() -> dict[str, Image]:
 EDGE_MAPS = edge_maps()
 
 
-def chains_of(edges: Image) -> tuple[Integers, Integers]:
+def chains_of(edges: Image) -> tuple[Pixels, Pixels]:
     """Points and first points of the chains."""
     n = int(np.count_nonzero(edges))
-    points, starts = np.empty((n, 2), dtype=np.int64), np.empty(n + 1, dtype=np.int64)
-    n_chains = link_edges(edges.copy(), points, starts)
+    points, starts = np.empty((n, 2), dtype=np.int32), np.empty(n + 1, dtype=np.int32)
+    n_chains = link_edges(np.pad(edges, 1), points, starts)
     return points, starts[: n_chains + 1]
 
 
@@ -71,7 +71,7 @@ def test_linking_equals_its_plain_twin_and_puts_every_edge_pixel_in_one_chain(na
         assert (np.abs(np.diff(chain, axis=0)).max(axis=1, initial=0) == 1).all()
 
 
-def plain_segments(points: Integers, starts: Integers) -> Integers:
+def plain_segments(points: Pixels, starts: Pixels) -> Integers:
     """The twin of the splitting: recursive Ramer-Douglas-Peucker on the unwrapped tangent angles."""
     reach, tolerance, shortest = RULE
     labels = np.full(len(points), -1, dtype=np.int64)
@@ -102,7 +102,7 @@ def plain_segments(points: Integers, starts: Integers) -> Integers:
 @pytest.mark.parametrize("name", EDGE_MAPS)
 def test_splitting_equals_its_plain_twin_and_segments_are_long_runs_of_one_chain(name: str) -> None:
     points, starts = chains_of(EDGE_MAPS[name])
-    labels = np.empty(len(points), dtype=np.int64)
+    labels = np.empty(len(points), dtype=np.int32)
     n_segments = split_segments(points, starts, len(starts) - 1, RULE, labels)
     np.testing.assert_array_equal(labels, plain_segments(points, starts))
     chain = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
@@ -112,3 +112,43 @@ def test_splitting_equals_its_plain_twin_and_segments_are_long_runs_of_one_chain
     assert (np.diff(kept) >= 0).all()
     assert np.bincount(kept).min(initial=RULE[2]) >= RULE[2]
     assert all(len(np.unique(chain[labels == s])) == 1 for s in range(n_segments))
+
+
+@pytest.mark.parametrize("name", EDGE_MAPS)
+def test_traced_segments_are_the_linked_and_split_chains_that_are_long_enough(name: str) -> None:
+    edges = EDGE_MAPS[name]
+    points, starts = chains_of(edges)
+    labels = plain_segments(points, starts)
+    dx, dy = np.random.default_rng(1).integers(-1020, 1021, (2, *edges.shape)).astype(np.int16)
+    positions, directions = np.zeros((2, len(points), 2), dtype=np.float32)
+    segments = np.zeros(len(points), dtype=np.int64)
+    n, n_segments = trace_segments(np.pad(edges, 1), (dx, dy), RULE, (positions, directions, segments))
+    kept = labels >= 0
+    np.testing.assert_array_equal(segments[:n], labels[kept])
+    assert n_segments == labels.max(initial=-1) + 1
+    profile = np.zeros((2, n, 2), dtype=np.float32)
+    edge_profile(points[kept], (dx, dy), *profile)
+    np.testing.assert_array_equal(positions[:n], profile[0])
+    np.testing.assert_array_equal(directions[:n], profile[1])
+
+
+def test_the_profile_is_the_vertex_of_the_parabola_through_three_slopes() -> None:
+    rng = np.random.default_rng(5)
+    dx, dy = rng.integers(-1020, 1021, (2, 30, 40)).astype(np.int16)
+    dx[10:20], dy[10:20] = 0, 0
+    points = np.stack(np.meshgrid(np.arange(40), np.arange(30)), axis=-1).reshape(-1, 2).astype(np.int32)
+    edges, directions = np.empty((2, len(points), 2), dtype=np.float32)
+    edge_profile(points, (dx, dy), edges, directions)
+    slopes = np.stack([dx, dy], axis=-1) / 8
+    for (x, y), edge, direction in zip(points, edges, directions, strict=True):
+        here = np.linalg.norm(slopes[y, x])
+        unit = slopes[y, x] / (here + 1e-9)
+        shift = 0.0
+        if 0 < x < 39 and 0 < y < 29:
+            step = np.array([1, 0] if abs(unit[0]) >= abs(unit[1]) else [0, 1])
+            before, after = (slopes[y + s * step[1], x + s * step[0]] @ unit for s in (-1, 1))
+            curvature = before - 2 * here + after
+            if curvature < -1e-6:
+                shift = float(np.clip(0.5 * (before - after) / curvature * (step @ unit), -0.71, 0.71))
+        np.testing.assert_allclose(edge, (x, y) + shift * unit, atol=1e-4)
+        np.testing.assert_allclose(direction, unit, atol=1e-6)

@@ -59,9 +59,11 @@ def accepted_segments(
     share = np.bincount(found.segments, trusted, found.n_segments) / count
     keep = share >= 0.5
     if samples is not None:
-        distances = expected_distances(found.points, found.directions, samples, bend_px)
-        distances = np.minimum(distances, np.float32(4 * accept_px))
-        mean = np.bincount(found.segments, distances, found.n_segments) / count
+        # With a background known, most edges are out already.
+        left = slice(None) if keep.all() else np.flatnonzero(keep[found.segments])
+        points, directions = found.points[left], found.directions[left]
+        distances = expected_distances(points, directions, samples, bend_px, 4 * accept_px)
+        mean = np.bincount(found.segments[left], distances, found.n_segments) / count
         near = mean <= accept_px
         if outline is not None:
             near |= np.bincount(found.segments, outline, found.n_segments) / count >= 0.7

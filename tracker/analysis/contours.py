@@ -21,6 +21,7 @@ from tracker.contours import Contours
 from tracker.frame import Frame
 from tracker.imaging.background import Region, changed
 from tracker.imaging.edges import EdgeSegments, canny, gradient, segment_edges
+from tracker.kernels.acceptance import marked
 from tracker.observation import Observation, ViewObservation
 
 
@@ -86,16 +87,18 @@ class ContourAnalysis:
             samples = None if expected is None else expected_samples(expected, v)
             return None if image is None else self._observe_view(image, samples, plates[v])
 
+        n_views = range(len(frame.images))
+        if self.threads == 1:
+            return Observation(tuple(map(view, n_views)))
         with ThreadPoolExecutor(self.threads) as pool:
-            return Observation(tuple(pool.map(view, range(len(frame.images)))))
+            return Observation(tuple(pool.map(view, n_views)))
 
     def _observe_view(self, image: Image, samples: Array32 | None, plate: Image | None) -> ViewObservation:
         size = image.shape[1], image.shape[0]
         region = (0, 0, *size) if samples is None else region_around(samples, size, self.margin_px)
         moving, silhouette = (None, None) if plate is None else changed(image, plate, region)
         found = self._segments(image, region)
-        trusted = self._trusted(found, moving)
-        outline = self._outline(found, silhouette)
+        trusted, outline = self._trusted(found, moving, region), self._outline(found, silhouette, region)
         accepted = accepted_segments(found, samples, self.accept_px, self.bend_px, trusted, outline)
         return view_observation(found, accepted, region, self.reach_px, self.n_scene, silhouette)
 
@@ -110,26 +113,38 @@ class ContourAnalysis:
         found = segment_edges(edges, gradients, rule)
         return replace(found, points=found.points + np.array([x, y], dtype=np.float32))
 
-    def _trusted(self, found: EdgeSegments, moving: Mask | None) -> Mask:
+    def _trusted(self, found: EdgeSegments, moving: Mask | None, region: Region) -> Mask:
         """Points on or beside pixels that have changed; shadows count, for skin may look like one."""
         if moving is None or not self.use_background:
             return np.ones(len(found.points), dtype=np.bool_)
-        return _at(cv2.dilate(moving.astype(np.uint8), _disc(self.grow_px)), found)
+        return _at(found, moving, cv2.MORPH_DILATE, (self.grow_px, region))
 
-    def _outline(self, found: EdgeSegments, silhouette: Mask | None) -> Mask | None:
+    def _outline(self, found: EdgeSegments, silhouette: Mask | None, region: Region) -> Mask | None:
         """Points on the outline of the foreground."""
         if silhouette is None or not self.use_background or self.outline_px == 0:
             return None
-        return _at(cv2.morphologyEx(silhouette.astype(np.uint8), cv2.MORPH_GRADIENT, _disc(self.outline_px)), found)
+        return _at(found, silhouette, cv2.MORPH_GRADIENT, (self.outline_px, region))
 
 
-def _disc(radius_px: int) -> Image:
-    kernel: Image = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius_px + 1, 2 * radius_px + 1))
-    return kernel
+def _at(found: EdgeSegments, mask: Mask, operation: int, around: tuple[int, Region]) -> Mask:
+    """Where what a morphological filter with a disc makes of a mask is set at the edge points.
 
+    Args:
+        found: the edges.
+        mask: (H, W) false outside of the region.
+        operation: of OpenCV; leaves what is empty empty.
+        around: radius of the disc, px, and the region.
 
-def _at(picture: Image, found: EdgeSegments) -> Mask:
-    """Where a picture is set at the edge points."""
-    columns = np.clip(np.round(found.points).astype(np.int64), 0, (picture.shape[1] - 1, picture.shape[0] - 1))
-    marked: Mask = picture[columns[:, 1], columns[:, 0]] > 0
-    return marked
+    Returns:
+        (N,) marks.
+    """
+    radius_px, region = around
+    picture, marks = mask.view(np.uint8), np.zeros(len(found.points), dtype=np.bool_)
+    x, y, width, height = region
+    dx, dy, set_width, set_height = cv2.boundingRect(picture[y : y + height, x : x + width])
+    if set_width > 0:
+        left, top = max(x + dx - radius_px, 0), max(y + dy - radius_px, 0)
+        part = picture[top : y + dy + set_height + radius_px, left : x + dx + set_width + radius_px]
+        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius_px + 1, 2 * radius_px + 1))
+        marked(found.points, cv2.morphologyEx(part, operation, disc), (left, top), marks)
+    return marks

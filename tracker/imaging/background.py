@@ -2,44 +2,84 @@
 
 from __future__ import annotations
 
-from typing import Any
+import weakref
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from tracker.arrays import Array32, Image, Mask
+from tracker.arrays import Image, Mask
+from tracker.kernels.changes import large_regions, mark_changes, median_change
+from tracker.kernels.shadows import MARGIN, ShadowRule, without_shadows
 
 Region = tuple[int, int, int, int]
 """x, y, width, height, px."""
 
-# A shadow keeps the colour, loses up to 55 % of the light and lets the background's texture show. Grey trousers
-# before a grey floor keep the colour too: where the texture is gone, only up to 20 % of loss is a shadow.
-_DARKEST = 0.45
-_DARKEST_WITHOUT_TEXTURE = 0.8
-_CHROMA_GREY = 8.0
-_TEXTURE_CORRELATION = 0.7
-_WINDOW = (9, 9)
+# A shadow keeps the colour to 8 grey levels and loses up to 55 % of the light. Grey trousers before a grey floor
+# keep the colour too: where the texture does not show (correlation 0.7), only up to 20 % of loss is always a shadow,
+# and a region that loses more is one if its outline is wider than 8 px. An object's is as wide as the camera and
+# the smoothing make it, 4 px; with 6 to 12 px the results on four rendered recordings are the same, and the
+# precision in the demonstration, whose floor is smooth, rises from 0.84 to 0.96 at the same recall.
+_SHADOW: ShadowRule = (0.45, 0.8, 0.97, 8.0, 0.7, 8.0)
+_SAMPLING = 4
 _SQUARE = np.ones((3, 3), np.uint8)
 _DISC = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7))
+# Opening with the square and closing with the disc carry a pixel this far at most.
+_CARRIED = 8
+_LEAST_SHARE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Plate:
+    """What of a clean plate every frame needs."""
+
+    fine: Image
+    """(h, w, 3) as lightly smoothed as the image that is compared with it."""
+
+    coarse: Image
+    """(h + 2 m, w + 2 m, 3) as smooth as the image whose light is compared with it, mirrored at the border; m is
+    `MARGIN`."""
+
+    rows: Image
+    """(h / 4, w, 3) every fourth row: enough to find the noise."""
+
+    @classmethod
+    def of(cls, picture: Image) -> Plate:
+        """Prepares a picture (h, w, 3)."""
+        coarse = cv2.GaussianBlur(picture, (5, 5), 0)
+        whole = 0, 0, picture.shape[1], picture.shape[0]
+        return cls(cv2.GaussianBlur(picture, (3, 3), 0), _cut(coarse, whole, MARGIN), _fourth_rows(picture))
+
+
+_plates: dict[int, tuple[weakref.ref[Image], Plate]] = {}
+"""Prepared plates by the identity of their pictures, with which they go."""
+
+
+def prepared(picture: Image) -> Plate:
+    """The plate of a picture; that of a read-only picture is kept as long as the picture itself.
+
+    A picture that can be written to may show something else the next time, and is prepared anew.
+    """
+    if picture.flags.writeable or picture.base is not None:
+        return Plate.of(picture)
+    key = id(picture)
+    kept = _plates.get(key)
+    if kept is not None and kept[0]() is picture:
+        return kept[1]
+    plate = Plate.of(picture)
+    _plates[key] = weakref.ref(picture, lambda _: _plates.pop(key, None)), plate
+    return plate
+
+
+def _fourth_rows(picture: Image) -> Image:
+    return np.array(picture[::_SAMPLING])
 
 
 def difference(image: Image, plate: Image) -> Image:
     """Largest channel difference (h, w) uint8 between an image and a plate (h, w, 3), lightly smoothed."""
-    apart = cv2.absdiff(cv2.GaussianBlur(image, (3, 3), 0), cv2.GaussianBlur(plate, (3, 3), 0))
-    largest: Image = _largest(apart)
+    blue, green, red = cv2.split(cv2.absdiff(cv2.GaussianBlur(image, (3, 3), 0), cv2.GaussianBlur(plate, (3, 3), 0)))
+    largest: Image = cv2.max(cv2.max(blue, green), red)
     return largest
-
-
-def _largest(picture: Any) -> Any:
-    """The largest of the three channels (h, w, 3) -> (h, w); numpy takes ten times as long over an axis of three."""
-    blue, green, red = cv2.split(picture)
-    return cv2.max(cv2.max(blue, green), red)
-
-
-def _summed(picture: Array32) -> Array32:
-    """The sum of the three channels (h, w, 3) -> (h, w)."""
-    total: Array32 = cv2.transform(picture, np.ones((1, 3), dtype=np.float32))
-    return total
 
 
 def threshold_level(image: Image, plate: Image, sigmas: float = 6.0, least: float = 14.0) -> float:
@@ -48,8 +88,11 @@ def threshold_level(image: Image, plate: Image, sigmas: float = 6.0, least: floa
     The median of the differences is the noise of the background, which covers most of the image; a sixteenth of
     the pixels is enough to find it.
     """
-    apart = _largest(cv2.absdiff(image[::4, ::4], plate[::4, ::4]))
-    return max(least, sigmas * float(np.median(apart)) / 0.954)
+    return _level(image, prepared(plate), sigmas, least)
+
+
+def _level(image: Image, plate: Plate, sigmas: float, least: float) -> float:
+    return max(least, sigmas * median_change(_fourth_rows(image), plate.rows, _SAMPLING) / 0.954)
 
 
 def changed(image: Image, plate: Image, region: Region | None = None, least: float = 14.0) -> tuple[Mask, Mask]:
@@ -63,17 +106,21 @@ def changed(image: Image, plate: Image, region: Region | None = None, least: flo
     Returns:
         All changed pixels, and the foreground cleaned of specks and small holes; both false outside the region.
     """
-    full = image.shape[:2]
-    level = threshold_level(image, plate, least=least)
-    x, y, width, height = region or (0, 0, image.shape[1], image.shape[0])
-    inside = slice(y, y + height), slice(x, x + width)
-    image, plate = image[inside], plate[inside]
-    moving = difference(image, plate) > level
-    cleaned = cv2.morphologyEx((moving & ~_shadow(image, plate)).astype(np.uint8), cv2.MORPH_OPEN, _SQUARE)
-    cleaned = cv2.morphologyEx(cleaned, cv2.MORPH_CLOSE, _DISC)
-    anything, mask = np.zeros(full, dtype=np.bool_), np.zeros(full, dtype=np.bool_)
-    anything[inside] = moving
-    mask[inside] = _without_specks(cleaned)
+    empty = prepared(plate)
+    region = region or (0, 0, image.shape[1], image.shape[0])
+    moving = _moving(image, empty, region, _level(image, empty, 6.0, least))
+    anything, mask = np.zeros(image.shape[:2], dtype=np.bool_), np.zeros(image.shape[:2], dtype=np.bool_)
+    anything[_slices(region)] = moving
+    x, y, width, height = cv2.boundingRect(moving)
+    if width == 0:
+        return anything, mask
+    active = _grown(x, y, width, height, region)
+    lit = np.empty((active[3], active[2]), dtype=np.uint8)
+    smooth = cv2.GaussianBlur(_cut(image, active, MARGIN), (5, 5), 0)
+    seen = np.array(anything[_slices(active)]).view(np.uint8)
+    without_shadows(smooth, empty.coarse, active[:2], seen, _SHADOW, lit)
+    cleaned = cv2.morphologyEx(cv2.morphologyEx(lit, cv2.MORPH_OPEN, _SQUARE), cv2.MORPH_CLOSE, _DISC)
+    mask[_slices(active)] = _without_specks(cleaned)
     return anything, mask
 
 
@@ -82,38 +129,38 @@ def foreground(image: Image, plate: Image, region: Region | None = None) -> Mask
     return changed(image, plate, region)[1]
 
 
-def _shadow(image: Image, plate: Image) -> Mask:
-    """Pixels that are the plate darkened evenly in all channels, its texture still there."""
-    now = cv2.GaussianBlur(image, (5, 5), 0).astype(np.float32)
-    before = cv2.GaussianBlur(plate, (5, 5), 0).astype(np.float32)
-    ratio = _summed(now * before) / np.maximum(_summed(before * before), 1.0)
-    off = _largest(cv2.absdiff(now, cv2.merge([ratio, ratio, ratio]) * before))
-    textured = _correlation(_summed(now) / np.float32(3), _summed(before) / np.float32(3)) > _TEXTURE_CORRELATION
-    darkest = np.where(textured, _DARKEST, _DARKEST_WITHOUT_TEXTURE)
-    shadow: Mask = (ratio > darkest) & (ratio < 0.97) & (off < _CHROMA_GREY)
-    return shadow
+def _moving(image: Image, plate: Plate, region: Region, level: float) -> Image:
+    """Non-zero in a region where a channel differs by more than a level."""
+    moving = np.empty((region[3], region[2]), dtype=np.uint8)
+    mark_changes(cv2.GaussianBlur(_cut(image, region, 1), (3, 3), 0), plate.fine, region[:2], level, moving)
+    return moving
 
 
-def _correlation(now: Array32, before: Array32) -> Array32:
-    """Normalized cross-correlation of two grey images in a small window, 0 where there is no texture."""
+def _slices(region: Region) -> tuple[slice, slice]:
+    x, y, width, height = region
+    return slice(y, y + height), slice(x, x + width)
 
-    def mean(values: Array32) -> Array32:
-        filtered: Array32 = cv2.boxFilter(values, cv2.CV_32F, _WINDOW)
-        return filtered
 
-    a, b = mean(now), mean(before)
-    covariance = mean(now * before) - a * b
-    variance = np.maximum(mean(now * now) - a * a, 1.0) * np.maximum(mean(before * before) - b * b, 1.0)
-    correlation: Array32 = covariance / np.sqrt(variance)
-    return correlation
+def _grown(x: int, y: int, width: int, height: int, region: Region) -> Region:
+    """A box given in a region, with all that the cleaning can reach, inside the region; in px of the image."""
+    left, top = max(x - _CARRIED, 0), max(y - _CARRIED, 0)
+    right, bottom = min(x + width + _CARRIED, region[2]), min(y + height + _CARRIED, region[3])
+    return region[0] + left, region[1] + top, right - left, bottom - top
+
+
+def _cut(picture: Image, region: Region, margin: int) -> Image:
+    """A region with a margin, mirrored at the border of the picture."""
+    x, y, width, height = region
+    left, top = max(x - margin, 0), max(y - margin, 0)
+    right, bottom = min(x + width + margin, picture.shape[1]), min(y + height + margin, picture.shape[0])
+    part = picture[top:bottom, left:right]
+    lacking = top - y + margin, y + height + margin - bottom, left - x + margin, x + width + margin - right
+    return cv2.copyMakeBorder(part, *lacking, cv2.BORDER_REFLECT_101) if any(lacking) else part
 
 
 def _without_specks(mask: Image) -> Mask:
     """Regions of at least a fiftieth of the largest one."""
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask)
-    if count < 2:
-        return mask.astype(np.bool_)
-    areas = stats[:, cv2.CC_STAT_AREA].astype(np.float64)
-    areas[0] = 0
-    kept: Mask = (areas >= 0.02 * areas.max())[labels]
+    count, labels = cv2.connectedComponents(mask)
+    kept = np.empty(mask.shape, dtype=np.bool_)
+    large_regions(labels, count, _LEAST_SHARE, kept)
     return kept

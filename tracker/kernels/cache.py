@@ -8,17 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from tracker.kernels.acceptance import expected_distances
+from tracker.kernels.acceptance import expected_distances, marked
 from tracker.kernels.chamfer import directed_distances
+from tracker.kernels.changes import large_regions, mark_changes, median_change
 from tracker.kernels.contour_scoring import score_poses
 from tracker.kernels.contour_tracing import trace_contours
+from tracker.kernels.distance_images import chamfer_distances
 from tracker.kernels.kinematics import chain_transforms, twists_in_world
-from tracker.kernels.linking import edge_profile, link_edges, split_segments
+from tracker.kernels.linking import trace_segments
 from tracker.kernels.oriented_matching import match_oriented, normal_equations
 from tracker.kernels.rasterization import rasterize
+from tracker.kernels.shadows import MARGIN, without_shadows
 from tracker.kernels.silhouettes import fill_parts
+from tracker.kernels.slopes import strongest_slopes
 
 _F8, _F4, _I8, _B1 = np.float64, np.float32, np.int64, np.bool_
+_I4, _I2, _U1 = np.int32, np.int16, np.uint8
 
 
 def _own(dtype: Any, *shape: int) -> Any:
@@ -39,17 +44,24 @@ def _calls() -> list[tuple[Any, tuple[Any, ...]]]:
     samples = _own(_F4, 0, 1, 1, 5), _own(_F4, 0, 1, 1, 3), _own(_I8, 0, 1, 1), _own(_B1, 0, 1, 1), _own(_I8, 0, 1)
     images, scene = (_frozen(_F4, 0), _frozen(_I8, 1, 5)), (_frozen(_F4, 0, 5), _frozen(_I8, 2))
     pairs = _own(_I8, 0, 4), _own(_F4, 1, 1, 5), _own(_F4, 1, 1, 3), _own(_I8, 1, 1), _own(_I8, 1)
-    points, starts = _own(_I8, 0, 2), _own(_I8, 1)
+    slopes, found = (_own(_I2, 1, 1), _own(_I2, 1, 1)), (_own(_F4, 0, 2), _own(_F4, 0, 2), _own(_I8, 0))
+    picture, seen = _own(_U1, 1, 1, 3), _own(_U1, 1 + 2 * MARGIN, 1 + 2 * MARGIN, 3)
+    grey = _own(_U1, 1, 1)
     return [
         (chain_transforms, (_own(_F8, 0, 1), *chain)),
         (twists_in_world, (_own(_F8, 0, 2, 4, 4), *chain)),
         (trace_contours, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), *samples)),
         (score_poses, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), *images, *scene, (40.0, False))),
         (directed_distances, (samples[0], samples[4], *images, *scene, 40.0, False)),
-        (link_edges, (_own(np.uint8, 1, 1), points, starts)),
-        (split_segments, (points, starts, 0, (4, 0.3, 8), _own(_I8, 0))),
-        (edge_profile, (points, _own(_F4, 1, 1, 2), _own(_F4, 0, 2), _own(_F4, 0, 2))),
-        (expected_distances, (_own(_F4, 0, 2), _own(_F4, 0, 2), _own(_F4, 0, 4), 20.0)),
+        (strongest_slopes, ((_own(_U1, 2, 2), _own(_U1, 2, 2), _own(_U1, 2, 2)), _own(_I2, 2, 2), _own(_I2, 2, 2))),
+        (trace_segments, (_own(_U1, 3, 3), slopes, (4, 0.3, 8), found)),
+        (expected_distances, (found[0], found[0], _own(_F4, 0, 4), 20.0, 56.0)),
+        (marked, (found[0], grey, (0, 0), _own(_B1, 0))),
+        (chamfer_distances, (_own(_I4, 0, 2), 40.0, _own(_F4, 1, 1))),
+        (median_change, (picture, picture, 4)),
+        (mark_changes, (seen, seen, (0, 0), 14.0, grey)),
+        (without_shadows, (seen, seen, (0, 0), grey, (0.5, 0.8, 0.9, 8.0, 0.7, 8.0), grey)),
+        (large_regions, (_own(_I4, 1, 1), 1, 0.02, _own(_B1, 1, 1))),
         (match_oriented, (_own(_F4, 1, 1, 5), _own(_I8, 1), *scene, (30.0, 0.8), _own(_I8, 0, 4))),
         (normal_equations, (*pairs, scene[0], rig[0], _own(_F8, 1, 6), _frozen(_B1, 1, 2), 16.0, 1.0)),
         (fill_parts, (_own(_F8, 1, 4, 4), _frozen(_F4, 1, 17 * 32, 7), (9, 16), _frozen(_F8, 25), _own(_B1, 1, 1))),
