@@ -187,6 +187,13 @@ class BodyModel:
         sets = {name: set(members) for name, members in self.groups.items()}
         return tuple(name for name in sets if not any(other < sets[name] for other in sets.values()))
 
+    def partner_of(self, group: str) -> str | None:
+        """The group of the other side, left for right, if the model has one with the same parameters."""
+        sides = {"left": "right", "right": "left"}
+        other = "_".join(sides.get(word, word) for word in group.split("_"))
+        names = ["_".join(sides.get(word, word) for word in name.split("_")) for name in self.groups[group]]
+        return other if other != group and list(self.groups.get(other, ())) == names else None
+
     def parts_of(self, group: str) -> Mask:
         """(P,) parts that a fine group moves and no finer chain hanging on it does: an arm's, not the body's."""
         moved = self.moves[:, self.part_parameters]

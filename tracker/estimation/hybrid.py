@@ -30,7 +30,7 @@ class HybridEstimation:
     first: Estimation = BestFirstEstimation()
     """The search of the whole pose."""
 
-    limb: BestFirstEstimation = BestFirstEstimation(range_deg=40.0, step_deg=10.0, patience=6)
+    limb: BestFirstEstimation = BestFirstEstimation(range_deg=60.0, step_deg=10.0, patience=6)
     """The search of a single limb."""
 
     then: Estimation = TwistIcpEstimation()
@@ -56,7 +56,7 @@ class HybridEstimation:
     most_limbs: int = pydantic.Field(default=2, ge=0)
     """Where more groups than this are poor, the whole pose is searched first."""
 
-    scatter: int = pydantic.Field(default=96, ge=1)
+    scatter: int = pydantic.Field(default=192, ge=1)
     """Poses of a limb scattered over its joint limits when it is searched."""
 
     restarts: int = pydantic.Field(default=2, ge=0)
@@ -78,6 +78,10 @@ class HybridEstimation:
             again = self.then.estimate(objective, searched.q[None])
             again = replace(again, evaluations=again.evaluations + searched.evaluations)
             refined = _better(refined, again)
+            weak = self._weak_groups(objective, refined)
+        exchanged = _exchanged(objective.body, refined.q, weak)
+        if len(exchanged):
+            refined = _better(refined, self.then.estimate(objective, exchanged))
             weak = self._weak_groups(objective, refined)
         for group in weak:
             refined = _better(refined, self._searched_limb(objective, refined.q, group))
@@ -105,7 +109,7 @@ class HybridEstimation:
         columns = np.concatenate([body.group(group) for group in groups])
         neutral = q.copy()
         neutral[columns] = body.rest()[columns]
-        scattered = np.concatenate([neutral[None], _scattered(body, q, columns, 2 * self.scatter)])
+        scattered = np.concatenate([neutral[None], _scattered(body, q, columns, self.scatter)])
         best = scattered[np.argsort(objective(scattered), kind="stable")[: self.restarts]]
         found, n_evaluations = [], len(scattered)
         for start in (neutral, *best):
@@ -141,6 +145,15 @@ def _better(one: Estimate, other: Estimate) -> Estimate:
     """The estimate of less distance, with the evaluations of both."""
     best = other if other.distance_px < one.distance_px else one
     return replace(best, evaluations=one.evaluations + other.evaluations)
+
+
+def _exchanged(body: BodyModel, q: Array, groups: tuple[str, ...]) -> Array:
+    """(N, dof) poses in which one of the groups and its partner on the other side have changed places."""
+    pairs = {tuple(sorted((group, other))) for group in groups if (other := body.partner_of(group))}
+    poses = np.tile(q, (len(pairs), 1))
+    for pose, (one, other) in zip(poses, sorted(pairs), strict=True):
+        pose[body.group(one)], pose[body.group(other)] = q[body.group(other)], q[body.group(one)]
+    return poses
 
 
 def _scattered(body: BodyModel, q: Array, columns: Integers, n: int) -> Array:
