@@ -62,6 +62,9 @@ class HybridEstimation:
     restarts: int = pydantic.Field(default=2, ge=0)
     """How many of them the search starts from, besides the pose at hand."""
 
+    rounds: int = pydantic.Field(default=2, ge=1)
+    """How often limbs are exchanged and searched, as long as one stays unexplained."""
+
     def estimate(self, objective: Objective, starts: Array) -> Estimate:
         """The best of the refined predictions and, where needed, of the refined search results."""
         order = np.argsort(objective(starts), kind="stable")
@@ -79,33 +82,42 @@ class HybridEstimation:
             again = replace(again, evaluations=again.evaluations + searched.evaluations)
             refined = _better(refined, again)
             weak = self._weak_groups(objective, refined)
-        exchanged = _exchanged(objective.body, refined.q, weak)
-        if len(exchanged):
-            refined = _better(refined, self.then.estimate(objective, exchanged))
-            weak = self._weak_groups(objective, refined)
-        for group in weak:
-            refined = _better(refined, self._searched_limb(objective, refined.q, group))
-        weak = self._weak_groups(objective, refined)
-        if len(weak) > 1:
-            refined = _better(refined, self._searched_together(objective, refined.q, weak))
+        for _ in range(self.rounds):
+            for change in (self._exchanged, self._searched_limbs, self._searched_together):
+                if weak:
+                    refined = _better(refined, change(objective, refined, weak))
+                    weak = self._weak_groups(objective, refined)
         return replace(refined, search_s=time.perf_counter() - begin)
 
-    def _searched_limb(self, objective: Objective, q: Array, group: str) -> Estimate:
-        """A limb searched from where it is and from the best of poses scattered over its joint limits."""
-        columns = objective.body.group(group)
-        scattered = _scattered(objective.body, q, columns, self.scatter)
-        best = scattered[np.argsort(objective(scattered), kind="stable")[: self.restarts]]
-        found = [self.limb.search_group(objective, start, columns) for start in (q, *best)]
-        refined = self.then.estimate(objective, np.array([pose for pose, _ in found]))
-        n_evaluations = self.scatter + sum(n for _, n in found)
-        return replace(refined, evaluations=refined.evaluations + n_evaluations)
+    def _exchanged(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
+        """One of the groups and its partner on the other side have changed places; of several pairs the best."""
+        body, q = objective.body, estimate.q
+        pairs = {tuple(sorted((group, other))) for group in groups if (other := body.partner_of(group))}
+        poses = np.tile(q, (len(pairs), 1))
+        for pose, (one, other) in zip(poses, sorted(pairs), strict=True):
+            pose[body.group(one)], pose[body.group(other)] = q[body.group(other)], q[body.group(one)]
+        return self.then.estimate(objective, poses) if len(poses) else estimate
 
-    def _searched_together(self, objective: Objective, q: Array, groups: tuple[str, ...]) -> Estimate:
+    def _searched_limbs(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
+        """Each limb in turn searched from where it is and from the best of poses scattered over its joint limits."""
+        for group in groups:
+            q, columns = estimate.q, objective.body.group(group)
+            scattered = _scattered(objective.body, q, columns, self.scatter)
+            best = scattered[np.argsort(objective(scattered), kind="stable")[: self.restarts]]
+            found = [self.limb.search_group(objective, start, columns) for start in (q, *best)]
+            refined = self.then.estimate(objective, np.array([pose for pose, _ in found]))
+            n_evaluations = refined.evaluations + self.scatter + sum(n for _, n in found)
+            estimate = _better(estimate, replace(refined, evaluations=n_evaluations))
+        return estimate
+
+    def _searched_together(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
         """Several limbs, one after the other, from poses of all of them.
 
         Legs that are taken for each other stay so as long as one of them is held.
         """
-        body = objective.body
+        if len(groups) < 2:
+            return estimate
+        body, q = objective.body, estimate.q
         columns = np.concatenate([body.group(group) for group in groups])
         neutral = q.copy()
         neutral[columns] = body.rest()[columns]
@@ -143,17 +155,10 @@ class HybridEstimation:
 
 def _better(one: Estimate, other: Estimate) -> Estimate:
     """The estimate of less distance, with the evaluations of both."""
+    if other is one:
+        return one
     best = other if other.distance_px < one.distance_px else one
     return replace(best, evaluations=one.evaluations + other.evaluations)
-
-
-def _exchanged(body: BodyModel, q: Array, groups: tuple[str, ...]) -> Array:
-    """(N, dof) poses in which one of the groups and its partner on the other side have changed places."""
-    pairs = {tuple(sorted((group, other))) for group in groups if (other := body.partner_of(group))}
-    poses = np.tile(q, (len(pairs), 1))
-    for pose, (one, other) in zip(poses, sorted(pairs), strict=True):
-        pose[body.group(one)], pose[body.group(other)] = q[body.group(other)], q[body.group(one)]
-    return poses
 
 
 def _scattered(body: BodyModel, q: Array, columns: Integers, n: int) -> Array:
