@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pydantic
 
-from tracker.analysis import Analysis
+from tracker.analysis import Analysis, Looked, LooksAhead
 from tracker.arrays import Array, Image, frozen
 from tracker.components import component
 from tracker.contours import Contours, joined
@@ -100,19 +102,70 @@ def track(frames: Iterator[Frame], scene: Scene, cycle: Cycle, done: Sequence[Re
     """
     state = State((None,) * len(scene.persons), (0,) * len(scene.persons))
     replays = {replay.index: replay for replay in done}
-    for n_frames, frame in enumerate(frames, start=1):
-        if frame.index in replays:
-            step = _replayed(frame, scene, cycle, replays[frame.index])
-        elif all(history is None for history in state.histories):
-            step = bootstrap(frame, scene, cycle, give_up=n_frames >= cycle.loss.start_within)
-        else:
-            step = advance(frame, scene, cycle, state)
-        state = state.after(frame, step.estimates)
-        scene = step.scene
-        yield step
+    step: Step | None = None
+    with _Ahead(frames, cycle, replays) as ahead:
+        for n_frames in itertools.count(1):
+            clock = _Clock()
+            with clock("waiting"):
+                frame, looked = ahead.next(step)
+            if frame is None:
+                return
+            if frame.index in replays:
+                step = _replayed(frame, scene, cycle, replays[frame.index])
+            elif all(history is None for history in state.histories):
+                step = bootstrap(frame, scene, cycle, give_up=n_frames >= cycle.loss.start_within)
+            else:
+                step = advance(frame, scene, cycle, state, looked, clock)
+            state = state.after(frame, step.estimates)
+            scene = step.scene
+            yield step
 
 
-def advance(frame: Frame, scene: Scene, cycle: Cycle, state: State) -> Step:
+class _Ahead:
+    """Decodes and looks at the next frame while the one before is being estimated, in a thread of its own.
+
+    What it looks around is the outcome two frames before, which a resumed run knows as well: the results are the same.
+    """
+
+    def __init__(self, frames: Iterator[Frame], cycle: Cycle, replays: Mapping[int, Replay]) -> None:
+        self._frames, self._cycle, self._replays = iter(frames), cycle, replays
+        self._worker = ThreadPoolExecutor(max_workers=1)
+        self._waiting: Future[tuple[Frame | None, Looked | None]] | None = None
+
+    def __enter__(self) -> _Ahead:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._worker.shutdown(cancel_futures=True)
+
+    def next(self, before: Step | None) -> tuple[Frame | None, Looked | None]:
+        """The next frame with what was seen in it, None at the end; starts on the one after it.
+
+        Args:
+            before: outcome of the frame before the one that is returned.
+        """
+        if self._waiting is None:
+            self._waiting = self._worker.submit(self._fetch, None)
+        found = self._waiting.result()
+        self._waiting = self._worker.submit(self._fetch, before)
+        return found
+
+    def _fetch(self, before: Step | None) -> tuple[Frame | None, Looked | None]:
+        frame = next(self._frames, None)
+        analysis = self._cycle.analysis
+        if frame is None or before is None or frame.index in self._replays or not isinstance(analysis, LooksAhead):
+            return frame, None
+        return frame, analysis.look(frame, before.fitted, self._cycle.backgrounds)
+
+
+def advance(
+    frame: Frame,
+    scene: Scene,
+    cycle: Cycle,
+    state: State,
+    looked: Looked | None = None,
+    clock: _Clock | None = None,
+) -> Step:
     """One frame: predict, expect, observe, estimate; lost persons are looked for anew.
 
     Args:
@@ -120,15 +173,20 @@ def advance(frame: Frame, scene: Scene, cycle: Cycle, state: State) -> Step:
         scene: all persons at their last poses.
         cycle: the components.
         state: histories up to the frame before.
+        looked: what the analysis has seen in the images already.
+        clock: with the time spent on the frame before.
     """
-    clock = _Clock()
+    clock = clock or _Clock()
     with clock("prediction"):
         candidates = _predictions(scene, cycle, state, frame.time_s)
         predicted = scene.with_poses(tuple(poses[0] for poses in candidates))
     with clock("synthesis"):
         expected = joined([cycle.synthesis.contours(predicted, k, poses) for k, poses in enumerate(candidates)])
     with clock("analysis"):
-        observation = cycle.analysis.observe(frame, expected, cycle.backgrounds)
+        if looked is not None and isinstance(cycle.analysis, LooksAhead):
+            observation = cycle.analysis.judge(looked, frame, expected, cycle.backgrounds)
+        else:
+            observation = cycle.analysis.observe(frame, expected, cycle.backgrounds)
     estimates, current = [], predicted
     with clock("refinement"):
         for k, poses in enumerate(candidates):

@@ -15,7 +15,6 @@ from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, Simulation
 
 FPS = 25.0
-_N_LINES = 150
 
 
 @dataclass(frozen=True)
@@ -33,8 +32,8 @@ class Condition:
     plates: bool = True
     """Whether the analysis is given background plates."""
 
-    lines: bool = False
-    """Random lines all over the room, behind the person."""
+    lines: int = 0
+    """Random lines across the pictures, behind the person."""
 
     view_missing: bool = False
     """The first view has no image in the disturbed frames."""
@@ -51,7 +50,7 @@ class Condition:
         if not self.lines:
             return simulation
         rng = np.random.default_rng(5)
-        return replace(simulation, backgrounds=tuple(_lined(plate, rng) for plate in simulation.backgrounds))
+        return replace(simulation, backgrounds=tuple(_lined(plate, rng, self.lines) for plate in simulation.backgrounds))
 
     def frames(self, simulation: Simulation) -> Iterator[Frame]:
         """The images as they come: disturbed for 20 frames from the eleventh, or a third where there are fewer."""
@@ -88,7 +87,9 @@ def conditions(movements: tuple[str, ...]) -> list[Condition]:
         found.append(Condition("every 5th frame", movement, every=5))
         if movement != "arm_swing":
             found.append(Condition("no background plates", movement, plates=False))
-            found.append(Condition("line clutter, no plates", movement, plates=False, lines=True))
+            found.append(Condition("150 lines of clutter", movement, lines=150))
+            found.append(Condition("30 lines, no plates", movement, plates=False, lines=30))
+            found.append(Condition("150 lines, no plates", movement, plates=False, lines=150))
             found.append(Condition("one view missing", movement, view_missing=True))
             found.append(Condition("one view black", movement, view_black=True))
             found.append(Condition("radii +6 %", movement, girth=1.06))
@@ -100,10 +101,10 @@ def _with_girth(body: BodyModel, factor: float) -> BodyModel:
     return body.with_shapes(tuple(part.shape.scaled(1.0, factor) for part in body.parts))
 
 
-def _lined(plate: Image, rng: np.random.Generator) -> Image:
+def _lined(plate: Image, rng: np.random.Generator, n_lines: int) -> Image:
     """The plate crossed by straight lines of any colour, width and direction."""
     picture, size = plate.copy(), np.array(plate.shape[1::-1])
-    for ends in rng.uniform(-0.1, 1.1, (_N_LINES, 2, 2)) * size:
+    for ends in rng.uniform(-0.1, 1.1, (n_lines, 2, 2)) * size:
         colour = tuple(int(c) for c in rng.integers(10, 245, 3))
         start, end = (tuple(round(float(c)) for c in point) for point in ends)
         cv2.line(picture, start, end, colour, int(rng.integers(1, 5)), cv2.LINE_AA)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 import pydantic
 
+from tracker.analysis import Looked
 from tracker.analysis._observe import (
     accepted_segments,
     expected_samples,
@@ -23,6 +24,22 @@ from tracker.imaging.background import Region, changed
 from tracker.imaging.edges import EdgeSegments, canny, gradient, segment_edges
 from tracker.kernels.acceptance import marked
 from tracker.observation import Observation, ViewObservation
+
+
+@dataclass(frozen=True)
+class _ViewLook:
+    """What one image shows in a region, whatever is expected."""
+
+    region: Region
+    found: EdgeSegments
+    trusted: Mask
+    """(N,) edge points that the background does not explain."""
+
+    outline: Mask | None
+    """(N,) edge points on the outline of the foreground, where a background is known."""
+
+    silhouette: Mask | None
+    """(H, W) the foreground."""
 
 
 @component
@@ -78,14 +95,37 @@ class ContourAnalysis:
     threads: int = pydantic.Field(default=2, ge=1)
     """Views analysed at the same time."""
 
+    ahead_px: float = pydantic.Field(default=40.0, ge=0)
+    """The images of the next frame are worked on while this one is being estimated, in a region that reaches so much
+    farther, px; 0 for one after the other."""
+
     def observe(self, frame: Frame, expected: Contours | None, backgrounds: tuple[Image | None, ...]) -> Observation:
         """Scene features of all views; see `tracker.analysis.Analysis.observe`."""
+        return self.judge((None,) * len(frame.images), frame, expected, backgrounds)
+
+    def look(self, frame: Frame, around: Contours, backgrounds: tuple[Image | None, ...]) -> Looked:
+        """Edges and changes near earlier contours; see `tracker.analysis.LooksAhead.look`."""
+        plates = backgrounds or (None,) * len(frame.images)
+        looked: list[_ViewLook | None] = []
+        for v, image in enumerate(frame.images):
+            if image is None or self.ahead_px == 0:
+                looked.append(None)
+                continue
+            size = image.shape[1], image.shape[0]
+            region = region_around(expected_samples(around, v), size, self.margin_px + self.ahead_px)
+            looked.append(self._look_at(image, region, plates[v]))
+        return tuple(looked)
+
+    def judge(
+        self, looked: Looked, frame: Frame, expected: Contours | None, backgrounds: tuple[Image | None, ...]
+    ) -> Observation:
+        """Accepts segments near the expected contours; see `tracker.analysis.LooksAhead.judge`."""
         plates = backgrounds or (None,) * len(frame.images)
 
         def view(v: int) -> ViewObservation | None:
             image = frame.images[v]
             samples = None if expected is None else expected_samples(expected, v)
-            return None if image is None else self._observe_view(image, samples, plates[v])
+            return None if image is None else self._observe_view(looked[v], image, samples, plates[v])
 
         n_views = range(len(frame.images))
         if self.threads == 1:
@@ -93,14 +133,21 @@ class ContourAnalysis:
         with ThreadPoolExecutor(self.threads) as pool:
             return Observation(tuple(pool.map(view, n_views)))
 
-    def _observe_view(self, image: Image, samples: Array32 | None, plate: Image | None) -> ViewObservation:
+    def _observe_view(
+        self, look: _ViewLook | None, image: Image, samples: Array32 | None, plate: Image | None
+    ) -> ViewObservation:
         size = image.shape[1], image.shape[0]
         region = (0, 0, *size) if samples is None else region_around(samples, size, self.margin_px)
+        if look is None or not _covers(look.region, region):
+            look = self._look_at(image, region, plate)
+        accepted = accepted_segments(look.found, samples, self.accept_px, self.bend_px, look.trusted, look.outline)
+        return view_observation(look.found, accepted, region, self.reach_px, self.n_scene, look.silhouette)
+
+    def _look_at(self, image: Image, region: Region, plate: Image | None) -> _ViewLook:
         moving, silhouette = (None, None) if plate is None else changed(image, plate, region)
         found = self._segments(image, region)
         trusted, outline = self._trusted(found, moving, region), self._outline(found, silhouette, region)
-        accepted = accepted_segments(found, samples, self.accept_px, self.bend_px, trusted, outline)
-        return view_observation(found, accepted, region, self.reach_px, self.n_scene, silhouette)
+        return _ViewLook(region, found, trusted, outline, silhouette)
 
     def _segments(self, image: Image, region: Region) -> EdgeSegments:
         """Segments in a region, positions in the whole image."""
@@ -124,6 +171,14 @@ class ContourAnalysis:
         if silhouette is None or not self.use_background or self.outline_px == 0:
             return None
         return _at(found, silhouette, cv2.MORPH_GRADIENT, (self.outline_px, region))
+
+
+def _covers(region: Region, other: Region) -> bool:
+    """Whether a region contains another one."""
+    x, y, width, height = other
+    return (
+        region[0] <= x and region[1] <= y and x + width <= region[0] + region[2] and y + height <= region[1] + region[3]
+    )
 
 
 def _at(found: EdgeSegments, mask: Mask, operation: int, around: tuple[int, Region]) -> Mask:

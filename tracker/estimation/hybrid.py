@@ -36,6 +36,10 @@ class HybridEstimation:
     then: Estimation = TwistIcpEstimation()
     """The refinement."""
 
+    refined: int = pydantic.Field(default=2, ge=1)
+    """How many of the candidate predictions are refined, the best ones first; the others only where a group stays
+    poor."""
+
     search: bool = False
     """Search the whole pose in every frame, as the paper does; else only where the refined prediction is poor."""
 
@@ -47,7 +51,7 @@ class HybridEstimation:
     """The same, by how much the share must be less than is usual for the group: a model that does not quite fit leaves
     something unexplained in every frame."""
 
-    again_every: int = pydantic.Field(default=12, ge=1)
+    again_every: int = pydantic.Field(default=25, ge=1)
     """Frames after which a group is searched even if its poor state is usual."""
 
     min_visible_px: float = pydantic.Field(default=100.0, ge=0)
@@ -68,10 +72,11 @@ class HybridEstimation:
     def estimate(self, objective: Objective, starts: Array) -> Estimate:
         """The best of the refined predictions and, where needed, of the refined search results."""
         order = np.argsort(objective(starts), kind="stable")
-        refined = self.then.estimate(objective, starts[order[:1]])
+        first = order[: self.refined]
+        refined = self.then.estimate(objective, starts[first])
         weak = self._weak_groups(objective, refined)
-        if len(starts) > 1 and (weak or self.search):
-            refined = _better(refined, self.then.estimate(objective, starts[order[1:]]))
+        if len(starts) > len(first) and (weak or self.search):
+            refined = _better(refined, self.then.estimate(objective, starts[order[len(first) :]]))
             weak = self._weak_groups(objective, refined)
         if not (weak or self.search):
             return refined

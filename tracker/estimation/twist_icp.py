@@ -28,7 +28,7 @@ class TwistIcpEstimation:
     contour normals shrink, and repeats with a smaller gate.
     """
 
-    iterations: int = pydantic.Field(default=8, ge=1)
+    iterations: int = pydantic.Field(default=6, ge=1)
     """Gauss-Newton steps."""
 
     gate_px: float = pydantic.Field(default=30.0, gt=0)
@@ -68,13 +68,19 @@ class TwistIcpEstimation:
         for start in starts:
             if not any((np.abs(start - other) < tolerance).all() for other in distinct):
                 distinct.append(start)
-        refined = [self.refine(objective, start) for start in distinct]
+        refined: list[tuple[Array, Array]] = []
+        for start in distinct:
+            found = self.refine(objective, start, tuple(q for q, _ in refined))
+            refined.extend([found] if found else [])
         distances = objective(np.array([q for q, _ in refined]))
         q, covariance = refined[int(np.argmin(distances))]
         return objective.estimate(q, covariance, len(distinct) * (self.iterations + 1))
 
-    def refine(self, objective: Objective, start: Array) -> tuple[Array, Array]:
-        """Gauss-Newton from one start (dof,): the pose (dof,) and its covariance (dof, dof)."""
+    def refine(self, objective: Objective, start: Array, known: tuple[Array, ...] = ()) -> tuple[Array, Array] | None:
+        """Gauss-Newton from one start (dof,): the pose (dof,) and its covariance (dof, dof).
+
+        None if it comes to one of the outcomes that are known already.
+        """
         body = objective.body
         q = body.clamped(start)
         spread = self._steps(body, self.prior_deg, self.prior_m)
@@ -82,7 +88,10 @@ class TwistIcpEstimation:
         gates = np.geomspace(self.gate_px, self.final_gate_px, self.iterations).tolist()
         matrix, squares, total = prior, 0.0, 0.0
         resting = self._steps(body, self.rest_deg, self.rest_m)
+        same = self._steps(body, self.same_deg, self.same_m)
         while gates:
+            if any((np.abs(q - other) < same).all() for other in known):
+                return None
             matrix, vector, squares, total = self._equations(objective, q, gates.pop(0))
             before = q
             q = _limited_step(q, matrix + prior, vector + prior @ (q - start), body.limits)
