@@ -69,6 +69,8 @@ class RunProgress:
             self._bar.update(self._task, advance=1, detail=self._rate)
 
     def told(self, message: str) -> None:
-        """Shows what takes long."""
-        if self._task is not None:
+        """Shows what takes long or is worth knowing."""
+        if message.startswith("synthesis:"):
+            self._console.print(message, highlight=False)
+        elif self._task is not None:
             self._bar.update(self._task, detail=message)

@@ -235,6 +235,9 @@ def execute(run: Run, output: Path | None = None, resume: bool = False, observer
     )
     observer.started(run, sequence.n_frames, folder)
     with _log_file(folder):
+        if choice := getattr(run.synthesis, "choice", ""):
+            log.info("synthesis: %s", choice)
+            observer.told(f"synthesis: {choice}")
         return _record(run, context, track(sequence.frames(), scene, cycle, done), observer)
 
 

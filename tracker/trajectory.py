@@ -93,6 +93,7 @@ class History:
         times = np.append(self.times, time_s)[-window:]
         poses = np.concatenate([self.poses, estimate.q[None]])[-window:]
         usual_px = np.stack([estimate.visible_px, estimate.unexplained_px])
-        if self.usual_px is not None:
+        if self.usual_px is not None and estimate.search_s == 0:
+            # What a search could not explain is usual from now on: it need not be searched again.
             usual_px = (1 - _NEWS) * self.usual_px + _NEWS * usual_px
         return History(frozen(times), frozen(poses), frozen(usual_px), self.n_frames + 1)

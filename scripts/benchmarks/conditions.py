@@ -50,7 +50,9 @@ class Condition:
         if not self.lines:
             return simulation
         rng = np.random.default_rng(5)
-        return replace(simulation, backgrounds=tuple(_lined(plate, rng, self.lines) for plate in simulation.backgrounds))
+        return replace(
+            simulation, backgrounds=tuple(_lined(plate, rng, self.lines) for plate in simulation.backgrounds)
+        )
 
     def frames(self, simulation: Simulation) -> Iterator[Frame]:
         """The images as they come: disturbed for 20 frames from the eleventh, or a third where there are fewer."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,6 @@ from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.start import Start
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking import Cycle, LossRule, track
-from tracker.trajectory import Step
 
 TRACKED_MM = 100.0
 """Mean joint error above which a pose is wrong."""
@@ -53,7 +52,7 @@ def default_cycle(
     """The components as they come, started at a known pose (dof,)."""
     return Cycle(
         synthesis=CpuSynthesis(),
-        analysis=ContourAnalysis(threads=threads),
+        analysis=ContourAnalysis(threads=threads, ahead_px=40.0 if threads > 1 else 0.0),
         similarity=ChamferSimilarity(),
         prediction=PolynomialPrediction(),
         estimation=HybridEstimation(),
@@ -78,10 +77,7 @@ class Outcome:
     """Seconds spent in each stage of each frame, as the tracking tells."""
 
     wall_s: Array
-    """(T,) wall time of each frame, decoding or rendering left out."""
-
-    waiting_s: Array
-    """(T,) wall time until each frame was there."""
+    """(T,) wall time of each frame, with what is not done ahead of decoding or rendering."""
 
     cpu_s: Array
     """(T,) processor time of each frame, of all threads and with decoding or rendering."""
@@ -130,35 +126,17 @@ class Outcome:
 
 def tracked(frames: Iterable[Frame], scene: Scene, truth: Array, cycle: Cycle) -> Outcome:
     """Tracks one person through frames whose true poses (T, dof) are known, in order."""
-    clocked = _Clocked(iter(frames))
     estimates, stages, times = [], [], []
     begin = time.perf_counter(), time.process_time()
-    steps: Iterator[Step] = track(clocked, scene, cycle)
-    for step in steps:
+    for step in track(iter(frames), scene, cycle):
         now = time.perf_counter(), time.process_time()
-        times.append((now[0] - begin[0] - clocked.waited_s, clocked.waited_s, now[1] - begin[1]))
+        times.append((now[0] - begin[0], now[1] - begin[1]))
         estimates.append(step.estimates[0])
         stages.append(step.seconds)
         begin = time.perf_counter(), time.process_time()
-    wall_s, waiting_s, cpu_s = np.array(times).T
+    wall_s, cpu_s = np.array(times).T
     body = scene.persons[0].body
-    return Outcome(body, tuple(estimates), truth[: len(estimates)], tuple(stages), wall_s, waiting_s, cpu_s)
-
-
-class _Clocked:
-    """Frames, with the time spent waiting for the last one."""
-
-    def __init__(self, frames: Iterator[Frame]) -> None:
-        self._frames, self.waited_s = frames, 0.0
-
-    def __iter__(self) -> _Clocked:
-        return self
-
-    def __next__(self) -> Frame:
-        begin = time.perf_counter()
-        frame = next(self._frames)
-        self.waited_s = time.perf_counter() - begin
-        return frame
+    return Outcome(body, tuple(estimates), truth[: len(estimates)], tuple(stages), wall_s, cpu_s)
 
 
 def error_cells(joints_mm: Array, hinges_deg: Array) -> list[str]:

@@ -88,10 +88,13 @@ class HybridEstimation:
             refined = _better(refined, again)
             weak = self._weak_groups(objective, refined)
         for _ in range(self.rounds):
+            before = refined.distance_px
             for change in (self._exchanged, self._searched_limbs, self._searched_together):
                 if weak:
                     refined = _better(refined, change(objective, refined, weak))
                     weak = self._weak_groups(objective, refined)
+            if not weak or refined.distance_px == before:
+                break
         return replace(refined, search_s=time.perf_counter() - begin)
 
     def _exchanged(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
@@ -110,7 +113,8 @@ class HybridEstimation:
             scattered = _scattered(objective.body, q, columns, self.scatter)
             best = scattered[np.argsort(objective(scattered), kind="stable")[: self.restarts]]
             found = [self.limb.search_group(objective, start, columns) for start in (q, *best)]
-            refined = self.then.estimate(objective, np.array([pose for pose, _ in found]))
+            poses = np.array([pose for pose, _ in found])
+            refined = self.then.estimate(objective, poses[np.argsort(objective(poses), kind="stable")[:2]])
             n_evaluations = refined.evaluations + self.scatter + sum(n for _, n in found)
             estimate = _better(estimate, replace(refined, evaluations=n_evaluations))
         return estimate
