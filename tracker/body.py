@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,6 +12,7 @@ import numpy as np
 from tracker.arrays import Array, Integers, Mask, frozen
 from tracker.errors import ModelError, nearest
 from tracker.kernels.kinematics import chain_transforms, twists_in_world
+from tracker.kernels.self_collision import count_collisions
 from tracker.shape import TaperedSuperquadric
 
 
@@ -154,6 +157,31 @@ class BodyModel:
         """(P, 4, 4) placement of the parts in the reference pose."""
         return frozen([part.model_from_part for part in self.parts])
 
+    @cached_property
+    def apart(self) -> Integers:
+        """(N, 2) parts that must not run through each other.
+
+        Left out are parts of one segment, of segments next to each other, and parts that overlap in the reference pose.
+        """
+        chains = [frozenset(np.flatnonzero(self.moves[:, end]).tolist()) for end in self.part_parameters]
+        pairs = np.array(
+            [
+                (p, q)
+                for p, q in itertools.combinations(range(len(self.parts)), 2)
+                if not _joined(chains[p], chains[q], chains)
+            ],
+            dtype=np.int64,
+        ).reshape(-1, 2)
+        rest = self.world_from_part(self.rest()[None])
+        clear = [count_collisions(rest, self.shapes, pair[None])[0] == 0 for pair in pairs]
+        kept: Integers = frozen(pairs[np.array(clear, dtype=np.bool_)], dtype=np.int64)
+        return kept
+
+    def collisions(self, q: Array) -> Array:
+        """How much the body runs through itself at poses (B, dof): points (B,), see `count_collisions`."""
+        points: Array = count_collisions(self.world_from_part(q), self.shapes, self.apart)
+        return points
+
     def index(self, name: str) -> int:
         """Column of the parameter called `name`.
 
@@ -264,3 +292,9 @@ class BodyModel:
         """The same skeleton with other part shapes, in the order of `parts`."""
         parts = tuple(replace(part, shape=shape) for part, shape in zip(self.parts, shapes, strict=True))
         return replace(self, parts=parts)
+
+
+def _joined(one: frozenset[int], other: frozenset[int], chains: Sequence[frozenset[int]]) -> bool:
+    """Whether what two chains of parameters move is one segment or two that hang on each other."""
+    inner, outer = sorted((one, other), key=len)
+    return inner <= outer and not any(inner < chain < outer for chain in chains)

@@ -33,6 +33,9 @@ class Objective:
     history: History | None = None
     """What is known of the person from the frames before."""
 
+    collision_px: float = 0.5
+    """What a point of a limb inside another one counts, px; see `BodyModel.collisions`."""
+
     @property
     def body(self) -> BodyModel:
         """The model whose pose is sought."""
@@ -47,7 +50,14 @@ class Objective:
         return found
 
     def __call__(self, poses: Array) -> Array:
-        """Distances (B,) px of poses (B, dof)."""
+        """Distances (B,) px of poses (B, dof); a body that runs through itself is farther off."""
+        return self._distances(poses) + self.penalties(poses)
+
+    def penalties(self, poses: Array) -> Array:
+        """What poses (B, dof) cost because the body runs through itself (B,), px."""
+        return self.collision_px * self.body.collisions(poses)
+
+    def _distances(self, poses: Array) -> Array:
         if isinstance(self.synthesis, Scoring) and isinstance(self.similarity, Directed):
             rule = self.similarity.rule
             directed = self.synthesis.directed_distances(self.scene, self.person, poses, self.observation, *rule)

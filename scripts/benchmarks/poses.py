@@ -101,7 +101,7 @@ def _rate(
     """Poses a second; of fewer poses where a batch would take long."""
     score = _score(component, scene, observation)
     candidates = candidates[: _affordable(score, candidates, 0.3 * repeats)]
-    batches = np.array_split(candidates, max(n_threads, len(candidates) // 32)) if n_threads > 1 else [candidates]
+    batches = np.array_split(candidates, n_threads)
     with ThreadPoolExecutor(n_threads) as pool:
         work = (lambda: list(pool.map(score, batches))) if n_threads > 1 else (lambda: [score(candidates)])
         return len(candidates) / seconds(work, repeats)

@@ -76,7 +76,7 @@ class HybridEstimation:
         refined = self.then.estimate(objective, starts[first])
         weak = self._weak_groups(objective, refined)
         if len(starts) > len(first) and (weak or self.search):
-            refined = _better(refined, self.then.estimate(objective, starts[order[len(first) :]]))
+            refined = _better(objective, refined, self.then.estimate(objective, starts[order[len(first) :]]))
             weak = self._weak_groups(objective, refined)
         if not (weak or self.search):
             return refined
@@ -85,13 +85,13 @@ class HybridEstimation:
             searched = self.first.estimate(objective, np.concatenate([starts, refined.q[None]]))
             again = self.then.estimate(objective, searched.q[None])
             again = replace(again, evaluations=again.evaluations + searched.evaluations)
-            refined = _better(refined, again)
+            refined = _better(objective, refined, again)
             weak = self._weak_groups(objective, refined)
         for _ in range(self.rounds):
             before = refined.distance_px
             for change in (self._exchanged, self._searched_limbs, self._searched_together):
                 if weak:
-                    refined = _better(refined, change(objective, refined, weak))
+                    refined = _better(objective, refined, change(objective, refined, weak))
                     weak = self._weak_groups(objective, refined)
             if not weak or refined.distance_px == before:
                 break
@@ -116,7 +116,7 @@ class HybridEstimation:
             poses = np.array([pose for pose, _ in found])
             refined = self.then.estimate(objective, poses[np.argsort(objective(poses), kind="stable")[:2]])
             n_evaluations = refined.evaluations + self.scatter + sum(n for _, n in found)
-            estimate = _better(estimate, replace(refined, evaluations=n_evaluations))
+            estimate = _better(objective, estimate, replace(refined, evaluations=n_evaluations))
         return estimate
 
     def _searched_together(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
@@ -162,11 +162,12 @@ class HybridEstimation:
         return float(unexplained_px[parts].sum() / max(float(visible_px[parts].sum()), self.min_visible_px))
 
 
-def _better(one: Estimate, other: Estimate) -> Estimate:
+def _better(objective: Objective, one: Estimate, other: Estimate) -> Estimate:
     """The estimate of less distance, with the evaluations of both."""
     if other is one:
         return one
-    best = other if other.distance_px < one.distance_px else one
+    penalties = objective.penalties(np.array([one.q, other.q]))
+    best = other if other.distance_px + penalties[1] < one.distance_px + penalties[0] else one
     return replace(best, evaluations=one.evaluations + other.evaluations)
 
 

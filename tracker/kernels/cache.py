@@ -18,6 +18,7 @@ from tracker.kernels.kinematics import chain_transforms, twists_in_world
 from tracker.kernels.linking import trace_segments
 from tracker.kernels.oriented_matching import match_oriented, normal_equations
 from tracker.kernels.rasterization import rasterize
+from tracker.kernels.self_collision import count_collisions
 from tracker.kernels.shadows import MARGIN, without_shadows
 from tracker.kernels.silhouettes import fill_parts
 from tracker.kernels.slopes import strongest_slopes
@@ -52,6 +53,7 @@ def _calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (twists_in_world, (_own(_F8, 0, 2, 4, 4), *chain)),
         (trace_contours, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), *samples)),
         (score_poses, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), *images, *scene, (40.0, False))),
+        (count_collisions, (_own(_F8, 0, 1, 4, 4), model[0], _frozen(_I8, 0, 2))),
         (directed_distances, (samples[0], samples[4], *images, *scene, 40.0, False)),
         (strongest_slopes, ((_own(_U1, 2, 2), _own(_U1, 2, 2), _own(_U1, 2, 2)), _own(_I2, 2, 2), _own(_I2, 2, 2))),
         (trace_segments, (_own(_U1, 3, 3), slopes, (4, 0.3, 8), found)),

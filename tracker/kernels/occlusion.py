@@ -62,12 +62,12 @@ def place_solids(placements: Array, b: int, shapes: Array, bounds: Array, solids
     """
     for p in range(len(shapes)):
         for r in range(3):
-            shift = 0.0
+            shift, inverse = 0.0, 1.0 / shapes[p, r]
             for k in range(3):
-                solids[p, 4 * r + k] = placements[b, p, k, r] / shapes[p, r]
+                solids[p, 4 * r + k] = placements[b, p, k, r] * inverse
                 solids[p, 29 + 3 * r + k] = placements[b, p, r, k]
                 shift -= placements[b, p, k, r] * placements[b, p, k, 3]
-            solids[p, 4 * r + 3] = shift / shapes[p, r]
+            solids[p, 4 * r + 3] = shift * inverse
             solids[p, 38 + r] = placements[b, p, r, 3]
         e1, e2 = shapes[p, 3], shapes[p, 4]
         solids[p, 15], solids[p, 16], solids[p, 17] = bounds[1, p], shapes[p, 5], shapes[p, 6]
