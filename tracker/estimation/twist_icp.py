@@ -31,6 +31,9 @@ class TwistIcpEstimation:
     iterations: int = pydantic.Field(default=6, ge=1)
     """Gauss-Newton steps."""
 
+    trial_iterations: int = pydantic.Field(default=2, ge=0)
+    """Steps from each of several starts, after which only the best one goes on."""
+
     gate_px: float = pydantic.Field(default=30.0, gt=0)
     """Largest distance of a pair in the first iteration, px."""
 
@@ -62,36 +65,33 @@ class TwistIcpEstimation:
     """The same for translations, metres."""
 
     def estimate(self, objective: Objective, starts: Array) -> Estimate:
-        """Refines every start that differs from those before it and keeps the one of least distance."""
+        """Refines all starts for some iterations, and then the one of least distance to the end."""
+        gates = np.geomspace(self.gate_px, self.final_gate_px, self.iterations).tolist()
         tolerance = self._steps(objective.body, self.same_deg, self.same_m)
         distinct: list[Array] = []
         for start in starts:
             if not any((np.abs(start - other) < tolerance).all() for other in distinct):
                 distinct.append(start)
-        refined: list[tuple[Array, Array]] = []
-        for start in distinct:
-            found = self.refine(objective, start, tuple(q for q, _ in refined))
-            refined.extend([found] if found else [])
-        distances = objective(np.array([q for q, _ in refined]))
-        q, covariance = refined[int(np.argmin(distances))]
-        return objective.estimate(q, covariance, len(distinct) * (self.iterations + 1))
+        n_trial = min(self.trial_iterations, self.iterations) if len(distinct) > 1 else 0
+        tried = [self._descend(objective, start, objective.body.clamped(start), gates[:n_trial]) for start in distinct]
+        best = int(np.argmin(objective(np.array([q for q, _ in tried])))) if len(tried) > 1 else 0
+        q, covariance = self._descend(objective, distinct[best], tried[best][0], gates[n_trial:])
+        return objective.estimate(q, covariance, (len(distinct) - 1) * (n_trial + 1) + self.iterations + 1)
 
-    def refine(self, objective: Objective, start: Array, known: tuple[Array, ...] = ()) -> tuple[Array, Array] | None:
-        """Gauss-Newton from one start (dof,): the pose (dof,) and its covariance (dof, dof).
+    def refine(self, objective: Objective, start: Array) -> tuple[Array, Array]:
+        """Gauss-Newton from one start (dof,): the pose (dof,) and its covariance (dof, dof)."""
+        gates = np.geomspace(self.gate_px, self.final_gate_px, self.iterations).tolist()
+        return self._descend(objective, start, objective.body.clamped(start), gates)
 
-        None if it comes to one of the outcomes that are known already.
-        """
+    def _descend(self, objective: Objective, start: Array, q: Array, gates: list[float]) -> tuple[Array, Array]:
+        """Steps from a pose with a gate each, held near the start; the pose reached and its covariance."""
         body = objective.body
-        q = body.clamped(start)
         spread = self._steps(body, self.prior_deg, self.prior_m)
         prior = np.diag((self.noise_px / spread) ** 2)
-        gates = np.geomspace(self.gate_px, self.final_gate_px, self.iterations).tolist()
         matrix, squares, total = prior, 0.0, 0.0
         resting = self._steps(body, self.rest_deg, self.rest_m)
-        same = self._steps(body, self.same_deg, self.same_m)
+        gates = list(gates)
         while gates:
-            if any((np.abs(q - other) < same).all() for other in known):
-                return None
             matrix, vector, squares, total = self._equations(objective, q, gates.pop(0))
             before = q
             q = _limited_step(q, matrix + prior, vector + prior @ (q - start), body.limits)
