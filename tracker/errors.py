@@ -30,6 +30,10 @@ class RenderError(TrackerError):
     """A renderer cannot work on this machine."""
 
 
+class MatchingError(TrackerError):
+    """Images do not show a common surface that can be measured."""
+
+
 class InitializationError(TrackerError):
     """No start pose could be found in the first frames."""
 

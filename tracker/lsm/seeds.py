@@ -1,0 +1,208 @@
+"""Seed points of a surface measurement: given by hand, or found automatically."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import pydantic
+
+from tracker.arrays import Array, Image
+from tracker.camera import Camera
+from tracker.components import component
+from tracker.errors import MatchingError
+from tracker.lsm.growth import Growth
+from tracker.lsm.matching import LeastSquaresMatching, Matches, PatchImage
+from tracker.triangulation import triangulate
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Approximate correspondences, before they are matched."""
+
+    at: Array
+    """(N, 2) px in the template."""
+
+    start: Array
+    """(N, 2) px in the search image."""
+
+    affine: Array
+    """(N, 2, 2) approximate affine transformations."""
+
+    def select(self, which: Array) -> Candidates:
+        """The chosen ones."""
+        return Candidates(self.at[which], self.start[which], self.affine[which])
+
+
+@component
+class Seeds:
+    """Where growth starts."""
+
+    given: tuple[dict[str, tuple[float, float]], ...] = ()
+    """Points measured by hand, each a table of view = [x, y] px, to some pixels; empty to find them automatically."""
+
+    search_px: int = pydantic.Field(default=8, ge=0, le=100)
+    """Given points are searched by cross-correlation this far around, px."""
+
+    n_features: int = pydantic.Field(default=6000, ge=100, le=20000)
+    """Most image features that are compared for automatic seeds."""
+
+    epipolar_px: float = pydantic.Field(default=3.0, gt=0)
+    """Automatic seeds lie no farther from their epipolar lines than this, px."""
+
+    largest_px: int = pydantic.Field(default=1300, ge=100)
+    """Features are looked for in images reduced to this length, px."""
+
+    @pydantic.field_validator("given", mode="before")
+    @classmethod
+    def _whole_numbers_are_positions(cls, given: object) -> object:
+        if not isinstance(given, tuple | list):
+            return given
+        return tuple(_as_floats(point) for point in given)
+
+    def candidates(self, greys: tuple[Image, Image], cameras: tuple[Camera, Camera]) -> Candidates:
+        """Approximate correspondences of two views.
+
+        Args:
+            greys: template and search image (h, w).
+            cameras: of both views.
+
+        Raises:
+            MatchingError: too few of them, with what seems to be the reason.
+        """
+        if self.given:
+            return self._searched(greys, cameras)
+        names = cameras[0].name, cameras[1].name
+        one, two = (_features(grey, self.largest_px, self.n_features) for grey in greys)
+        pairs = _paired(one[1], two[1])
+        if len(pairs) < _FEW:
+            raise MatchingError(
+                f'views "{names[0]}" and "{names[1]}": {len(pairs)} of {len(one[0])} image features look alike, '
+                f"expected {_FEW} or more: the views do not overlap, or have too little texture; "
+                "give seeds by hand ([seeds] given) if they show the same surface"
+            )
+        found = _correspondences([one[0][i] for i, _ in pairs], [two[0][j] for _, j in pairs])
+        distances = _reprojection(cameras, found)
+        agreeing = distances < self.epipolar_px
+        if agreeing.sum() < _FEW:
+            raise MatchingError(_disagreement(names, found, distances, self.epipolar_px))
+        return found.select(agreeing)
+
+    def _searched(self, greys: tuple[Image, Image], cameras: tuple[Camera, Camera]) -> Candidates:
+        """Given points, moved to the best cross-correlation around."""
+        names = cameras[0].name, cameras[1].name
+        pairs = [(point[names[0]], point[names[1]]) for point in self.given if names[0] in point and names[1] in point]
+        if not pairs:
+            raise MatchingError(
+                f'[seeds] given: no point for both "{names[0]}" and "{names[1]}"; expected tables like '
+                f"{{ {names[0]} = [320, 240], {names[1]} = [301, 240] }}"
+            )
+        at = np.array([pair[0] for pair in pairs])
+        start = np.array([_best_correlation(greys, pair, self.search_px) for pair in pairs])
+        return Candidates(at, start, np.tile(np.eye(2), (len(at), 1, 1)))
+
+
+_FEW = 6
+_RATIO = 0.8
+
+
+def _as_floats(point: object) -> object:
+    if not isinstance(point, dict):
+        return point
+    return {view: tuple(float(x) for x in position) for view, position in point.items()}
+
+
+def _features(grey: Image, largest_px: int, n_features: int) -> tuple[list[cv2.KeyPoint], Array]:
+    """SIFT features in pixels of the whole image, and their descriptors (N, 128)."""
+    scale = min(1.0, largest_px / max(grey.shape))
+    smaller = grey if scale == 1.0 else cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    points, descriptors = cv2.SIFT_create(n_features).detectAndCompute(smaller, None)
+    for point in points:
+        x, y = point.pt
+        point.pt = (x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5
+        point.size /= scale
+    return list(points), np.zeros((0, 128), np.float32) if descriptors is None else descriptors
+
+
+def _paired(one: Array, two: Array) -> list[tuple[int, int]]:
+    """Features that are each other's nearest, and much nearer than the second nearest."""
+    if len(one) < 2 or len(two) < 2:
+        return []
+    matcher = cv2.BFMatcher(cv2.NORM_L2)
+    back = {match.queryIdx: match.trainIdx for match in matcher.match(two, one)}
+    pairs = matcher.knnMatch(one, two, k=2)
+    best = [first for first, second in pairs if first.distance < _RATIO * second.distance]
+    return [(m.queryIdx, m.trainIdx) for m in best if back[m.trainIdx] == m.queryIdx]
+
+
+def _correspondences(one: list[cv2.KeyPoint], two: list[cv2.KeyPoint]) -> Candidates:
+    """Positions, and the similarity transformations of sizes and directions."""
+    at, start = (np.array([point.pt for point in points]) for points in (one, two))
+    scale = np.array([b.size / a.size for a, b in zip(one, two, strict=True)])
+    turn = np.radians([b.angle - a.angle for a, b in zip(one, two, strict=True)])
+    rotation = np.stack([np.cos(turn), -np.sin(turn), np.sin(turn), np.cos(turn)], axis=1).reshape(-1, 2, 2)
+    return Candidates(at, start, scale[:, None, None] * rotation)
+
+
+def _reprojection(cameras: tuple[Camera, Camera], found: Candidates) -> Array:
+    """Reprojection errors (N,) of the best common points, px; infinite behind a camera."""
+    points, _ = triangulate(cameras, np.stack([found.at, found.start]))
+    errors = [camera.project(points) - pixels for camera, pixels in zip(cameras, (found.at, found.start), strict=True)]
+    distances = np.linalg.norm(np.stack(errors), axis=-1).max(axis=0)
+    return np.where(np.isfinite(distances), distances, np.inf)
+
+
+def _disagreement(names: tuple[str, str], found: Candidates, distances: Array, limit: float) -> str:
+    """Why features that look alike do not agree with the calibration."""
+    n = len(found.at)
+    start = f'views "{names[0]}" and "{names[1]}": {n} image features look alike'
+    consistent, n_agreeing = 0, int((distances < limit).sum())
+    if n >= 8:
+        _, inliers = cv2.findFundamentalMat(found.at, found.start, cv2.FM_RANSAC, limit, 0.999)
+        consistent = 0 if inliers is None else int(inliers.sum())
+    if consistent > max(20, 0.4 * n):
+        return (
+            f"{start} and {consistent} agree with one another, but only {n_agreeing} with the calibration "
+            f"(median distance {np.median(distances):.0f} px): is this the rig of these images?"
+        )
+    return (
+        f"{start}, but only {n_agreeing} agree with the calibration and {consistent} with one another: the views do "
+        "not overlap or have too little texture; give seeds by hand ([seeds] given) if they show one surface"
+    )
+
+
+def _best_correlation(greys: tuple[Image, Image], pair: tuple[Point, Point], reach: int, half: int = 10) -> Array:
+    """Position of the best cross-correlation in a search box (paper, section 2.3, step 2)."""
+    (x, y), (u, v) = (np.round(point).astype(int) for point in pair)
+    patch = greys[0][max(0, y - half) : y + half + 1, max(0, x - half) : x + half + 1]
+    box = greys[1][max(0, v - half - reach) : v + half + reach + 1, max(0, u - half - reach) : u + half + reach + 1]
+    whole = 2 * half + 1, 2 * half + 1
+    if patch.shape != whole or box.shape != tuple(side + 2 * reach for side in whole):
+        return np.asarray(pair[1], dtype=np.float64)
+    row, column = np.unravel_index(np.argmax(cv2.matchTemplate(box, patch, cv2.TM_CCOEFF_NORMED)), (2 * reach + 1,) * 2)
+    return np.array([u - reach + column, v - reach + row]) + (np.asarray(pair[0]) - (x, y))
+
+
+def matched_seeds(
+    candidates: Candidates, matching: LeastSquaresMatching, growth: Growth, images: tuple[PatchImage, PatchImage]
+) -> Matches:
+    """Candidates moved to the growth grid and matched; only good ones.
+
+    Each is tried with its own affine transformation and with none; the better one counts.
+    """
+    at = np.round(candidates.at / growth.step_px) * growth.step_px
+    patient = replace(matching, max_shift_px=max(6.0, matching.max_shift_px), prior_sd=None)  # type: ignore[type-var]
+    rounds = []
+    for affine in (candidates.affine, np.tile(np.eye(2), (len(at), 1, 1))):
+        start = candidates.start + np.einsum("nij,nj->ni", affine, at - candidates.at)
+        rounds.append(patient.match(*images, at, start, affine))
+    good = np.stack([growth.good(matches) for matches in rounds])
+    correlation = np.where(good, [matches.correlation for matches in rounds], -1.0)
+    best = correlation.argmax(axis=0)
+    found = np.where((best == 0)[:, None], rounds[0].found, rounds[1].found)
+    _, first = np.unique(at, axis=0, return_index=True)
+    kept = first[good.any(axis=0)[first]]
+    return Matches(at[kept], found[kept], np.zeros(len(kept), dtype=np.int64))

@@ -1,0 +1,167 @@
+"""Surface measurement from two or more images of one moment (D'Apuzzo, Plaenkers, Fua 2000, section 2.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pydantic
+
+from tracker.arrays import Array
+from tracker.components import component
+from tracker.errors import ConfigError, MatchingError, nearest
+from tracker.frame import Frame
+from tracker.lsm.filters import NeighbourhoodFilter
+from tracker.lsm.growth import Growth, MatchField
+from tracker.lsm.matching import LeastSquaresMatching, PatchImage
+from tracker.lsm.points import SurfacePoints, intersect, voxel_filtered
+from tracker.lsm.seeds import Seeds, matched_seeds
+from tracker.lsm.views import Preparation, View
+from tracker.rig import Rig
+
+Told = Callable[[str, int, int], None]
+"""Told what is done, how much of it, and how much there is at most."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A measured surface, and what it was measured from."""
+
+    points: SurfacePoints
+    views: tuple[View, ...]
+    template: int
+    """Index of the view that the others were compared with."""
+
+    fields: tuple[MatchField | None, ...]
+    """Matches of each view after filtering, None for the template."""
+
+    n_seeds: tuple[int, ...]
+    """Seed points of each view, 0 for the template."""
+
+
+@component
+class SurfaceMeasurement:
+    """How a surface is measured."""
+
+    template: str | None = None
+    """View that the others are compared with; None for the one in the middle of the views."""
+
+    min_views: int | None = pydantic.Field(default=None, ge=2)
+    """Views, the template included, that must show a point; None for all."""
+
+    max_residual_px: float = pydantic.Field(default=0.5, gt=0)
+    """Points whose rays miss one another by more (RMS of the reprojection) are mismatches, px."""
+
+    max_sigma_mm: float | None = pydantic.Field(default=None, gt=0)
+    """Points less precise than this are left out, mm; None keeps all."""
+
+    voxel_mm: float | None = pydantic.Field(default=None, gt=0)
+    """Points within a voxel of that side are replaced by their centre of gravity, mm; None keeps all."""
+
+    preparation: Preparation = pydantic.Field(default_factory=Preparation)
+    matching: LeastSquaresMatching = pydantic.Field(default_factory=LeastSquaresMatching)
+    seeds: Seeds = pydantic.Field(default_factory=Seeds)
+    growth: Growth = pydantic.Field(default_factory=Growth)
+    neighbourhood: NeighbourhoodFilter = pydantic.Field(default_factory=NeighbourhoodFilter)
+
+    def template_of(self, rig: Rig) -> int:
+        """Index of the template view.
+
+        Raises:
+            ConfigError: there is no such view, or no second one.
+        """
+        if len(rig) < 2:
+            raise ConfigError("a surface is measured from two or more views, the rig has one")
+        if self.min_views is not None and self.min_views > len(rig):
+            raise ConfigError(f"min_views = {self.min_views}: there are {len(rig)} views")
+        if self.template is None:
+            return len(rig) // 2 if len(rig) > 2 else 0
+        if self.template not in rig.names:
+            raise ConfigError(f'template = "{self.template}": no such view; {nearest(self.template, rig.names)}')
+        return rig.names.index(self.template)
+
+
+def measure_surface(
+    measurement: SurfaceMeasurement, frame: Frame, rig: Rig, told: Told = lambda what, done, total: None
+) -> Surface:
+    """Measures the surface that the views of a frame show.
+
+    Prepare the images; per search image: seeds, growth, neighbourhood filter, re-measurement; then merge,
+    forward ray intersection, voxel filter.
+
+    Args:
+        measurement: its parameters.
+        frame: images of all cameras of the rig.
+        rig: the cameras.
+        told: of the progress.
+
+    Raises:
+        SequenceError: a view has no image.
+        MatchingError: the images show no common surface that can be measured; the reason is named.
+        ConfigError: the parameters do not fit the rig.
+    """
+    template = measurement.template_of(rig)
+    told("preparing the images", 0, 1)
+    views = measurement.preparation.views(frame, rig)
+    images = tuple(measurement.matching.prepared(view.grey) for view in views)
+    fields: list[MatchField | None] = [None] * len(views)
+    n_seeds = [0] * len(views)
+    for v in range(len(views)):
+        if v != template:
+            pair = views[template], views[v]
+            fields[v], n_seeds[v] = _matched(measurement, pair, (images[template], images[v]), told)
+    cameras = tuple(view.camera for view in views)
+    min_views = measurement.min_views or len(views)
+    points = intersect(cameras, template, fields, min_views, measurement.max_residual_px)
+    points = _finished(measurement, _coloured(points, views[template], template))
+    if len(points) == 0:
+        raise MatchingError(
+            f"no point was matched in {min_views} views with rays that meet within {measurement.max_residual_px:g} px: "
+            "is this the rig of these images? lower min_views if not all views show the surface"
+        )
+    return Surface(points, views, template, tuple(fields), tuple(n_seeds))
+
+
+def _matched(
+    measurement: SurfaceMeasurement, views: tuple[View, View], images: tuple[PatchImage, PatchImage], told: Told
+) -> tuple[MatchField, int]:
+    """Seeds, growth and neighbourhood filter for one search image."""
+    growth, neighbourhood = measurement.growth, measurement.neighbourhood
+    # The prior holds the affine terms where the neighbour's were; seeds and larger patches are free.
+    matching = measurement.matching
+    label = f"{views[0].camera.name} - {views[1].camera.name}"
+    n_cells = len(MatchField.empty(images[0].size, growth.step_px).ended)
+    told(f"{label}: seeds", 0, n_cells)
+    cameras = views[0].camera, views[1].camera
+    candidates = measurement.seeds.candidates((views[0].grey8, views[1].grey8), cameras)
+    seeds = matched_seeds(candidates, matching, growth, images)
+    if len(seeds.at) == 0:
+        raise MatchingError(
+            f"views {label}: none of {len(candidates.at)} approximate seed points could be matched: is the "
+            "perspective too different for matching.patch_px, or are the limits of [growth] too strict?"
+        )
+    field = growth.grown(matching, images, seeds, lambda n: told(f"{label}: growing", n, n_cells))
+    for _ in range(neighbourhood.rounds):
+        field = field.without(neighbourhood.doubtful(field))
+        field = growth.continued(matching, images, field, lambda n: told(f"{label}: measuring again", n, n_cells))
+    return field.without(neighbourhood.doubtful(field)), len(seeds.at)
+
+
+def _coloured(points: SurfacePoints, view: View, template: int) -> SurfacePoints:
+    if len(points) == 0:
+        return points
+    columns, rows = np.round(points.pixels[template]).astype(int).T
+    return replace(points, colours=view.picture[rows, columns])
+
+
+def _finished(measurement: SurfaceMeasurement, points: SurfacePoints) -> SurfacePoints:
+    if measurement.max_sigma_mm is not None:
+        points = points.select(points.sigma_m <= measurement.max_sigma_mm / 1000)
+    return voxel_filtered(points, measurement.voxel_mm / 1000) if measurement.voxel_mm else points
+
+
+def residual_rms_px(points: SurfacePoints) -> float:
+    """RMS of the reprojection over all points, px."""
+    squares: Array = points.residual_px**2
+    return float(np.sqrt(squares.mean())) if len(points) else float("nan")
