@@ -19,7 +19,7 @@ ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
     "errors arrays components config resources geometry imaging kernels",
-    "camera rig rig_files frame shape body body_files scene contours observation correspondences estimate start "
+    "camera rig rig_files middlebury frame shape body body_files scene contours observation correspondences estimate start "
     "trajectory triangulation",
     "reading calibration prediction synthesis analysis similarity recording",
     "objective",
@@ -27,7 +27,7 @@ LAYERS = (
     "tracking",
     "acquisition lsm recognition evaluation simulation",
     "run demo batching",
-    "cli progress __main__ scripts",
+    "cli commands progress __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}
 

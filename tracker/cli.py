@@ -12,15 +12,15 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from tracker.commands.surface import measure
+from tracker.commands.warmup import prepare_kernels, warmup
 from tracker.components import available, find
 from tracker.config import component_stage
 from tracker.demo import run_demo
 from tracker.errors import ConfigError, TrackerError, nearest
 from tracker.evaluation.comparison import Evaluation, PersonErrors, error_figure, evaluate
-from tracker.kernels.cache import all_cached, warm_up
 from tracker.progress import RunProgress
 from tracker.run import RunResult, execute, load_run, with_frames
 from tracker.simulation.sequence import Recipe
@@ -77,7 +77,7 @@ def demo(
     seed: Annotated[int, typer.Option(help="Chooses the room and the noise.")] = 0,
 ) -> None:
     """Simulates a clothed person in a cluttered room, tracks it from bootstrapping, and compares with the truth."""
-    _prepare_kernels()
+    prepare_kernels()
     recipe = Recipe(movement, seconds=frames / Recipe.fps, seed=seed)
     with RunProgress(console) as progress:
         outcome = run_demo(recipe, output, progress)
@@ -98,7 +98,7 @@ def run(
     described = load_run(config, set_ or [])
     if frames is not None:
         described = with_frames(described, *_frame_range(frames))
-    _prepare_kernels()
+    prepare_kernels()
     with RunProgress(console) as progress:
         result = execute(described, output, resume, progress)
     _print_result(result)
@@ -162,23 +162,8 @@ def evaluate_command(
     _print_evaluation(evaluation)
 
 
-@app.command()
-def warmup() -> None:
-    """Compiles all kernels ahead; they are kept on disk."""
-    if all_cached():
-        console.print("the kernels are compiled already")
-    _prepare_kernels()
-
-
-def _prepare_kernels() -> None:
-    """Compiles the kernels where that has not been done yet, visibly."""
-    if all_cached():
-        return
-    with Progress(
-        SpinnerColumn(), TextColumn("compiling kernels once: {task.description}"), TimeElapsedColumn()
-    ) as bar:
-        task = bar.add_task("")
-        warm_up(lambda name: bar.update(task, description=name))
+app.command("surface")(measure)
+app.command("warmup")(warmup)
 
 
 def _print_result(result: RunResult) -> None:

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from tracker.arrays import Array
 from tracker.camera import Camera
 from tracker.errors import CalibrationError, nearest
+from tracker.middlebury import read_middlebury
 from tracker.rig import Rig
 
 # A room is metres across: cameras hundreds of units from one another were calibrated in millimetres.
@@ -32,12 +33,14 @@ def load_rig(path: Path) -> Rig:
     Args:
         path: TOML tables with name, size, matrix, distortions, rotation (Rodrigues vector or matrix) and
             translation, one a camera; or JSON with `cameras` (a list, or a table by name) of width and height
-            or size, K, dist, R, t.
+            or size, K, dist, R, t; or the `_par.txt` of the Middlebury multi-view data.
 
     Raises:
         CalibrationError: the file is missing or wrong, or such a rig cannot be; file and camera are named.
     """
     try:
+        if path.name.endswith("_par.txt"):
+            return Rig(tuple(read_middlebury(path)))
         content = _parse(path)
         if path.suffix.lower() == ".toml":
             cameras, stated = _toml_cameras(content), content.get("metadata", {})

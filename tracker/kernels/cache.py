@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from tracker.kernels.distance_images import chamfer_distances
 from tracker.kernels.kinematics import chain_transforms, twists_in_world
 from tracker.kernels.linking import trace_segments
 from tracker.kernels.oriented_matching import match_oriented, normal_equations
+from tracker.kernels.patch_growth import grow, push_all
+from tracker.kernels.patch_matching import N_FOUND, match_patches
 from tracker.kernels.rasterization import rasterize
 from tracker.kernels.self_collision import count_collisions
 from tracker.kernels.shadows import MARGIN, without_shadows
@@ -25,6 +27,12 @@ from tracker.kernels.slopes import strongest_slopes
 
 _F8, _F4, _I8, _B1 = np.float64, np.float32, np.int64, np.bool_
 _I4, _I2, _U1 = np.int32, np.int16, np.uint8
+
+
+Group = Literal["tracking", "matching"]
+"""What kernels are for; a run compiles those that it needs."""
+
+GROUPS: tuple[Group, ...] = "tracking", "matching"
 
 
 def _own(dtype: Any, *shape: int) -> Any:
@@ -37,8 +45,8 @@ def _frozen(dtype: Any, *shape: int) -> Any:
     return array
 
 
-def _calls() -> list[tuple[Any, tuple[Any, ...]]]:
-    """Every kernel with arguments of the types it is called with; read-only arrays are types of their own."""
+def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
+    """The kernels of the tracking with arguments of the types used; read-only arrays are types of their own."""
     chain = _frozen(_B1, 1), _frozen(_F8, 1, 3), _frozen(_F8, 1, 3), _frozen(_I8, 1)
     model = _frozen(_F8, 1, 7), _frozen(_F4, 1, 17 * 32, 7), _frozen(_F4, 1, 4, 9 * 16), (9, 16), _frozen(_F8, 3, 1)
     rig = _frozen(_F8, 1, 25), _frozen(_F8, 1, 2)
@@ -71,20 +79,37 @@ def _calls() -> list[tuple[Any, tuple[Any, ...]]]:
     ]
 
 
-def all_cached() -> bool:
-    """Whether machine code of every kernel lies on disk."""
+def _matching_calls() -> list[tuple[Any, tuple[Any, ...]]]:
+    """As `_tracking_calls`, for least squares matching."""
+    image = _frozen(_F4, 1), 1, 1
+    rule, noise = (2, 1, 0.01, 1.0, 0.0, False), (1.0, 1.0, _frozen(_F4, 1))
+    heap, state = (_own(_F8, 4), _own(_I8, 4), _own(_I8, 1)), (_own(_F8, 1, N_FOUND), _own(_I8, 1), _own(_I8, 1))
+    growing = (image, image), (1, 1, 1), (*state, _own(_I8, 1)), heap, (rule, rule), (noise, (1.0, 1.0, 0.5)), (1, 1)
+    return [
+        (match_patches, (image, image, _own(_F8, 0, 2), _own(_F8, 0, N_FOUND), _own(_I8, 0), rule, noise)),
+        (push_all, (heap, (1, 1, 1), *state)),
+        (grow, growing),
+    ]
+
+
+_CALLS = {"tracking": _tracking_calls, "matching": _matching_calls}
+
+
+def all_cached(group: Group = "tracking") -> bool:
+    """Whether machine code of every kernel of a group lies on disk."""
     return all(
         any(Path(kernel.stats.cache_path).glob(f"{kernel.__module__.rpartition('.')[2]}.{kernel.__name__}-*.nbi"))
-        for kernel, _ in _calls()
+        for kernel, _ in _CALLS[group]()
     )
 
 
-def warm_up(told: Callable[[str], None] = lambda name: None) -> None:
-    """Compiles or loads every kernel, by calls on empty data of the types the package uses.
+def warm_up(told: Callable[[str], None] = lambda name: None, group: Group = "tracking") -> None:
+    """Compiles or loads every kernel of a group, by calls on empty data of the types the package uses.
 
     Args:
         told: told the name of the kernel in work.
+        group: what the kernels are for.
     """
-    for kernel, arguments in _calls():
+    for kernel, arguments in _CALLS[group]():
         told(kernel.__name__.replace("_", " "))
         kernel(*arguments)

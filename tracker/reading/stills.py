@@ -1,0 +1,77 @@
+"""One still picture of each view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pydantic
+
+from tracker.arrays import Image
+from tracker.components import FilePath, PathPattern, component
+from tracker.errors import SequenceError
+from tracker.reading._sequence import OpenSequence, Recording, chosen_rig, opened, opened_views, read_image, view_paths
+from tracker.reading.video import plate_of_clip
+
+
+@component
+class StillReading:
+    """One picture of each view, taken at one moment: a recording of a single frame."""
+
+    path: PathPattern
+    """Image files, for instance `images/{view}.png`; `{view}` stands for the camera's name."""
+
+    rig: FilePath
+    """Calibration, TOML or JSON."""
+
+    views: tuple[str, ...] = ()
+    """Cameras to use, in this order; empty for all of the rig."""
+
+    background: PathPattern | None = None
+    """Clean plates: images or short clips, for instance `background/{view}.png`."""
+
+    downscale: int = pydantic.Field(default=1, ge=1, le=16)
+    """Images are averaged over so many pixels in both directions; the rig follows."""
+
+    def open(self) -> OpenSequence:
+        """Opens all views; see `tracker.reading.Reading.open`."""
+        rig = chosen_rig(self.rig, self.views)
+        paths = dict(zip(rig.names, view_paths(self.path, rig), strict=True))
+        views = tuple(view for view in opened_views(rig.names, lambda name: _still(name, paths[name]), "error") if view)
+        settings = _OneFrame(self.background, self.downscale)
+        return opened(settings, Recording(rig, 1.0, (1,) * len(rig), lambda: views, plate_of_clip))
+
+
+def _still(name: str, path: Path) -> _Still:
+    if not path.is_file():
+        raise SequenceError(f'view "{name}": no file {path}')
+    return _Still(path)
+
+
+@dataclass(frozen=True)
+class _Still:
+    path: Path
+
+    def read(self, index: int) -> Image | None:
+        if index > 0:
+            return None
+        image = read_image(self.path)
+        if image is None:
+            raise SequenceError(f"{self.path}: not an image that can be read: the file is corrupt or truncated")
+        return image
+
+
+@dataclass(frozen=True)
+class _OneFrame:
+    """Settings that a single frame leaves no choice of."""
+
+    background: str | None
+    downscale: int
+    start: int = 0
+    stop: int | None = 1
+    stride: int = 1
+    on_missing: str = "error"
+
+    @property
+    def offsets(self) -> dict[str, int]:
+        return {}
