@@ -9,6 +9,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from typing import Annotated
 
 import typer
+from benchmarks import lsm as patch_matching
 from benchmarks import poses as pose_rates
 from benchmarks import robustness as survival
 from benchmarks import sigma as uncertainty
@@ -49,6 +50,12 @@ def robustness(
 def sigma(quick: Quick = False) -> None:
     """Whether the covariance is honest: real errors over predicted standard deviations."""
     uncertainty.compare(console, quick)
+
+
+@app.command()
+def lsm(quick: Quick = False) -> None:
+    """Least squares matching: points a second, errors, bias and honesty of sigma, beside OpenCV's ECC."""
+    patch_matching.compare(console, quick)
 
 
 if __name__ == "__main__":

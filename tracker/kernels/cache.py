@@ -84,7 +84,15 @@ def _matching_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     image = _frozen(_F4, 1), 1, 1
     rule, noise = (2, 1, 0.01, 1.0, 0.0, False), (1.0, 1.0, _frozen(_F4, 1))
     heap, state = (_own(_F8, 4), _own(_I8, 4), _own(_I8, 1)), (_own(_F8, 1, N_FOUND), _own(_I8, 1), _own(_I8, 1))
-    growing = (image, image), (1, 1, 1), (*state, _own(_I8, 1)), heap, (rule, rule), (noise, (1.0, 1.0, 0.5)), (1, 1)
+    growing = (
+        (image, image),
+        (1, 1, 1),
+        (*state, _own(_I8, 1)),
+        heap,
+        (rule, rule),
+        (noise, (1.0, 1.0, 0.5, 2.0)),
+        (1, 1),
+    )
     return [
         (match_patches, (image, image, _own(_F8, 0, 2), _own(_F8, 0, N_FOUND), _own(_I8, 0), rule, noise)),
         (push_all, (heap, (1, 1, 1), *state)),

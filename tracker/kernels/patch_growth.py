@@ -16,8 +16,8 @@ UNTRIED, REJECTED = -1, 5
 Grid = tuple[int, int, int]
 """Columns, rows, and pixels from one to the next; cell (0, 0) is pixel (0, 0)."""
 
-Limits = tuple[float, float, float]
-"""Largest sigma0 grey levels, largest standard deviation of a shift px, least correlation."""
+Limits = tuple[float, float, float, float]
+"""Largest sigma0 grey levels, largest standard deviation of a shift px, least correlation, largest stretch."""
 
 Heap = tuple[Array, Integers, Integers]
 """Keys, attempts (cell * 4 + direction), and their number (1,)."""
@@ -96,9 +96,20 @@ def _along(direction: int) -> int:
 @njit(cache=True, nogil=True, error_model="numpy")
 def accepted(found: Array, limits: Limits) -> bool:
     """Whether a match is good enough."""
-    sigma0, deviation, correlation = limits
-    variance = max(found[9], found[10])
-    return found[8] <= sigma0 and variance <= deviation * deviation and found[12] >= correlation
+    sigma0, deviation, correlation, most = limits
+    precise = found[8] <= sigma0 and max(found[9], found[10]) <= deviation * deviation
+    return precise and found[12] >= correlation and stretch(found) <= most
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def stretch(found: Array) -> float:
+    """By what factor the affine transformation stretches or compresses the patch most; infinite for a mirrored one."""
+    determinant = found[2] * found[5] - found[3] * found[4]
+    if not determinant > 0.0:
+        return np.inf
+    squares = found[2] ** 2 + found[3] ** 2 + found[4] ** 2 + found[5] ** 2
+    longest2 = 0.5 * (squares + np.sqrt(max(0.0, squares * squares - 4.0 * determinant * determinant)))
+    return max(np.sqrt(longest2), np.sqrt(longest2) / determinant)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -67,6 +67,7 @@ def match_patch(
     mean, spread = _fix_template(template, identity, rule, work)
     if not spread > 0.0:
         return WEAK
+    before = 0.0
     for iteration in range(most):
         squares = _linearize(search, found, (mean, spread), iteration == 0, rule, work)
         if not squares >= 0.0:
@@ -83,10 +84,12 @@ def match_patch(
             return DRIFTED
         if reaches_out(found, half, search[1], search[2]):
             return OUTSIDE
-        if moved < tolerance:
+        # Steps shrink by a nearly constant factor: what is left to go is their geometric series.
+        if moved < 0.1 * tolerance or moved * moved < tolerance * (before - moved):
             found[13] = iteration + 1
             precise = found[7] > 0.0 and estimate_precision(found, squares, spread, rule, noise, work)
             return MATCHED if precise else WEAK
+        before = moved
     return NOT_CONVERGED
 
 

@@ -17,6 +17,7 @@ from tracker.kernels.patch_matching import MATCHED, N_FOUND
 from tracker.lsm.matching import LeastSquaresMatching, Matches, PatchImage
 
 _ATTEMPTS_A_CALL = 20_000
+_OUTSIDE_REGION = -2
 
 Told = Callable[[int], None]
 """Told the number of matched points from time to time."""
@@ -98,11 +99,32 @@ class Growth:
     min_correlation: float = pydantic.Field(default=0.85, ge=0, le=1)
     """Matches whose patches agree less are rejected."""
 
+    max_stretch: float = pydantic.Field(default=2.5, gt=1)
+    """Matches whose patch is stretched or compressed more are rejected: the surface is too oblique to one camera."""
+
+    region: tuple[int, int, int, int] | None = None
+    """Only points in this rectangle of the template are measured: left, top, right, bottom, px; None for all."""
+
+    @pydantic.field_validator("region")
+    @classmethod
+    def _check_region(cls, region: tuple[int, int, int, int] | None) -> tuple[int, int, int, int] | None:
+        if region is not None and (region[0] >= region[2] or region[1] >= region[3]):
+            raise ValueError(f"region = {list(region)}: expected left < right and top < bottom, px")
+        return region
+
+    def inside(self, at: Array) -> Mask:
+        """(N,) template pixels (N, 2) in the region."""
+        if self.region is None:
+            return np.ones(len(at), dtype=np.bool_)
+        left, top, right, bottom = self.region
+        inside: Mask = ((at >= (left, top)) & (at <= (right, bottom))).all(axis=1)
+        return inside
+
     def good(self, matches: Matches) -> Mask:
         """(N,) matches within the limits of quality."""
         precise = (matches.sigmas <= self.max_sigma_px).all(axis=1)
         alike = (matches.sigma0 <= self.max_sigma0_grey) & (matches.correlation >= self.min_correlation)
-        good: Mask = matches.good & precise & alike
+        good: Mask = matches.good & precise & alike & (matches.stretch <= self.max_stretch) & self.inside(matches.at)
         return good
 
     def grown(
@@ -151,12 +173,14 @@ class Growth:
         rows, columns = field.shape
         grid: Grid = columns, rows, field.step_px
         found, ended = np.array(field.found), np.array(field.ended)
+        # Growth stays in its region: cells outside are of one that nothing starts in.
+        regions = np.where(self.inside(field.at), regions, _OUTSIDE_REGION)
         room = 4 * len(ended) + 4
         heap: Heap = np.zeros(room), np.zeros(room, dtype=np.int64), np.zeros(1, dtype=np.int64)
         state = found, ended, regions.astype(np.int64), np.zeros(len(ended), dtype=np.int64)
         push_all(heap, grid, *state[:3])
         rules = matching.rule, matching.with_patch(self.retry_patch_px or matching.patch_px).rule
-        judging = matching.noise, (self.max_sigma0_grey, self.max_sigma_px, self.min_correlation)
+        judging = matching.noise, (self.max_sigma0_grey, self.max_sigma_px, self.min_correlation, self.max_stretch)
         packed, left = (images[0].packed, images[1].packed), 1
         while left:
             left = grow(packed, grid, state, heap, rules, judging, (_ATTEMPTS_A_CALL, self.max_tries))

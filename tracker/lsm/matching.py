@@ -74,6 +74,14 @@ class Matches:
         return self.found[:, 2:6].reshape(-1, 2, 2)
 
     @property
+    def stretch(self) -> Array:
+        """(N,) by what factor each patch is stretched or compressed most; infinite for mirrored ones."""
+        longest, shortest = np.linalg.svd(self.affine, compute_uv=False).T
+        with np.errstate(divide="ignore"):
+            most = np.maximum(longest, 1 / shortest)
+        return np.where(np.linalg.det(self.affine) > 0, most, np.inf)
+
+    @property
     def sigma0(self) -> Array:
         """(N,) a-posteriori standard deviation of unit weight, grey levels of the smoothed images."""
         return self.found[:, SIGMA0]
@@ -119,7 +127,7 @@ class LeastSquaresMatching:
     """A match that takes longer fails."""
 
     tolerance_px: float = pydantic.Field(default=0.01, gt=0)
-    """Iterations end when no corner of the patch moves farther, px."""
+    """Iterations end when the corners of the patch have less than this left to go, px."""
 
     max_shift_px: float = pydantic.Field(default=3.0, gt=0)
     """A match that moves farther from its start fails, px."""

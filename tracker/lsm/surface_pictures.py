@@ -14,6 +14,7 @@ from tracker.lsm.surface import Surface
 from tracker.rig import Rig
 
 _PICTURE_PX = 900
+_WIDTH_INCH = 6.0
 _COLOURS = "viridis"
 
 
@@ -24,8 +25,8 @@ def matches_figure(surface: Surface) -> Figure:
     scale = _scale(depth)
     colours = ScalarMappable(scale, _COLOURS).to_rgba(depth, bytes=True)[:, 2::-1]
     pictures = [_with_points(view.picture, surface.points.pixels[v], colours) for v, view in enumerate(surface.views)]
-    height = 0.8 + 4.2 * max(picture.shape[0] / picture.shape[1] for picture in pictures)
-    figure = Figure((4.2 * len(pictures) + 1.2, height), layout="constrained")
+    height = 0.6 + _WIDTH_INCH * max(picture.shape[0] / picture.shape[1] for picture in pictures)
+    figure = Figure((_WIDTH_INCH * len(pictures) + 1.2, height), layout="constrained")
     axes = figure.subplots(1, len(pictures), squeeze=False)[0]
     for v, (axis, picture) in enumerate(zip(axes, pictures, strict=True)):
         axis.imshow(picture[..., ::-1])
@@ -83,7 +84,7 @@ def cloud_figure(points: SurfacePoints, rig: Rig) -> Figure:
             axis.set_ylim(*_range(place[:, 1]))
         axes[0, column].set_title(title)
         axes[1, column].set_xlabel("mm")
-    figure.colorbar(ScalarMappable(scale, _COLOURS), ax=axes[1], label="point error, mm", shrink=0.8)
+    figure.colorbar(ScalarMappable(scale, _COLOURS), ax=axes, label="point error, mm", shrink=0.5)
     return figure
 
 
