@@ -13,6 +13,7 @@ from benchmarks import lsm as patch_matching
 from benchmarks import poses as pose_rates
 from benchmarks import robustness as survival
 from benchmarks import sigma as uncertainty
+from benchmarks import surfaces as measured_surfaces
 from benchmarks import tracking as cycle_times
 from rich.console import Console
 
@@ -56,6 +57,14 @@ def sigma(quick: Quick = False) -> None:
 def lsm(quick: Quick = False) -> None:
     """Least squares matching: points a second, errors, bias and honesty of sigma, beside OpenCV's ECC."""
     patch_matching.compare(console, quick)
+
+
+@app.command()
+def surface(
+    only: Annotated[str, typer.Option(help="Only recordings whose name holds this.")] = "", quick: Quick = False
+) -> None:
+    """Surfaces measured from real images, against a known cylinder, one another, and true disparities."""
+    measured_surfaces.compare(console, only, quick)
 
 
 if __name__ == "__main__":

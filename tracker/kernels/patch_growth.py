@@ -66,7 +66,7 @@ def push_neighbours(heap: Heap, cell: int, grid: Grid, found: Array, ended: Inte
         heap: see `Heap`.
         cell: the matched cell.
         grid: see `Grid`.
-        found, ended: (cells, 14), (cells,) what was found so far.
+        found, ended: (cells, 15), (cells,) what was found so far.
         seeds: (cells,) nearest seed's cell, within whose region growth stays, rows first (paper, figure 3);
             all -1 for growth without regions, where the most precise match goes on first.
     """
@@ -156,7 +156,7 @@ def grow(
     Args:
         images: template and search image.
         grid: see `Grid`.
-        state: found (cells, 14), ended (cells,), seeds (cells,) as in `push_neighbours`, tries (cells,) so far.
+        state: found (cells, 15), ended (cells,), seeds (cells,) as in `push_neighbours`, tries (cells,) so far.
         heap: see `Heap`.
         rules: of the first attempt and of the larger patch.
         judging: see `Noise` and `Limits`.

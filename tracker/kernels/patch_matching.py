@@ -27,11 +27,11 @@ from tracker.kernels.splines import SplineImage, reaches_out, sample_gradient, s
 MATCHED, NOT_CONVERGED, DRIFTED, OUTSIDE, WEAK = 0, 1, 2, 3, 4
 """How a match ended; WEAK: the patch has too little texture, or looks like its negative."""
 
-WARP, SIGMA0, COVARIANCE, CORRELATION, N_FOUND = slice(0, 6), 8, slice(9, 12), 12, 14
+WARP, SIGMA0, COVARIANCE, CORRELATION, HALF_PATCH, N_FOUND = slice(0, 6), 8, slice(9, 12), 12, 14, 15
 """Columns of what is found.
 
 0-5 centre px and affine matrix row by row, 6-7 brightness and contrast, 8 sigma0 grey levels, 9-11 variances and
-covariance of the shift xx yy xy px^2, 12 correlation, 13 iterations.
+covariance of the shift xx yy xy px^2, 12 correlation, 13 iterations, 14 half the patch px.
 """
 
 _NO_TEXTURE = 1e-3
@@ -49,7 +49,7 @@ def match_patch(
     Args:
         template, search: spline coefficients, width and height of both images.
         at: (2,) centre of the template patch, px.
-        found: (14,) holds the start in its first six columns, and the result after: see the columns' names.
+        found: (15,) holds the start in its first six columns, and the result after: see the columns' names.
         rule: see `Rule`.
         noise: see `Noise`.
         work: from `workspace`.
@@ -86,7 +86,7 @@ def match_patch(
             return OUTSIDE
         # Steps shrink by a nearly constant factor: what is left to go is their geometric series.
         if moved < 0.1 * tolerance or moved * moved < tolerance * (before - moved):
-            found[13] = iteration + 1
+            found[13], found[14] = iteration + 1, half
             precise = found[7] > 0.0 and estimate_precision(found, squares, spread, rule, noise, work)
             return MATCHED if precise else WEAK
         before = moved
@@ -207,7 +207,7 @@ def match_patches(
     Args:
         template, search, rule, noise: see `match_patch`.
         at: (N, 2) centres of the template patches, px.
-        found: (N, 14) holds the starts, and the results after.
+        found: (N, 15) holds the starts, and the results after.
         ended: (N,) written: how each match ended.
     """
     work = workspace(rule[0], len(noise[2]))

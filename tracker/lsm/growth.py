@@ -34,7 +34,7 @@ class MatchField:
     """Rows and columns."""
 
     found: Array
-    """(rows * columns, 14) columns as in `tracker.kernels.patch_matching`; meaningless where not matched."""
+    """(rows * columns, 15) columns as in `tracker.kernels.patch_matching`; meaningless where not matched."""
 
     ended: Integers
     """(rows * columns,) how each match ended, 0 for a match, -1 where none was tried."""

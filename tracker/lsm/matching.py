@@ -53,7 +53,7 @@ class Matches:
     """(N, 2) centres of the template patches, px."""
 
     found: Array
-    """(N, 14) columns as in `tracker.kernels.patch_matching`."""
+    """(N, 15) columns as in `tracker.kernels.patch_matching`."""
 
     ended: Integers
     """(N,) how each match ended, 0 for a match."""

@@ -12,6 +12,7 @@ from tracker.arrays import Array
 from tracker.components import component
 from tracker.errors import ConfigError, MatchingError, nearest
 from tracker.frame import Frame
+from tracker.lsm.curvature import corrected_for_curvature
 from tracker.lsm.filters import NeighbourhoodFilter
 from tracker.lsm.growth import Growth, MatchField
 from tracker.lsm.matching import LeastSquaresMatching, PatchImage
@@ -58,6 +59,12 @@ class SurfaceMeasurement:
 
     voxel_mm: float | None = pydantic.Field(default=None, gt=0)
     """Points within a voxel of that side are replaced by their centre of gravity, mm; None keeps all."""
+
+    correct_curvature: bool = False
+    """Correct the matches for the curvature of the surface within a patch; for large patches on smooth surfaces.
+
+    Small patches need no correction, and it adds to their noise.
+    """
 
     preparation: Preparation = pydantic.Field(default_factory=Preparation)
     matching: LeastSquaresMatching = pydantic.Field(default_factory=LeastSquaresMatching)
@@ -128,7 +135,6 @@ def _matched(
 ) -> tuple[MatchField, int]:
     """Seeds, growth and neighbourhood filter for one search image."""
     growth, neighbourhood = measurement.growth, measurement.neighbourhood
-    # The prior holds the affine terms where the neighbour's were; seeds and larger patches are free.
     matching = measurement.matching
     label = f"{views[0].camera.name} - {views[1].camera.name}"
     n_cells = len(MatchField.empty(images[0].size, growth.step_px).ended)
@@ -145,7 +151,8 @@ def _matched(
     for _ in range(neighbourhood.rounds):
         field = field.without(neighbourhood.doubtful(field))
         field = growth.continued(matching, images, field, lambda n: told(f"{label}: measuring again", n, n_cells))
-    return field.without(neighbourhood.doubtful(field)), len(seeds.at)
+    field = field.without(neighbourhood.doubtful(field))
+    return corrected_for_curvature(field) if measurement.correct_curvature else field, len(seeds.at)
 
 
 def _coloured(points: SurfacePoints, view: View, template: int) -> SurfacePoints:
