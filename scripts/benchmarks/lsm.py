@@ -187,7 +187,7 @@ def _sigmas(console: Console, step_px: int) -> Table:
 
 def _sigma_cells(pair: Pair, matching: LeastSquaresMatching) -> list[str]:
     images = [matching.prepared(image) for image in pair.images]
-    matches = matching.match(*images, pair.at, pair.start)
+    matches = matching.match(images[0], images[1], pair.at, pair.start)
     usable: Mask = matches.good & (matches.sigmas < 0.5).all(axis=1)
     if usable.sum() < 5:
         return ["-", f"{100 * (1 - usable.mean()):.1f} %", "-", "-", "-"]
@@ -206,7 +206,7 @@ def _plain_sigmas(template: PatchImage, matching: LeastSquaresMatching, matches:
     offsets = np.arange(-half, half + 1)
     u, v = (axis.ravel() for axis in np.meshgrid(offsets / half, offsets / half))
     grey = _grey_of(template)
-    dy, dx = np.gradient(grey)
+    dy, dx = (np.asarray(slope) for slope in np.gradient(grey))
     deviations = np.zeros((int(usable.sum()), 2))
     for k, (x, y) in enumerate(matches.at[usable].astype(int)):
         window = slice(y - half, y + half + 1), slice(x - half, x + half + 1)

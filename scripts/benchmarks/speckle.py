@@ -47,7 +47,8 @@ class Speckle:
             u, v = inverse[0, 0] * dx + inverse[0, 1] * dy, inverse[1, 0] * dx + inverse[1, 1] * dy
             picture[y0:y1, x0:x1] += sign * np.exp((u * u + v * v) / (-2 * self.dot_px**2))
         noise = np.random.default_rng((self.seed, key)).normal(size=picture.shape)
-        return np.clip(np.round(128 + amplitude * picture + self.noise_grey * noise), 0, 255).astype(np.uint8)
+        grey: Image = np.clip(np.round(128 + amplitude * picture + self.noise_grey * noise), 0, 255).astype(np.uint8)
+        return grey
 
     def grid(self, step_px: int) -> Array:
         """(N, 2) whole pixels that patches of up to 31 px fit around."""

@@ -105,7 +105,7 @@ def _temple(console: Console, quick: bool) -> None:
 
 def _to_planes(one: Array, other: Array, reach_m: float = 0.002) -> Array:
     """Distances (M,) of the points of one cloud to planes through the 8 nearest of the other, where these are near."""
-    distances, nearest = cKDTree(one).query(other, k=8)
+    distances, nearest = (np.asarray(found) for found in cKDTree(one).query(other, k=8))
     near = distances[:, -1] < reach_m
     neighbours = one[nearest[near]]
     centres = neighbours.mean(axis=1)
@@ -144,7 +144,7 @@ def _fitted_cylinder(points: Array) -> tuple[float, Array]:
         axis = np.array([dx, dy, 1.0]) / np.sqrt(dx * dx + dy * dy + 1)
         offset = points - (x, y, 0.0)
         across = offset - (offset @ axis)[:, None] * axis
-        return np.linalg.norm(across, axis=1) - radius
+        return np.asarray(np.linalg.norm(across, axis=1) - radius)
 
     fit = least_squares(distances, [0.0, 0.0, 0.0, 0.0, 50.0])
     return float(fit.x[4]), distances(fit.x)
@@ -153,7 +153,7 @@ def _fitted_cylinder(points: Array) -> tuple[float, Array]:
 def _tracked(run: SurfaceRun, surface: Surface) -> list[Array]:
     """The points of the first position in all (N, 3) m: least squares matching through time, NaN where lost."""
     pattern = str(vars(run.reading)["path"])
-    matching = replace(run.measurement.matching, max_shift_px=8.0)  # type: ignore[type-var]
+    matching = replace(run.measurement.matching, max_shift_px=8.0)
     names = [view.camera.name for view in surface.views]
     template = matching.prepared(surface.views[surface.template].grey)
     at = surface.points.pixels[surface.template]
@@ -176,7 +176,8 @@ def _tracked(run: SurfaceRun, surface: Surface) -> list[Array]:
 
 
 def _prepared(pattern: str, view: str, k: int, matching: LeastSquaresMatching) -> PatchImage:
-    grey = cv2.imread(pattern.replace("{view}", view).replace("{frame}", str(k)), cv2.IMREAD_GRAYSCALE)
+    path = pattern.replace("{view}", view).replace("{frame}", str(k))
+    grey = np.asarray(cv2.imread(path, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
     return matching.prepared(grey)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -38,7 +40,7 @@ def workspace(half: int, n_taps: int) -> Workspace:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def dot(a: Array32, b: Array32, n: int) -> float:
+def dot(a: Array32, b: Array32, n: int) -> Any:
     """Scalar product of the first n values."""
     total = np.float32(0.0)
     for i in range(n):
@@ -47,7 +49,7 @@ def dot(a: Array32, b: Array32, n: int) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def moments(values: Array32, n: int) -> tuple[float, float]:
+def moments(values: Array32, n: int) -> tuple[Any, Any]:
     """Mean and standard deviation."""
     total = np.float32(0.0)
     for i in range(n):

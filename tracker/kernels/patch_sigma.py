@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -59,9 +61,7 @@ def estimate_precision(found: Array, squares: float, spread: float, rule: Rule, 
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _propagated(
-    design: Array32, vectors: Array, size: int, taps: Array32, padded: Array32
-) -> tuple[float, float, float]:
+def _propagated(design: Array32, vectors: Array, size: int, taps: Array32, padded: Array32) -> tuple[Any, Any, Any]:
     """Variances and covariance of both shifts for white noise of variance 1 that was smoothed with the taps."""
     n_taps = len(taps)
     wide = size + n_taps - 1

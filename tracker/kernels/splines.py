@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
-from tracker.arrays import Array32
+from tracker.arrays import Array, Array32
 
 SplineImage = tuple[Array32, int, int]
 """Spline coefficients of an image, row by row (h * w,), its width and its height, px."""
@@ -19,7 +21,7 @@ _ORIGIN = 64
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _weights(f: float) -> tuple[float, float, float, float]:
+def _weights(f: Any) -> tuple[Any, Any, Any, Any]:
     """The four cubic B-splines that reach a point a fraction f beyond a pixel."""
     rest, f2 = np.float32(1.0) - f, f * f
     third = f2 * f
@@ -30,7 +32,7 @@ def _weights(f: float) -> tuple[float, float, float, float]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _slopes(f: float) -> tuple[float, float, float, float]:
+def _slopes(f: Any) -> tuple[Any, Any, Any, Any]:
     """Derivatives of the four B-splines by f."""
     half, rest = np.float32(0.5), np.float32(1.0) - f
     w0, w3 = -half * rest * rest, half * f * f
@@ -39,13 +41,13 @@ def _slopes(f: float) -> tuple[float, float, float, float]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _row(image: Array32, at: int, w0: float, w1: float, w2: float, w3: float) -> float:
+def _row(image: Array32, at: Any, w0: Any, w1: Any, w2: Any, w3: Any) -> Any:
     """Four coefficients of a row, weighted."""
     return w0 * image[at] + w1 * image[at + 1] + w2 * image[at + 2] + w3 * image[at + 3]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def reaches_out(warp: Array32, half: int, width: int, height: int) -> bool:
+def reaches_out(warp: Array, half: int, width: int, height: int) -> bool:
     """Whether a patch touches the border.
 
     Args:
@@ -62,7 +64,7 @@ def reaches_out(warp: Array32, half: int, width: int, height: int) -> bool:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def sample_patch(image: SplineImage, warp: Array32, half: int, values: Array32) -> None:
+def sample_patch(image: SplineImage, warp: Array, half: int, values: Array32) -> None:
     """Grey values under an affinely transformed patch, which must lie inside.
 
     Args:
@@ -96,7 +98,7 @@ def sample_patch(image: SplineImage, warp: Array32, half: int, values: Array32) 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def sample_gradient(
-    image: SplineImage, warp: Array32, half: int, values: Array32, dx_of: Array32, dy_of: Array32
+    image: SplineImage, warp: Array, half: int, values: Array32, dx_of: Array32, dy_of: Array32
 ) -> None:
     """Grey values and image gradients under an affinely transformed patch, as `sample_patch`.
 

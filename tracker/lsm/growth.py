@@ -49,7 +49,8 @@ class MatchField:
     @property
     def matched(self) -> Mask:
         """(rows * columns,) cells with a match."""
-        return self.ended == MATCHED
+        matched: Mask = self.ended == MATCHED
+        return matched
 
     @property
     def at(self) -> Array:
@@ -117,7 +118,7 @@ class Growth:
         if self.region is None:
             return np.ones(len(at), dtype=np.bool_)
         left, top, right, bottom = self.region
-        inside: Mask = ((at >= (left, top)) & (at <= (right, bottom))).all(axis=1)
+        inside: Mask = np.asarray(((at >= (left, top)) & (at <= (right, bottom))).all(axis=1))
         return inside
 
     def good(self, matches: Matches) -> Mask:

@@ -61,7 +61,8 @@ class Matches:
     @property
     def good(self) -> Mask:
         """(N,) matches that converged."""
-        return self.ended == MATCHED
+        good: Mask = self.ended == MATCHED
+        return good
 
     @property
     def pixels(self) -> Array:
@@ -149,7 +150,7 @@ class LeastSquaresMatching:
 
     def with_patch(self, patch_px: int) -> LeastSquaresMatching:
         """The same with another patch."""
-        return replace(self, patch_px=patch_px)  # type: ignore[type-var]
+        return replace(self, patch_px=patch_px)
 
     def match(
         self, template: PatchImage, search: PatchImage, at: ArrayLike, start: ArrayLike, affine: ArrayLike | None = None

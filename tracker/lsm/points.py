@@ -49,7 +49,8 @@ class SurfacePoints:
     @cached_property
     def n_views(self) -> Integers:
         """(N,) views that show each point."""
-        return np.isfinite(self.pixels[..., 0]).sum(axis=0)
+        count: Integers = np.isfinite(self.pixels[..., 0]).sum(axis=0)
+        return count
 
     def select(self, which: Mask | Integers) -> SurfacePoints:
         """The chosen points."""
@@ -144,7 +145,7 @@ def _adjusted(
 
 def _residuals(cameras: Sequence[Camera], pixels: Array, points: Array) -> tuple[Array, Mask]:
     """Reprojection residuals (V, N, 2), 0 where a view does not show the point, and who shows it (V, N)."""
-    seen: Mask = np.isfinite(pixels).all(axis=2)
+    seen: Mask = np.asarray(np.isfinite(pixels).all(axis=2))
     projected = np.stack([camera.project(points) for camera in cameras])
     residuals = np.where(seen[..., None], pixels - projected, 0.0)
     # A point behind a camera has no image there: its residual is NaN, and no comparison accepts it.

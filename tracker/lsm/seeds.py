@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pydantic
 
-from tracker.arrays import Array, Image
+from tracker.arrays import Array, Image, Mask
 from tracker.camera import Camera
 from tracker.components import component
 from tracker.errors import MatchingError
@@ -32,7 +32,7 @@ class Candidates:
     affine: Array
     """(N, 2, 2) approximate affine transformations."""
 
-    def select(self, which: Array) -> Candidates:
+    def select(self, which: Mask) -> Candidates:
         """The chosen ones."""
         return Candidates(self.at[which], self.start[which], self.affine[which])
 
@@ -119,7 +119,7 @@ def _features(grey: Image, largest_px: int, n_features: int) -> tuple[list[cv2.K
     """SIFT features in pixels of the whole image, and their descriptors (N, 128)."""
     scale = min(1.0, largest_px / max(grey.shape))
     smaller = grey if scale == 1.0 else cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    points, descriptors = cv2.SIFT_create(n_features).detectAndCompute(smaller, None)
+    points, descriptors = cv2.SIFT.create(n_features).detectAndCompute(smaller, None)
     for point in points:
         x, y = point.pt
         point.pt = (x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5
@@ -183,7 +183,8 @@ def _best_correlation(greys: tuple[Image, Image], pair: tuple[Point, Point], rea
     if patch.shape != whole or box.shape != tuple(side + 2 * reach for side in whole):
         return np.asarray(pair[1], dtype=np.float64)
     row, column = np.unravel_index(np.argmax(cv2.matchTemplate(box, patch, cv2.TM_CCOEFF_NORMED)), (2 * reach + 1,) * 2)
-    return np.array([u - reach + column, v - reach + row]) + (np.asarray(pair[0]) - (x, y))
+    shift: Array = np.array([u - reach + column, v - reach + row]) + (np.asarray(pair[0]) - (x, y))
+    return shift
 
 
 def matched_seeds(
@@ -194,7 +195,7 @@ def matched_seeds(
     Each is tried with its own affine transformation and with none; the better one counts.
     """
     at = np.round(candidates.at / growth.step_px) * growth.step_px
-    patient = replace(matching, max_shift_px=max(6.0, matching.max_shift_px), prior_sd=None)  # type: ignore[type-var]
+    patient = replace(matching, max_shift_px=max(6.0, matching.max_shift_px), prior_sd=None)
     rounds = []
     for affine in (candidates.affine, np.tile(np.eye(2), (len(at), 1, 1))):
         start = candidates.start + np.einsum("nij,nj->ni", affine, at - candidates.at)
@@ -204,5 +205,5 @@ def matched_seeds(
     best = correlation.argmax(axis=0)
     found = np.where((best == 0)[:, None], rounds[0].found, rounds[1].found)
     _, first = np.unique(at, axis=0, return_index=True)
-    kept = first[good.any(axis=0)[first]]
+    kept = first[np.logical_or(*good)[first]]
     return Matches(at[kept], found[kept], np.zeros(len(kept), dtype=np.int64))

@@ -10,7 +10,16 @@ import pydantic
 from tracker.arrays import Image
 from tracker.components import FilePath, PathPattern, component
 from tracker.errors import SequenceError
-from tracker.reading._sequence import OpenSequence, Recording, chosen_rig, opened, opened_views, read_image, view_paths
+from tracker.reading._sequence import (
+    OnMissing,
+    OpenSequence,
+    Recording,
+    chosen_rig,
+    opened,
+    opened_views,
+    read_image,
+    view_paths,
+)
 from tracker.reading.video import plate_of_clip
 
 
@@ -70,7 +79,7 @@ class _OneFrame:
     start: int = 0
     stop: int | None = 1
     stride: int = 1
-    on_missing: str = "error"
+    on_missing: OnMissing = "error"
 
     @property
     def offsets(self) -> dict[str, int]:
