@@ -26,6 +26,7 @@ def benchmark(*arguments: str) -> str:
         (("tracking",), ("decode alone", "analysis", "other", "floor", "ratio", "frames/s", "hinge RMS deg"), 4),
         (("robustness", "--only", "missing"), ("lost", "longest loss", "joints 95 % mm", "verdict", "tracked"), 1),
         (("robustness", "--only", "start 5"), ("< 20 mm in 10 frames", "flagged lost", "silently wrong"), 1),
+        (("lsm",), ("inverse-compositional", "findTransformECC", "RMS px", "real error over predicted sigma"), 30),
         (("sigma",), ("rendered RMS ratio", "noise robust", "torso_x", "all arm angles", "aim 0.7 to 1.5"), 27),
     ],
 )
@@ -34,6 +35,6 @@ def test_benchmarks_print_their_columns(arguments: tuple[str, ...], words: tuple
     for word in words:
         assert word in printed
     assert len(re.findall("^│", printed, re.MULTILINE)) >= n_rows
-    if arguments[0] in ("poses", "tracking"):
+    if arguments[0] in ("poses", "tracking", "lsm"):
         # Every speed stands beside its reference.
         assert re.search(r" \d[\d.]*x ", printed)

@@ -9,11 +9,14 @@ from tracker.camera import Camera
 
 
 class Waves:
-    """A band-limited random texture: many cosine waves of about one wavelength."""
+    """A band-limited random texture: cosine waves of 0.6 to `widest` wavelengths, as strong in every octave."""
 
-    def __init__(self, wavelength: float, contrast: float = 40.0, seed: int = 0, n: int = 60) -> None:
+    def __init__(
+        self, wavelength: float, contrast: float = 40.0, seed: int = 0, n: int = 60, widest: float = 2.5
+    ) -> None:
         rng = np.random.default_rng(seed)
-        lengths, directions = wavelength * rng.uniform(0.6, 2.5, n), rng.uniform(0, 2 * np.pi, n)
+        lengths = wavelength * np.exp(rng.uniform(np.log(0.6), np.log(widest), n))
+        directions = rng.uniform(0, 2 * np.pi, n)
         self._waves = 2 * np.pi / lengths * np.stack([np.cos(directions), np.sin(directions)])
         self._phases = rng.uniform(0, 2 * np.pi, n)
         self._amplitude = contrast * np.sqrt(2 / n)

@@ -63,7 +63,11 @@ def moments(values: Array32, n: int) -> tuple[Any, Any]:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def factorize(matrix: Array, factor: Array) -> bool:
-    """Cholesky factor of a matrix (8, 8); False where a parameter cannot be determined."""
+    """Cholesky factor of a matrix (8, 8); False where a parameter cannot be determined.
+
+    That is where a pivot loses five digits, or where gradients are below a thousandth of a grey level per pixel.
+    """
+    least = 1e-6 * matrix[6, 6]
     for i in range(N_PARAMETERS):
         for j in range(i + 1):
             total = matrix[i, j]
@@ -71,7 +75,7 @@ def factorize(matrix: Array, factor: Array) -> bool:
                 total -= factor[i, k] * factor[j, k]
             if i > j:
                 factor[i, j] = total / factor[j, j]
-            elif total > 1e-5 * matrix[i, i]:
+            elif total > 1e-5 * matrix[i, i] and total > least:
                 factor[i, i] = np.sqrt(total)
             else:
                 return False

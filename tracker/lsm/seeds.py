@@ -16,8 +16,6 @@ from tracker.lsm.growth import Growth
 from tracker.lsm.matching import LeastSquaresMatching, Matches, PatchImage
 from tracker.triangulation import triangulate
 
-Point = tuple[float, float]
-
 
 @dataclass(frozen=True)
 class Candidates:
@@ -29,12 +27,12 @@ class Candidates:
     start: Array
     """(N, 2) px in the search image."""
 
-    affine: Array
-    """(N, 2, 2) approximate affine transformations."""
+    affines: tuple[Array, ...]
+    """Approximate affine transformations (N, 2, 2), one or more to be tried."""
 
     def select(self, which: Mask) -> Candidates:
         """The chosen ones."""
-        return Candidates(self.at[which], self.start[which], self.affine[which])
+        return Candidates(self.at[which], self.start[which], tuple(affine[which] for affine in self.affines))
 
 
 @component
@@ -87,9 +85,11 @@ class Seeds:
         found = _correspondences([one[0][i] for i, _ in pairs], [two[0][j] for _, j in pairs])
         distances = _reprojection(cameras, found)
         agreeing = distances < self.epipolar_px
-        if agreeing.sum() < _FEW:
-            raise MatchingError(_disagreement(names, found, distances, self.epipolar_px))
-        return found.select(agreeing)
+        consistent = _consistent(found, self.epipolar_px)
+        if agreeing.sum() < max(_FEW, _LEAST_AGREEING * consistent):
+            raise MatchingError(_disagreement(names, distances, self.epipolar_px, consistent))
+        found = found.select(agreeing)
+        return Candidates(found.at, found.start, (*found.affines, facing_affine(cameras, found.at, found.start)))
 
     def _searched(self, greys: tuple[Image, Image], cameras: tuple[Camera, Camera]) -> Candidates:
         """Given points, moved to the best cross-correlation around."""
@@ -100,13 +100,16 @@ class Seeds:
                 f'[seeds] given: no point for both "{names[0]}" and "{names[1]}"; expected tables like '
                 f"{{ {names[0]} = [320, 240], {names[1]} = [301, 240] }}"
             )
-        at = np.array([pair[0] for pair in pairs])
-        start = np.array([_best_correlation(greys, pair, self.search_px) for pair in pairs])
-        return Candidates(at, start, np.tile(np.eye(2), (len(at), 1, 1)))
+        at, start = (np.array([pair[k] for pair in pairs]) for k in range(2))
+        affine = facing_affine(cameras, at, start)
+        places = zip(at, start, affine, strict=True)
+        start = np.array([_best_correlation(greys, *place, self.search_px) for place in places])
+        return Candidates(at, start, (affine,))
 
 
 _FEW = 6
 _RATIO = 0.8
+_LEAST_AGREEING = 0.3
 
 
 def _as_floats(point: object) -> object:
@@ -144,7 +147,29 @@ def _correspondences(one: list[cv2.KeyPoint], two: list[cv2.KeyPoint]) -> Candid
     scale = np.array([b.size / a.size for a, b in zip(one, two, strict=True)])
     turn = np.radians([b.angle - a.angle for a, b in zip(one, two, strict=True)])
     rotation = np.stack([np.cos(turn), -np.sin(turn), np.sin(turn), np.cos(turn)], axis=1).reshape(-1, 2, 2)
-    return Candidates(at, start, scale[:, None, None] * rotation)
+    return Candidates(at, start, (scale[:, None, None] * rotation,))
+
+
+def facing_affine(cameras: tuple[Camera, Camera], at: Array, start: Array) -> Array:
+    """Affine transformations (N, 2, 2) of patches that face the template's camera, from the rig alone.
+
+    Args:
+        cameras: of the template and the search image.
+        at, start: (N, 2) approximate correspondences, px.
+
+    Returns:
+        The unit matrix where the rays do not meet before the cameras.
+    """
+    points, _ = triangulate(cameras, np.stack([at, start]))
+    depths = cameras[0].in_camera(points)[:, 2]
+    forward = cameras[0].camera_from_world[2, :3]
+    places = []
+    for offset in (np.zeros(2), np.array([1.0, 0.0]), np.array([0.0, 1.0])):
+        rays = cameras[0].rays(at + offset)
+        places.append(cameras[1].project(cameras[0].centre + rays * (depths / (rays @ forward))[:, None]))
+    affine = np.stack([places[1] - places[0], places[2] - places[0]], axis=-1)
+    usable = np.isfinite(affine).all(axis=(1, 2)) & (depths > 0)
+    return np.where(usable[:, None, None], affine, np.eye(2))
 
 
 def _reprojection(cameras: tuple[Camera, Camera], found: Candidates) -> Array:
@@ -155,14 +180,18 @@ def _reprojection(cameras: tuple[Camera, Camera], found: Candidates) -> Array:
     return np.where(np.isfinite(distances), distances, np.inf)
 
 
-def _disagreement(names: tuple[str, str], found: Candidates, distances: Array, limit: float) -> str:
+def _consistent(found: Candidates, limit: float) -> int:
+    """Correspondences that agree with some epipolar geometry, whichever it is."""
+    if len(found.at) < 8:
+        return 0
+    _, inliers = cv2.findFundamentalMat(found.at, found.start, cv2.FM_RANSAC, limit, 0.999)
+    return 0 if inliers is None else int(inliers.sum())
+
+
+def _disagreement(names: tuple[str, str], distances: Array, limit: float, consistent: int) -> str:
     """Why features that look alike do not agree with the calibration."""
-    n = len(found.at)
+    n, n_agreeing = len(distances), int((distances < limit).sum())
     start = f'views "{names[0]}" and "{names[1]}": {n} image features look alike'
-    consistent, n_agreeing = 0, int((distances < limit).sum())
-    if n >= 8:
-        _, inliers = cv2.findFundamentalMat(found.at, found.start, cv2.FM_RANSAC, limit, 0.999)
-        consistent = 0 if inliers is None else int(inliers.sum())
     if consistent > max(20, 0.4 * n):
         return (
             f"{start} and {consistent} agree with one another, but only {n_agreeing} with the calibration "
@@ -174,17 +203,21 @@ def _disagreement(names: tuple[str, str], found: Candidates, distances: Array, l
     )
 
 
-def _best_correlation(greys: tuple[Image, Image], pair: tuple[Point, Point], reach: int, half: int = 10) -> Array:
-    """Position of the best cross-correlation in a search box (paper, section 2.3, step 2)."""
-    (x, y), (u, v) = (np.round(point).astype(int) for point in pair)
-    patch = greys[0][max(0, y - half) : y + half + 1, max(0, x - half) : x + half + 1]
+def _best_correlation(
+    greys: tuple[Image, Image], at: Array, start: Array, affine: Array, reach: int, half: int = 10
+) -> Array:
+    """Position of the best cross-correlation in a search box (paper, section 2.3, step 2), px."""
+    size = 2 * half + 1
+    inverse = np.linalg.inv(affine)
+    to_template = np.c_[inverse, at - inverse @ (half, half)]
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    patch = cv2.warpAffine(greys[0], to_template, (size, size), flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    u, v = np.round(start).astype(int)
     box = greys[1][max(0, v - half - reach) : v + half + reach + 1, max(0, u - half - reach) : u + half + reach + 1]
-    whole = 2 * half + 1, 2 * half + 1
-    if patch.shape != whole or box.shape != tuple(side + 2 * reach for side in whole):
-        return np.asarray(pair[1], dtype=np.float64)
+    if box.shape != (size + 2 * reach, size + 2 * reach):
+        return start
     row, column = np.unravel_index(np.argmax(cv2.matchTemplate(box, patch, cv2.TM_CCOEFF_NORMED)), (2 * reach + 1,) * 2)
-    shift: Array = np.array([u - reach + column, v - reach + row]) + (np.asarray(pair[0]) - (x, y))
-    return shift
+    return np.array([u - reach + column, v - reach + row], dtype=np.float64)
 
 
 def matched_seeds(
@@ -192,18 +225,18 @@ def matched_seeds(
 ) -> Matches:
     """Candidates moved to the growth grid and matched; only good ones.
 
-    Each is tried with its own affine transformation and with none; the better one counts.
+    Each is tried with all its affine transformations; the best one counts.
     """
     at = np.round(candidates.at / growth.step_px) * growth.step_px
     patient = replace(matching, max_shift_px=max(6.0, matching.max_shift_px), prior_sd=None)
     rounds = []
-    for affine in (candidates.affine, np.tile(np.eye(2), (len(at), 1, 1))):
+    for affine in candidates.affines:
         start = candidates.start + np.einsum("nij,nj->ni", affine, at - candidates.at)
         rounds.append(patient.match(*images, at, start, affine))
     good = np.stack([growth.good(matches) for matches in rounds])
     correlation = np.where(good, [matches.correlation for matches in rounds], -1.0)
     best = correlation.argmax(axis=0)
-    found = np.where((best == 0)[:, None], rounds[0].found, rounds[1].found)
+    found = np.stack([matches.found for matches in rounds])[best, np.arange(len(at))]
     _, first = np.unique(at, axis=0, return_index=True)
-    kept = first[np.logical_or(*good)[first]]
+    kept = first[correlation.max(axis=0)[first] >= 0]
     return Matches(at[kept], found[kept], np.zeros(len(kept), dtype=np.int64))

@@ -45,7 +45,10 @@ class Preparation:
     """What happens to the images before they are matched."""
 
     odd_lines_only: bool = False
-    """Interlaced images: use the 1st, 3rd, 5th ... line alone, which were all taken at one time."""
+    """Interlaced images: use the 1st, 3rd, 5th ... line alone, which were all taken at one time.
+
+    Pixel positions, of given seeds and in results, are then those of the images of half the height.
+    """
 
     enhance_contrast: bool = False
     """Wallis filter, for images of poor texture such as skin."""
@@ -56,8 +59,8 @@ class Preparation:
     contrast_grey: float = pydantic.Field(default=40.0, gt=0)
     """Local standard deviation aimed at, grey levels."""
 
-    force: float = pydantic.Field(default=0.8, ge=0, lt=1)
-    """0 leaves the contrast as it is, nearly 1 makes it the same everywhere."""
+    expansion: float = pydantic.Field(default=0.8, gt=0, lt=1)
+    """Constant e of the filter: the contrast is raised e / (1 - e) times at most; near 1 it is the same everywhere."""
 
     max_blur_px: float = pydantic.Field(default=2.5, gt=0)
     """Images whose edges are wider than this (standard deviation) are refused as blurred, px."""
@@ -80,7 +83,7 @@ class Preparation:
         picture = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
         self._check(camera.name, grey)
         if self.enhance_contrast:
-            return View(camera, picture, wallis_filter(grey, self.window_px | 1, self.contrast_grey, self.force))
+            return View(camera, picture, wallis_filter(grey, self.window_px | 1, self.contrast_grey, self.expansion))
         return View(camera, picture, grey.astype(np.float32))
 
     def _check(self, name: str, grey: Image) -> None:
