@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from scipy.spatial import cKDTree
 
 from tracker.arrays import Array, Image
 from tracker.lsm.points import SurfacePoints
@@ -47,12 +48,24 @@ def _scale(values: Array) -> Normalize:
 def _with_points(picture: Image, pixels: Array, colours: Image) -> Image:
     scale = _PICTURE_PX / max(picture.shape[:2])
     smaller = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    drawn: Image = (smaller * 0.6).astype(np.uint8)
+    grey = cv2.cvtColor(smaller, cv2.COLOR_BGR2GRAY)
+    drawn: Image = cv2.cvtColor((grey * 0.6).astype(np.uint8), cv2.COLOR_GRAY2BGR)
     seen = np.isfinite(pixels).all(axis=1)
     places = np.round((pixels[seen] + 0.5) * scale - 0.5).astype(int)
-    places = np.clip(places, 0, np.array(drawn.shape[1::-1]) - 1)
-    drawn[places[:, 1], places[:, 0]] = colours[seen]
+    reach = _dot_reach(places)
+    for down in range(-reach, reach + 1):
+        for right in range(-reach, reach + 1):
+            columns, rows = np.clip(places + np.array([right, down]), 0, np.array(drawn.shape[1::-1]) - 1).T
+            drawn[rows, columns] = colours[seen]
     return drawn
+
+
+def _dot_reach(places: Array) -> int:
+    """How large dots may be that hardly touch, px around their centres."""
+    if len(places) < 2:
+        return 2
+    distances, _ = cKDTree(places).query(places, k=2)
+    return int(np.clip((np.median(np.asarray(distances)[:, 1]) - 1) // 2, 0, 3))
 
 
 def cloud_figure(points: SurfacePoints, rig: Rig) -> Figure:
@@ -79,6 +92,7 @@ def cloud_figure(points: SurfacePoints, rig: Rig) -> Figure:
         )
         for axis in axes[:, column]:
             axis.set_aspect("equal")
+            axis.locator_params(nbins=4)
             axis.set_facecolor("#303438")
             axis.set_xlim(*_range(place[:, 0]))
             axis.set_ylim(*_range(place[:, 1]))
