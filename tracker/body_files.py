@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import tomllib
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pydantic
+import tomli_w
 
 from tracker.arrays import Array, frozen
 from tracker.body import BodyModel, Landmark, Parameter, Part
@@ -22,7 +23,7 @@ class _Entry(pydantic.BaseModel):
     model_config = pydantic.ConfigDict(extra="forbid", frozen=True)
 
 
-class _Axis(_Entry):
+class AxisEntry(_Entry):
     """One degree of freedom; `limits_m` makes it a translation, `limits_deg` a rotation."""
 
     name: str
@@ -30,15 +31,24 @@ class _Axis(_Entry):
     limits_m: tuple[float, float] | None = None
     limits_deg: tuple[float, float] | None = None
 
+    def scaled(self, factor: float) -> AxisEntry:
+        """The axis with the limits of a translation multiplied by a factor."""
+        if self.limits_m is None:
+            return self
+        low, high = self.limits_m
+        return self.model_copy(update={"limits_m": (factor * low, factor * high)})
 
-class _Segment(_Entry):
+
+class SegmentEntry(_Entry):
+    """A rigid segment: its joint in the reference pose, and the parameters that move it, outermost first."""
+
     name: str
     parent: str = "world"
     joint: Vector = (0.0, 0.0, 0.0)
-    parameters: tuple[_Axis, ...] = ()
+    parameters: tuple[AxisEntry, ...] = ()
 
 
-class _Part(_Entry):
+class PartEntry(_Entry):
     """A tapered superquadric whose z axis runs from `start` to `end`; `radii` are a1 (front) and a2 (side)."""
 
     name: str
@@ -51,21 +61,122 @@ class _Part(_Entry):
     front: Vector = (1.0, 0.0, 0.0)
 
 
-class _Landmark(_Entry):
+class LandmarkEntry(_Entry):
+    """A point on a segment in the reference pose."""
+
     segment: str
     at: Vector
 
 
-class _Model(_Entry):
+class BodyDescription(_Entry):
+    """The content of a body model file, all positions in the reference pose."""
+
     name: str
     units: Literal["m"] = "m"
     about: str = ""
     stature_m: float = 0.0
-    segments: tuple[_Segment, ...]
-    parts: tuple[_Part, ...]
-    landmarks: dict[str, _Landmark] = {}
+    sides: tuple[str, str] = ("left", "right")
+    """Words in names that mirror each other: `left_thigh` and `right_thigh` are a pair."""
+
+    across: Vector = (0.0, 1.0, 0.0)
+    """Normal of the body's plane of symmetry, which goes through the origin."""
+
+    segments: tuple[SegmentEntry, ...]
+    parts: tuple[PartEntry, ...]
+    landmarks: dict[str, LandmarkEntry] = {}
     links: tuple[tuple[str, str], ...] = ()
     groups: dict[str, tuple[str, ...]] = {}
+    sigmas: dict[str, float] = {}
+    """Standard deviations of what was measured on the person, metres or plain numbers; empty for a general model."""
+
+    def mirrored(self, name: str) -> str:
+        """The name of the other side's segment, part or landmark; the same name on the midline."""
+        one, other = self.sides
+        swapped = {one: other, other: one}
+        return "_".join(swapped.get(word, word) for word in name.split("_"))
+
+    def scaled(self, factor: float) -> BodyDescription:
+        """The body with every length multiplied by a factor."""
+
+        def times(vector: Vector) -> Vector:
+            x, y, z = vector
+            return factor * x, factor * y, factor * z
+
+        segments = tuple(
+            segment.model_copy(
+                update={
+                    "joint": times(segment.joint),
+                    "parameters": tuple(axis.scaled(factor) for axis in segment.parameters),
+                }
+            )
+            for segment in self.segments
+        )
+        parts = tuple(
+            part.model_copy(
+                update={
+                    "start": times(part.start),
+                    "end": times(part.end),
+                    "radii": (factor * part.radii[0], factor * part.radii[1]),
+                }
+            )
+            for part in self.parts
+        )
+        landmarks = {name: mark.model_copy(update={"at": times(mark.at)}) for name, mark in self.landmarks.items()}
+        changes = {"segments": segments, "parts": parts, "landmarks": landmarks, "stature_m": factor * self.stature_m}
+        return self.model_copy(update=changes)
+
+    def build(self) -> BodyModel:
+        """The body that is described.
+
+        Raises:
+            ModelError: names, axes or shapes that cannot be.
+        """
+        return _build(self)
+
+
+def read_description(path: Path) -> BodyDescription:
+    """Reads the content of a model file.
+
+    Raises:
+        ModelError: the file is missing or wrong; the message names the entry.
+    """
+    try:
+        with path.open("rb") as file:
+            content = tomllib.load(file)
+        return BodyDescription.model_validate(content)
+    except OSError as error:
+        raise ModelError(f"{path}: cannot read the body model: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ModelError(f"{path}: not a TOML file: {error}") from error
+    except pydantic.ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(step) for step in first["loc"])
+        raise ModelError(f"{path}: {where}: {first['msg']} (see models/gavrila22.toml)") from error
+
+
+def save_description(description: BodyDescription, path: Path) -> None:
+    """Writes a model file; replaced as a whole, so that nothing half-written stays.
+
+    Args:
+        description: lengths are written to a hundredth of a millimetre.
+        path: file to write; its folder is made.
+    """
+    content = _rounded(description.model_dump(mode="json", exclude_none=True))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(path.name + ".part")
+    unfinished.write_bytes(tomli_w.dumps(content).encode())
+    unfinished.replace(path)
+
+
+def _rounded(value: Any) -> Any:
+    """Numbers to five digits after the point, in tables and lists."""
+    if isinstance(value, float):
+        return round(value, 5)
+    if isinstance(value, dict):
+        return {key: _rounded(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_rounded(entry) for entry in value]
+    return value
 
 
 def load_body(path: Path, scale: float = 1.0) -> BodyModel:
@@ -78,25 +189,14 @@ def load_body(path: Path, scale: float = 1.0) -> BodyModel:
     Raises:
         ModelError: the file is missing or wrong; the message names the entry.
     """
+    description = read_description(path)
     try:
-        with path.open("rb") as file:
-            content = tomllib.load(file)
-        model = _Model.model_validate(content)
-    except OSError as error:
-        raise ModelError(f"{path}: cannot read the body model: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ModelError(f"{path}: not a TOML file: {error}") from error
-    except pydantic.ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(step) for step in first["loc"])
-        raise ModelError(f"{path}: {where}: {first['msg']} (see models/gavrila22.toml)") from error
-    try:
-        return _build(model, scale)
+        return description.scaled(scale).build()
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from error
 
 
-def _build(model: _Model, scale: float) -> BodyModel:
+def _build(model: BodyDescription) -> BodyModel:
     parameters: list[Parameter] = []
     last = {"world": -1}
     for segment in model.segments:
@@ -109,24 +209,24 @@ def _build(model: _Model, scale: float) -> BodyModel:
             raise ModelError(f'segment "{segment.name}" is defined twice')
         chain = last[segment.parent]
         for axis in segment.parameters:
-            parameters.append(_parameter(axis, scale * np.array(segment.joint), chain, scale))
+            parameters.append(_parameter(axis, np.array(segment.joint), chain))
             chain = len(parameters) - 1
         last[segment.name] = chain
     names = [parameter.name for parameter in parameters]
     if len(set(names)) < len(names):
         raise ModelError(f"parameter {max(names, key=names.count)!r} is defined twice")
-    parts = tuple(_part(part, last, scale) for part in model.parts)
+    parts = tuple(_part(part, last) for part in model.parts)
     landmarks = tuple(
-        Landmark(name, _of_segment(mark.segment, last, name), frozen(scale * np.array(mark.at)))
+        Landmark(name, _of_segment(mark.segment, last, name), frozen(mark.at))
         for name, mark in model.landmarks.items()
     )
     _check_names(model, names)
     return BodyModel(
-        model.name, tuple(parameters), parts, landmarks, model.groups, model.links, scale * model.stature_m
+        model.name, tuple(parameters), parts, landmarks, model.groups, model.links, model.stature_m
     )
 
 
-def _check_names(model: _Model, parameters: list[str]) -> None:
+def _check_names(model: BodyDescription, parameters: list[str]) -> None:
     for group, members in model.groups.items():
         for member in members:
             if member not in parameters:
@@ -137,13 +237,13 @@ def _check_names(model: _Model, parameters: list[str]) -> None:
                 raise ModelError(f'link {link}: no landmark "{end}"; {nearest(end, model.landmarks)}')
 
 
-def _parameter(axis: _Axis, joint: Array, parent: int, scale: float) -> Parameter:
+def _parameter(axis: AxisEntry, joint: Array, parent: int) -> Parameter:
     if (axis.limits_m is None) == (axis.limits_deg is None):
         raise ModelError(f'parameter "{axis.name}": give either limits_m (translation) or limits_deg (rotation)')
     if axis.limits_deg is not None:
         low, high = (math.radians(limit) for limit in axis.limits_deg)
     else:
-        low, high = (scale * limit for limit in axis.limits_m or (-math.inf, math.inf))
+        low, high = axis.limits_m or (-math.inf, math.inf)
     length = float(np.linalg.norm(axis.axis))
     if length == 0 or not low < high:
         raise ModelError(f'parameter "{axis.name}": axis of length {length:g} or limits out of order')
@@ -157,8 +257,8 @@ def _of_segment(segment: str, last: dict[str, int], name: str) -> int:
     return last[segment]
 
 
-def _part(part: _Part, last: dict[str, int], scale: float) -> Part:
-    start, end = scale * np.array(part.start), scale * np.array(part.end)
+def _part(part: PartEntry, last: dict[str, int]) -> Part:
+    start, end = np.array(part.start), np.array(part.end)
     length = float(np.linalg.norm(end - start))
     if length == 0:
         raise ModelError(f'part "{part.name}": start and end are the same point')
@@ -170,7 +270,6 @@ def _part(part: _Part, last: dict[str, int], scale: float) -> Part:
     placement = np.eye(4)
     placement[:3, :3] = np.stack([np.cross(side, long_axis), side, long_axis], axis=1)
     placement[:3, 3] = (start + end) / 2
-    radii = scale * np.array(part.radii)
-    size = np.array([radii[0], radii[1], length / 2])
+    size = np.array([*part.radii, length / 2])
     shape = TaperedSuperquadric(size, np.array(part.squareness), np.array(part.taper))
     return Part(part.name, part.segment, _of_segment(part.segment, last, part.name), shape, frozen(placement))

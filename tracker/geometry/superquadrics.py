@@ -65,6 +65,36 @@ def inside_outside(shape: Array, points: Array) -> Array:
     return value
 
 
+def shape_derivatives(shape: Array, points: Array) -> Array:
+    """How surface points of fixed latitude and longitude move with the shape.
+
+    Args:
+        shape: (7,) packed superquadric.
+        points: (..., 3) on the surface, in the part's frame, metres.
+
+    Returns:
+        (..., 3, 7) derivatives with respect to a1 a2 a3 e1 e2 k1 k2; metres per unit.
+    """
+    a1, a2, a3, e1, e2, k1, k2 = shape
+    height = np.clip(points[..., 2] / a3, -1, 1)
+    grow_x, grow_y = 1 + k1 * height, 1 + k2 * height
+    x, y = points[..., 0] / grow_x, points[..., 1] / grow_y
+    around = np.maximum(np.abs(x / a1) ** (2 / e2) + np.abs(y / a2) ** (2 / e2), _TINY)
+    log_sin_eta = np.log(np.maximum(np.abs(height), _TINY)) / e1
+    log_cos_eta = np.log(around) * e2 / (2 * e1)
+    log_cos_omega = 0.5 * np.log(np.maximum(np.abs(x / a1) ** (2 / e2) / around, _TINY))
+    log_sin_omega = 0.5 * np.log(np.maximum(np.abs(y / a2) ** (2 / e2) / around, _TINY))
+    moved = np.zeros((*points.shape, 7))
+    rise = height * log_sin_eta
+    moved[..., 0, 0], moved[..., 1, 1], moved[..., 2, 2] = points[..., 0] / a1, points[..., 1] / a2, height
+    moved[..., 0, 3] = points[..., 0] * log_cos_eta + k1 * x * rise
+    moved[..., 1, 3] = points[..., 1] * log_cos_eta + k2 * y * rise
+    moved[..., 2, 3] = a3 * rise
+    moved[..., 0, 4], moved[..., 1, 4] = points[..., 0] * log_cos_omega, points[..., 1] * log_sin_omega
+    moved[..., 0, 5], moved[..., 1, 6] = x * height, y * height
+    return moved
+
+
 def spread(shape: Array, n_eta: int, n_omega: int) -> tuple[Array, Array]:
     """Latitudes and longitudes that spread evenly over the shape, both by arc length and by turning.
 

@@ -1,0 +1,256 @@
+"""The numbers of a body model file as arrays, and how they change together when a body grows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tracker.arrays import Array
+from tracker.body_files import BodyDescription
+
+_FIELDS = ("joints", "starts", "ends", "radii", "squareness", "taper", "landmarks")
+
+# Landmarks this close to the end of a part, or to the middle of two joints, are that point, metres.
+_SAME_M = 0.006
+
+SQUARENESS = (0.1, 1.0)
+MOST_TAPER = 0.7
+"""Limits of `TaperedSuperquadric`."""
+
+
+@dataclass(frozen=True)
+class Anatomy:
+    """Positions (m), logarithms of radii, and shape exponents of all entries; changes are arrays of the same layout."""
+
+    joints: Array
+    """(J, 3) of all segments."""
+
+    starts: Array
+    ends: Array
+    """(P, 3) of all parts."""
+
+    radii: Array
+    """(P, 2) natural logarithms of metres."""
+
+    squareness: Array
+    taper: Array
+    """(P, 2)"""
+
+    landmarks: Array
+    """(L, 3)"""
+
+    parents: tuple[int, ...]
+    """Index of each segment's parent, -1 for the world."""
+
+    part_segments: tuple[int, ...]
+    landmark_segments: tuple[int, ...]
+    segment_mates: tuple[int, ...]
+    """Index of the other side's segment; its own on the midline."""
+
+    part_mates: tuple[int, ...]
+    landmark_mates: tuple[int, ...]
+    fronts: Array
+    """(P, 3)"""
+
+    across: Array
+    """(3,) unit normal of the plane of symmetry."""
+
+    @classmethod
+    def of(cls, body: BodyDescription) -> Anatomy:
+        """The numbers of a description."""
+        names = [segment.name for segment in body.segments]
+        parts = [part.name for part in body.parts]
+        marks = list(body.landmarks)
+        place = {name: k for k, name in enumerate(names)} | {"world": -1}
+        return cls(
+            joints=np.array([segment.joint for segment in body.segments]),
+            starts=np.array([part.start for part in body.parts]),
+            ends=np.array([part.end for part in body.parts]),
+            radii=np.log([part.radii for part in body.parts]),
+            squareness=np.array([part.squareness for part in body.parts]),
+            taper=np.array([part.taper for part in body.parts]),
+            landmarks=np.array([mark.at for mark in body.landmarks.values()]).reshape(-1, 3),
+            parents=tuple(place[segment.parent] for segment in body.segments),
+            part_segments=tuple(place[part.segment] for part in body.parts),
+            landmark_segments=tuple(place[mark.segment] for mark in body.landmarks.values()),
+            segment_mates=_mates(names, body),
+            part_mates=_mates(parts, body),
+            landmark_mates=_mates(marks, body),
+            fronts=np.array([part.front for part in body.parts]),
+            across=np.array(body.across) / np.linalg.norm(body.across),
+        )
+
+    def described(self, body: BodyDescription) -> BodyDescription:
+        """The description with these numbers."""
+        segments = tuple(
+            segment.model_copy(update={"joint": tuple(joint)})
+            for segment, joint in zip(body.segments, self.joints.tolist(), strict=True)
+        )
+        # Limits of the shapes are kept to rounding.
+        squareness, taper = self.squareness.clip(*SQUARENESS), self.taper.clip(-MOST_TAPER, MOST_TAPER)
+        columns = (self.starts, self.ends, np.exp(self.radii), squareness, taper)
+        fields = ("start", "end", "radii", "squareness", "taper")
+        parts = tuple(
+            part.model_copy(update=dict(zip(fields, map(tuple, values), strict=True)))
+            for part, *values in zip(body.parts, *(column.tolist() for column in columns), strict=True)
+        )
+        landmarks = {
+            name: mark.model_copy(update={"at": tuple(at)})
+            for (name, mark), at in zip(body.landmarks.items(), self.landmarks.tolist(), strict=True)
+        }
+        return body.model_copy(update={"segments": segments, "parts": parts, "landmarks": landmarks})
+
+    def packed(self) -> Array:
+        """(n,) all numbers."""
+        return np.concatenate([getattr(self, name).ravel() for name in _FIELDS])
+
+    def plus(self, change: Array) -> Anatomy:
+        """The anatomy changed by (n,)."""
+        values, start = {}, 0
+        for name in _FIELDS:
+            old = getattr(self, name)
+            values[name] = old + change[start : start + old.size].reshape(old.shape)
+            start += old.size
+        return replace(self, **values)
+
+    def _still(self) -> Anatomy:
+        """No change at all, of the same layout."""
+        return replace(self, **{name: np.zeros_like(getattr(self, name)) for name in _FIELDS})
+
+    def children(self, k: int) -> tuple[int, ...]:
+        """Segments that hang on segment k."""
+        return tuple(j for j, parent in enumerate(self.parents) if parent == k)
+
+    def _below(self, k: int) -> list[int]:
+        """Segment k and all that hang on it."""
+        found = [k]
+        for j, parent in enumerate(self.parents):
+            if parent in found:
+                found.append(j)
+        return found
+
+    def _carry(self, change: Anatomy, k: int, shift: Array) -> None:
+        """Moves segment k with all that hangs on it."""
+        below = set(self._below(k))
+        for j in below:
+            change.joints[j] += shift
+        for p, segment in enumerate(self.part_segments):
+            if segment in below:
+                change.starts[p] += shift
+                change.ends[p] += shift
+        for m, segment in enumerate(self.landmark_segments):
+            if segment in below:
+                change.landmarks[m] += shift
+
+    def grown(self) -> Array:
+        """The whole body larger: change per relative unit."""
+        change = replace(self._still(), radii=np.ones_like(self.radii))
+        same = {name: getattr(self, name) for name in ("joints", "starts", "ends", "landmarks")}
+        return replace(change, **same).packed()
+
+    def fattened(self) -> Array:
+        """All radii larger: change per relative unit."""
+        return replace(self._still(), radii=np.ones_like(self.radii)).packed()
+
+    def length_axis(self, k: int) -> Array | None:
+        """(3,) from the joint of a segment to the next one, or to its farthest landmark or part; None if none is."""
+        ends = [self.joints[j] for j in self.children(k)]
+        if not ends:
+            ends = [self.landmarks[m] for m, segment in enumerate(self.landmark_segments) if segment == k]
+            ends = [end for end in ends if np.linalg.norm(end - self.joints[k]) > _SAME_M]
+        if not ends:
+            ends = [self.ends[p] for p, segment in enumerate(self.part_segments) if segment == k]
+        gaps = [end - self.joints[k] for end in ends]
+        longest = max(gaps, key=lambda gap: float(np.linalg.norm(gap)), default=np.zeros(3))
+        length = float(np.linalg.norm(longest))
+        return longest / length if length > _SAME_M else None
+
+    def lengthened(self, k: int) -> Array:
+        """A segment longer along its axis: change per relative unit."""
+        change, axis = self._still(), self.length_axis(k)
+        assert axis is not None
+        self._stretch(change, k, np.outer(axis, axis))
+        return change.packed()
+
+    def widened(self, k: int, axis: int) -> Array:
+        """A segment with several joints larger along one axis of the reference pose: change per relative unit."""
+        change, unit = self._still(), np.eye(3)[axis]
+        self._stretch(change, k, np.outer(unit, unit))
+        for p, segment in enumerate(self.part_segments):
+            if segment == k:
+                _, front, side = self.part_axes(p)
+                change.radii[p] += (front @ unit) ** 2, (side @ unit) ** 2
+        return change.packed()
+
+    def _stretch(self, change: Anatomy, k: int, along: Array) -> None:
+        joint = self.joints[k]
+        for j in self.children(k):
+            self._carry(change, j, along @ (self.joints[j] - joint))
+        for p, segment in enumerate(self.part_segments):
+            if segment == k:
+                change.starts[p] += along @ (self.starts[p] - joint)
+                change.ends[p] += along @ (self.ends[p] - joint)
+        for m, segment in enumerate(self.landmark_segments):
+            if segment == k:
+                change.landmarks[m] += along @ (self.landmarks[m] - joint)
+
+    def shifted(self, k: int, shift: Array) -> Array:
+        """A joint elsewhere on its parent: change per metre; landmarks between it and its mate follow half."""
+        change = self._still()
+        self._carry(change, k, shift)
+        middle = (self.joints[k] + self.joints[self.segment_mates[k]]) / 2
+        for m, segment in enumerate(self.landmark_segments):
+            if segment == self.parents[k] and np.linalg.norm(self.landmarks[m] - middle) < _SAME_M:
+                change.landmarks[m] += shift / (1 if self.segment_mates[k] == k else 2)
+        return change.packed()
+
+    def part_axes(self, p: int) -> tuple[Array, Array, Array]:
+        """(3,) each: unit vectors along, to the front and to the side of a part."""
+        along = self.ends[p] - self.starts[p]
+        along = along / np.linalg.norm(along)
+        side = np.cross(along, self.fronts[p])
+        side /= np.linalg.norm(side)
+        return along, np.cross(side, along), side
+
+    def end_moved(self, p: int, end: str, shift: Array) -> Array:
+        """One end of a part elsewhere: change per metre; landmarks there follow."""
+        change, points = self._still(), self.starts if end == "start" else self.ends
+        (change.starts if end == "start" else change.ends)[p] += shift
+        for m, segment in enumerate(self.landmark_segments):
+            if segment == self.part_segments[p] and np.linalg.norm(self.landmarks[m] - points[p]) < _SAME_M:
+                change.landmarks[m] += shift
+        return change.packed()
+
+    def one(self, name: str, p: int, k: int) -> Array:
+        """One number of a part: change per unit."""
+        change = self._still()
+        getattr(change, name)[p, k] = 1.0
+        return change.packed()
+
+    def mirrored(self, change: Array) -> Array:
+        """A change (n,) as the other side has it."""
+        given = self._still().plus(change)
+        flip = np.eye(3) - 2 * np.outer(self.across, self.across)
+        return Anatomy.packed(
+            replace(
+                given,
+                joints=given.joints[list(self.segment_mates)] @ flip,
+                starts=given.starts[list(self.part_mates)] @ flip,
+                ends=given.ends[list(self.part_mates)] @ flip,
+                radii=given.radii[list(self.part_mates)],
+                squareness=given.squareness[list(self.part_mates)],
+                taper=given.taper[list(self.part_mates)],
+                landmarks=given.landmarks[list(self.landmark_mates)] @ flip,
+            )
+        )
+
+    def symmetrized(self, change: Array) -> Array:
+        """What of a change (n,) keeps the body symmetric."""
+        kept: Array = (change + self.mirrored(change)) / 2
+        return kept
+
+
+def _mates(names: list[str], body: BodyDescription) -> tuple[int, ...]:
+    mates = [body.mirrored(name) for name in names]
+    return tuple(names.index(mate) if mate in names else k for k, mate in enumerate(mates))

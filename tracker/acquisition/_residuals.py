@@ -1,0 +1,194 @@
+"""Distances between model contours and image contours in metres at the person, with derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tracker.acquisition.looks import Look
+from tracker.acquisition.outlines import on_outline
+from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.body import BodyModel
+from tracker.contours import Contours
+from tracker.geometry.superquadrics import shape_derivatives
+from tracker.kernels.oriented_matching import match_oriented
+from tracker.observation import Observation
+from tracker.rig import Rig
+from tracker.scene import Person, Scene
+from tracker.synthesis import Synthesis
+
+Bodies = tuple[BodyModel, tuple[BodyModel, ...], Array]
+"""A body, its neighbours in the shape space, and the (S,) steps to them."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """N residuals with derivatives; a residual is metres in the image plane's direction at the model point."""
+
+    residuals: Array
+    """(N,) m, along the contour's normal: positive where the model is too large."""
+
+    jacobian: Array
+    """(N, S + dof)"""
+
+    lengths_m: Array
+    """(N,) contour each stands for, metres."""
+
+    parts: Integers
+    """(N,) part of the model point; -1 for a clicked joint."""
+
+    views: Integers
+    inner: Mask
+    """(N,) from edges, not from the outline of a silhouette."""
+
+    weights: Array
+    """(N,)"""
+
+    def joined(self, other: Rows) -> Rows:
+        """These rows and others."""
+        fields = self.__dataclass_fields__
+        return Rows(**{name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in fields})
+
+
+def look_rows(look: Look, bodies: Bodies, q: Array, synthesis: Synthesis, gate: tuple[float, float]) -> Rows:
+    """Rows of all contour pairs of a look.
+
+    Args:
+        look: the images.
+        bodies: the body and its neighbours.
+        q: (dof,) pose.
+        synthesis: makes the contours.
+        gate: largest distance of a pair, metres, and angle, degrees.
+    """
+    body = bodies[0]
+    scene = Scene((Person("subject", body, q),), look.rig)
+    contours = synthesis.contours(scene)
+    scale = pixels_per_metre(look.rig, contours)
+    found: list[Rows] = []
+    if look.outlines is not None:
+        outer = on_outline(contours, scene, synthesis)
+        found.append(_matched(look.rig, bodies, q, _only(contours, outer), (look.outlines, False), (*gate, scale)))
+    if look.edges is not None:
+        found.append(_matched(look.rig, bodies, q, contours, (look.edges(contours), True), (*gate, scale)))
+    rows = found[0]
+    for more in found[1:]:
+        rows = rows.joined(more)
+    return rows
+
+
+def _only(contours: Contours, kept: Mask) -> Contours:
+    """The contours with all other samples weightless, which are not matched."""
+    positions = contours.positions.copy()
+    positions[0, ~kept, 4] = 0.0
+    return replace(contours, positions=positions)
+
+
+def pixels_per_metre(rig: Rig, contours: Contours) -> Array:
+    """(V,) size of a metre at the person in each view, px; NaN where nothing of it is seen."""
+    scales = np.full(len(rig), np.nan)
+    for v, camera in enumerate(rig.cameras):
+        points = contours.of(v).points
+        if len(points):
+            scales[v] = camera.matrix[0, 0] / np.median(camera.in_camera(points.astype(np.float64))[:, 2])
+    return scales
+
+
+def _matched(
+    rig: Rig,
+    bodies: Bodies,
+    q: Array,
+    contours: Contours,
+    seen: tuple[Observation, bool],
+    gate: tuple[float, float, Array],
+) -> Rows:
+    observation, inner = seen
+    gate_m, direction_deg, scale = gate
+    pairs = _pairs(contours, observation, gate_m * float(np.nanmean(scale)), direction_deg)
+    views, samples, scene = pairs[:, 0], pairs[:, 1], pairs[:, 2]
+    edges: Array32 = observation.packed[2]
+    sample = contours.positions[0][views, samples].astype(np.float64)
+    points, parts = contours.points[0][views, samples].astype(np.float64), contours.parts[0][views, samples]
+    across = _across(rig, points, views, sample[:, 2:4])
+    gap = ((sample[:, :2] - edges[scene, :2]) * sample[:, 2:4]).sum(axis=1)
+    return Rows(
+        residuals=gap / scale[views],
+        jacobian=np.einsum("nj,njk->nk", across, motion(bodies, q, points, parts)) / scale[views, None],
+        lengths_m=np.where(pairs[:, 3] == 0, sample[:, 4], edges[scene, 4]) / scale[views],
+        parts=parts,
+        views=views,
+        inner=np.full(len(pairs), inner),
+        weights=np.ones(len(pairs)),
+    )
+
+
+def _pairs(contours: Contours, observation: Observation, gate_px: float, direction_deg: float) -> Integers:
+    """(N, 4) see `match_oriented`."""
+    _, _, scene, first, _ = observation.packed
+    pairs = np.empty((int(contours.counts[0].sum()) + len(scene), 4), dtype=np.int64)
+    gate = (gate_px, float(np.cos(np.radians(direction_deg))))
+    return pairs[: match_oriented(contours.positions[0], contours.counts[0], scene, first, gate, pairs)]
+
+
+def _across(rig: Rig, points: Array, views: Integers, normals: Array) -> Array:
+    """(N, 3) derivative of the pixel along its normal by the world point, px per metre."""
+    across = np.zeros_like(points)
+    for v, camera in enumerate(rig.cameras):
+        rows = views == v
+        across[rows] = np.einsum("ni,nij->nj", normals[rows], camera.project_jacobian(points[rows]))
+    return across
+
+
+def motion(bodies: Bodies, q: Array, points: Array, parts: Integers) -> Array:
+    """(N, 3, S + dof) how surface points move with shape and pose.
+
+    A point of an occluding contour keeps its latitude and longitude: that the contour slides along the surface moves
+    its image along the contour only. Shapes and placements are differentiated by steps, points exactly.
+    """
+    body, neighbours, steps = bodies
+    placed = body.world_from_part(q)
+    moved = np.stack([near.world_from_part(q) - placed for near in neighbours], axis=-1) / steps
+    formed = np.stack([near.shapes - body.shapes for near in neighbours], axis=-1) / steps
+    rotations = placed[parts, :3, :3]
+    local = np.einsum("nji,nj->ni", rotations, points - placed[parts, :3, 3])
+    found = np.empty((len(points), 3, len(neighbours) + body.dof))
+    for p in np.unique(parts):
+        rows = parts == p
+        with_one = np.concatenate([local[rows], np.ones((int(rows.sum()), 1))], axis=1)
+        own = placed[p, :3, :3] @ shape_derivatives(body.shapes[p], local[rows])
+        found[rows, :, : len(neighbours)] = np.einsum("ijs,nj->nis", moved[p, :3], with_one) + own @ formed[p]
+    found[:, :, len(neighbours) :] = body.point_jacobian(q, points, body.part_parameters[parts])
+    return found
+
+
+def mark_rows(look: Look, bodies: Bodies, q: Array, weight_m_per_px: float) -> Rows:
+    """Rows of the clicked joints: two each, along the axes of the image.
+
+    Args:
+        look: the picture with its marks.
+        bodies: the body and its neighbours.
+        q: (dof,) pose.
+        weight_m_per_px: what a pixel counts, metres.
+    """
+    body, neighbours, steps = bodies
+    placed = body.landmarks_in_world(q)
+    moved = np.stack([near.landmarks_in_world(q) - placed for near in neighbours], axis=-1) / steps
+    ends = np.array([mark.parameter for mark in body.landmarks], dtype=np.int64)
+    turned = body.point_jacobian(q, placed, ends)
+    residuals, jacobian = [], []
+    for mark in look.marks:
+        camera = look.rig.cameras[mark.view]
+        slope = camera.project_jacobian(placed[mark.landmark])
+        residuals.append(weight_m_per_px * (camera.project(placed[mark.landmark]) - mark.pixel))
+        columns = np.concatenate([moved[mark.landmark], turned[mark.landmark]], axis=1)
+        jacobian.append(weight_m_per_px * slope @ columns)
+    n = 2 * len(look.marks)
+    return Rows(
+        residuals=np.concatenate(residuals),
+        jacobian=np.concatenate(jacobian),
+        lengths_m=np.zeros(n),
+        parts=np.full(n, -1),
+        views=np.repeat([mark.view for mark in look.marks], 2),
+        inner=np.zeros(n, dtype=np.bool_),
+        weights=np.ones(n),
+    )

@@ -1,0 +1,91 @@
+"""Outlines of given silhouettes as observations, and which model contours they may be compared with."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from tracker.arrays import Array32, Mask
+from tracker.contours import Contours
+from tracker.imaging.edges import EdgeSegments, canny, chamfer_image, gradient, segment_edges
+from tracker.observation import Observation, ViewObservation
+from tracker.scene import Scene
+from tracker.synthesis import Synthesis
+
+_SMOOTHING_PX = 1.2
+_REACH_PX = 40.0
+_SCENE_POINTS = 500
+
+# A sample is on the outline if the model does not cover the pixel this far outside of it, px.
+_OUTSIDE_PX = 2.5
+
+
+def outline_observation(masks: tuple[Mask | None, ...]) -> Observation:
+    """The outlines of silhouettes as the only edges.
+
+    Args:
+        masks: (H, W) of each view, None where it is not known.
+    """
+    return Observation(tuple(None if mask is None else _outlined(mask) for mask in masks))
+
+
+def _outlined(mask: Mask) -> ViewObservation:
+    gradients = gradient(mask.astype(np.uint8) * np.uint8(255), _SMOOTHING_PX)
+    found = segment_edges(canny(gradients, 10.0, 20.0), gradients, (4, float(np.radians(20.0)), 8))
+    kept = _inside(found, mask)
+    points, directions = found.points[kept], found.directions[kept]
+    n = len(points)
+    most = min(n, _SCENE_POINTS)
+    scene = np.floor((np.arange(most) + 0.5) * n / max(most, 1)).astype(np.int64)
+    return ViewObservation(
+        edges=points,
+        directions=directions,
+        segments=found.segments[kept],
+        accepted=np.ones(n, dtype=np.bool_),
+        scene=scene,
+        scene_weights=np.full(most, n / max(most, 1), dtype=np.float32),
+        origin=(0, 0),
+        distance=chamfer_image(points, (mask.shape[1], mask.shape[0]), _REACH_PX),
+        reach=_REACH_PX,
+        silhouette=mask,
+    )
+
+
+def _inside(found: EdgeSegments, mask: Mask) -> Mask:
+    """(N,) points off the border of the image, where a silhouette that is cut off has no outline."""
+    size = np.array([mask.shape[1], mask.shape[0]])
+    inside: Mask = ((found.points > 2) & (found.points < size - 3)).all(axis=1)
+    return inside
+
+
+def on_outline(contours: Contours, scene: Scene, synthesis: Synthesis) -> Mask:
+    """(V, M) samples of the first pose that lie on the outline of the whole model, not before another part."""
+    positions = contours.positions[0]
+    found = np.zeros(positions.shape[:2], dtype=np.bool_)
+    for v, silhouette in enumerate(synthesis.silhouettes(scene)):
+        n = int(contours.counts[0, v])
+        found[v, :n] = ~_covered(silhouette, positions[v, :n, :2] + _OUTSIDE_PX * positions[v, :n, 2:4])
+    return found
+
+
+def _covered(silhouette: Mask, pixels: Array32) -> Mask:
+    columns, rows = np.rint(pixels).astype(np.int64).T
+    height, width = silhouette.shape
+    inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+    covered: Mask = silhouette[rows.clip(0, height - 1), columns.clip(0, width - 1)] & inside
+    return covered
+
+
+def overlap(one: Mask, other: Mask) -> float:
+    """Intersection over union of two silhouettes."""
+    union = np.count_nonzero(one | other)
+    return np.count_nonzero(one & other) / union if union else 0.0
+
+
+def largest_region(mask: Mask) -> Mask:
+    """The largest connected region, its small holes filled."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    if count < 2:
+        return mask
+    region: Mask = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    return region

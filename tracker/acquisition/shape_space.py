@@ -1,0 +1,209 @@
+"""What of a body may differ between persons: named shape parameters, linear in the content of a model file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import pydantic
+
+from tracker.acquisition._anatomy import MOST_TAPER, SQUARENESS, Anatomy
+from tracker.arrays import Array, frozen
+from tracker.body import BodyModel
+from tracker.body_files import BodyDescription
+from tracker.components import component
+from tracker.errors import ModelError
+
+_STEP = 1e-5
+
+
+@component
+class ShapePrior:
+    """How much persons differ from the model that is scaled by their stature: standard deviations."""
+
+    symmetric: bool = True
+    """Left and right have the same lengths and shapes."""
+
+    stature: float = pydantic.Field(default=0.01, gt=0)
+    """Overall size, relative."""
+
+    girth: float = pydantic.Field(default=0.1, gt=0)
+    """All radii together, relative."""
+
+    length: float = pydantic.Field(default=0.05, gt=0)
+    """Length of a segment, relative."""
+
+    joint_m: float = pydantic.Field(default=0.015, gt=0)
+    """Place of a joint on a segment with several ones (shoulders and hips on the torso), metres."""
+
+    end_m: float = pydantic.Field(default=0.015, gt=0)
+    """Ends of a part along its axis, metres."""
+
+    offset_m: float = pydantic.Field(default=0.01, gt=0)
+    """Ends of a part across its axis, metres."""
+
+    radius: float = pydantic.Field(default=0.15, gt=0)
+    """Radii of a part, relative."""
+
+    squareness: float = pydantic.Field(default=0.15, gt=0)
+    """Both exponents of a part."""
+
+    taper: float = pydantic.Field(default=0.15, gt=0)
+    """Relative growth of a part from its middle to its end."""
+
+
+@dataclass(frozen=True)
+class ShapeParameter:
+    """One way in which a body may differ."""
+
+    name: str
+    """What it changes and how: `left_thigh.length`; of a symmetric pair the first side's name."""
+
+    sigma: float
+    """Standard deviation among persons."""
+
+    direction: Array
+    """(n,) change of the packed anatomy per unit."""
+
+    limits: tuple[float, float] = (-np.inf, np.inf)
+    part: str | None = None
+    """The part that alone it changes, if so."""
+
+
+@dataclass(frozen=True)
+class ShapeSpace:
+    """Bodies ``anatomy = general + directions s``; s (S,) is 0 for the general model."""
+
+    description: BodyDescription
+    prior: ShapePrior = field(default_factory=ShapePrior)
+
+    @cached_property
+    def parameters(self) -> tuple[ShapeParameter, ...]:
+        """All shape parameters, in the order of s."""
+        return tuple(_parameters(Anatomy.of(self.description), self.description, self.prior))
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @cached_property
+    def sigmas(self) -> Array:
+        """(S,) standard deviations of the prior."""
+        return frozen([parameter.sigma for parameter in self.parameters])
+
+    @cached_property
+    def limits(self) -> Array:
+        """(S, 2) smallest and largest values: shapes stay convex."""
+        return frozen([parameter.limits for parameter in self.parameters]).reshape(-1, 2)
+
+    @cached_property
+    def directions(self) -> Array:
+        """(n, S) change of the packed anatomy per unit of each parameter."""
+        return frozen(np.stack([parameter.direction for parameter in self.parameters], axis=1))
+
+    def described(self, s: Array) -> BodyDescription:
+        """The model file's content for a shape (S,)."""
+        general = Anatomy.of(self.description)
+        return general.plus(self.directions @ s).described(self.description)
+
+    def body(self, s: Array) -> BodyModel:
+        """The body of a shape (S,)."""
+        return self.described(s).build()
+
+    def neighbours(self, s: Array) -> tuple[BodyModel, ...]:
+        """S bodies, each with one parameter moved by `step`, inwards at a limit."""
+        steps = self.steps(s)
+        return tuple(self.body(s + steps[k] * row) for k, row in enumerate(np.eye(len(s))))
+
+    def steps(self, s: Array) -> Array:
+        """(S,) signed steps of `neighbours`."""
+        return np.where(s + _STEP > self.limits[:, 1], -_STEP, _STEP)
+
+
+def _parameters(anatomy: Anatomy, body: BodyDescription, prior: ShapePrior) -> Iterable[ShapeParameter]:
+    yield ShapeParameter("stature", prior.stature, anatomy.grown())
+    yield ShapeParameter("girth", prior.girth, anatomy.fattened())
+    for k, segment in enumerate(body.segments):
+        sides = _sides(anatomy.segment_mates[k], k, prior)
+        if sides is None:
+            continue
+        if len(anatomy.children(k)) > 1:
+            for axis, name in enumerate(("depth", "width", "height")):
+                yield ShapeParameter(
+                    f"{segment.name}.{name}", prior.length, _both(anatomy, anatomy.widened(k, axis), sides)
+                )
+            for child in anatomy.children(k):
+                yield from _joint_parameters(anatomy, body, child, prior)
+        elif anatomy.length_axis(k) is not None:
+            yield ShapeParameter(f"{segment.name}.length", prior.length, _both(anatomy, anatomy.lengthened(k), sides))
+    for p, part in enumerate(body.parts):
+        sides = _sides(anatomy.part_mates[p], p, prior)
+        if sides is not None:
+            for name, sigma, direction, limits in _part_changes(anatomy, p, prior):
+                midline = prior.symmetric and anatomy.part_mates[p] == p
+                if midline:
+                    direction = anatomy.symmetrized(direction)
+                if np.abs(direction).max() > 0.1:
+                    yield ShapeParameter(
+                        f"{part.name}.{name}", sigma, _both(anatomy, direction, sides), limits, part.name
+                    )
+
+
+def _sides(mate: int, own: int, prior: ShapePrior) -> tuple[bool, bool] | None:
+    """Whether to mirror a change and whether it stands for both sides; None for the side that is a mirror image."""
+    if not prior.symmetric or mate == own:
+        return (False, True)
+    return (True, True) if own < mate else None
+
+
+def _both(anatomy: Anatomy, direction: Array, sides: tuple[bool, bool]) -> Array:
+    return direction + anatomy.mirrored(direction) if sides[0] else direction
+
+
+def _joint_parameters(anatomy: Anatomy, body: BodyDescription, k: int, prior: ShapePrior) -> Iterable[ShapeParameter]:
+    mate = anatomy.segment_mates[k]
+    sides = _sides(mate, k, prior)
+    if sides is None:
+        return
+    for axis, name in enumerate("xyz"):
+        direction = anatomy.shifted(k, np.eye(3)[axis])
+        if prior.symmetric and mate == k:
+            direction = anatomy.symmetrized(direction)
+        if np.abs(direction).max() > 0.1:
+            yield ShapeParameter(
+                f"{body.segments[k].name}.joint_{name}", prior.joint_m, _both(anatomy, direction, sides)
+            )
+
+
+def _part_changes(
+    anatomy: Anatomy, p: int, prior: ShapePrior
+) -> Iterable[tuple[str, float, Array, tuple[float, float]]]:
+    """Name, sigma, direction and limits of the ways in which one part may differ."""
+    free = (-np.inf, np.inf)
+    for end in ("start", "end"):
+        for axis, name in zip(anatomy.part_axes(p), ("along", "front", "side"), strict=True):
+            sigma = prior.end_m if name == "along" else prior.offset_m
+            yield f"{end}_{name}", sigma, anatomy.end_moved(p, end, axis), free
+    low, high = SQUARENESS
+    for k, name in enumerate(("front", "side")):
+        yield f"radius_{name}", prior.radius, anatomy.one("radii", p, k), free
+    for k, name in enumerate(("along", "around")):
+        value = float(anatomy.squareness[p, k])
+        yield f"squareness_{name}", prior.squareness, anatomy.one("squareness", p, k), (low - value, high - value)
+    for k, name in enumerate(("front", "side")):
+        value = float(anatomy.taper[p, k])
+        yield f"taper_{name}", prior.taper, anatomy.one("taper", p, k), (-MOST_TAPER - value, MOST_TAPER - value)
+
+
+def space_of(description: BodyDescription, prior: ShapePrior) -> ShapeSpace:
+    """The shape space of a model.
+
+    Raises:
+        ModelError: the model has no part or no segment.
+    """
+    if not description.parts or not description.segments:
+        raise ModelError(f'model "{description.name}" has no parts: there is no shape to acquire')
+    return ShapeSpace(description, prior)

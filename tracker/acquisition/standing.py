@@ -1,0 +1,134 @@
+"""Where a standing person is, from a silhouette: facing the camera or turned aside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from tracker.acquisition.pictures import Silhouette
+from tracker.arrays import Array, Integers, Mask
+from tracker.body import BodyModel
+from tracker.errors import ModelError
+from tracker.objective import Objective
+from tracker.observation import Observation
+from tracker.rig import Rig
+from tracker.scene import Person, Scene
+from tracker.similarity.chamfer import ChamferSimilarity
+from tracker.synthesis import Synthesis
+
+_BATCH = 128
+
+
+@dataclass(frozen=True)
+class Root:
+    """The parameters that move the whole body."""
+
+    columns: Integers
+    """All of them."""
+
+    shifts: Integers
+    """(3,) translations along x, y, z."""
+
+    turn: int
+    """Rotation about the vertical axis."""
+
+
+def root_of(body: BodyModel) -> Root:
+    """The root's parameters: those that everything hangs on.
+
+    Raises:
+        ModelError: no free position or no turn about the vertical.
+    """
+    ends = np.unique([part.parameter for part in body.parts])
+    columns = np.flatnonzero(body.moves[:, ends].all(axis=1))
+    axes = np.array([body.parameters[k].axis for k in columns]).reshape(-1, 3)
+    rotates = body.rotates[columns]
+    shifts = [columns[~rotates & (np.abs(axes[:, k]) > 0.9)] for k in range(3)]
+    turns = columns[rotates & (np.abs(axes[:, 2]) > 0.9)]
+    if any(len(found) != 1 for found in (*shifts, turns)):
+        raise ModelError(
+            f'model "{body.name}": acquisition needs a root that moves along x, y and z and turns about z'
+        )
+    return Root(columns, np.concatenate(shifts), int(turns[0]))
+
+
+def scene_of(body: BodyModel, q: Array, silhouette: Silhouette) -> Scene:
+    """The body alone before the camera of a picture."""
+    return Scene((Person("subject", body, q),), Rig((silhouette.camera,)))
+
+
+def placed(body: BodyModel, q: Array, silhouette: Silhouette, turn: float, synthesis: Synthesis) -> Array:
+    """The pose (dof,) turned, and moved until it covers the silhouette's place and, in perspective, height.
+
+    Args:
+        body: the body.
+        q: (dof,) joint angles; its root is overwritten.
+        silhouette: the picture.
+        turn: 0 faces the camera, pi / 2 shows the right side, rad.
+        synthesis: makes the model's silhouette.
+    """
+    root, camera = root_of(body), silhouette.camera
+    q = np.array(q)
+    q[root.columns] = body.rest()[root.columns]
+    towards = -camera.rays(np.array([(camera.size[0] - 1) / 2, (camera.size[1] - 1) / 2]))
+    q[root.turn] = np.arctan2(towards[1], towards[0]) + turn
+    size = body.stature_m
+    x, y, width, height = silhouette.box
+    depth = camera.matrix[1, 1] * size / height
+    centre = camera.centre + depth * camera.rays(np.array([x + width / 2, y + height / 2]))
+    q[root.shifts] = centre
+    for _ in range(4):
+        shown = synthesis.silhouettes(scene_of(body, q, silhouette))[0]
+        if not shown.any():
+            break
+        if not silhouette.orthographic:
+            ratio = _extent(shown)[2] / _extent(silhouette.mask)[2]
+            q[root.shifts] = camera.centre + ratio * (q[root.shifts] - camera.centre)
+            shown = synthesis.silhouettes(scene_of(body, q, silhouette))[0]
+        gap = np.subtract(_extent(silhouette.mask)[:2], _extent(shown)[:2])
+        depth = float(camera.in_camera(q[root.shifts])[2])
+        right, down = camera.camera_from_world[0, :3], camera.camera_from_world[1, :3]
+        q[root.shifts] += depth * (gap[0] / camera.matrix[0, 0] * right + gap[1] / camera.matrix[1, 1] * down)
+    return q
+
+
+def _extent(mask: Mask) -> tuple[float, float, float]:
+    """Middle column of the trunk, middle row, and height, px."""
+    rows, columns = np.nonzero(mask)
+    return float(np.median(columns)), (rows.min() + rows.max()) / 2, float(rows.max() - rows.min() + 1)
+
+
+def best_pose(
+    body: BodyModel,
+    q: Array,
+    seen: tuple[Silhouette, Observation],
+    values: dict[tuple[int, ...], Array],
+    synthesis: Synthesis,
+) -> tuple[Array, float]:
+    """The pose (dof,) of all combinations of angles whose contours are nearest to the outline, and its distance, px.
+
+    Args:
+        body: the body.
+        q: (dof,) where it stands.
+        seen: picture and outline.
+        values: columns of the pose, and the angles to try there, rad.
+        synthesis: makes the model's contours.
+    """
+    objective = Objective(scene_of(body, q, seen[0]), 0, synthesis, ChamferSimilarity(), seen[1])
+    poses = []
+    for angles in product(*values.values()):
+        pose = q.copy()
+        for columns, angle in zip(values, angles, strict=True):
+            pose[list(columns)] = angle
+        poses.append(body.clamped(pose))
+    distances = np.concatenate([objective(np.array(poses[i : i + _BATCH])) for i in range(0, len(poses), _BATCH)])
+    best = int(np.argmin(distances))
+    return poses[best], float(distances[best])
+
+
+def both_sides(body: BodyModel, name: str, sides: tuple[str, str]) -> list[int]:
+    """Columns of the parameters called so, alone or on either side: `arm_abduction` is the left and the right one."""
+    meant = {name, *(f"{side}_{name}" for side in sides)}
+    return [k for k, own in enumerate(body.names) if own in meant]
