@@ -26,8 +26,8 @@ LAYERS = (
     "estimation initialization",
     "tracking",
     "acquisition lsm recognition evaluation simulation",
-    "run demo batching",
-    "cli commands progress __main__ scripts",
+    "run demo acquire batching",
+    "cli commands acquire_tables progress __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}
 

@@ -7,13 +7,14 @@ import hashlib
 import logging
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Protocol
 
 from tracker.analysis import Analysis
+from tracker.arrays import Image
 from tracker.body import BodyModel
 from tracker.body_files import load_body
 from tracker.config import Table, build, build_class, describe, expanded, read_config
@@ -222,8 +223,7 @@ def execute(run: Run, output: Path | None = None, resume: bool = False, observer
     folder.mkdir(parents=True, exist_ok=True)
     if output is None:
         link_latest(folder)
-    parts = {stage: getattr(run, stage) for stage in _DEFAULTS}
-    cycle = Cycle(**parts, loss=run.loss, backgrounds=sequence.backgrounds, progress=observer.told)
+    cycle = cycle_of(run, sequence.backgrounds, observer.told)
     context = RunContext(
         name=run.name,
         folder=folder,
@@ -239,6 +239,20 @@ def execute(run: Run, output: Path | None = None, resume: bool = False, observer
             log.info("synthesis: %s", choice)
             observer.told(f"synthesis: {choice}")
         return _record(run, context, track(sequence.frames(), scene, cycle, done), observer)
+
+
+def cycle_of(
+    run: Run, backgrounds: tuple[Image | None, ...], progress: Callable[[str], None] = lambda message: None
+) -> Cycle:
+    """The tracking cycle of a run's components.
+
+    Args:
+        run: the components.
+        backgrounds: the clean plates of the views.
+        progress: told of what takes long.
+    """
+    parts = {stage: getattr(run, stage) for stage in _DEFAULTS}
+    return Cycle(**parts, loss=run.loss, backgrounds=backgrounds, progress=progress)
 
 
 def _record(run: Run, context: RunContext, steps: Any, observer: Observer) -> RunResult:

@@ -32,8 +32,8 @@ class ShapePrior:
     girth: float = pydantic.Field(default=0.1, gt=0)
     """All radii together, relative."""
 
-    length: float = pydantic.Field(default=0.05, gt=0)
-    """Length of a segment, relative."""
+    length: float = pydantic.Field(default=0.035, gt=0)
+    """Length of a segment, relative: proportions of adults of one stature differ by 3 to 4 %."""
 
     joint_m: float = pydantic.Field(default=0.015, gt=0)
     """Place of a joint on a segment with several ones (shoulders and hips on the torso), metres."""

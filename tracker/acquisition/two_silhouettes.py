@@ -33,7 +33,7 @@ class SilhouetteSettings:
     prior: ShapePrior = ShapePrior()
     """How much persons differ."""
 
-    fit: FitSettings = FitSettings(pose_m=0.5)
+    fit: FitSettings = FitSettings(iterations=15, pose_m=0.5, pose_deg=6.0)
     """The refinement."""
 
     coarse_deg: dict[str, tuple[float, ...]] = pydantic.Field(
@@ -43,6 +43,9 @@ class SilhouetteSettings:
 
     stance_deg: float = pydantic.Field(default=3.0, gt=0)
     """Standard deviation of the difference between left and right joint angles: T- and A-poses are symmetric."""
+
+    turn_deg: float = pydantic.Field(default=12.0, gt=0)
+    """Standard deviation of the turn in each view, degrees."""
 
     lean_deg: float = pydantic.Field(default=4.0, gt=0)
     """Standard deviation of the torso's tilt, degrees."""
@@ -197,7 +200,7 @@ def _sigmas(body: BodyModel, looks: tuple[Look, ...], settings: SilhouetteSettin
     root, sigmas = root_of(body), np.zeros(n)
     own = np.where(body.rotates, np.radians(settings.fit.pose_deg), settings.fit.pose_m)
     tilts = [k for k in root.columns if body.rotates[k] and k != root.turn]
-    own[tilts] = np.radians(settings.lean_deg)
+    own[tilts], own[root.turn] = np.radians(settings.lean_deg), np.radians(settings.turn_deg)
     for look in looks:
         sigmas[look.columns] = own
     return sigmas

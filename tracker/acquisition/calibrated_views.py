@@ -1,0 +1,163 @@
+"""A person's model from the tracking cameras: pose, lengths and shapes together, from one or more frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pydantic
+
+from tracker.acquisition.fitting import Fit, FitSettings, Report, Task, fit, silent
+from tracker.acquisition.looks import Look
+from tracker.acquisition.outlines import outline_observation, overlap
+from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
+from tracker.analysis import Analysis, LooksAhead
+from tracker.arrays import Array, Image, Mask
+from tracker.components import component
+from tracker.contours import Contours
+from tracker.errors import SequenceError
+from tracker.frame import Frame
+from tracker.observation import Observation
+from tracker.rig import Rig
+from tracker.scene import Person, Scene
+from tracker.synthesis import Synthesis
+
+
+@component
+class ViewSettings:
+    """How a model is acquired from calibrated views."""
+
+    prior: ShapePrior = ShapePrior()
+    """How much persons differ."""
+
+    fit: FitSettings = FitSettings(
+        iterations=12, gate_m=0.08, final_gate_m=0.025, pose_deg=8.0, pose_m=0.05, rigid_share=0.2
+    )
+    """The refinement of shape and poses."""
+
+    frames: int = pydantic.Field(default=12, ge=1)
+    """Frames used, evenly spread over those tracked."""
+
+    rounds: int = pydantic.Field(default=2, ge=1)
+    """How often the frames are tracked with the model found before, and the shape is fitted anew."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A person in one frame, at the pose it was tracked at."""
+
+    frame: Frame
+    scene: Scene
+    """All persons at their poses."""
+
+
+@dataclass(frozen=True)
+class Watching:
+    """The cameras and what is made of their images."""
+
+    rig: Rig
+    synthesis: Synthesis
+    analysis: Analysis
+    backgrounds: tuple[Image | None, ...]
+
+
+def chosen(n_frames: int, most: int) -> frozenset[int]:
+    """Positions of the frames used, evenly spread over `n_frames`."""
+    return frozenset(np.unique(np.linspace(0, n_frames - 1, min(most, n_frames)).round().astype(int)).tolist())
+
+
+def fit_to_views(
+    space: ShapeSpace,
+    start: tuple[Array, int],
+    seen: Sequence[Seen],
+    watching: Watching,
+    settings: ViewSettings,
+    report: Report = silent,
+) -> Fit:
+    """Fits the shape of one person, and its pose in every frame.
+
+    Args:
+        space: the ways in which the body may differ.
+        start: shape (S,) that the frames were tracked with, and the person's position in the scene.
+        seen: the frames.
+        watching: rig and components.
+        settings: priors and steps.
+        report: told of the progress.
+
+    Raises:
+        SequenceError: no frame to fit to.
+    """
+    shape, person = start
+    if not seen:
+        raise SequenceError("the person was lost in every frame: there is nothing to acquire a model from")
+    dof = space.description.build().dof
+    looks = tuple(_look(one, person, k * dof + np.arange(dof), watching) for k, one in enumerate(seen))
+    task = Task(space, looks, watching.synthesis, settings.fit, progress=report)
+    return fit(task, shape, np.concatenate([one.scene.persons[person].q for one in seen]))
+
+
+def _look(seen: Seen, person: int, columns: Array, watching: Watching) -> Look:
+    """Outlines where a background is known, and edges near the contours expected."""
+    analysis, frame = watching.analysis, seen.frame
+    around = watching.synthesis.contours(seen.scene)
+    first = analysis.observe(frame, around, watching.backgrounds)
+    masks = tuple(None if view is None else view.silhouette for view in first.views)
+    outlines = outline_observation(_own(masks, seen, person, watching)) if any(m is not None for m in masks) else None
+    if isinstance(analysis, LooksAhead):
+        looked, judge = analysis.look(frame, around, watching.backgrounds), analysis.judge
+
+        def edges(expected: Contours) -> Observation:
+            return judge(looked, frame, expected, watching.backgrounds)
+    else:
+
+        def edges(expected: Contours) -> Observation:
+            return analysis.observe(frame, expected, watching.backgrounds)
+
+    return Look(watching.rig, columns.astype(np.int64), outlines, edges)
+
+
+def _own(
+    masks: tuple[Mask | None, ...], seen: Seen, person: int, watching: Watching
+) -> tuple[Mask | None, ...]:
+    """The foreground without views where persons overlap: there the outline is not one person's."""
+    if len(seen.scene.persons) == 1:
+        return masks
+    alone = [watching.synthesis.silhouettes(Scene((one,), watching.rig)) for one in seen.scene.persons]
+    others = [
+        np.logical_or.reduce([silhouettes[v] for k, silhouettes in enumerate(alone) if k != person])
+        for v in range(len(watching.rig))
+    ]
+    return tuple(
+        None if mask is None or (others[v] & alone[person][v]).any() else mask for v, mask in enumerate(masks)
+    )
+
+
+def view_overlaps(found: Fit, seen: Sequence[Seen], watching: Watching) -> Array:
+    """Intersection over union (V,) of model and foreground, mean over the frames; NaN without background."""
+    shares = np.full((len(seen), len(watching.rig)), np.nan)
+    for k, one in enumerate(seen):
+        scene = Scene((Person("subject", found.body, found.pose(k)),), watching.rig)
+        outlines = found.looks[k].outlines
+        if outlines is None:
+            continue
+        for v, mask in enumerate(watching.synthesis.silhouettes(scene)):
+            view = outlines.views[v]
+            if view is not None and view.silhouette is not None:
+                shares[k, v] = overlap(mask, view.silhouette)
+    return mean_known(shares)
+
+
+def mean_known(shares: Array) -> Array:
+    """Mean over the first axis of what is not NaN."""
+    known = np.isfinite(shares)
+    n = known.sum(axis=0)
+    means: Array = np.where(n > 0, np.where(known, shares, 0.0).sum(axis=0) / np.maximum(n, 1), np.nan)
+    return means
+
+
+def scene_with(scene: Scene, person: int, space: ShapeSpace, shape: Array) -> Scene:
+    """The scene with the shape of one person replaced."""
+    persons = list(scene.persons)
+    persons[person] = replace(persons[person], body=space.body(shape))
+    return Scene(tuple(persons), scene.rig)

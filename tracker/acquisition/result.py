@@ -1,0 +1,136 @@
+"""What an acquisition leaves: the model file with its standard deviations, and residuals part by part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tracker.acquisition.fitting import Fit
+from tracker.arrays import Array
+from tracker.body import BodyModel
+from tracker.body_files import BodyDescription
+
+
+@dataclass(frozen=True)
+class PartResidual:
+    """How one part fits."""
+
+    part: str
+    rms_mm: float
+    """Weighted root mean square distance between model contour and image contour, millimetres."""
+
+    bias_mm: float
+    """Weighted mean, positive where the model is too large, millimetres."""
+
+    contour_m: float
+    """Contour that was compared, metres over all views; 0 if the part was never seen."""
+
+    size_mm: tuple[float, float, float]
+    """Depth, width and length of the part, millimetres."""
+
+    sigma_mm: tuple[float, float, float]
+    """Their standard deviations."""
+
+
+@dataclass(frozen=True)
+class BoneLength:
+    """Distance of two joints."""
+
+    bone: str
+    length_mm: float
+    sigma_mm: float
+    general_mm: float
+    """In the general model, scaled by the stature."""
+
+
+def part_residuals(found: Fit) -> tuple[PartResidual, ...]:
+    """Residuals and sizes of all parts, in the model's order."""
+    body = found.body
+    sizes = 2000 * body.shapes[:, :3]
+    sigmas = _sigmas(found, lambda one: 2000 * one.shapes[:, :3]).reshape(-1, 3)
+    table = []
+    for p, part in enumerate(body.parts):
+        weights = np.concatenate([rows.weights[rows.parts == p] for rows in found.rows])
+        gaps = np.concatenate([rows.residuals[rows.parts == p] for rows in found.rows])
+        lengths = np.concatenate([rows.lengths_m[rows.parts == p] for rows in found.rows])
+        total = max(float(weights.sum()), 1e-12)
+        table.append(
+            PartResidual(
+                part=part.name,
+                rms_mm=1000 * float(np.sqrt((weights * gaps**2).sum() / total)),
+                bias_mm=1000 * float((weights * gaps).sum() / total),
+                contour_m=float(lengths.sum()) / 2,
+                size_mm=_three(sizes[p]),
+                sigma_mm=_three(sigmas[p]),
+            )
+        )
+    return tuple(table)
+
+
+def _three(values: Array) -> tuple[float, float, float]:
+    a, b, c = values.tolist()
+    return a, b, c
+
+
+def bone_lengths(found: Fit) -> tuple[BoneLength, ...]:
+    """Lengths of all links of the model."""
+    body, general = found.body, found.space.description.build()
+    lengths, before = _links(body), _links(general)
+    sigmas = _sigmas(found, _links)
+    return tuple(
+        BoneLength("-".join(link), 1000 * length, 1000 * sigma, 1000 * old)
+        for link, length, sigma, old in zip(
+            body.links, lengths.tolist(), sigmas.tolist(), before.tolist(), strict=True
+        )
+    )
+
+
+def _links(body: BodyModel) -> Array:
+    """Lengths of the links in the reference pose, metres."""
+    places = {mark.name: mark.point for mark in body.landmarks}
+    lengths: Array = np.array([np.linalg.norm(places[a] - places[b]) for a, b in body.links])
+    return lengths
+
+
+def _sigmas(found: Fit, measure: Callable[[BodyModel], Array]) -> Array:
+    """Standard deviations of what is measured on the body, from the covariance of the shape."""
+    steps = found.space.steps(found.shape)
+    here = measure(found.body).ravel()
+    slopes = [
+        (measure(near).ravel() - here) / step
+        for near, step in zip(found.space.neighbours(found.shape), steps, strict=True)
+    ]
+    jacobian = np.stack(slopes, axis=1)
+    variances: Array = np.einsum("ij,jk,ik->i", jacobian, found.covariance, jacobian)
+    return np.sqrt(np.maximum(variances, 0.0))
+
+
+def stature_of(body: BodyModel) -> float:
+    """Height of the body in the reference pose, from the lowest to the highest point of its parts, metres."""
+    eta, omega = np.meshgrid(np.linspace(-np.pi / 2, np.pi / 2, 25), np.linspace(-np.pi, np.pi, 48))
+    heights = []
+    for part in body.parts:
+        points, _ = part.shape.surface(eta, omega)
+        heights.append(points @ part.model_from_part[2, :3] + part.model_from_part[2, 3])
+    return float(np.max(heights) - np.min(heights))
+
+
+def model_of(found: Fit, name: str, about: str) -> BodyDescription:
+    """The content of the person's model file, with the standard deviations of lengths (m) and sizes (m)."""
+    bones = {f"{bone.bone}.length": bone.sigma_mm / 1000 for bone in bone_lengths(found)}
+    parts = {
+        f"{one.part}.{what}": sigma / 1000
+        for one in part_residuals(found)
+        for what, sigma in zip(("depth", "width", "length"), one.sigma_mm, strict=True)
+    }
+    changes = {"name": name, "about": about, "stature_m": stature_of(found.body), "sigmas": bones | parts}
+    return found.space.described(found.shape).model_copy(update=changes)
+
+
+def contour_rms_mm(residuals: Sequence[PartResidual]) -> float:
+    """Root mean square over all parts, weighted by the contour compared, millimetres."""
+    weights = np.array([one.contour_m for one in residuals])
+    squares = np.array([one.rms_mm**2 for one in residuals])
+    return float(np.sqrt((weights * squares).sum() / max(weights.sum(), 1e-12)))
