@@ -28,6 +28,7 @@ from tracker.acquisition.two_silhouettes import SilhouetteSettings, acquire
 from tracker.body_files import BodyDescription, read_description, save_description
 from tracker.config import Table, build_class, expanded, read_config
 from tracker.errors import ConfigError, nearest
+from tracker.initialization.given import GivenInitialization
 from tracker.resources import model_path
 from tracker.run import Run, Subject, cycle_of, run_from
 from tracker.scene import Person, Scene
@@ -171,6 +172,10 @@ def _tracked(
     bodies = [space.body(shape), *(subject.body() for subject in run.persons[1:])]
     persons = tuple(Person(one.name, body, body.rest()) for one, body in zip(run.persons, bodies, strict=True))
     cycle = cycle_of(run, sequence.backgrounds)
+    if sum(plate is not None for plate in sequence.backgrounds) < 2 and not isinstance(
+        run.initialization, GivenInitialization
+    ):
+        cycle = replace(cycle, initialization=settings.stance)
     wanted, seen = chosen(sequence.n_frames, settings.frames), []
     for k, step in enumerate(track(sequence.frames(), Scene(persons, sequence.rig), cycle)):
         report("tracking", k + 1, sequence.n_frames)

@@ -12,6 +12,7 @@ from tracker.acquisition.fitting import Fit, FitSettings, Report, Task, fit, sil
 from tracker.acquisition.looks import Look
 from tracker.acquisition.outlines import outline_observation, overlap
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
+from tracker.acquisition.stance_search import StanceSearch
 from tracker.analysis import Analysis, LooksAhead
 from tracker.arrays import Array, Image, Mask
 from tracker.components import component
@@ -38,6 +39,9 @@ class ViewSettings:
 
     frames: int = pydantic.Field(default=12, ge=1)
     """Frames used, evenly spread over those tracked."""
+
+    stance: StanceSearch = StanceSearch()
+    """How the person is found where there are no background plates."""
 
     rounds: int = pydantic.Field(default=2, ge=1)
     """How often the frames are tracked with the model found before, and the shape is fitted anew."""
