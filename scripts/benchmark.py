@@ -9,6 +9,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from typing import Annotated
 
 import typer
+from benchmarks import acquisition as acquired_models
 from benchmarks import lsm as patch_matching
 from benchmarks import poses as pose_rates
 from benchmarks import robustness as survival
@@ -65,6 +66,16 @@ def surface(
 ) -> None:
     """Surfaces measured from real images, against a known cylinder, one another, and true disparities."""
     measured_surfaces.compare(console, only, quick)
+
+
+@app.command()
+def acquisition(
+    poses: Annotated[str, typer.Option(help="Postures, commas between: tpose, apose, hang.")] = "tpose",
+    model: Annotated[str, typer.Option(help="General model.")] = "gavrila22",
+    quick: Quick = False,
+) -> None:
+    """Models from the rendered silhouettes in BODYTRACK_DATA: overlap, and lengths against the truth."""
+    acquired_models.compare(console, poses, model, quick)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from tracker.acquisition.calibrated_views import (
     Seen,
     ViewSettings,
     Watching,
+    check_overlaps,
     chosen,
     fit_to_views,
     view_overlaps,
@@ -25,13 +26,17 @@ from tracker.acquisition.pictures import Pair
 from tracker.acquisition.result import BoneLength, PartResidual, bone_lengths, contour_rms_mm, model_of, part_residuals
 from tracker.acquisition.shape_space import ShapeSpace, space_of
 from tracker.acquisition.two_silhouettes import SilhouetteSettings, acquire
+from tracker.arrays import Array
 from tracker.body_files import BodyDescription, read_description, save_description
 from tracker.config import Table, build_class, expanded, read_config
 from tracker.errors import ConfigError, nearest
-from tracker.initialization.given import GivenInitialization
+from tracker.frame import Frame
+from tracker.initialization import Stages
+from tracker.initialization.pca import PcaInitialization
 from tracker.resources import model_path
 from tracker.run import Run, Subject, cycle_of, run_from
 from tracker.scene import Person, Scene
+from tracker.start import Start
 from tracker.tracking import track
 
 _KEYS = ("name", "model", "stature_m", "pairs", "acquisition")
@@ -63,7 +68,9 @@ class Acquisition:
         return {**asdict(self), "model": str(self.model), "picture": str(self.picture)}
 
 
-def acquire_model(config: Path, output: Path | None, overrides: Sequence[str] = (), report: Report = silent) -> Acquisition:
+def acquire_model(
+    config: Path, output: Path | None = None, overrides: Sequence[str] = (), report: Report = silent
+) -> Acquisition:
     """Acquires the model of a person and writes it with a picture and its figures.
 
     Args:
@@ -75,7 +82,13 @@ def acquire_model(config: Path, output: Path | None, overrides: Sequence[str] = 
     Raises:
         TrackerError: a file or a picture cannot be used; nothing is written then.
     """
-    table = read_config(config, overrides)
+    return acquire_from(read_config(config, overrides), config, output, report)
+
+
+def acquire_from(table: Table, config: Path, output: Path | None = None, report: Report = silent) -> Acquisition:
+    """The same from the content of a configuration; `config` names it in messages, its folder is where paths start."""
+    if output is not None and output.suffix != ".toml":
+        raise ConfigError(f"--output {output}: expected a .toml file")
     if ("pairs" in table) == ("reading" in table):
         raise ConfigError(
             f"{config.name}: expected either [[pairs]] of front and side silhouettes, or the [reading] and persons "
@@ -83,7 +96,7 @@ def acquire_model(config: Path, output: Path | None, overrides: Sequence[str] = 
         )
     if "pairs" in table:
         return _from_silhouettes(table, config, output, report)
-    return _from_run(table, config, output, report)
+    return _from_run(dict(table), config, output, report)
 
 
 def _from_silhouettes(table: Table, config: Path, output: Path | None, report: Report) -> Acquisition:
@@ -127,32 +140,52 @@ def _model(model: str, config: Path) -> Path:
 def _from_run(table: Table, config: Path, output: Path | None, report: Report) -> Acquisition:
     settings = build_class(ViewSettings, table.pop("acquisition", {}), f"{config.name} [acquisition]", config.parent)
     run = run_from(table, config.name, config.parent, config.stem)
-    subject = run.persons[0]
-    space = space_of(_scaled(subject), settings.prior)
-    shape, found = np.zeros(len(space.names)), None
-    for k in range(settings.rounds):
-        seen, watching = _tracked(run, space, shape, settings, report)
-        found = fit_to_views(space, (shape, 0), seen, watching, settings, report)
-        shape = found.shape
-        if k == 0:
-            before = view_overlaps(replace(found, shape=np.zeros_like(shape), poses=_poses(seen)), seen, watching)
+    person = _position(run, settings.person, config)
+    space = space_of(_scaled(run.persons[person]), settings.prior)
+    found: Fit | None = None
+    known: Start | None = None
+    before: Array = np.full(0, np.nan)
+    for _ in range(settings.rounds):
+        shape = np.zeros(len(space.names)) if found is None else found.shape
+        seen, watching, known = _tracked(run, (space, shape, person), settings, known, report)
+        fitted = fit_to_views(space, (shape, person), seen, watching, settings, report)
+        if found is None:
+            poses = np.concatenate([one.scene.persons[person].q for one in seen])
+            before = view_overlaps(replace(fitted, shape=shape, poses=poses), seen, watching)
+        found = fitted
     assert found is not None
     overlaps = view_overlaps(found, seen, watching)
-    panels = [
-        Panel(f"{camera.name}: IoU {share:.3f}", image, _mask(found, v), camera, found.pose(0))
-        for v, (camera, share) in enumerate(zip(watching.rig.cameras, overlaps, strict=True))
-        if (image := seen[0].frame.images[v]) is not None
-    ]
+    check_overlaps(overlaps, watching.rig.names, settings)
     names = watching.rig.names
-    outcome = _Outcome(
-        found,
-        panels,
-        dict(zip(names, overlaps.tolist(), strict=True)),
-        dict(zip(names, before.tolist(), strict=True)),
-        (),
-    )
     about = f"acquired from {len(seen)} frame(s) of {len(names)} views, from {space.description.name}"
-    return _written(outcome, subject.name, about, output)
+    outcome = _Outcome(
+        found, _panels(found, seen[0], watching, overlaps), _known(names, overlaps), _known(names, before)
+    )
+    return _written(outcome, run.persons[person].name, about, output)
+
+
+def _position(run: Run, name: str | None, config: Path) -> int:
+    names = [subject.name for subject in run.persons]
+    if name is None and len(names) > 1:
+        raise ConfigError(f"{config.name}: several persons, name one: --set acquisition.person={names[0]}")
+    if name is not None and name not in names:
+        raise ConfigError(f'{config.name}: no person "{name}"; {nearest(name, names)}')
+    return 0 if name is None else names.index(name)
+
+
+def _known(names: tuple[str, ...], shares: Array) -> dict[str, float]:
+    return {name: float(share) for name, share in zip(names, shares, strict=True) if np.isfinite(share)}
+
+
+def _panels(found: Fit, seen: Seen, watching: Watching, overlaps: Array) -> list[Panel]:
+    """The first frame's views."""
+    outlines, panels = found.looks[0].outlines, []
+    for v, (camera, image) in enumerate(zip(watching.rig.cameras, seen.frame.images, strict=True)):
+        view = None if outlines is None else outlines.views[v]
+        title = camera.name if np.isnan(overlaps[v]) else f"{camera.name}: IoU {overlaps[v]:.3f}"
+        if image is not None:
+            panels.append(Panel(title, image, None if view is None else view.silhouette, camera, found.pose(0)))
+    return panels
 
 
 def _scaled(subject: Subject) -> BodyDescription:
@@ -164,34 +197,42 @@ def _scaled(subject: Subject) -> BodyDescription:
     return description.scaled(subject.stature_m / description.stature_m)
 
 
+@dataclass(frozen=True)
+class _KnownStart:
+    """Starts where an earlier pass has started."""
+
+    found: Start
+
+    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        """The poses of then."""
+        return self.found
+
+
 def _tracked(
-    run: Run, space: ShapeSpace, shape: np.ndarray[Any, Any], settings: ViewSettings, report: Report
-) -> tuple[list[Seen], Watching]:
-    """The chosen frames at the poses that tracking with the present shape gives."""
+    run: Run, subject: tuple[ShapeSpace, Array, int], settings: ViewSettings, known: Start | None, report: Report
+) -> tuple[list[Seen], Watching, Start | None]:
+    """The chosen frames at the poses that tracking with the present shape gives, and the poses it started at."""
+    space, shape, person = subject
     sequence = run.reading.open()
-    bodies = [space.body(shape), *(subject.body() for subject in run.persons[1:])]
+    bodies = [one.body() for one in run.persons]
+    bodies[person] = space.body(shape)
     persons = tuple(Person(one.name, body, body.rest()) for one, body in zip(run.persons, bodies, strict=True))
     cycle = cycle_of(run, sequence.backgrounds)
-    if sum(plate is not None for plate in sequence.backgrounds) < 2 and not isinstance(
-        run.initialization, GivenInitialization
+    if known is not None:
+        cycle = replace(cycle, initialization=_KnownStart(known))
+    elif sum(plate is not None for plate in sequence.backgrounds) < 2 and isinstance(
+        run.initialization, PcaInitialization
     ):
         cycle = replace(cycle, initialization=settings.stance)
-    wanted, seen = chosen(sequence.n_frames, settings.frames), []
+    wanted, seen, start = chosen(sequence.n_frames, settings.frames), [], known
     for k, step in enumerate(track(sequence.frames(), Scene(persons, sequence.rig), cycle)):
         report("tracking", k + 1, sequence.n_frames)
-        if k in wanted and not step.estimates[0].lost:
+        lost = [estimate.lost for estimate in step.estimates]
+        if k == 0 and not any(lost):
+            start = Start(tuple(one.q for one in step.scene.persons))
+        if k in wanted and not lost[person]:
             seen.append(Seen(step.frame, step.scene))
-    return seen, Watching(sequence.rig, run.synthesis, run.analysis, sequence.backgrounds)
-
-
-def _poses(seen: Sequence[Seen]) -> np.ndarray[Any, Any]:
-    return np.concatenate([one.scene.persons[0].q for one in seen])
-
-
-def _mask(found: Fit, view: int) -> np.ndarray[Any, Any] | None:
-    outlines = found.looks[0].outlines
-    shown = None if outlines is None else outlines.views[view]
-    return None if shown is None else shown.silhouette
+    return seen, Watching(sequence.rig, run.synthesis, run.analysis, sequence.backgrounds), start
 
 
 @dataclass(frozen=True)
@@ -200,14 +241,12 @@ class _Outcome:
     panels: list[Panel]
     overlaps: dict[str, float]
     before: dict[str, float]
-    turns_deg: tuple[float, ...]
+    turns_deg: tuple[float, ...] = ()
 
 
 def _written(outcome: _Outcome, name: str, about: str, output: Path | None) -> Acquisition:
     """Writes model, picture and figures side by side."""
     path = output or Path("models") / f"{name}.toml"
-    if path.suffix != ".toml":
-        raise ConfigError(f"--output {path}: expected a .toml file")
     description = model_of(outcome.fit, name, about)
     residuals = part_residuals(outcome.fit)
     figure, renderer = fit_figure(outcome.fit.body, outcome.panels, name)
@@ -231,5 +270,3 @@ def _written(outcome: _Outcome, name: str, about: str, output: Path | None) -> A
 
 def _save(figure: Figure, path: Path) -> None:
     figure.savefig(path, dpi=100)
-
-

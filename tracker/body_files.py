@@ -217,13 +217,10 @@ def _build(model: BodyDescription) -> BodyModel:
         raise ModelError(f"parameter {max(names, key=names.count)!r} is defined twice")
     parts = tuple(_part(part, last) for part in model.parts)
     landmarks = tuple(
-        Landmark(name, _of_segment(mark.segment, last, name), frozen(mark.at))
-        for name, mark in model.landmarks.items()
+        Landmark(name, _of_segment(mark.segment, last, name), frozen(mark.at)) for name, mark in model.landmarks.items()
     )
     _check_names(model, names)
-    return BodyModel(
-        model.name, tuple(parameters), parts, landmarks, model.groups, model.links, model.stature_m
-    )
+    return BodyModel(model.name, tuple(parameters), parts, landmarks, model.groups, model.links, model.stature_m)
 
 
 def _check_names(model: BodyDescription, parameters: list[str]) -> None:

@@ -14,6 +14,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from tracker.acquire import acquire_model
+from tracker.acquire_tables import AcquisitionProgress, print_acquisition
 from tracker.commands.surface import measure
 from tracker.commands.warmup import prepare_kernels, warmup
 from tracker.components import available, find
@@ -112,6 +114,22 @@ def _frame_range(text: str) -> tuple[int | None, int | None]:
         raise ConfigError(f"--frames {text}: expected A:B, for instance 0:100, 50: or :100")
     start, stop = (int(end) if end else None for end in match.groups())
     return start, stop
+
+
+@app.command()
+def acquire(
+    config: Annotated[Path, typer.Argument(help="Pairs of front and side silhouettes, or a run's configuration.")],
+    output: Annotated[Path | None, typer.Option(help="Model to write; default models/NAME.toml.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Override: section.key=value; repeatable.")] = None,
+    frames: Annotated[str | None, typer.Option(help="Range A:B of a run's frames to use.")] = None,
+) -> None:
+    """Makes a person's body model: from two silhouettes, or from a run's views while tracking them."""
+    start, stop = (None, None) if frames is None else _frame_range(frames)
+    ends = [f"reading.{key}={end}" for key, end in (("start", start), ("stop", stop)) if end is not None]
+    prepare_kernels()
+    with AcquisitionProgress(console) as progress:
+        result = acquire_model(config, output, [*(set_ or []), *ends], progress.report)
+    print_acquisition(console, result)
 
 
 @app.command()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pydantic
@@ -14,7 +14,7 @@ from tracker.acquisition.outlines import outline_observation, overlap
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
 from tracker.acquisition.stance_search import StanceSearch
 from tracker.analysis import Analysis, LooksAhead
-from tracker.arrays import Array, Image, Mask
+from tracker.arrays import Array, Image, Integers, Mask
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.errors import SequenceError
@@ -42,6 +42,12 @@ class ViewSettings:
 
     stance: StanceSearch = StanceSearch()
     """How the person is found where there are no background plates."""
+
+    person: str | None = None
+    """Whose model is acquired; may be left out for a single person."""
+
+    least_overlap: float = pydantic.Field(default=0.6, gt=0, lt=1)
+    """Least mean intersection over union of the views with a background: below it the person was not found."""
 
     rounds: int = pydantic.Field(default=2, ge=1)
     """How often the frames are tracked with the model found before, and the shape is fitted anew."""
@@ -96,12 +102,12 @@ def fit_to_views(
     if not seen:
         raise SequenceError("the person was lost in every frame: there is nothing to acquire a model from")
     dof = space.description.build().dof
-    looks = tuple(_look(one, person, k * dof + np.arange(dof), watching) for k, one in enumerate(seen))
+    looks = tuple(_look(one, person, k * dof + np.arange(dof, dtype=np.int64), watching) for k, one in enumerate(seen))
     task = Task(space, looks, watching.synthesis, settings.fit, progress=report)
     return fit(task, shape, np.concatenate([one.scene.persons[person].q for one in seen]))
 
 
-def _look(seen: Seen, person: int, columns: Array, watching: Watching) -> Look:
+def _look(seen: Seen, person: int, columns: Integers, watching: Watching) -> Look:
     """Outlines where a background is known, and edges near the contours expected."""
     analysis, frame = watching.analysis, seen.frame
     around = watching.synthesis.contours(seen.scene)
@@ -118,12 +124,10 @@ def _look(seen: Seen, person: int, columns: Array, watching: Watching) -> Look:
         def edges(expected: Contours) -> Observation:
             return analysis.observe(frame, expected, watching.backgrounds)
 
-    return Look(watching.rig, columns.astype(np.int64), outlines, edges)
+    return Look(watching.rig, columns, outlines, edges)
 
 
-def _own(
-    masks: tuple[Mask | None, ...], seen: Seen, person: int, watching: Watching
-) -> tuple[Mask | None, ...]:
+def _own(masks: tuple[Mask | None, ...], seen: Seen, person: int, watching: Watching) -> tuple[Mask | None, ...]:
     """The foreground without views where persons overlap: there the outline is not one person's."""
     if len(seen.scene.persons) == 1:
         return masks
@@ -132,15 +136,13 @@ def _own(
         np.logical_or.reduce([silhouettes[v] for k, silhouettes in enumerate(alone) if k != person])
         for v in range(len(watching.rig))
     ]
-    return tuple(
-        None if mask is None or (others[v] & alone[person][v]).any() else mask for v, mask in enumerate(masks)
-    )
+    return tuple(None if mask is None or (others[v] & alone[person][v]).any() else mask for v, mask in enumerate(masks))
 
 
 def view_overlaps(found: Fit, seen: Sequence[Seen], watching: Watching) -> Array:
     """Intersection over union (V,) of model and foreground, mean over the frames; NaN without background."""
     shares = np.full((len(seen), len(watching.rig)), np.nan)
-    for k, one in enumerate(seen):
+    for k in range(len(seen)):
         scene = Scene((Person("subject", found.body, found.pose(k)),), watching.rig)
         outlines = found.looks[k].outlines
         if outlines is None:
@@ -160,8 +162,17 @@ def mean_known(shares: Array) -> Array:
     return means
 
 
-def scene_with(scene: Scene, person: int, space: ShapeSpace, shape: Array) -> Scene:
-    """The scene with the shape of one person replaced."""
-    persons = list(scene.persons)
-    persons[person] = replace(persons[person], body=space.body(shape))
-    return Scene(tuple(persons), scene.rig)
+def check_overlaps(overlaps: Array, views: tuple[str, ...], settings: ViewSettings) -> None:
+    """Refuses a model that does not cover the person.
+
+    Raises:
+        SequenceError: the mean intersection over union of the views that have a background is too small.
+    """
+    known = np.isfinite(overlaps)
+    if known.any() and overlaps[known].mean() < settings.least_overlap:
+        worst = int(np.nanargmin(overlaps))
+        raise SequenceError(
+            f"the fitted body covers {overlaps[known].mean():.0%} of the foreground (intersection over union), "
+            f"expected at least {settings.least_overlap:.0%}; worst is view {views[worst]} with "
+            f"{overlaps[worst]:.0%}: check the background plates and the start, or leave `background` out and let the person stand in T-pose"
+        )

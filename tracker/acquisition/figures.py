@@ -18,7 +18,7 @@ from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.synthesis.cpu import CpuSynthesis
 
-_SHADED_PX = (420, 560)
+_SHADED_PX = (640, 640)
 
 
 @dataclass(frozen=True)
@@ -121,8 +121,8 @@ def _heading(body: BodyModel, q: Array) -> float:
 def _around(middle: Array, stature_m: float, heading_deg: float) -> Camera:
     distance, angle = 2.6 * stature_m, np.radians(heading_deg)
     x, y, z = middle + distance * np.array([np.cos(angle), np.sin(angle), 0.12])
-    focal_px = 0.82 * _SHADED_PX[1] * distance / max(stature_m, 1e-3)
-    return Camera.looking_at("shaded", _SHADED_PX, focal_px * 0.95, (x, y, z), middle)
+    focal_px = 0.8 * _SHADED_PX[1] * distance / stature_m
+    return Camera.looking_at("shaded", _SHADED_PX, focal_px, (x, y, z), middle)
 
 
 def _flat(scene: Scene) -> Image:

@@ -18,7 +18,6 @@ from tracker.body import BodyModel
 from tracker.components import component
 from tracker.synthesis import Synthesis
 
-
 Report = Callable[[str, int, int], None]
 """Told what is done, how much of it, and how much there is."""
 
@@ -124,7 +123,8 @@ def fit(task: Task, shape: Array, poses: Array, free: Sequence[str] = ("pose", "
     gates = np.geomspace(settings.gate_m, settings.final_gate_m, settings.iterations)
     sigmas = _pose_sigmas(task)
     kinds = [_free_at(k / settings.iterations, settings.rigid_share, free) for k in range(settings.iterations)]
-    matrix, rows = np.zeros((0, 0)), ()
+    matrix = np.zeros((0, 0))
+    rows: tuple[Rows, ...] = ()
     variance = settings.noise_m**2
     for k, (gate, kind) in enumerate(zip(gates, kinds, strict=True)):
         task.progress("fitting shape and pose", k, settings.iterations)
@@ -138,7 +138,7 @@ def fit(task: Task, shape: Array, poses: Array, free: Sequence[str] = ("pose", "
         shape, poses = shape + step[: len(shape)], poses + step[len(shape) :]
     task.progress("fitting shape and pose", settings.iterations, settings.iterations)
     prior, _ = _prior(task, (shape, poses - start, poses), (shape_sigmas(task.space, kinds[-1]), sigmas))
-    covariance = np.linalg.inv(matrix / variance + prior)
+    covariance = np.asarray(np.linalg.inv(matrix / variance + prior), dtype=np.float64)
     return Fit(task.space, task.looks, frozen(shape), frozen(poses), covariance[: len(shape), : len(shape)], rows)
 
 

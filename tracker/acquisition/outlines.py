@@ -54,8 +54,7 @@ def _outlined(mask: Mask) -> ViewObservation:
 def _inside(found: EdgeSegments, mask: Mask) -> Mask:
     """(N,) points off the border of the image, where a silhouette that is cut off has no outline."""
     size = np.array([mask.shape[1], mask.shape[0]])
-    inside: Mask = ((found.points > 2) & (found.points < size - 3)).all(axis=1)
-    return inside
+    return np.asarray(((found.points > 2) & (found.points < size - 3)).all(axis=1))
 
 
 def on_outline(contours: Contours, scene: Scene, synthesis: Synthesis) -> Mask:

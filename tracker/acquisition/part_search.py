@@ -33,7 +33,9 @@ _STEPS = {"radius": (0.12, 0.06, 0.03), "taper": (0.16, 0.08, 0.04), "squareness
 _N_RINGS = 21
 
 
-def searched_parts(found: Fit, silhouettes: Sequence[Silhouette], synthesis: Synthesis, report: Report = silent) -> Array:
+def searched_parts(
+    found: Fit, silhouettes: Sequence[Silhouette], synthesis: Synthesis, report: Report = silent
+) -> Array:
     """The shape (S,) with radii, taper and squareness of each part searched on the contours that belong to it.
 
     Args:
@@ -73,7 +75,9 @@ def _back_projected(found: Fit, look: int, silhouette: Silhouette, synthesis: Sy
     pairs = pairs[pairs[:, 3] == 1]
     points, parts = contours.points[0, 0, pairs[:, 1]].astype(np.float64), contours.parts[0, 0, pairs[:, 1]]
     rays = camera.rays(edges[pairs[:, 2], :2].astype(np.float64))
-    depth = ((points - camera.centre) ** 2).sum(axis=1) / np.maximum(((points - camera.centre) * rays).sum(axis=1), 1e-9)
+    depth = ((points - camera.centre) ** 2).sum(axis=1) / np.maximum(
+        ((points - camera.centre) * rays).sum(axis=1), 1e-9
+    )
     world = camera.centre + depth[:, None] * rays
     placed = body.world_from_part(q)[parts]
     local = np.einsum("nji,nj->ni", placed[:, :3, :3], world - placed[:, :3, 3])

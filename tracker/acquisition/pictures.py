@@ -142,7 +142,7 @@ def check_silhouette(mask: Mask, name: str) -> None:
     """
     count, _, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     areas = np.sort(stats[1:count, cv2.CC_STAT_AREA])[::-1]
-    x, y, width, height = cv2.boundingRect(largest_region(mask).astype(np.uint8))
+    height = cv2.boundingRect(largest_region(mask).astype(np.uint8))[3]
     if not len(areas) or height < _LEAST_HEIGHT_PX:
         found = "is empty" if not len(areas) else f"is {height} px high, expected at least {_LEAST_HEIGHT_PX}"
         raise SequenceError(f"{name}: the silhouette {found}: check the mask, or image and background")

@@ -81,9 +81,7 @@ def bone_lengths(found: Fit) -> tuple[BoneLength, ...]:
     sigmas = _sigmas(found, _links)
     return tuple(
         BoneLength("-".join(link), 1000 * length, 1000 * sigma, 1000 * old)
-        for link, length, sigma, old in zip(
-            body.links, lengths.tolist(), sigmas.tolist(), before.tolist(), strict=True
-        )
+        for link, length, sigma, old in zip(body.links, lengths.tolist(), sigmas.tolist(), before.tolist(), strict=True)
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -18,6 +17,7 @@ from tracker.initialization import Stages
 from tracker.objective import Objective
 from tracker.rig import Rig
 from tracker.scene import Scene
+from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.start import Start
 
 _BATCH = 256
@@ -64,8 +64,8 @@ class StanceSearch:
         candidates = self._candidates(body, scene.rig)
         stages.progress(f"looking for a T- or A-pose: {len(candidates)} poses")
         observation = stages.analysis.observe(frame, None, stages.backgrounds)
-        wide = replace(stages.similarity, outlier_px=self.outlier_px) if _has_outliers(stages) else stages.similarity
-        coarse = Objective(scene, 0, stages.synthesis, wide, observation)
+        similarity = ChamferSimilarity(outlier_px=self.outlier_px)
+        coarse = Objective(scene, 0, stages.synthesis, similarity, observation)
         distances = np.concatenate([coarse(candidates[i : i + _BATCH]) for i in range(0, len(candidates), _BATCH)])
         best, most = None, -np.inf
         for q in self._apart(body, candidates, distances):
@@ -103,7 +103,8 @@ class StanceSearch:
 
     def _apart(self, body: BodyModel, poses: Array, distances: Array) -> list[Array]:
         """The best poses that differ in place or turn."""
-        root, chosen = root_of(body), []
+        root = root_of(body)
+        chosen: list[Array] = []
         for i in np.argsort(distances, kind="stable"):
             q = poses[i]
             near = [
@@ -116,10 +117,6 @@ class StanceSearch:
             if len(chosen) == self.hypotheses:
                 break
         return chosen
-
-
-def _has_outliers(stages: Stages) -> bool:
-    return hasattr(stages.similarity, "outlier_px")
 
 
 def _lowest(body: BodyModel, q: Array) -> float:

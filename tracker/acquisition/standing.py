@@ -48,9 +48,7 @@ def root_of(body: BodyModel) -> Root:
     shifts = [columns[~rotates & (np.abs(axes[:, k]) > 0.9)] for k in range(3)]
     turns = columns[rotates & (np.abs(axes[:, 2]) > 0.9)]
     if any(len(found) != 1 for found in (*shifts, turns)):
-        raise ModelError(
-            f'model "{body.name}": acquisition needs a root that moves along x, y and z and turns about z'
-        )
+        raise ModelError(f'model "{body.name}": acquisition needs a root that moves along x, y and z and turns about z')
     return Root(columns, np.concatenate(shifts), int(turns[0]))
 
 

@@ -97,7 +97,9 @@ def acquire(
     """
     settings, synthesis = settings or SilhouetteSettings(), CpuSynthesis()
     silhouettes = [
-        tuple(read_silhouette(picture, name, stature_m) for picture, name in ((pair.front, "front"), (pair.side, "side")))
+        tuple(
+            read_silhouette(picture, name, stature_m) for picture, name in ((pair.front, "front"), (pair.side, "side"))
+        )
         for pair in pairs
     ]
     for front, side in silhouettes:
@@ -169,10 +171,10 @@ def _started(
         q = placed(body, body.rest(), front, 0.0, synthesis)
         q, _ = best_pose(body, q, (front, seen[0]), trial, synthesis)
         turned = _faced(body, q, (side, seen[1]), synthesis)
-        columns = first + np.arange(body.dof)
-        other = columns.copy()
+        whole = first + np.arange(body.dof, dtype=np.int64)
+        other = whole.copy()
         other[root.columns] = first + body.dof + np.arange(len(root.columns))
-        for one, observation, places in ((front, seen[0], columns), (side, seen[1], other)):
+        for one, observation, places in ((front, seen[0], whole), (side, seen[1], other)):
             looks.append(Look(Rig((one.camera,)), places, observation, None, _marks(body, one)))
         poses += [q, turned[root.columns]]
         links += [(first + a, first + b) for a, b in mirrored_parameters(body, space.description)]

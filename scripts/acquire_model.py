@@ -1,0 +1,46 @@
+"""Makes a person's body model from a front and a side silhouette; `bodytrack acquire` does more, from a file."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from tracker.acquire import acquire_from
+from tracker.acquire_tables import AcquisitionProgress, print_acquisition
+from tracker.errors import TrackerError
+
+
+def main(
+    front: Annotated[Path, typer.Argument(help="Mask of the person from the front.")],
+    side: Annotated[Path, typer.Argument(help="Mask from the side, in the same posture.")],
+    stature_m: Annotated[float | None, typer.Option(help="Height of the person, metres.")] = None,
+    px_per_m: Annotated[float | None, typer.Option(help="Scale of orthographic pictures.")] = None,
+    rig: Annotated[Path | None, typer.Option(help="Calibration with cameras called front and side.")] = None,
+    clicks: Annotated[Path | None, typer.Option(help="TOML: [front] and [side], joint = [x, y] in px.")] = None,
+    model: Annotated[str, typer.Option(help="General model.")] = "gavrila22",
+    output: Annotated[Path, typer.Option(help="Model to write.")] = Path("models/person.toml"),
+) -> None:
+    """Acquires a model; the picture and the figures are written beside it."""
+    console = Console()
+    clicked = tomllib.loads(clicks.read_text(encoding="utf-8")) if clicks else {}
+    given = {"px_per_m": px_per_m, "rig": None if rig is None else str(rig.resolve())}
+    pair: dict[str, Any] = {}
+    for view, mask in (("front", front), ("side", side)):
+        entry = {**given, "view": view if rig else None, "mask": str(mask.resolve()), "clicks": clicked.get(view, {})}
+        pair[view] = {key: value for key, value in entry.items() if value is not None}
+    table = {"name": output.stem, "model": model, "stature_m": stature_m, "pairs": [pair]}
+    try:
+        with AcquisitionProgress(console) as progress:
+            result = acquire_from(table, Path("command line"), output, progress.report)
+    except TrackerError as error:
+        Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
+        raise typer.Exit(2) from None
+    print_acquisition(console, result)
+
+
+if __name__ == "__main__":
+    typer.run(main)

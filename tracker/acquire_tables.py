@@ -1,0 +1,75 @@
+"""What `bodytrack acquire` shows: progress, and the tables of lengths and residuals."""
+
+from __future__ import annotations
+
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from tracker.acquire import Acquisition
+
+
+class AcquisitionProgress:
+    """A bar for every step of an acquisition."""
+
+    def __init__(self, console: Console) -> None:
+        self._bar = Progress(
+            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console
+        )
+        self._task: TaskID | None = None
+
+    def __enter__(self) -> AcquisitionProgress:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def report(self, what: str, done: int, total: int) -> None:
+        """Shows how far a step is; a step that begins again gets a bar of its own."""
+        task = None if self._task is None else self._bar.tasks[self._task]
+        if self._task is None or task is None or task.description != what or done < task.completed:
+            self._task = self._bar.add_task(what, total=total)
+        self._bar.update(self._task, completed=done, total=total)
+
+
+def print_acquisition(console: Console, result: Acquisition) -> None:
+    """Tables of the bones, the parts and the silhouettes."""
+    console.print(_bones(result))
+    console.print(_parts(result))
+    for view, share in result.overlaps.items():
+        before = f", general model {result.before[view]:.3f}" if view in result.before else ""
+        console.print(f"silhouette IoU {view}: {share:.3f}{before}", highlight=False)
+    for turn in result.turns_deg:
+        console.print(f"turn between front and side: {turn:.0f} degrees, measured", highlight=False)
+    console.print(
+        f"contours {result.contour_rms_mm:.1f} mm RMS; stature {result.stature_m:.3f} m; shaded by {result.shaded_by}",
+        highlight=False,
+    )
+    console.print(f"model {result.model}, picture {result.picture}", highlight=False)
+
+
+def _bones(result: Acquisition) -> Table:
+    table = Table(title="lengths, mm", title_justify="left")
+    for column in ("from - to", "acquired", "sigma", "general model"):
+        table.add_column(column, justify="left" if column == "from - to" else "right")
+    for bone in result.bones:
+        values = (f"{bone.length_mm:.0f}", f"{bone.sigma_mm:.0f}", f"{bone.general_mm:.0f}")
+        table.add_row(bone.bone.replace("_", " ").replace("-", " - "), *values)
+    return table
+
+
+def _parts(result: Acquisition) -> Table:
+    table = Table(title="parts, mm", title_justify="left")
+    for column in ("part", "residual RMS", "bias", "depth", "width", "length"):
+        table.add_column(column, justify="left" if column == "part" else "right")
+    for part in result.parts:
+        seen = part.contour_m > 0
+        sizes = [f"{size:.0f} ± {sigma:.0f}" for size, sigma in zip(part.size_mm, part.sigma_mm, strict=True)]
+        residual = (f"{part.rms_mm:.1f}", f"{part.bias_mm:+.1f}") if seen else ("never seen", "")
+        table.add_row(part.part.replace("_", " "), *residual, *sizes)
+    return table
