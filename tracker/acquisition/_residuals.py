@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tracker.acquisition._variants import Variants, heights
 from tracker.acquisition.looks import Look
 from tracker.acquisition.outlines import on_outline
 from tracker.arrays import Array, Array32, Integers, Mask
@@ -18,7 +19,7 @@ from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.synthesis import Synthesis
 
-Bodies = tuple[BodyModel, tuple[BodyModel, ...], Array]
+Bodies = tuple[BodyModel, Variants, Array]
 """A body, its neighbours in the shape space, and the (S,) steps to them."""
 
 
@@ -147,18 +148,43 @@ def motion(bodies: Bodies, q: Array, points: Array, parts: Integers) -> Array:
     """
     body, neighbours, steps = bodies
     placed = body.world_from_part(q)
-    moved = np.stack([near.world_from_part(q) - placed for near in neighbours], axis=-1) / steps
-    formed = np.stack([near.shapes - body.shapes for near in neighbours], axis=-1) / steps
+    moved = np.moveaxis(neighbours.placements(q)[0] - placed, 0, -1) / steps
+    formed = np.moveaxis(neighbours.shapes - body.shapes, 0, -1) / steps
     rotations = placed[parts, :3, :3]
     local = np.einsum("nji,nj->ni", rotations, points - placed[parts, :3, 3])
-    found = np.empty((len(points), 3, len(neighbours) + body.dof))
+    found = np.empty((len(points), 3, len(steps) + body.dof))
     for p in np.unique(parts):
         rows = parts == p
         with_one = np.concatenate([local[rows], np.ones((int(rows.sum()), 1))], axis=1)
         own = placed[p, :3, :3] @ shape_derivatives(body.shapes[p], local[rows])
-        found[rows, :, : len(neighbours)] = np.einsum("ijs,nj->nis", moved[p, :3], with_one) + own @ formed[p]
-    found[:, :, len(neighbours) :] = body.point_jacobian(q, points, body.part_parameters[parts])
+        found[rows, :, : len(steps)] = np.einsum("ijs,nj->nis", moved[p, :3], with_one) + own @ formed[p]
+    found[:, :, len(steps) :] = body.point_jacobian(q, points, body.part_parameters[parts])
     return found
+
+
+def height_row(bodies: Bodies, stature_m: float, weight: float) -> Rows:
+    """The row that holds the body's height in the reference pose.
+
+    Args:
+        bodies: the body and its neighbours.
+        stature_m: the person's height, metres.
+        weight: factor of the residual.
+    """
+    body, neighbours, steps = bodies
+    levels = body.model_from_parts[:, 2, 3]
+    # The highest and the lowest parts are enough.
+    shown = [int(np.argmax(levels)), int(np.argmin(levels))]
+    tall = heights(body.shapes[shown], body.model_from_parts[shown])
+    moved = heights(neighbours.shapes[:, shown], neighbours.model_from_parts[:, shown])
+    return Rows(
+        residuals=weight * np.array([float(tall) - stature_m]),
+        jacobian=weight * np.concatenate([(moved - tall) / steps, np.zeros(body.dof)])[None],
+        lengths_m=np.zeros(1),
+        parts=np.array([-1]),
+        views=np.array([0]),
+        inner=np.zeros(1, dtype=np.bool_),
+        weights=np.ones(1),
+    )
 
 
 def mark_rows(look: Look, bodies: Bodies, q: Array, weight_m_per_px: float) -> Rows:
@@ -172,7 +198,7 @@ def mark_rows(look: Look, bodies: Bodies, q: Array, weight_m_per_px: float) -> R
     """
     body, neighbours, steps = bodies
     placed = body.landmarks_in_world(q)
-    moved = np.stack([near.landmarks_in_world(q) - placed for near in neighbours], axis=-1) / steps
+    moved = np.moveaxis(neighbours.placements(q)[1] - placed, 0, -1) / steps
     ends = np.array([mark.parameter for mark in body.landmarks], dtype=np.int64)
     turned = body.point_jacobian(q, placed, ends)
     residuals, jacobian = [], []

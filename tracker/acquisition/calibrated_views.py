@@ -174,5 +174,6 @@ def check_overlaps(overlaps: Array, views: tuple[str, ...], settings: ViewSettin
         raise SequenceError(
             f"the fitted body covers {overlaps[known].mean():.0%} of the foreground (intersection over union), "
             f"expected at least {settings.least_overlap:.0%}; worst is view {views[worst]} with "
-            f"{overlaps[worst]:.0%}: check the background plates and the start, or leave `background` out and let the person stand in T-pose"
+            f"{overlaps[worst]:.0%}: check the background plates and the start, or leave `background` out and let "
+            "the person stand in T-pose"
         )

@@ -10,7 +10,7 @@ import pydantic
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 
-from tracker.acquisition._residuals import Rows, look_rows, mark_rows
+from tracker.acquisition._residuals import Bodies, Rows, height_row, look_rows, mark_rows
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapeSpace
 from tracker.arrays import Array, frozen
@@ -60,6 +60,9 @@ class FitSettings:
     correlation_m: float = pydantic.Field(default=0.1, gt=0)
     """Length of contour over which it departs from the model alike, metres: so much counts as one observation."""
 
+    stature_sigma_m: float = pydantic.Field(default=0.005, gt=0)
+    """Standard deviation of a height that was given, metres."""
+
     click_px: float = pydantic.Field(default=3.0, gt=0)
     """Standard deviation of a clicked point, px."""
 
@@ -107,6 +110,9 @@ class Task:
     links: tuple[tuple[int, int, float], ...] = ()
     """Pairs of pose values that differ by a standard deviation only."""
 
+    stature_m: float | None = None
+    """Height of the person, if it is known, metres."""
+
     progress: Report = silent
 
 
@@ -130,7 +136,11 @@ def fit(task: Task, shape: Array, poses: Array, free: Sequence[str] = ("pose", "
         task.progress("fitting shape and pose", k, settings.iterations)
         body, neighbours = task.space.body(shape), task.space.neighbours(shape)
         steps = task.space.steps(shape)
-        rows = tuple(_rows(task, look, (body, neighbours, steps), poses[look.columns], gate) for look in task.looks)
+        bodies = (body, neighbours, steps)
+        rows = tuple(_rows(task, look, bodies, poses[look.columns], gate) for look in task.looks)
+        if task.stature_m is not None:
+            height = height_row(bodies, task.stature_m, settings.noise_m / settings.stature_sigma_m)
+            rows = (rows[0].joined(height), *rows[1:])
         matrix, vector, variance = _equations(task, rows, len(shape), len(poses))
         prior, pull = _prior(task, (shape, poses - start, poses), (shape_sigmas(task.space, kind), sigmas))
         room = _room(task, body, shape, poses)
@@ -192,9 +202,7 @@ def _pose_sigmas(task: Task) -> Array:
     return sigmas
 
 
-def _rows(
-    task: Task, look: Look, bodies: tuple[BodyModel, tuple[BodyModel, ...], Array], q: Array, gate_m: float
-) -> Rows:
+def _rows(task: Task, look: Look, bodies: Bodies, q: Array, gate_m: float) -> Rows:
     rows = look_rows(look, bodies, q, task.synthesis, (gate_m, task.settings.direction_deg))
     # Each length counts twice, from the model to the image and back.
     weights = rows.lengths_m / (2 * task.settings.correlation_m) / (1 + (rows.residuals / (0.5 * gate_m)) ** 2) ** 2

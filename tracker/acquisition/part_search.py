@@ -30,7 +30,7 @@ _LEAST_POINTS = 12
 _CLAMP_M = 0.03
 
 _STEPS = {"radius": (0.12, 0.06, 0.03), "taper": (0.16, 0.08, 0.04), "squareness": (0.2, 0.1, 0.05)}
-_N_RINGS = 21
+_N_RINGS = 41
 
 
 def searched_parts(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tracker.acquisition._variants import heights
 from tracker.acquisition.fitting import Fit
 from tracker.arrays import Array
 from tracker.body import BodyModel
@@ -96,10 +97,8 @@ def _sigmas(found: Fit, measure: Callable[[BodyModel], Array]) -> Array:
     """Standard deviations of what is measured on the body, from the covariance of the shape."""
     steps = found.space.steps(found.shape)
     here = measure(found.body).ravel()
-    slopes = [
-        (measure(near).ravel() - here) / step
-        for near, step in zip(found.space.neighbours(found.shape), steps, strict=True)
-    ]
+    near = found.shape + np.diag(steps)
+    slopes = [(measure(found.space.body(one)).ravel() - here) / step for one, step in zip(near, steps, strict=True)]
     jacobian = np.stack(slopes, axis=1)
     variances: Array = np.einsum("ij,jk,ik->i", jacobian, found.covariance, jacobian)
     return np.sqrt(np.maximum(variances, 0.0))
@@ -107,12 +106,7 @@ def _sigmas(found: Fit, measure: Callable[[BodyModel], Array]) -> Array:
 
 def stature_of(body: BodyModel) -> float:
     """Height of the body in the reference pose, from the lowest to the highest point of its parts, metres."""
-    eta, omega = np.meshgrid(np.linspace(-np.pi / 2, np.pi / 2, 25), np.linspace(-np.pi, np.pi, 48))
-    heights = []
-    for part in body.parts:
-        points, _ = part.shape.surface(eta, omega)
-        heights.append(points @ part.model_from_part[2, :3] + part.model_from_part[2, 3])
-    return float(np.max(heights) - np.min(heights))
+    return float(heights(body.shapes, body.model_from_parts))
 
 
 def model_of(found: Fit, name: str, about: str) -> BodyDescription:

@@ -10,6 +10,7 @@ import numpy as np
 import pydantic
 
 from tracker.acquisition._anatomy import MOST_TAPER, SQUARENESS, Anatomy
+from tracker.acquisition._variants import Variants
 from tracker.arrays import Array, frozen
 from tracker.body import BodyModel
 from tracker.body_files import BodyDescription
@@ -113,13 +114,13 @@ class ShapeSpace:
         """The body of a shape (S,)."""
         return self.described(s).build()
 
-    def neighbours(self, s: Array) -> tuple[BodyModel, ...]:
-        """S bodies, each with one parameter moved by `step`, inwards at a limit."""
-        steps = self.steps(s)
-        return tuple(self.body(s + steps[k] * row) for k, row in enumerate(np.eye(len(s))))
+    def neighbours(self, s: Array) -> Variants:
+        """S bodies, each with one parameter moved by `steps`."""
+        moved = s + np.diag(self.steps(s))
+        return Variants.of(self.body(s), self.description, moved @ self.directions.T)
 
     def steps(self, s: Array) -> Array:
-        """(S,) signed steps of `neighbours`."""
+        """(S,) steps of `neighbours`, inwards at a limit."""
         return np.where(s + _STEP > self.limits[:, 1], -_STEP, _STEP)
 
 

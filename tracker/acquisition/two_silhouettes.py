@@ -25,6 +25,9 @@ from tracker.rig import Rig
 from tracker.synthesis import Synthesis
 from tracker.synthesis.cpu import CpuSynthesis
 
+# A start whose turn is not 90 degrees must be nearer by this factor.
+_CLEARLY = 1.15
+
 
 @component
 class SilhouetteSettings:
@@ -109,7 +112,7 @@ def acquire(
         raise ModelError(f'model "{description.name}" does not tell its stature_m: it cannot be scaled')
     space = space_of(description.scaled(stature / description.stature_m), settings.prior)
     task, poses = _started(space, silhouettes, settings, synthesis)
-    task = replace(task, progress=report)
+    task = replace(task, progress=report, stature_m=stature_m)
     flat = tuple(one for pair in silhouettes for one in pair)
     sized = fit(task, np.zeros(len(space.names)), poses, ("pose",))
     before = _overlaps(sized, flat, synthesis)
@@ -189,11 +192,13 @@ def _started(
 
 
 def _faced(body: BodyModel, q: Array, seen: tuple[Silhouette, Observation], synthesis: Synthesis) -> Array:
-    """The pose in the side view: of both ways to turn aside the one that fits better."""
+    """The pose in the side view: turned aside either way, by other than 90 degrees where that fits clearly better."""
     tried = []
-    for turn in (np.pi / 2, -np.pi / 2):
-        pose = placed(body, q, seen[0], turn, synthesis)
-        tried.append(best_pose(body, pose, seen, {}, synthesis))
+    for off_deg in (0, -20, 20, -40, 40):
+        for side in (1, -1):
+            pose = placed(body, q, seen[0], side * np.radians(90 + off_deg), synthesis)
+            found, distance = best_pose(body, pose, seen, {}, synthesis)
+            tried.append((found, distance * (1 if off_deg == 0 else _CLEARLY)))
     return min(tried, key=lambda found: found[1])[0]
 
 
@@ -247,9 +252,11 @@ def _turn_deg(body: BodyModel, found: Fit, pair: int) -> float:
 def _check_result(result: Acquired, settings: SilhouetteSettings) -> None:
     for k, turn in enumerate(result.turns_deg):
         if abs(turn - 90) > settings.most_off_deg:
+            off = abs(turn - 90)
+            # A silhouette hardly tells whether the person has turned too little or too far.
             raise SequenceError(
-                f"the views are not orthogonal: between front and side the person is turned by {turn:.0f} degrees, "
-                f"expected 90 within {settings.most_off_deg:.0f}"
+                f"the views are not orthogonal: between front and side the person is turned by {90 - off:.0f} or "
+                f"{90 + off:.0f} degrees, expected 90 within {settings.most_off_deg:.0f}"
                 + (f" (pair {k + 1})" if len(result.turns_deg) > 1 else "")
             )
     for one, share in zip(result.silhouettes, result.overlaps, strict=True):

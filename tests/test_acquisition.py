@@ -1,0 +1,281 @@
+"""Acquisition: models of known persons found again, honest sigmas, and every bad input refused by name."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tomli_w
+from observations import bent, four_views, ideal
+from test_cli import bodytrack
+from test_shape_space import some_shape, space
+
+from tracker.acquisition.calibrated_views import ViewSettings, check_overlaps, chosen
+from tracker.acquisition.fitting import FitSettings, Task, fit
+from tracker.acquisition.looks import Look
+from tracker.acquisition.outlines import outline_observation, overlap
+from tracker.acquisition.part_search import section_distances
+from tracker.acquisition.pictures import Pair, Picture, orthographic_camera
+from tracker.acquisition.result import bone_lengths, model_of, stature_of
+from tracker.acquisition.stance_search import StanceSearch
+from tracker.acquisition.two_silhouettes import SilhouetteSettings, acquire
+from tracker.analysis.contours import ContourAnalysis
+from tracker.arrays import Array, Mask
+from tracker.body import BodyModel
+from tracker.body_files import load_body, read_description, save_description
+from tracker.errors import SequenceError, TrackerError
+from tracker.estimation.hybrid import HybridEstimation
+from tracker.frame import Frame
+from tracker.geometry.superquadrics import surface
+from tracker.initialization import Stages
+from tracker.resources import model_path
+from tracker.rig import Rig
+from tracker.scene import Person, Scene
+from tracker.similarity.chamfer import ChamferSimilarity
+from tracker.synthesis.cpu import CpuSynthesis
+
+SIZE, PX_PER_M = (440, 440), 200.0
+CAMERA = orthographic_camera("picture", SIZE, PX_PER_M)
+QUICK = SilhouetteSettings(fit=FitSettings(iterations=6, pose_m=0.5, pose_deg=6.0))
+
+
+def t_pose(body: BodyModel, turn: float = 0.0, arms_deg: float = 85.0) -> Array:
+    q = body.rest()
+    q[:3] = 0.0, 0.0, 0.15
+    q[body.index("torso_twist")] = -np.pi / 2 + turn
+    for side in ("left", "right"):
+        q[body.index(f"{side}_arm_abduction")] = np.radians(arms_deg)
+        q[body.index(f"{side}_leg_abduction")] = np.radians(5)
+    return q
+
+
+def silhouette(body: BodyModel, q: Array) -> Mask:
+    return CpuSynthesis().silhouettes(Scene((Person("one", body, q),), Rig((CAMERA,))))[0]
+
+
+def stored(folder: Path, name: str, mask: Mask) -> Path:
+    path = folder / f"{name}.png"
+    cv2.imwrite(str(path), mask.astype(np.uint8) * 255)
+    return path
+
+
+def pair(folder: Path, front: Mask, side: Mask) -> Pair:
+    return Pair(
+        front=Picture(mask=stored(folder, "front", front), px_per_m=PX_PER_M),
+        side=Picture(mask=stored(folder, "side", side), px_per_m=PX_PER_M),
+    )
+
+
+@pytest.fixture(scope="module")
+def person() -> BodyModel:
+    """Somebody who is not the general model."""
+    of = space()
+    return of.body(some_shape(of, seed=3, share=0.8))
+
+
+def test_a_model_is_acquired_from_two_silhouettes(person: BodyModel, tmp_path: Path) -> None:
+    front, side = silhouette(person, t_pose(person)), silhouette(person, t_pose(person, np.pi / 2))
+    reported: list[str] = []
+    found = acquire(
+        read_description(model_path("gavrila22")),
+        [pair(tmp_path, front, side)],
+        stature_of(person),
+        QUICK,
+        lambda what, done, total: reported.append(what),
+    )
+    assert min(found.overlaps) > 0.955
+    assert np.mean(found.overlaps) > np.mean(found.start_overlaps) + 0.03
+    assert found.turns_deg[0] == pytest.approx(90, abs=6)
+    assert set(reported) == {"fitting shape and pose", "searching the shape of each part"}
+    true = dict(zip((part.name for part in person.parts), 2000 * person.shapes[:, :2], strict=True))
+    got = dict(zip((part.name for part in found.fit.body.parts), 2000 * found.fit.body.shapes[:, :2], strict=True))
+    for part in ("torso", "head", "left_thigh", "left_shin"):
+        np.testing.assert_allclose(got[part], true[part], atol=25)
+
+
+def test_lengths_and_sigmas_come_out_of_bent_poses_in_four_views(person: BodyModel) -> None:
+    of, rig, synthesis = space(), four_views((720, 576)), CpuSynthesis()
+    poses = [bent(person), bent(person)]
+    poses[1][person.index("left_arm_extension")] = 1.6
+    poses[1][person.index("right_leg_elevation")] = 0.9
+    looks, starts = [], []
+    for k, q in enumerate(poses):
+        masks = synthesis.silhouettes(Scene((Person("one", person, q),), rig))
+        columns = k * person.dof + np.arange(person.dof)
+        looks.append(Look(rig, columns, outline_observation(masks)))
+        starts.append(person.clamped(q + np.random.default_rng(k).normal(0, 0.03, person.dof)))
+    settings = FitSettings(iterations=10, pose_deg=8.0, pose_m=0.05, rigid_share=0.2)
+    found = fit(Task(of, tuple(looks), synthesis, settings), np.zeros(len(of.names)), np.concatenate(starts))
+    places = {mark.name: mark.point for mark in person.landmarks}
+    off, predicted = [], []
+    for bone in bone_lengths(found):
+        one, other = bone.bone.split("-")
+        if any(joint in other for joint in ("elbow", "wrist", "knee", "ankle")):
+            off.append(bone.length_mm - 1000 * np.linalg.norm(places[one] - places[other]))
+            predicted.append(bone.sigma_mm)
+    assert np.abs(off).max() < 20
+    assert np.sqrt(np.mean(np.square(np.array(off) / predicted))) < 2
+    for k, q in enumerate(poses):
+        made, true = (
+            synthesis.silhouettes(Scene((Person("one", body, pose),), rig))
+            for body, pose in ((found.body, found.pose(k)), (person, q))
+        )
+        assert min(overlap(a, b) for a, b in zip(made, true, strict=True)) > 0.95
+
+
+def test_a_clicked_joint_is_where_it_was_clicked(person: BodyModel, tmp_path: Path) -> None:
+    q = t_pose(person)
+    front, side = silhouette(person, q), silhouette(person, t_pose(person, np.pi / 2))
+    pixels = CAMERA.project(person.landmarks_in_world(q))
+    clicks = {
+        name: tuple(pixels[k].tolist())
+        for k, name in enumerate(person.landmark_names)
+        if name.endswith(("hip", "knee", "ankle"))
+    }
+    given = pair(tmp_path, front, side)
+    clicked = Pair(front=Picture(mask=given.front.mask, px_per_m=PX_PER_M, clicks=clicks), side=given.side)
+    found = acquire(read_description(model_path("gavrila22")), [clicked], stature_of(person), QUICK)
+    again = CAMERA.project(found.fit.body.landmarks_in_world(found.fit.pose(0)))
+    off = [np.linalg.norm(again[person.landmark_names.index(name)] - clicks[name]) for name in clicks]
+    assert max(off) < 5
+
+
+def changed(front: Mask, side: Mask, what: str, person: BodyModel) -> tuple[Mask, Mask]:
+    """A pair with one fault."""
+    front, side = front.copy(), side.copy()
+    rows, columns = np.nonzero(front)
+    if what == "empty":
+        side[:] = False
+    elif what == "cut":
+        front = np.roll(front, SIZE[1] - rows.max() + 20, axis=0)
+        front[:100] = False
+    elif what == "two":
+        front |= np.roll(front, 190, axis=1) & (np.arange(SIZE[0]) > columns.max() + 3)
+        front[:, columns.max() + 20 : columns.max() + 60] |= rows.min() < np.arange(SIZE[1])[:, None]
+        front[-4:] = False
+    elif what == "swapped":
+        front, side = side, front
+    elif what == "inverted":
+        front = ~np.pad(front[60:380, 60:380], 60)
+    elif what == "turned":
+        side = silhouette(person, t_pose(person, np.radians(62)))
+    return front, side
+
+
+@pytest.mark.parametrize(
+    ("what", "message"),
+    [
+        ("empty", "side: the silhouette is empty"),
+        ("cut", "front: the person is cut off at the bottom border"),
+        ("two", "two persons"),
+        ("swapped", "front and side are swapped"),
+        ("turned", r"the views are not orthogonal: between front and side the person is turned by (5[6-9]|6[0-8]) or"),
+    ],
+)
+def test_bad_pairs_are_refused_by_name(person: BodyModel, tmp_path: Path, what: str, message: str) -> None:
+    q = t_pose(person, arms_deg=80.0)
+    if what == "two":
+        q = t_pose(person, arms_deg=10.0)
+    front, side = changed(silhouette(person, q), silhouette(person, t_pose(person, np.pi / 2)), what, person)
+    with pytest.raises(SequenceError, match=message):
+        acquire(read_description(model_path("gavrila22")), [pair(tmp_path, front, side)], stature_of(person), QUICK)
+
+
+def test_a_person_not_found_in_the_views_is_refused() -> None:
+    with pytest.raises(SequenceError, match=r"covers 20% .* worst is view b with 10%"):
+        check_overlaps(np.array([0.3, 0.1, np.nan]), ("a", "b", "c"), ViewSettings())
+    check_overlaps(np.array([np.nan, np.nan]), ("a", "b"), ViewSettings())
+
+
+def test_frames_are_spread_evenly() -> None:
+    assert chosen(100, 3) == {0, 50, 99} or chosen(100, 3) == {0, 49, 99}
+    assert chosen(2, 12) == {0, 1}
+
+
+def test_the_section_search_prefers_the_true_radius() -> None:
+    true = np.array([0.08, 0.06, 0.2, 0.5, 1.0, -0.2, -0.2])
+    eta = np.linspace(-1.3, 1.3, 150)
+    points = np.concatenate(
+        [surface(true, eta, np.full_like(eta, omega))[0][:, [1, 2]] for omega in (-np.pi / 2, np.pi / 2)]
+    )
+    tried = np.repeat(true[None], 5, axis=0)
+    tried[:, 1] *= [0.8, 0.9, 1.0, 1.1, 1.2]
+    distances = section_distances(tried, 1, points)
+    assert int(np.argmin(distances)) == 2
+    assert distances[2] < 0.6 * distances[[1, 3]].min()
+
+
+def test_a_standing_person_is_found_on_edges_alone() -> None:
+    body, rig = load_body(model_path("gavrila22")), four_views()
+    q = t_pose(body, 1.0)
+    q[:3] = 0.23, -0.31, 1.24
+    scene = Scene((Person("one", body, q),), rig)
+    seen = ideal(scene)
+
+    class Faultless(ContourAnalysis):
+        def observe(self, frame: Frame, expected: object, backgrounds: object) -> object:  # type: ignore[override]
+            return seen
+
+    stages = Stages(CpuSynthesis(), Faultless(), ChamferSimilarity(), HybridEstimation(), (None,) * 4)
+    start = StanceSearch(step_m=0.2, step_deg=30.0, hypotheses=3).start(Frame(0, 0.0, (None,) * 4), scene, stages)
+    off = body.landmarks_in_world(start.poses[0]) - body.landmarks_in_world(q)
+    assert np.linalg.norm(off, axis=1).mean() < 0.03
+
+
+def test_a_model_is_saved_with_its_sigmas_and_loads_again(person: BodyModel, tmp_path: Path) -> None:
+    of, synthesis, q = space(), CpuSynthesis(), t_pose(person)
+    look = Look(Rig((CAMERA,)), np.arange(person.dof), outline_observation((silhouette(person, q),)))
+    found = fit(Task(of, (look,), synthesis, FitSettings(iterations=2)), np.zeros(len(of.names)), q)
+    description = model_of(found, "somebody", "for a test")
+    save_description(description, tmp_path / "new" / "somebody.toml")
+    again = read_description(tmp_path / "new" / "somebody.toml")
+    assert again.name == "somebody"
+    assert again.sigmas["left_hip-left_knee.length"] == pytest.approx(
+        description.sigmas["left_hip-left_knee.length"], abs=1e-5
+    )
+    body = load_body(tmp_path / "new" / "somebody.toml")
+    np.testing.assert_allclose(body.shapes, found.body.shapes, atol=2e-5)
+    np.testing.assert_allclose(body.landmarks_in_world(q), found.body.landmarks_in_world(q), atol=5e-5)
+    assert body.stature_m == pytest.approx(1.8, abs=0.1)
+
+
+def test_the_command_writes_model_picture_and_figures_or_nothing(person: BodyModel, tmp_path: Path) -> None:
+    given = pair(tmp_path, silhouette(person, t_pose(person)), silhouette(person, t_pose(person, np.pi / 2)))
+    config = tmp_path / "somebody.toml"
+
+    def write(change: Callable[[dict[str, object]], object] = lambda table: None) -> None:
+        table: dict[str, object] = {
+            "name": "somebody",
+            "pairs": [
+                {view: {"mask": str(getattr(given, view).mask), "px_per_m": PX_PER_M} for view in ("front", "side")}
+            ],
+        }
+        change(table)
+        config.write_text(tomli_w.dumps(table))
+
+    write()
+    output = tmp_path / "out" / "somebody.toml"
+    few = ["--set", "acquisition.fit.iterations=2", "--set", "acquisition.fit.pose_m=0.5"]
+    done = bodytrack("acquire", config, "--output", output, *few)
+    assert done.returncode == 0, done.stderr
+    assert "silhouette IoU front: 0.9" in done.stdout
+    assert "left hip - left knee" in done.stdout
+    assert output.with_suffix(".png").stat().st_size > 20_000
+    assert json.loads(output.with_suffix(".json").read_text())["overlaps"]["front"] > 0.9
+    write(lambda table: table.update(paris=[]))
+    done = bodytrack("acquire", config, "--output", tmp_path / "other" / "somebody.toml")
+    assert done.returncode == 2
+    assert 'unknown key "paris"; did you mean "pairs"' in done.stderr
+    assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize("table", [{}, {"pairs": [], "reading": {}}, {"pairs": [{"front": {}}]}])
+def test_a_file_that_describes_no_acquisition_is_one_line(table: dict[str, object], tmp_path: Path) -> None:
+    from tracker.acquire import acquire_from
+
+    with pytest.raises(TrackerError, match=r"pairs"):
+        acquire_from(table, tmp_path / "config.toml")
