@@ -18,7 +18,7 @@ from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.synthesis.cpu import CpuSynthesis
 
-_SHADED_PX = (640, 640)
+_SHADED_PX = (480, 480)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,7 +50,8 @@ def part_residuals(found: Fit) -> tuple[PartResidual, ...]:
     """Residuals and sizes of all parts, in the model's order."""
     body = found.body
     sizes = 2000 * body.shapes[:, :3]
-    sigmas = _sigmas(found, lambda one: 2000 * one.shapes[:, :3]).reshape(-1, 3)
+    near = 2000 * found.space.neighbours(found.shape).shapes[..., :3]
+    sigmas = _sigmas(found, near.reshape(len(near), -1), sizes.ravel()).reshape(-1, 3)
     table = []
     for p, part in enumerate(body.parts):
         weights = np.concatenate([rows.weights[rows.parts == p] for rows in found.rows])
@@ -78,28 +79,35 @@ def _three(values: Array) -> tuple[float, float, float]:
 def bone_lengths(found: Fit) -> tuple[BoneLength, ...]:
     """Lengths of all links of the model."""
     body, general = found.body, found.space.description.build()
-    lengths, before = _links(body), _links(general)
-    sigmas = _sigmas(found, _links)
+    lengths, before = _links(body, _points(body)), _links(general, _points(general))
+    sigmas = _sigmas(found, _links(body, found.space.neighbours(found.shape).landmarks), lengths)
     return tuple(
         BoneLength("-".join(link), 1000 * length, 1000 * sigma, 1000 * old)
         for link, length, sigma, old in zip(body.links, lengths.tolist(), sigmas.tolist(), before.tolist(), strict=True)
     )
 
 
-def _links(body: BodyModel) -> Array:
-    """Lengths of the links in the reference pose, metres."""
-    places = {mark.name: mark.point for mark in body.landmarks}
-    lengths: Array = np.array([np.linalg.norm(places[a] - places[b]) for a, b in body.links])
+def _links(body: BodyModel, landmarks: Array) -> Array:
+    """Lengths (..., N) of the links, metres, where the landmarks are at (..., L, 3)."""
+    ends = np.array([[body.landmark_names.index(name) for name in link] for link in body.links]).reshape(-1, 2)
+    lengths: Array = np.linalg.norm(landmarks[..., ends[:, 0], :] - landmarks[..., ends[:, 1], :], axis=-1)
     return lengths
 
 
-def _sigmas(found: Fit, measure: Callable[[BodyModel], Array]) -> Array:
-    """Standard deviations of what is measured on the body, from the covariance of the shape."""
-    steps = found.space.steps(found.shape)
-    here = measure(found.body).ravel()
-    near = found.shape + np.diag(steps)
-    slopes = [(measure(found.space.body(one)).ravel() - here) / step for one, step in zip(near, steps, strict=True)]
-    jacobian = np.stack(slopes, axis=1)
+def _points(body: BodyModel) -> Array:
+    """(L, 3) landmarks in the reference pose."""
+    return np.array([mark.point for mark in body.landmarks]).reshape(-1, 3)
+
+
+def _sigmas(found: Fit, near: Array, here: Array) -> Array:
+    """Standard deviations (N,) of what is measured on the body, from the covariance of the shape.
+
+    Args:
+        found: the fit.
+        near: (S, N) measured on the neighbours in the shape space.
+        here: (N,) measured on the body.
+    """
+    jacobian = (near - here).T / found.space.steps(found.shape)
     variances: Array = np.einsum("ij,jk,ik->i", jacobian, found.covariance, jacobian)
     return np.sqrt(np.maximum(variances, 0.0))
 
