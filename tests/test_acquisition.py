@@ -19,7 +19,7 @@ from tracker.acquisition.fitting import FitSettings, Task, fit
 from tracker.acquisition.looks import Look
 from tracker.acquisition.outlines import outline_observation, overlap
 from tracker.acquisition.part_search import section_distances
-from tracker.acquisition.pictures import Pair, Picture, orthographic_camera
+from tracker.acquisition.pictures import Pair, Picture, orthographic_camera, read_silhouette
 from tracker.acquisition.result import bone_lengths, model_of, stature_of
 from tracker.acquisition.stance_search import StanceSearch
 from tracker.acquisition.two_silhouettes import SilhouetteSettings, acquire
@@ -27,7 +27,7 @@ from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.body_files import load_body, read_description, save_description
-from tracker.config import Table
+from tracker.config import Table, read_config
 from tracker.errors import SequenceError, TrackerError
 from tracker.estimation.hybrid import HybridEstimation
 from tracker.frame import Frame
@@ -37,6 +37,7 @@ from tracker.resources import model_path
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.similarity.chamfer import ChamferSimilarity
+from tracker.simulation.sequence import Recipe, write_sequence
 from tracker.synthesis.cpu import CpuSynthesis
 
 SIZE, PX_PER_M = (440, 440), 200.0
@@ -276,3 +277,45 @@ def test_a_file_that_describes_no_acquisition_is_one_line(table: Table, message:
         acquire_from(table, tmp_path / "config.toml", tmp_path / "out" / "one.toml")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_silhouette_comes_from_image_and_background(person: BodyModel, tmp_path: Path) -> None:
+    mask, rng = silhouette(person, t_pose(person)), np.random.default_rng(0)
+    plate = rng.integers(90, 110, (*mask.shape, 3)).astype(np.uint8)
+    image = np.where(mask[..., None], np.uint8(200), plate)
+    for name, picture in (("image", image), ("plate", plate)):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), picture)
+    given = Picture(image=tmp_path / "image.png", background=tmp_path / "plate.png")
+    found = read_silhouette(given, "front", stature_of(person))
+    # Smoothing lets the foreground grow by a pixel all around, and limbs are 20 px wide here.
+    assert overlap(found.mask, mask) > 0.9
+    assert found.camera.matrix[0, 0] / 1000 == pytest.approx(PX_PER_M, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["silhouettes", "balancing_tpose"])
+def test_the_acquisition_files_can_be_used(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("BODYTRACK_DATA", str(tmp_path))
+    config = Path(__file__).parents[1] / "configs" / "acquisition" / f"{name}.toml"
+    # Everything is read and checked before the first picture or video is missed.
+    with pytest.raises(TrackerError, match=r"no file|calibration"):
+        acquire_from(read_config(config), config, tmp_path / "one.toml")
+
+
+def test_a_model_is_refined_over_the_frames_of_a_run(tmp_path: Path) -> None:
+    folder = tmp_path / "sequence"
+    write_sequence(Recipe("arm_swing", seconds=0.16, size=(320, 256)), folder)
+    table = read_config(folder / "config.toml")
+    table["initialization"] = {"use": "given", "poses": str(folder / "truth_poses.csv")}
+    table["acquisition"] = {"frames": 2, "rounds": 2, "fit": {"iterations": 4, "pose_deg": 8.0, "pose_m": 0.05}}
+    said: list[str] = []
+    result = acquire_from(table, folder / "config.toml", tmp_path / "one.toml", lambda what, *_: said.append(what))
+    assert {"tracking", "fitting shape and pose"} == set(said)
+    true = load_body(folder / "model.toml")
+    places = {mark.name: mark.point for mark in true.landmarks}
+    for bone in result.bones:
+        one, other = bone.bone.split("-")
+        # The model was right to begin with: refining must not spoil it.
+        assert bone.length_mm == pytest.approx(1000 * np.linalg.norm(places[one] - places[other]), abs=20)
+    assert result.picture.is_file()
+    with pytest.raises(TrackerError, match='no person "eva"'):
+        acquire_from(table | {"acquisition": {"person": "eva"}}, folder / "config.toml", tmp_path / "two.toml")
