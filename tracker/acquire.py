@@ -54,7 +54,7 @@ class Acquisition:
     """Silhouette intersection over union of each view."""
 
     before: dict[str, float]
-    """The same with the general model, only scaled and posed; empty where not known."""
+    """The same with the model begun with, only scaled and posed; empty where not known."""
 
     turns_deg: tuple[float, ...]
     """Measured turns between front and side."""

@@ -42,7 +42,7 @@ def print_acquisition(console: Console, result: Acquisition) -> None:
     console.print(_bones(result))
     console.print(_parts(result))
     for view, share in result.overlaps.items():
-        before = f", general model {result.before[view]:.3f}" if view in result.before else ""
+        before = f", before {result.before[view]:.3f}" if view in result.before else ""
         console.print(f"silhouette IoU {view}: {share:.3f}{before}", highlight=False)
     for turn in result.turns_deg:
         console.print(f"turn between front and side: {turn:.0f} degrees, measured", highlight=False)
@@ -55,10 +55,10 @@ def print_acquisition(console: Console, result: Acquisition) -> None:
 
 def _bones(result: Acquisition) -> Table:
     table = Table(title="lengths, mm", title_justify="left")
-    for column in ("from - to", "acquired", "sigma", "general model"):
+    for column in ("from - to", "acquired", "sigma", "before"):
         table.add_column(column, justify="left" if column == "from - to" else "right")
     for bone in result.bones:
-        values = (f"{bone.length_mm:.0f}", f"{bone.sigma_mm:.0f}", f"{bone.general_mm:.0f}")
+        values = (f"{bone.length_mm:.0f}", f"{bone.sigma_mm:.0f}", f"{bone.before_mm:.0f}")
         table.add_row(bone.bone.replace("_", " ").replace("-", " - "), *values)
     return table
 

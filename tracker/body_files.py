@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from pathlib import Path
 from typing import Any, Literal
@@ -164,8 +165,16 @@ def save_description(description: BodyDescription, path: Path) -> None:
     content = _rounded(description.model_dump(mode="json", exclude_none=True))
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(path.name + ".part")
-    unfinished.write_bytes(tomli_w.dumps(content).encode())
+    unfinished.write_text(_INNER_ARRAY.sub(_on_one_line, tomli_w.dumps(content)), encoding="utf-8")
     unfinished.replace(path)
+
+
+# An array without arrays in it, as tomli_w writes it: an entry a line.
+_INNER_ARRAY = re.compile(r"\[\n([^\[\]{}]*?),?\n *\]")
+
+
+def _on_one_line(array: re.Match[str]) -> str:
+    return f"[{' '.join(array[1].split())}]"
 
 
 def _rounded(value: Any) -> Any:

@@ -45,7 +45,13 @@ def compare(console: Console, poses: str, model: str, quick: bool) -> None:
     if folder is None or not folder.is_dir():
         raise SequenceError("needs BODYTRACK_DATA/room/acquisition: set BODYTRACK_DATA")
     table = Table(title="front and side silhouettes, 720x720 px, 300 px a metre", title_justify="left")
-    for column in ("subject", "IoU front, side (general model)", "turn", "left lengths - truth, mm (%)", "seconds"):
+    for column in (
+        "subject",
+        "IoU front, side (model scaled by stature)",
+        "turn",
+        "left lengths - truth, mm (%)",
+        "seconds",
+    ):
         table.add_column(column)
     subjects = SUBJECTS[:1] if quick else SUBJECTS
     trials = [

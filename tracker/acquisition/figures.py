@@ -47,22 +47,22 @@ def fit_figure(body: BodyModel, panels: Sequence[Panel], title: str) -> tuple[Fi
         The figure, and which renderer shaded it.
     """
     shown, renderer = shaded_views(body, panels[0].q)
-    n = max(len(panels), len(shown))
-    with_masks = any(panel.mask is not None for panel in panels)
-    n_rows = 3 if with_masks else 2
-    figure = Figure(figsize=(3.2 * n, 4.2 * n_rows + 0.4), layout="constrained")
-    axes = figure.subplots(n_rows, n, squeeze=False)
-    for axis in axes.ravel():
-        axis.set_axis_off()
+    rows = 3 if any(panel.mask is not None for panel in panels) else 2
+    figure = Figure(figsize=(13.0, 4.4 * rows), layout="constrained")
+    bands = np.asarray(figure.subfigures(rows, 1)).tolist()
+    above = [band.subplots(1, len(panels), squeeze=False)[0] for band in bands[:-1]]
     for k, panel in enumerate(panels):
         drawn, difference = _drawn(body, panel)
-        axes[0, k].imshow(cv2.cvtColor(drawn, cv2.COLOR_BGR2RGB))
-        axes[0, k].set_title(panel.title, fontsize=10)
+        above[0][k].imshow(cv2.cvtColor(drawn, cv2.COLOR_BGR2RGB))
+        above[0][k].set_title(panel.title, fontsize=10)
         if difference is not None:
-            axes[1, k].imshow(difference)
-            axes[1, k].set_title("grey both, red model only, blue image only", fontsize=8)
-    for k, picture in enumerate(shown):
-        axes[-1, k].imshow(picture)
+            above[1][k].imshow(difference)
+            above[1][k].set_title("grey: both, red: model only, blue: image only", fontsize=8)
+    below = bands[-1].subplots(1, len(shown), squeeze=False)[0]
+    for axis, picture in zip(below, shown, strict=True):
+        axis.imshow(picture)
+    for axis in figure.axes:
+        axis.set_axis_off()
     figure.suptitle(f"{title} (shaded by {renderer})", fontsize=11)
     return figure, renderer
 

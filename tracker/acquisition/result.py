@@ -42,8 +42,8 @@ class BoneLength:
     bone: str
     length_mm: float
     sigma_mm: float
-    general_mm: float
-    """In the general model, scaled by the stature."""
+    before_mm: float
+    """In the model begun with, scaled by the stature."""
 
 
 def part_residuals(found: Fit) -> tuple[PartResidual, ...]:
