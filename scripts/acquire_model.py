@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +10,7 @@ from rich.console import Console
 
 from tracker.acquire import acquire_from
 from tracker.acquire_tables import AcquisitionProgress, print_acquisition
+from tracker.config import read_config
 from tracker.errors import TrackerError
 
 
@@ -26,20 +26,26 @@ def main(
 ) -> None:
     """Acquires a model; the picture and the figures are written beside it."""
     console = Console()
-    clicked = tomllib.loads(clicks.read_text(encoding="utf-8")) if clicks else {}
-    given = {"px_per_m": px_per_m, "rig": None if rig is None else str(rig.resolve())}
-    pair: dict[str, Any] = {}
-    for view, mask in (("front", front), ("side", side)):
-        entry = {**given, "view": view if rig else None, "mask": str(mask.resolve()), "clicks": clicked.get(view, {})}
-        pair[view] = {key: value for key, value in entry.items() if value is not None}
-    table = {"name": output.stem, "model": model, "stature_m": stature_m, "pairs": [pair]}
     try:
+        clicked = read_config(clicks) if clicks else {}
+        given = {"px_per_m": px_per_m, "rig": None if rig is None else str(rig.resolve())}
+        pair = {
+            view: _picture(given | {"view": view if rig else None}, mask, clicked.get(view, {}))
+            for view, mask in (("front", front), ("side", side))
+        }
+        table = {"name": output.stem, "model": model, "stature_m": stature_m, "pairs": [pair]}
         with AcquisitionProgress(console) as progress:
             result = acquire_from(table, Path("command line"), output, progress.report)
     except TrackerError as error:
         Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
         raise typer.Exit(2) from None
     print_acquisition(console, result)
+
+
+def _picture(given: dict[str, Any], mask: Path, clicks: dict[str, Any]) -> dict[str, Any]:
+    """A picture as an acquisition file has it."""
+    entries = {**given, "mask": str(mask.resolve()), "clicks": clicks}
+    return {key: value for key, value in entries.items() if value is not None}
 
 
 if __name__ == "__main__":
