@@ -159,6 +159,8 @@ def changed(front: Mask, side: Mask, what: str, person: BodyModel) -> tuple[Mask
         front |= np.roll(front, 190, axis=1) & (np.arange(SIZE[0]) > columns.max() + 3)
         front[:, columns.max() + 20 : columns.max() + 60] |= rows.min() < np.arange(SIZE[1])[:, None]
         front[-4:] = False
+    elif what == "touching":
+        front = np.roll(front, -25, axis=1) | np.roll(front, 25, axis=1)
     elif what == "swapped":
         front, side = side, front
     elif what == "turned":
@@ -172,14 +174,15 @@ def changed(front: Mask, side: Mask, what: str, person: BodyModel) -> tuple[Mask
         ("empty", "side: the silhouette is empty"),
         ("cut", "front: the person is cut off at the bottom border"),
         ("two", "two persons"),
+        ("touching", "front: the fitted body covers .* two persons that touch"),
         ("swapped", "front and side are swapped"),
         ("turned", r"the views are not orthogonal: between front and side the person is turned by (5[6-9]|6[0-8]) or"),
     ],
 )
 def test_bad_pairs_are_refused_by_name(person: BodyModel, tmp_path: Path, what: str, message: str) -> None:
     q = t_pose(person, arms_deg=80.0)
-    if what == "two":
-        q = t_pose(person, arms_deg=10.0)
+    if what in ("two", "touching"):
+        q = t_pose(person, arms_deg=10.0 if what == "two" else 60.0)
     front, side = changed(silhouette(person, q), silhouette(person, t_pose(person, np.pi / 2)), what, person)
     few = SilhouetteSettings(fit=FitSettings(iterations=4, pose_m=0.5, pose_deg=6.0))
     with pytest.raises(SequenceError, match=message):
