@@ -19,8 +19,8 @@ ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
     "errors arrays components config resources geometry imaging kernels",
-    "camera rig rig_files middlebury frame shape body body_files scene contours observation correspondences estimate start "
-    "trajectory triangulation",
+    "camera rig rig_files middlebury frame shape body body_files scene contours observation correspondences estimate "
+    "start trajectory triangulation",
     "reading calibration prediction synthesis analysis similarity recording",
     "objective",
     "estimation initialization",
