@@ -31,7 +31,7 @@ from tracker.rig_files import load_rig, save_rig
 
 SIZE = (240, 180)
 NOISE = 1.0
-CONFIGS = Path(__file__).parents[1] / "configs"
+CONFIGS = Path(__file__).parents[1] / "configs" / "surfaces"
 
 
 def looking(name, x, focal=520.0, lens=(0.0,) * 5):
@@ -274,6 +274,15 @@ def test_a_described_run_loads_to_an_equal_one(folder, tmp_path):
     assert load_surface_run(tmp_path / "again.toml") == run
 
 
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.toml")), ids=lambda path: path.stem)
+def test_the_configurations_load_to_what_they_describe(path, monkeypatch, tmp_path):
+    monkeypatch.setenv("BODYTRACK_DATA", "/recordings")
+    run = load_surface_run(path)
+    (tmp_path / "again.toml").write_text(tomli_w.dumps(run.described()))
+    assert load_surface_run(tmp_path / "again.toml") == run
+    assert run.name == path.stem
+
+
 def test_still_pictures_are_a_recording_of_one_frame(folder, rig):
     sequence = StillReading(path=str(folder / "{view}.png"), rig=folder / "rig.toml", downscale=2).open()
     frames = list(sequence.frames())
@@ -301,7 +310,7 @@ def test_middlebury_cameras_are_read(folder, rig):
 
 def test_a_real_triplet_is_measured(data):
     data("temple")
-    run = load_surface_run(CONFIGS / "surface_temple.toml", ("growth.step_px=4",))
+    run = load_surface_run(CONFIGS / "temple.toml", ("growth.step_px=4",))
     sequence = run.reading.open()
     surface = measure_surface(run.measurement, next(iter(sequence.frames())), sequence.rig)
     assert len(surface.points) > 1000
@@ -310,7 +319,7 @@ def test_a_real_triplet_is_measured(data):
 
 def test_a_real_pair_has_the_true_disparities(data):
     folder = data("stereo_gt/motorcycle")
-    run = load_surface_run(CONFIGS / "surface_motorcycle.toml", ("growth.step_px=6",))
+    run = load_surface_run(CONFIGS / "motorcycle.toml", ("growth.step_px=6",))
     sequence = run.reading.open()
     points = measure_surface(run.measurement, next(iter(sequence.frames())), sequence.rig).points
     left, right = points.pixels

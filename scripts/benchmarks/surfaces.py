@@ -22,7 +22,7 @@ from tracker.lsm.surface import Surface, measure_surface, residual_rms_px
 from tracker.lsm.surface_run import SurfaceRun, load_surface_run
 from tracker.triangulation import triangulate
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = Path(__file__).parents[2] / "configs" / "surfaces"
 RADIUS_MM = 57.15
 N_POSITIONS = 5
 TRIPLETS = range(14, 31, 2)
@@ -42,7 +42,7 @@ def compare(console: Console, only: str, quick: bool) -> None:
 
 def _measured(name: str, overrides: tuple[str, ...] = ()) -> tuple[SurfaceRun, Surface, float]:
     """The surface of a configuration, and the seconds it took without reading the images."""
-    run = load_surface_run(CONFIGS / f"surface_{name}.toml", overrides)
+    run = load_surface_run(CONFIGS / f"{name}.toml", overrides)
     sequence = run.reading.open()
     frame = next(iter(sequence.frames()))
     begin = time.perf_counter()

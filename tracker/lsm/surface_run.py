@@ -72,7 +72,7 @@ def load_surface_run(path: Path, overrides: Sequence[str] = ()) -> SurfaceRun:
         if key not in valid:
             raise ConfigError(f'{source}: unknown key or section "{key}"; {nearest(key, valid)}')
     if not isinstance(table.get("reading"), dict):
-        raise ConfigError(f"{source}: the section [reading] is missing; see configs/surface_temple.toml")
+        raise ConfigError(f"{source}: the section [reading] is missing; see configs/surfaces/temple.toml")
     reading = build("reading", table["reading"], f"{source} [reading]", folder)
     chosen = {key: value for key, value in table.items() if key in fields}
     measurement = build_class(SurfaceMeasurement, chosen, source, folder)
