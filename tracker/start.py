@@ -19,6 +19,26 @@ class AxisFit:
 
 
 @dataclass(frozen=True)
+class Hypothesis:
+    """A start pose that was refined and ranked."""
+
+    q: Array
+    """(dof,) rad and m."""
+
+    distance_px: float
+    """Similarity distance that it leaves, px."""
+
+    explained: float
+    """Share of the person's visible contour that lies on scene edges, 0 to 1."""
+
+    left_over: float
+    """Contour of the model without a scene edge, and of the scene without the model, over the model's contour."""
+
+    turn_deg: float
+    """Direction faced: the turn about the body's axis, degrees."""
+
+
+@dataclass(frozen=True)
 class Start:
     """Start poses of all persons."""
 
@@ -27,3 +47,9 @@ class Start:
 
     evidence: tuple[tuple[AxisFit | None, ...], ...] = ()
     """For each person and view; empty if the poses were given."""
+
+    hypotheses: tuple[tuple[Hypothesis, ...], ...] = ()
+    """For each person what was refined, the best one first; empty if the poses were given."""
+
+    confidence: tuple[float, ...] = ()
+    """For each person 0 to 1, see `tracker.initialization._hypotheses.confidence`; empty if the poses were given."""

@@ -229,12 +229,12 @@ def bootstrap(frame: Frame, scene: Scene, cycle: Cycle, give_up: bool = False) -
     with clock("analysis"):
         expected = None if start is None else cycle.synthesis.contours(scene)
         observation = cycle.analysis.observe(frame, expected, cycle.backgrounds)
+    if start is None:
+        return _finished(frame, scene, cycle, _unfound(scene, cycle, observation), observation, clock)
     with clock("refinement"):
         estimates, scene = _settle(scene, cycle, observation, Status.BOOTSTRAPPED)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
-    if start is None:
-        estimates = tuple(replace(estimate, status=Status.LOST) for estimate in estimates)
-    elif give_up and all(estimate.lost for estimate in estimates):
+    if give_up and all(estimate.lost for estimate in estimates):
         share = max(estimate.explained for estimate in estimates)
         raise InitializationError(
             f"frame {frame.index}: the best start pose explains {share:.0%} of the model's contour, expected at "
@@ -253,6 +253,16 @@ def _settle(scene: Scene, cycle: Cycle, observation: Observation, found: Status)
         estimates.append(_judged(estimate, cycle.loss, found))
         scene = scene.with_pose(k, estimate.q)
     return tuple(estimates), scene
+
+
+def _unfound(scene: Scene, cycle: Cycle, observation: Observation) -> tuple[Estimate, ...]:
+    """Estimates of persons of whom nothing is known."""
+    estimates = []
+    for k, person in enumerate(scene.persons):
+        objective = Objective(scene, k, cycle.synthesis, cycle.similarity, observation)
+        nothing = np.full((person.body.dof, person.body.dof), np.nan)
+        estimates.append(replace(objective.estimate(person.q, nothing, 0), status=Status.LOST))
+    return tuple(estimates)
 
 
 def _predictions(scene: Scene, cycle: Cycle, state: State, time_s: float) -> list[Array]:
@@ -286,8 +296,9 @@ def _recover(
     for k in sought:
         if not recovered[k].lost:
             recovered[k] = replace(recovered[k], status=Status.RECOVERED)
+    held = tuple(k for k in range(len(scene.persons)) if k not in sought)
     try:
-        start = cycle.initialization.start(frame, scene, cycle.stages)
+        start = cycle.initialization.start(frame, scene, replace(cycle.stages, held=held, seen_before=True))
     except InitializationError:
         return scene, recovered, None
     poses = [start.poses[k] if k in sought else person.q for k, person in enumerate(scene.persons)]

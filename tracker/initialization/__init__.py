@@ -28,6 +28,12 @@ class Stages:
     progress: Callable[[str], None] = lambda message: None
     """Told what the search is doing."""
 
+    held: tuple[int, ...] = ()
+    """Persons who are not looked for: their poses in the scene hold."""
+
+    seen_before: bool = False
+    """Whether the poses of the others are where they were seen last; else they do not matter."""
+
 
 @runtime_checkable
 class Initialization(Protocol):
@@ -38,7 +44,7 @@ class Initialization(Protocol):
 
         Args:
             frame: the images to start in.
-            scene: the persons' bodies (their poses do not matter) and the rig.
+            scene: the persons' bodies and the rig; which of the poses matter, the stages tell.
             stages: what the search may use.
 
         Raises:

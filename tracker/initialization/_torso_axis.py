@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import combinations
 
-import cv2
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from tracker.arrays import Array, Mask
 from tracker.errors import InitializationError
@@ -29,54 +27,6 @@ class TorsoAxis:
 
     direction: Array
     """(3,) unit vector from the pelvis to the head."""
-
-
-def person_regions(masks: tuple[Mask | None, ...], n_persons: int, rig: Rig) -> list[tuple[Mask | None, ...]]:
-    """Splits the foreground of every view into the regions of K persons that do not overlap.
-
-    Args:
-        masks: (H, W) foreground of each view, None where there is none.
-        n_persons: K.
-        rig: the cameras.
-
-    Returns:
-        For each person its region in every view.
-
-    Raises:
-        InitializationError: fewer regions than persons in a view.
-    """
-    if n_persons == 1:
-        return [masks]
-    split = [None if mask is None else _largest_regions(mask, n_persons) for mask in masks]
-    for name, regions in zip(rig.names, split, strict=True):
-        if regions is not None and len(regions) < n_persons:
-            raise InitializationError(
-                f'view "{name}" shows {len(regions)} moving region(s), expected {n_persons}: bootstrapping needs '
-                "persons that do not overlap; start at another frame or give the poses"
-            )
-    present = [(v, regions) for v, regions in enumerate(split) if regions is not None]
-    reference, first = present[0]
-    ordered: list[list[Mask | None]] = [[None] * len(masks) for _ in range(n_persons)]
-    for v, regions in present:
-        gaps = np.array([[_ray_gap(rig, reference, a, v, b) for b in regions] for a in first])
-        for k, other in enumerate(linear_sum_assignment(gaps)[1]):
-            ordered[k][v] = regions[other]
-    return [tuple(regions) for regions in ordered]
-
-
-def _largest_regions(mask: Mask, n: int) -> list[Mask]:
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
-    areas = stats[1:count, cv2.CC_STAT_AREA]
-    order = np.argsort(areas)[::-1][:n]
-    return [labels == 1 + k for k in order if areas[k] >= 0.1 * areas[order[0]]]
-
-
-def _ray_gap(rig: Rig, v: int, region: Mask, w: int, other: Mask) -> float:
-    """Distance between the rays through the centres of two regions, metres."""
-    a = rig.cameras[v].rays(region_points(region).mean(axis=0))
-    b = rig.cameras[w].rays(region_points(other).mean(axis=0))
-    _, gap = nearest_along_line(rig.cameras[v].centre, a, rig.cameras[w].centre, b[None])
-    return float(gap[0])
 
 
 def region_axes(regions: tuple[Mask | None, ...], min_pixels: int) -> list[tuple[PrincipalAxis, ...]]:
@@ -116,6 +66,26 @@ def torso_axis(rig: Rig, regions: tuple[Mask | None, ...], axes: list[tuple[Prin
     if not tops:
         raise InitializationError("the foreground does not lie around the torso's axis: check the background plates")
     return TorsoAxis(point + float(np.median(tops)) * direction, direction)
+
+
+def hull_axis(points: Array) -> TorsoAxis:
+    """The major axis of a person's voxels (N, 3) metres, after removing what lies lateral to it turn by turn.
+
+    It needs no axis in any view, so that it also holds where shadows and objects hang on the regions.
+    """
+    kept = points
+    for _ in range(10):
+        centre = kept.mean(axis=0)
+        _, vectors = np.linalg.eigh((kept - centre).T @ (kept - centre))
+        direction = vectors[:, 2] if vectors[2, 2] > 0 else -vectors[:, 2]
+        lateral = np.linalg.norm(np.cross(kept - centre, direction), axis=1)
+        near = lateral <= 2.0 * np.sqrt((lateral**2).mean())
+        if near.all() or near.sum() < 10:
+            break
+        kept = kept[near]
+    beside = np.linalg.norm(np.cross(points - centre, direction), axis=1)
+    along = (points - centre) @ direction
+    return TorsoAxis(centre + _head_position(along[beside < _LATERAL_M]) * direction, direction)
 
 
 def _line(rig: Rig, axes: list[tuple[PrincipalAxis, ...]], views: tuple[int, ...]) -> tuple[Array, Array] | None:

@@ -2,27 +2,35 @@
 
 from __future__ import annotations
 
-from itertools import product
+import contextlib
+from dataclasses import replace
 
 import numpy as np
 import pydantic
 from scipy.optimize import least_squares
 
-from tracker.arrays import Array, Mask
+from tracker.arrays import Array, Image, Mask
 from tracker.body import BodyModel
 from tracker.components import component
 from tracker.errors import InitializationError, ModelError
 from tracker.estimation.best_first import BestFirstEstimation
+from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
 from tracker.imaging.background import foreground
 from tracker.initialization import Stages
-from tracker.initialization._torso_axis import TorsoAxis, person_regions, region_axes, torso_axis
+from tracker.initialization._hypotheses import apart, coarse_poses, confidence, hypothesis, ranked, turned_round
+from tracker.initialization._persons import Found, find_persons, in_order
+from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
+from tracker.initialization._visual_hull import shadow
 from tracker.objective import Objective
-from tracker.observation import Observation
+from tracker.rig import Rig
 from tracker.scene import Scene
-from tracker.start import AxisFit, Start
+from tracker.start import AxisFit, Hypothesis, Start
 
 _BATCH = 128
+# What is farther than this from every voxel of a person does not belong to one; of a known person only the joints
+# are at hand, so that hands and feet must lie within it.
+_AROUND_M = 0.15
 
 
 @component
@@ -62,6 +70,12 @@ class PcaInitialization:
     )
     """Search around each hypothesis."""
 
+    refinement: TwistIcpEstimation = TwistIcpEstimation()
+    """Refinement of what the fine search finds."""
+
+    finalists: int = pydantic.Field(default=3, ge=1)
+    """Refined hypotheses, different from one another, that the run's own estimation decides between."""
+
     head: str = "head_top"
     """Landmark at the upper end of the axis."""
 
@@ -72,23 +86,36 @@ class PcaInitialization:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
         masks = _foregrounds(frame, stages, scene)
         stages.progress("bootstrapping: torso axis from the foreground")
-        persons = person_regions(masks, len(scene.persons), scene.rig)
-        pixels = [int(self.min_area * camera.size[0] * camera.size[1]) for camera in scene.rig.cameras]
-        evidence = []
-        for k, regions in enumerate(persons):
-            axes = region_axes(regions, min(pixels))
-            axis = torso_axis(scene.rig, regions, axes)
-            evidence.append(
-                tuple(
-                    AxisFit(region, tuple(one.ends for one in found)) if region is not None and found else None
-                    for region, found in zip(regions, axes, strict=True)
-                )
-            )
-            scene = scene.with_pose(k, self._upright(scene.persons[k].body, axis))
-        observation = stages.analysis.observe(frame, None, stages.backgrounds)
-        for k in range(len(scene.persons)):
-            scene = self._search(frame, scene, k, stages, observation)
-        return Start(tuple(person.q for person in scene.persons), tuple(evidence))
+        sought = [k for k in range(len(scene.persons)) if k not in stages.held]
+        persons = tuple(scene.persons[k] for k in sought)
+        found = find_persons(masks, scene.rig, persons, tuple(scene.persons[k] for k in stages.held))
+        evidence: list[tuple[AxisFit | None, ...]] = [()] * len(scene.persons)
+        hypotheses: list[tuple[Hypothesis, ...]] = [()] * len(scene.persons)
+        ordered = in_order(found, persons, stages.seen_before)
+        for k, person in zip(sought, ordered, strict=True):
+            axes, evidence[k] = self._axes(person, scene.rig)
+            hypotheses[k] = self._search(frame, _without(scene, k, stages.held), stages, person, axes)
+            scene = scene.with_pose(k, hypotheses[k][0].q)
+        hypotheses = self._together(frame, scene, stages, ordered, hypotheses)
+        confidences = (confidence(ranking) if ranking else 1.0 for ranking in hypotheses)
+        poses = tuple(
+            ranking[0].q if ranking else person.q for person, ranking in zip(scene.persons, hypotheses, strict=True)
+        )
+        return Start(poses, tuple(evidence), tuple(hypotheses), tuple(confidences))
+
+    def _axes(self, person: Found, rig: Rig) -> tuple[list[TorsoAxis], tuple[AxisFit | None, ...]]:
+        """The torso's axis from the views and from the hull, and the picture of how the first was found."""
+        pixels = min(int(self.min_area * camera.size[0] * camera.size[1]) for camera in rig.cameras)
+        axes = region_axes(person.regions, pixels)
+        fits = tuple(
+            AxisFit(region, tuple(one.ends for one in found)) if region is not None and found else None
+            for region, found in zip(person.regions, axes, strict=True)
+        )
+        candidates = [hull_axis(person.points)]
+        # Where too few views show the axis, or all from one side, there is the hull's.
+        with contextlib.suppress(InitializationError):
+            candidates.insert(0, torso_axis(rig, person.regions, axes))
+        return candidates, fits
 
     def _upright(self, body: BodyModel, axis: TorsoAxis) -> Array:
         """The rest pose with head and pelvis on the axis."""
@@ -96,7 +123,9 @@ class PcaInitialization:
             if name not in body.landmark_names:
                 raise ModelError(f'bootstrapping needs the landmark "{name}", model "{body.name}" has none')
         marks = [body.landmark_names.index(self.head), body.landmark_names.index(self.base)]
-        columns = body.group(body.coarse_groups[0])
+        # Of the first group those that move the whole of the axis, and not the spine alone.
+        ends = [body.landmarks[mark].parameter for mark in marks]
+        columns = np.array([i for i in body.group(body.coarse_groups[0]) if body.moves[i, ends].all()])
         rest = body.rest()
         length = float(np.linalg.norm(np.subtract(*body.landmarks_in_world(rest)[marks])))
         targets = np.array([axis.head_top, axis.head_top - length * axis.direction])
@@ -113,45 +142,77 @@ class PcaInitialization:
         q[columns] = least_squares(residual, start).x
         return body.clamped(q)
 
-    def _search(self, frame: Frame, scene: Scene, k: int, stages: Stages, observation: Observation) -> Scene:
-        """Coarse-to-fine search of the turn and the limbs of person k."""
-        body = scene.persons[k].body
-        objective = Objective(scene, k, stages.synthesis, stages.similarity, observation)
+    def _search(
+        self, frame: Frame, scene: Scene, stages: Stages, found: Found, axes: list[TorsoAxis]
+    ) -> tuple[Hypothesis, ...]:
+        """Coarse-to-fine search of the turn and the limbs of the scene's last person: the best hypothesis first."""
+        body = scene.persons[-1].body
+        cleared = _cleared(frame, scene, stages, [found])
+        observation = stages.analysis.observe(cleared, None, stages.backgrounds)
+        objective = Objective(scene, len(scene.persons) - 1, stages.synthesis, stages.similarity, observation)
         stages.progress("bootstrapping: coarse search of the turn and the limbs")
-        coarse = self._coarse(body, scene.persons[k].q)
+        starts = [self._upright(body, axis) for axis in axes]
+        coarse = coarse_poses(body, starts, self.turn, self.turn_step_deg, self.coarse_deg)
         distances = np.concatenate([objective(coarse[i : i + _BATCH]) for i in range(0, len(coarse), _BATCH)])
-        best, best_distance = scene.persons[k].q, np.inf
-        for n, q in enumerate(self._apart(body, coarse, distances), start=1):
+        tried = apart(body, coarse, distances, self.turn, (self.hypotheses, self.apart_deg))
+        refined = []
+        for n, q in enumerate(tried, start=1):
             stages.progress(f"bootstrapping: hypothesis {n} of {self.hypotheses}")
-            searched = self.fine.estimate(objective, q[None])
-            # Ranked against all foreground edges, not only those near its own contours: a wrong pose leaves
-            # whole limbs of the observation unexplained.
-            refined = stages.estimation.estimate(objective, searched.q[None])
-            if refined.distance_px < best_distance:
-                best, best_distance = refined.q, refined.distance_px
-        return scene.with_pose(k, best)
+            refined.append(self._refined(objective, q))
+        stages.progress("bootstrapping: the best hypothesis turned round")
+        best = ranked(body, refined)[0].q
+        refined.append(self._refined(objective, turned_round(body, best, self.turn)))
+        return ranked(body, refined)[: self.finalists]
 
-    def _coarse(self, body: BodyModel, q: Array) -> Array:
-        """(N, dof) all combinations of the turn and the coarse values."""
-        turns = np.radians(np.arange(-180.0, 180.0, self.turn_step_deg))
-        columns = [body.index(self.turn), *(body.index(name) for name in self.coarse_deg)]
-        values = [turns, *(np.radians(value) for value in self.coarse_deg.values())]
-        combinations = np.array(list(product(*values)))
-        poses = np.tile(q, (len(combinations), 1))
-        poses[:, columns] = combinations
-        return body.clamped(poses)
+    def _refined(self, objective: Objective, q: Array) -> Hypothesis:
+        """What the fine search and the refinement make of a pose."""
+        searched = self.fine.estimate(objective, q[None])
+        return hypothesis(objective, self.refinement.estimate(objective, searched.q[None]), self.turn)
 
-    def _apart(self, body: BodyModel, poses: Array, distances: Array) -> list[Array]:
-        """The best poses whose turns differ."""
-        turn = body.index(self.turn)
-        chosen: list[Array] = []
-        for i in np.argsort(distances, kind="stable"):
-            gaps = [abs((poses[i, turn] - q[turn] + np.pi) % (2 * np.pi) - np.pi) for q in chosen]
-            if not gaps or min(gaps) >= np.radians(self.apart_deg):
-                chosen.append(poses[i])
-            if len(chosen) == self.hypotheses:
-                break
-        return chosen
+    def _together(
+        self,
+        frame: Frame,
+        scene: Scene,
+        stages: Stages,
+        found: list[Found],
+        hypotheses: list[tuple[Hypothesis, ...]],
+    ) -> list[tuple[Hypothesis, ...]]:
+        """The best hypotheses estimated and ranked again with everyone in the scene, who hide and are hidden."""
+        stages.progress("bootstrapping: the best hypotheses, everyone in the scene")
+        cleared = _cleared(frame, scene, stages, found)
+        observation = stages.analysis.observe(cleared, None, stages.backgrounds)
+        again = list(hypotheses)
+        for k, ranking in enumerate(hypotheses):
+            if not ranking:
+                continue
+            objective = Objective(scene, k, stages.synthesis, stages.similarity, observation)
+            estimates = [stages.estimation.estimate(objective, one.q[None]) for one in ranking]
+            again[k] = ranked(objective.body, [hypothesis(objective, one, self.turn) for one in estimates])
+            scene = scene.with_pose(k, again[k][0].q)
+        return again
+
+
+def _without(scene: Scene, k: int, held: tuple[int, ...]) -> Scene:
+    """The persons whose poses are known, and person k as the last one."""
+    return Scene((*(scene.persons[other] for other in held), scene.persons[k]), scene.rig)
+
+
+def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> Frame:
+    """The frame with the plates in place of all that is far from the persons found and the known ones.
+
+    Furniture that was moved, passers-by and persons yet to be found are gone.
+    """
+    first = scene.persons[: len(stages.held)] if len(found) == 1 else scene.persons
+    held = [person.body.landmarks_in_world(person.q) for person in first]
+    images: list[Image | None] = []
+    for v, (image, plate) in enumerate(zip(frame.images, stages.backgrounds, strict=True)):
+        if image is None or plate is None:
+            images.append(None)
+            continue
+        points = [*(person.points for person in found), *held]
+        near = np.any([shadow(scene.rig, v, places, _AROUND_M) for places in points], axis=0)
+        images.append(np.where(near[..., None], image, plate))
+    return replace(frame, images=tuple(images))
 
 
 def _foregrounds(frame: Frame, stages: Stages, scene: Scene) -> tuple[Mask | None, ...]:

@@ -1,0 +1,107 @@
+"""Start poses that could be: which are tried, how they are ranked, and how sure the best one is."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from tracker.arrays import Array
+from tracker.body import BodyModel
+from tracker.estimate import Estimate
+from tracker.objective import Objective
+from tracker.start import Hypothesis
+
+# Poses whose landmarks lie this close together on average are one and the same.
+_SAME_M = 0.06
+# A lead over the next different pose by this share of its distance is as good as any.
+_SURE_LEAD = 0.2
+
+CoarseValues = dict[str, tuple[float, ...]]
+"""Parameter -> values tried, degrees."""
+
+
+def coarse_poses(body: BodyModel, starts: list[Array], turn: str, step_deg: float, values: CoarseValues) -> Array:
+    """(N, dof) all combinations of the start poses (dof,), the turn over the full circle and further values.
+
+    Args:
+        body: whose joint limits the poses respect.
+        starts: upright poses (dof,).
+        turn: parameter of the turn about the body's axis.
+        step_deg: step of the turn, degrees.
+        values: parameter -> values, degrees.
+    """
+    turns = np.radians(np.arange(-180.0, 180.0, step_deg))
+    columns = [body.index(turn), *(body.index(name) for name in values)]
+    combinations = np.array(list(product(turns, *(np.radians(tried) for tried in values.values()))))
+    poses = np.repeat(np.array(starts), len(combinations), axis=0)
+    poses[:, columns] = np.tile(combinations, (len(starts), 1))
+    return body.clamped(poses)
+
+
+def apart(body: BodyModel, poses: Array, distances: Array, turn: str, rule: tuple[int, float]) -> list[Array]:
+    """The best of poses (N, dof) whose turns differ; `rule` is how many, and the least difference in degrees."""
+    column = body.index(turn)
+    chosen: list[Array] = []
+    for i in np.argsort(distances, kind="stable"):
+        gaps = [abs(_wrapped(poses[i, column] - q[column])) for q in chosen]
+        if not gaps or min(gaps) >= np.radians(rule[1]):
+            chosen.append(poses[i])
+        if len(chosen) == rule[0]:
+            break
+    return chosen
+
+
+def turned_round(body: BodyModel, q: Array, turn: str) -> Array:
+    """The pose (dof,) that faces the other way with left and right exchanged: its silhouettes are much the same."""
+    flipped = q.copy()
+    flipped[body.index(turn)] += np.pi if q[body.index(turn)] <= 0 else -np.pi
+    for group in body.fine_groups:
+        if other := body.partner_of(group):
+            flipped[body.group(group)] = q[body.group(other)]
+    return body.clamped(flipped)
+
+
+def hypothesis(objective: Objective, estimate: Estimate, turn: str) -> Hypothesis:
+    """The hypothesis that an estimate makes.
+
+    Its distance is that to all foreground edges, not only those near its own contours: a wrong pose leaves whole
+    limbs of the observation unexplained.
+    """
+    q = estimate.q
+    distance = estimate.distance_px + float(objective.penalties(q[None])[0])
+    left = float(estimate.unexplained_px.sum() / max(float(estimate.visible_px.sum()), 1.0))
+    turn_deg = float(np.degrees(_wrapped(q[objective.body.index(turn)])))
+    return Hypothesis(q, distance, estimate.explained, left, turn_deg)
+
+
+def ranked(body: BodyModel, hypotheses: list[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """The hypothesis of least distance first; of those that are one and the same pose the best."""
+    kept: list[Hypothesis] = []
+    for one in sorted(hypotheses, key=lambda one: one.distance_px):
+        if all(_gap_m(body, one.q, other.q) > _SAME_M for other in kept):
+            kept.append(one)
+    return tuple(kept)
+
+
+def confidence(hypotheses: tuple[Hypothesis, ...]) -> float:
+    """How sure the first of ranked hypotheses is, 0 to 1.
+
+    The share of its contour that the scene explains, times its lead: how much less distance it leaves than the next
+    hypothesis, where a fifth less counts as certain.
+    """
+    best = hypotheses[0]
+    if len(hypotheses) == 1:
+        return best.explained
+    lead = 1 - best.distance_px / max(hypotheses[1].distance_px, 1e-9)
+    return best.explained * float(np.clip(lead / _SURE_LEAD, 0, 1))
+
+
+def _gap_m(body: BodyModel, q: Array, other: Array) -> float:
+    """Mean distance of the landmarks of two poses (dof,), metres."""
+    marks, others = body.landmarks_in_world(np.array([q, other]))
+    return float(np.linalg.norm(marks - others, axis=1).mean())
+
+
+def _wrapped(angle: float) -> float:
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)

@@ -1,0 +1,148 @@
+"""Where persons can be: the volume that the foreground of all views has in common, in pieces that hang together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from tracker.arrays import Array, Integers, Mask
+from tracker.camera import Camera
+from tracker.rig import Rig
+
+STEP_M = 0.04
+"""Edge of a voxel, metres."""
+
+_COARSE = 3
+_HEIGHT_M = 2.4
+_REACH_M = (1.5, 5.0)
+
+
+@dataclass(frozen=True)
+class Hull:
+    """Voxels that lie in the foreground of the views that see them."""
+
+    cells: Integers
+    """(N, 3) numbers of the voxels."""
+
+    points: Array
+    """(N, 3) their centres, metres."""
+
+    lacking: Integers
+    """(N,) views that see the voxel, but no foreground there."""
+
+    def part(self, which: Mask | Integers) -> Hull:
+        """Some of the voxels."""
+        return Hull(self.cells[which], self.points[which], self.lacking[which])
+
+
+def visual_hull(rig: Rig, masks: tuple[Mask | None, ...], most_lacking: int) -> Hull:
+    """The voxels of the common field of view that are foreground.
+
+    Coarse cells first, then those that may hold some are cut into voxels.
+
+    Args:
+        rig: the cameras.
+        masks: (H, W) foreground of each view, None where there is none.
+        most_lacking: views that may see a voxel without foreground there; at least two must see it.
+    """
+    gaps = [None if mask is None else _distance_to(mask) for mask in masks]
+    middle, reach = _common_field(rig)
+    n = np.ceil(np.array([reach, reach, _HEIGHT_M]) / (STEP_M * _COARSE)).astype(int)
+    axes = [np.arange(-size, size) * _COARSE for size in n]
+    cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    half = (_COARSE - 1) / 2
+    within, _ = _in_foreground(rig, gaps, middle + STEP_M * (cells + half), STEP_M * _COARSE, most_lacking)
+    inner = np.stack(np.meshgrid(*[np.arange(_COARSE)] * 3, indexing="ij"), axis=-1).reshape(1, -1, 3)
+    cells = (cells[within][:, None] + inner).reshape(-1, 3)
+    points = middle + STEP_M * cells
+    within, lacking = _in_foreground(rig, gaps, points, 0.0, most_lacking)
+    return Hull(cells, points, lacking).part(within)
+
+
+def connected(hull: Hull, erosions: int = 0) -> list[Hull]:
+    """Pieces of a hull that hang together, the largest first.
+
+    Args:
+        hull: the voxels.
+        erosions: layers taken off to part pieces that touch, before the voxels are given to the nearest core.
+    """
+    if len(hull.cells) == 0:
+        return []
+    low = hull.cells.min(axis=0) - 1
+    grid = np.zeros(hull.cells.max(axis=0) - low + 2, dtype=np.bool_)
+    at = tuple((hull.cells - low).T)
+    grid[at] = True
+    cores = ndimage.binary_erosion(grid, iterations=erosions) if erosions else grid
+    labels, count = ndimage.label(cores, structure=np.ones((3, 3, 3)))
+    if erosions and count:
+        nearest = ndimage.distance_transform_edt(labels == 0, return_distances=False, return_indices=True)
+        labels = labels[tuple(nearest)]
+    owners = labels[at]
+    sizes = np.bincount(owners, minlength=count + 1)
+    order = [label for label in np.argsort(sizes[1:])[::-1] + 1 if sizes[label]]
+    return [hull.part(owners == label) for label in order]
+
+
+def shadow(rig: Rig, v: int, points: Array, margin_m: float) -> Mask:
+    """The pixels (H, W) of view v around the projections of points (N, 3), by a margin in metres."""
+    camera = rig.cameras[v]
+    width, height = camera.size
+    mask = np.zeros((height, width), dtype=np.uint8)
+    rounded, depth, seen = _pixels(camera, points)
+    if not seen.any():
+        return mask.astype(np.bool_)
+    mask[rounded[seen, 1], rounded[seen, 0]] = 1
+    radius = int(np.ceil(camera.matrix[0, 0] * margin_m / np.percentile(depth[seen], 5)))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    covered: Mask = cv2.dilate(mask, disc) > 0
+    return covered
+
+
+def _distance_to(mask: Mask) -> Array:
+    """(H, W) distance of every pixel to the mask, px."""
+    gap: Array = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3)
+    return gap
+
+
+def _common_field(rig: Rig) -> tuple[Array, float]:
+    """The point that all cameras look at, and how far around it persons are sought, metres."""
+    centres = np.array([camera.centre for camera in rig.cameras])
+    forward = np.array([camera.camera_from_world[2, :3] for camera in rig.cameras])
+    ahead = centres.mean(axis=0) + 3.0 * forward.mean(axis=0)
+    # Parallel optical axes meet nowhere: a weak pull to 3 m before the cameras settles that.
+    across = np.eye(3) - forward[:, :, None] * forward[:, None, :]
+    weak = 0.01 * np.eye(3)
+    middle = np.linalg.solve(across.sum(axis=0) + weak, (across @ centres[..., None]).sum(axis=0)[:, 0] + weak @ ahead)
+    reach = float(np.clip(0.9 * np.median(np.linalg.norm(centres - middle, axis=1)), *_REACH_M))
+    return middle, reach
+
+
+def _in_foreground(
+    rig: Rig, gaps: list[Array | None], points: Array, size_m: float, most_lacking: int
+) -> tuple[Mask, Integers]:
+    """Which cells of a size around points (N, 3) may hold foreground of all views but some, and how many lack it."""
+    inside, lacking = np.zeros((2, len(points)), dtype=np.int64)
+    for camera, gap in zip(rig.cameras, gaps, strict=True):
+        if gap is None:
+            continue
+        rounded, depth, seen = _pixels(camera, points)
+        radius = 0.87 * size_m * camera.matrix[0, 0] / np.maximum(depth[seen], 0.1)
+        there = gap[rounded[seen, 1], rounded[seen, 0]] <= radius
+        inside[seen] += there
+        lacking[seen] += ~there
+    return (inside >= 2) & (lacking <= most_lacking), lacking
+
+
+def _pixels(camera: Camera, points: Array) -> tuple[Integers, Array, Mask]:
+    """Nearest pixels (N, 2) of points (N, 3), their depths (N,) in metres, and which of them the camera sees (N,)."""
+    depth = camera.in_camera(points)[:, 2]
+    # Near the plane of the lens the distortion runs away.
+    before = depth > 0.1
+    pixels = np.full((len(points), 2), -1.0)
+    pixels[before] = camera.project(points[before])
+    rounded = np.round(np.clip(pixels, -1.0, 1e6)).astype(np.int64)
+    seen: Mask = before & (rounded >= 0).all(axis=1) & (rounded < camera.size).all(axis=1)
+    return rounded, depth, seen
