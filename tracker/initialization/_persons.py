@@ -4,24 +4,29 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from tracker.arrays import Array, Mask
 from tracker.errors import InitializationError
+from tracker.initialization._torso_axis import hull_axis, region_axes, torso_axis
 from tracker.initialization._visual_hull import STEP_M, Hull, connected, shadow, visual_hull
 from tracker.rig import Rig
 from tracker.scene import Person
 
 # A person standing or crouching, against legs alone, chairs and shadows on the floor.
-_LEAST_HEIGHT, _MOST_HEIGHT, _LEAST_VOLUME_M3 = 0.5, 1.6, 0.012
+_LEAST_HEIGHT, _MOST_HEIGHT, _LEAST_VOLUME_M3, _VOLUME_M3 = 0.5, 1.6, 0.012, 0.08
 # A view in which so much of a person's region may belong to another one does not show its axis.
 _CONTESTED = 0.2
 _HELD_M = 0.2
+_REACH, _FEW = 0.6, 50
 _MARGIN_M = 0.03
 _EROSIONS = 4
-# A hole in a view's mask is believed where the persons then cover so many times the pixels.
-_GAIN = 1.08
+# Heights of a standing person, arms hanging or raised, in statures.
+_STANDING = 0.9, 1.3
+# Gaps of this share of the image's longer side are closed.
+_GAP = 0.006
 
 
 @dataclass(frozen=True)
@@ -33,21 +38,6 @@ class Found:
 
     regions: tuple[Mask | None, ...]
     """(H, W) its pixels in each view; None without a foreground, and where it overlaps with another person."""
-
-    area: int
-    """Its pixels in all views, those shared with another person included."""
-
-    @property
-    def height_m(self) -> float:
-        """Extent upwards, metres."""
-        low, high = np.percentile(self.points[:, 2], [0.5, 99.5])
-        return float(high - low) + STEP_M
-
-    @property
-    def centre(self) -> Array:
-        """(3,) middle of the voxels, metres."""
-        middle: Array = self.points.mean(axis=0)
-        return middle
 
 
 def find_persons(
@@ -70,48 +60,89 @@ def find_persons(
     Raises:
         InitializationError: fewer than K.
     """
-    least = min(_upright_height(person) for person in persons)
+    statures = sorted((_upright_height(person) for person in persons), reverse=True)
     most = 1 if sum(mask is not None for mask in masks) > 2 else 0
+    masks = tuple(None if mask is None else _cleaned(mask) for mask in masks)
     hull = visual_hull(rig, masks, most)
     hull = hull.part(~_taken(hull.points, held))
-    found: list[Found] = []
-    n_pieces = covered = 0
-    for lacking in range(most + 1):
-        pieces = _pieces(hull.part(hull.lacking <= lacking), len(persons), least, len(persons) + len(held) > 1)
-        n_pieces = max(n_pieces, len(pieces))
-        if len(pieces) < len(persons):
-            continue
-        trial = _with_regions(pieces[: len(persons)], masks, rig)
-        area = sum(person.area for person in trial)
-        if not found or area > _GAIN * covered:
-            found, covered = trial, area
-    if found:
-        return found
+    erosions = range(_EROSIONS + 1 if len(persons) + len(held) > 1 else 1)
+    trials = [_pieces(hull.part(hull.lacking <= n), m, statures) for n in range(most + 1) for m in erosions]
+    enough = [pieces[: len(persons)] for pieces in trials if len(pieces) >= len(persons)]
+    if enough:
+        best = min(enough, key=lambda pieces: _misfit(pieces, statures))
+        return _with_regions(best, masks, rig)
+    n_pieces = max(len(pieces) for pieces in trials)
     raise InitializationError(
         f"the foreground of all views shows {n_pieces} upright person(s), expected {len(persons)}: check the "
         "background plates; persons must stand apart at the start; start at another frame or give the poses"
     )
 
 
-def _pieces(hull: Hull, n_persons: int, least_m: float, several: bool) -> list[Hull]:
-    """Pieces of a hull that can be persons; where they are too few, what touches is parted."""
-    pieces: list[Hull] = []
-    for erosions in range(_EROSIONS + 1 if several else 1):
-        pieces = [piece for piece in connected(hull, erosions) if _like_a_person(piece, least_m)]
-        if len(pieces) >= n_persons:
-            break
-    return pieces
+def _height(points: Array) -> float:
+    low, high = np.percentile(points[:, 2], [0.5, 99.5])
+    return float(high - low) + STEP_M
 
 
-def in_order(found: list[Found], persons: tuple[Person, ...], seen_before: bool) -> list[Found]:
-    """Which of the found is which person: by height, and by where a lost person was seen last."""
-    costs = np.empty((len(persons), len(found)))
-    for k, person in enumerate(persons):
-        marks = person.body.landmarks_in_world(person.q).mean(axis=0)
-        for n, other in enumerate(found):
-            costs[k, n] = abs(other.height_m - _upright_height(person))
-            costs[k, n] += float(np.linalg.norm(other.centre - marks)) if seen_before else 0.0
+def _pieces(hull: Hull, erosions: int, statures: list[float]) -> list[Hull]:
+    """Pieces of a hull that can be persons, the likeliest first."""
+    pieces = []
+    for whole in connected(hull, erosions):
+        if len(whole.points) > _FEW:
+            piece = _within_reach(whole, max(statures))
+            if _like_a_person(piece, min(statures)):
+                pieces.append(piece)
+    return sorted(pieces, key=lambda piece: _misfit([piece], [float(np.mean(statures))]))
+
+
+def _within_reach(piece: Hull, stature_m: float) -> Hull:
+    """Without what is farther from the upright axis than a hand can be."""
+    lateral = piece.points[:, :2] - np.median(piece.points[:, :2], axis=0)
+    return piece.part(np.linalg.norm(lateral, axis=1) < _REACH * stature_m)
+
+
+def _misfit(pieces: list[Hull], statures: list[float]) -> float:
+    """How unlike standing persons of so many statures the pieces are.
+
+    The share of the stature by which they are too low, or too high even for raised arms; how far their axes lean;
+    the share of the views that do not look at them; less for a body's volume.
+    """
+    ordered = sorted(pieces, key=lambda piece: _height(piece.points), reverse=True)
+    misfit = 0.0
+    for piece, stature in zip(ordered, statures, strict=True):
+        share = _height(piece.points) / stature
+        misfit += max(_STANDING[0] - share, 0.0) + max(share - _STANDING[1], 0.0)
+        misfit += 0.25 * (1 - float(hull_axis(piece.points).direction[2]))
+        misfit += 0.5 * (1 - float(piece.seen.mean()))
+        misfit -= 0.3 * min(len(piece.points) * STEP_M**3 / _VOLUME_M3, 1.0)
+    return misfit
+
+
+def in_order(found: list[Found], persons: tuple[Person, ...], rig: Rig, seen_before: bool) -> list[Found]:
+    """Which of the found is which person: by who is taller, and by where a lost person was seen last."""
+    heads = np.array([_head_top(other, rig) for other in found])
+    statures = np.array([_upright_height(person) for person in persons])
+    costs = np.abs((heads - heads.mean())[None] - (statures - statures.mean())[:, None])
+    if seen_before:
+        last = np.array([person.body.landmarks_in_world(person.q).mean(axis=0) for person in persons])
+        costs += np.linalg.norm(last[:, None] - np.array([other.points.mean(axis=0) for other in found])[None], axis=2)
     return [found[n] for n in linear_sum_assignment(costs)[1]]
+
+
+def _head_top(found: Found, rig: Rig) -> float:
+    """Height of the head above the world's origin, metres."""
+    try:
+        return float(torso_axis(rig, found.regions, region_axes(found.regions, 1)).head_top[2])
+    except InitializationError:
+        return float(hull_axis(found.points).head_top[2])
+
+
+def _cleaned(mask: Mask) -> Mask:
+    """Without specks, and without gaps narrower than a hand."""
+    opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    radius = max(2, round(max(mask.shape) * _GAP))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    cleaned: Mask = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, disc) > 0
+    return cleaned
 
 
 def _upright_height(person: Person) -> float:
@@ -152,6 +183,5 @@ def _with_regions(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) 
     for k, piece in enumerate(pieces):
         limit = max(_CONTESTED, float(np.sort(contested[k])[1]))
         chosen = (region if share <= limit else None for region, share in zip(regions[k], contested[k], strict=True))
-        area = sum(int(region.sum()) for region in regions[k] if region is not None)
-        found.append(Found(piece.points, tuple(chosen), area))
+        found.append(Found(piece.points, tuple(chosen)))
     return found

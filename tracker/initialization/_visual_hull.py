@@ -33,9 +33,12 @@ class Hull:
     lacking: Integers
     """(N,) views that see the voxel, but no foreground there."""
 
+    seen: Array
+    """(N,) share of the views that see the voxel."""
+
     def part(self, which: Mask | Integers) -> Hull:
         """Some of the voxels."""
-        return Hull(self.cells[which], self.points[which], self.lacking[which])
+        return Hull(self.cells[which], self.points[which], self.lacking[which], self.seen[which])
 
 
 def visual_hull(rig: Rig, masks: tuple[Mask | None, ...], most_lacking: int) -> Hull:
@@ -54,12 +57,12 @@ def visual_hull(rig: Rig, masks: tuple[Mask | None, ...], most_lacking: int) -> 
     axes = [np.arange(-size, size) * _COARSE for size in n]
     cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     half = (_COARSE - 1) / 2
-    within, _ = _in_foreground(rig, gaps, middle + STEP_M * (cells + half), STEP_M * _COARSE, most_lacking)
+    within, _, _ = _in_foreground(rig, gaps, middle + STEP_M * (cells + half), STEP_M * _COARSE, most_lacking)
     inner = np.stack(np.meshgrid(*[np.arange(_COARSE)] * 3, indexing="ij"), axis=-1).reshape(1, -1, 3)
     cells = (cells[within][:, None] + inner).reshape(-1, 3)
     points = middle + STEP_M * cells
-    within, lacking = _in_foreground(rig, gaps, points, 0.0, most_lacking)
-    return Hull(cells, points, lacking).part(within)
+    within, lacking, seen = _in_foreground(rig, gaps, points, 0.0, most_lacking)
+    return Hull(cells, points, lacking, seen).part(within)
 
 
 def connected(hull: Hull, erosions: int = 0) -> list[Hull]:
@@ -122,8 +125,11 @@ def _common_field(rig: Rig) -> tuple[Array, float]:
 
 def _in_foreground(
     rig: Rig, gaps: list[Array | None], points: Array, size_m: float, most_lacking: int
-) -> tuple[Mask, Integers]:
-    """Which cells of a size around points (N, 3) may hold foreground of all views but some, and how many lack it."""
+) -> tuple[Mask, Integers, Array]:
+    """Which cells of a size around points (N, 3) may hold foreground of all views but some.
+
+    Also how many views lack it, and the share of the views that see the cell.
+    """
     inside, lacking = np.zeros((2, len(points)), dtype=np.int64)
     for camera, gap in zip(rig.cameras, gaps, strict=True):
         if gap is None:
@@ -133,7 +139,8 @@ def _in_foreground(
         there = gap[rounded[seen, 1], rounded[seen, 0]] <= radius
         inside[seen] += there
         lacking[seen] += ~there
-    return (inside >= 2) & (lacking <= most_lacking), lacking
+    share: Array = (inside + lacking) / sum(gap is not None for gap in gaps)
+    return (inside >= 2) & (lacking <= most_lacking), lacking, share
 
 
 def _pixels(camera: Camera, points: Array) -> tuple[Integers, Array, Mask]:

@@ -16,7 +16,7 @@ from tracker.errors import InitializationError, ModelError
 from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
-from tracker.imaging.background import foreground
+from tracker.imaging.background import difference, threshold_level
 from tracker.initialization import Stages
 from tracker.initialization._hypotheses import apart, coarse_poses, confidence, hypothesis, ranked, turned_round
 from tracker.initialization._persons import Found, find_persons, in_order
@@ -28,6 +28,8 @@ from tracker.scene import Scene
 from tracker.start import AxisFit, Hypothesis, Start
 
 _BATCH = 128
+# A limb that is missing in a mask is worse than a speck, which is nothing in space: less than in tracking.
+_SIGMAS = 4.0
 # What is farther than this from every voxel of a person does not belong to one; of a known person only the joints
 # are at hand, so that hands and feet must lie within it.
 _AROUND_M = 0.15
@@ -91,7 +93,7 @@ class PcaInitialization:
         found = find_persons(masks, scene.rig, persons, tuple(scene.persons[k] for k in stages.held))
         evidence: list[tuple[AxisFit | None, ...]] = [()] * len(scene.persons)
         hypotheses: list[tuple[Hypothesis, ...]] = [()] * len(scene.persons)
-        ordered = in_order(found, persons, stages.seen_before)
+        ordered = in_order(found, persons, scene.rig, stages.seen_before)
         for k, person in zip(sought, ordered, strict=True):
             axes, evidence[k] = self._axes(person, scene.rig)
             hypotheses[k] = self._search(frame, _without(scene, k, stages.held), stages, person, axes)
@@ -216,6 +218,10 @@ def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> 
 
 
 def _foregrounds(frame: Frame, stages: Stages, scene: Scene) -> tuple[Mask | None, ...]:
+    """What has changed in each view, shadows included.
+
+    What looks like a shadow may be skin, and in space a shadow is no thicker than the floor it lies on.
+    """
     known = [plate is not None for plate in stages.backgrounds]
     if sum(known) < 2:
         raise InitializationError(
@@ -223,6 +229,6 @@ def _foregrounds(frame: Frame, stages: Stages, scene: Scene) -> tuple[Mask | Non
             '`background = "background/{view}.png"` to [reading], or use = "given" in [initialization]'
         )
     return tuple(
-        None if image is None or plate is None else foreground(image, plate)
+        None if image is None or plate is None else difference(image, plate) > threshold_level(image, plate, _SIGMAS)
         for image, plate in zip(frame.images, stages.backgrounds, strict=True)
     )

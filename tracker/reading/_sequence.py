@@ -14,6 +14,7 @@ import numpy as np
 from tracker.arrays import Image, frozen
 from tracker.errors import CalibrationError, SequenceError, nearest
 from tracker.frame import Frame
+from tracker.imaging.plate_alignment import LEAST_INLIERS, aligned
 from tracker.rig import Rig
 from tracker.rig_files import load_rig
 
@@ -38,6 +39,8 @@ class Settings(Protocol):
 
     @property
     def background(self) -> str | None: ...
+    @property
+    def align_background(self) -> bool: ...
     @property
     def offsets(self) -> dict[str, int]: ...
     @property
@@ -202,12 +205,19 @@ def opened(settings: Settings, recording: Recording) -> OpenSequence:
     offsets = chosen_offsets(rig, settings.offsets)
     length = common_length(rig, recording.lengths, offsets, settings.on_missing, settings.stop)
     sizes = tuple(camera.size for camera in rig.cameras)
+    selection = selected(settings.start, settings.stop, settings.stride, length)
+    firsts: tuple[Image | None, ...] | None = None
+    if settings.align_background:
+        firsts = tuple(
+            view.read(max(selection.start + offset, 0))
+            for view, offset in zip(recording.open_views(), offsets, strict=True)
+        )
     return OpenSequence(
         rig=rig if downscale == 1 else rig.downscaled(downscale),
         source_sizes=sizes,
         fps=recording.fps,
-        selection=selected(settings.start, settings.stop, settings.stride, length),
-        backgrounds=load_backgrounds(rig, settings.background, sizes, downscale, recording.plate_of_clip),
+        selection=selection,
+        backgrounds=load_backgrounds(rig, settings.background, downscale, recording.plate_of_clip, firsts),
         offsets=offsets,
         downscale=downscale,
         on_missing=settings.on_missing,
@@ -287,32 +297,55 @@ def selected(start: int, stop: int | None, stride: int, length: int) -> Selectio
 
 
 def load_backgrounds(
-    rig: Rig, pattern: str | None, sizes: tuple[tuple[int, int], ...], downscale: int, clip: Callable[[Path], Image]
+    rig: Rig,
+    pattern: str | None,
+    downscale: int,
+    clip: Callable[[Path], Image],
+    fit_to: tuple[Image | None, ...] | None = None,
 ) -> tuple[Image | None, ...]:
     """Clean plates of all views.
 
     Args:
-        rig: names the views.
+        rig: names the views, and has their image sizes.
         pattern: path with `{view}` to an image or a clip; None for no plates.
-        sizes: calibrated image sizes, px.
         downscale: as for the images.
         clip: reads a plate from a video file.
+        fit_to: an image of each view that its plate is fitted to; None for plates that fit as they are.
 
     Raises:
-        SequenceError: a plate is missing or unreadable.
+        SequenceError: a plate is missing or unreadable, or does not show what its view does.
     """
     if pattern is None:
         return (None,) * len(rig)
-    plates = []
-    for name, size, path in zip(rig.names, sizes, view_paths(pattern, rig), strict=True):
-        if not path.exists():
-            raise SequenceError(f'background of view "{name}": no file {path}')
-        plate = read_image(path) if path.suffix.lower() in _IMAGES else clip(path)
-        if plate is None:
-            raise SequenceError(f'background of view "{name}": {path} is not an image that can be read')
-        check_size(name, plate, size)
+    plates: list[Image | None] = []
+    for v, (camera, path) in enumerate(zip(rig.cameras, view_paths(pattern, rig), strict=True)):
+        plate = _read_plate(camera.name, path, clip)
+        if fit_to is not None:
+            plate = _fitted_plate(camera.name, plate, path, fit_to[v])
+        check_size(camera.name, plate, camera.size)
         plates.append(frozen(downscaled(plate, downscale), np.uint8))
     return tuple(plates)
+
+
+def _read_plate(name: str, path: Path, clip: Callable[[Path], Image]) -> Image:
+    if not path.exists():
+        raise SequenceError(f'background of view "{name}": no file {path}')
+    plate = read_image(path) if path.suffix.lower() in _IMAGES else clip(path)
+    if plate is None:
+        raise SequenceError(f'background of view "{name}": {path} is not an image that can be read')
+    return plate
+
+
+def _fitted_plate(name: str, plate: Image, path: Path, image: Image | None) -> Image:
+    if image is None:
+        raise SequenceError(f'background of view "{name}": no first image to fit the plate to; unset align_background')
+    fitted, n_agree = aligned(plate, image)
+    if n_agree < LEAST_INLIERS:
+        raise SequenceError(
+            f'background of view "{name}": {path} and the first image have {n_agree} features in common, expected at '
+            f"least {LEAST_INLIERS}: is it the plate of another view, or was the camera carried elsewhere?"
+        )
+    return fitted
 
 
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"

@@ -46,6 +46,10 @@ class VideoReading:
     background: PathPattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`."""
 
+    align_background: bool = False
+    """Fit each plate to the first frame by its features and its light: for plates taken before the camera was turned
+    or zoomed a little, or the pictures were cut otherwise. The camera must not have been carried elsewhere."""
+
     fps: float | None = pydantic.Field(default=None, gt=0)
     """Frames per second; None takes the files' own."""
 
