@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 from benchmarks import acquisition as acquired_models
+from benchmarks import calibration as bar_calibration
 from benchmarks import lsm as patch_matching
 from benchmarks import poses as pose_rates
 from benchmarks import robustness as survival
@@ -76,6 +77,12 @@ def acquisition(
 ) -> None:
     """Models from the rendered silhouettes in BODYTRACK_DATA: overlap, and lengths against the truth."""
     acquired_models.compare(console, poses, model, quick)
+
+
+@app.command()
+def calibration(quick: Quick = False) -> None:
+    """Calibration from scratch with a reference bar: convergence, precision beside the true calibration's, time."""
+    bar_calibration.compare(console, quick)
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ def benchmark(*arguments: str) -> str:
         (("robustness", "--only", "start 5"), ("< 20 mm in 10 frames", "flagged lost", "silently wrong"), 1),
         (("lsm",), ("inverse-compositional", "findTransformECC", "RMS px", "real error over predicted sigma"), 30),
         (("sigma",), ("rendered RMS ratio", "noise robust", "torso_x", "all arm angles", "aim 0.7 to 1.5"), 27),
+        (("calibration",), ("three in line", "four around", "3 of 3", "hold-out bar RMS mm", "error / sigma"), 4),
     ],
 )
 def test_benchmarks_print_their_columns(arguments: tuple[str, ...], words: tuple[str, ...], n_rows: int) -> None:

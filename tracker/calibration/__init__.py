@@ -1,0 +1,27 @@
+"""Calibration: from images of a bar, a board or measured points to a rig, with its uncertainty."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from tracker.calibration._calibrated import Calibrated, Measure
+from tracker.calibration._views import Told, Views
+
+__all__ = ["Calibrated", "Calibration", "Measure", "Told", "Views"]
+
+
+@runtime_checkable
+class Calibration(Protocol):
+    """A component that calibrates cameras from their images."""
+
+    def calibrate(self, views: Views, told: Told) -> Calibrated:
+        """Measures the images and adjusts the rig.
+
+        Args:
+            views: the images.
+            told: told of the progress.
+
+        Raises:
+            CalibrationError: the images do not show what is needed, or do not fit together.
+        """
+        ...

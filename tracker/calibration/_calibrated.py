@@ -1,0 +1,51 @@
+"""A calibrated rig with all that tells how good it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from tracker.arrays import Array, Image
+from tracker.calibration._self_calibration import Adjustment
+from tracker.rig import Rig
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A figure that judges a calibration, in words a user understands."""
+
+    name: str
+    value: float
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """What a calibration found."""
+
+    kind: str
+    """Component that made it, for instance `reference_bar`."""
+
+    rig: Rig
+    """The cameras in the world frame asked for."""
+
+    adjustment: Adjustment
+    """The bundle adjustment, in its own frame."""
+
+    n_objects: int
+    """Bar positions, board poses or points."""
+
+    measures: tuple[Measure, ...]
+    """Figures such as the RMS error of hold-out bars."""
+
+    advice: tuple[str, ...] = ()
+    """What a better recording would do."""
+
+    world: str = ""
+    """Where the world frame comes from."""
+
+    pictures: dict[str, Image] = field(default_factory=dict)
+    """A picture of each view with what was found in it."""
+
+    points: Array | None = None
+    """(P, 3) adjusted points of the objects in the world, metres; NaN where not determined."""

@@ -1,0 +1,95 @@
+"""Cameras as rows of numbers that an adjustment changes."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tracker.arrays import Array
+from tracker.camera import Camera
+from tracker.kernels.bundle import N_STATE, N_UNKNOWNS
+
+PARAMETERS = (
+    "rotation about x",
+    "rotation about y",
+    "rotation about z",
+    "centre x",
+    "centre y",
+    "centre z",
+    "camera constant",
+    "principal point x",
+    "principal point y",
+    "affinity",
+    "shear",
+    "radial k1",
+    "radial k2",
+    "decentring p1",
+    "decentring p2",
+    "radial k3",
+    "time offset",
+)
+"""The unknowns of a camera in the order of `tracker.kernels.bundle`."""
+
+UNITS = ("rad",) * 3 + ("m",) * 3 + ("px",) * 3 + ("",) * 7 + ("frames",)
+"""Their units; the rotations are about the camera's own axes."""
+
+GROUPS = {
+    "exterior": tuple(range(6)),
+    "camera_constant": (6,),
+    "principal_point": (7, 8),
+    "affinity": (9, 10),
+    "radial": (11, 12, 15),
+    "decentring": (13, 14),
+    "time_offset": (16,),
+}
+"""Parameters that are chosen together; see `ReferenceBarCalibration.estimated`."""
+
+
+def state_of(camera: Camera) -> Array:
+    """(23,) numbers of a camera; the affinity is (fx - fy) / fy, the shear s / fy."""
+    matrix = camera.matrix
+    c = matrix[1, 1]
+    interior = c, matrix[0, 2], matrix[1, 2], matrix[0, 0] / c - 1, matrix[0, 1] / c
+    rotation = camera.camera_from_world[:3, :3].ravel()
+    return np.concatenate([rotation, camera.centre, interior, camera.distortion, [0.0]])
+
+
+def camera_of(state: Array, name: str, size: tuple[int, int]) -> Camera:
+    """The camera of (23,) numbers."""
+    c, x, y, affinity, shear = state[12:17]
+    motion = np.eye(4)
+    motion[:3, :3] = state[:9].reshape(3, 3)
+    motion[:3, 3] = -motion[:3, :3] @ state[9:12]
+    matrix = np.array([[c * (1 + affinity), c * shear, x], [0.0, c, y], [0.0, 0.0, 1.0]])
+    return Camera(name, size, matrix, state[17:22], motion)
+
+
+def nominal_state(size: tuple[int, int], focal_px: float) -> Array:
+    """(23,) a camera at the origin that looks along z, without distortion."""
+    state = np.zeros(N_STATE)
+    state[:9] = np.eye(3).ravel()
+    state[12:15] = focal_px, (size[0] - 1) / 2, (size[1] - 1) / 2
+    return state
+
+
+def moved(states: Array, steps: Array) -> Array:
+    """States (V, 23) after a step (V, 17) of the unknowns."""
+    steps = steps.reshape(-1, N_UNKNOWNS)
+    result: Array = states.copy()
+    turns = Rotation.from_rotvec(steps[:, :3]).as_matrix() @ states[:, :9].reshape(-1, 3, 3)
+    result[:, :9] = turns.reshape(-1, 9)
+    result[:, 9:] += steps[:, 3:]
+    return result
+
+
+def rigid_motions(states: Array) -> Array:
+    """(17V, 6) steps of all cameras that turn and shift the rig as a whole: the datum that images leave open."""
+    n = len(states)
+    motions = np.zeros((n, N_UNKNOWNS, 6))
+    for v, state in enumerate(states):
+        # the world turned by w: R' = R exp(-w), so that the step about the camera's axes is -R w
+        motions[v, :3, :3] = -state[:9].reshape(3, 3)
+        x, y, z = state[9:12]
+        motions[v, 3:6, :3] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+        motions[v, 3:6, 3:] = np.eye(3)
+    return motions.reshape(-1, 6)

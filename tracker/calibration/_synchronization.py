@@ -1,0 +1,86 @@
+"""Cameras that do not expose together: seen from a target's image, which then runs ahead or behind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tracker.arrays import Array
+from tracker.calibration._bundle import Noise, Observations, State, adjust, noise_of, normal_equations, residuals
+from tracker.calibration._consensus import exchange_swapped_ends, with_consensus
+from tracker.calibration._states import GROUPS
+from tracker.errors import CalibrationError
+from tracker.kernels.bundle import N_UNKNOWNS
+
+_OFFSET = GROUPS["time_offset"][0]
+_STATE_OFFSET = 22
+_ALLOWED_FRAMES, _FEWEST_MOVING = 0.5, 20
+
+
+def time_offsets(state: State, observations: Observations, sigma_px: float) -> tuple[Array, Array]:
+    """By how much each camera lags behind the others' median, frames, and the standard errors.
+
+    The image of a target at the time of exposure is shifted by lag times velocity; the lag is adjusted along with the
+    exterior orientations, camera constants and first radial distortions.
+
+    Args:
+        state: cameras and bars near the solution.
+        observations: images with velocities; what does not move tells nothing.
+        sigma_px: noise of an image coordinate.
+
+    Returns:
+        (V,) offsets and (V,) standard errors; NaN where nothing moves.
+    """
+    free = np.zeros((len(state.cameras), N_UNKNOWNS), dtype=np.bool_)
+    free[:, [*GROUPS["exterior"], *GROUPS["camera_constant"], 11]] = True
+    free[1:, _OFFSET] = True
+    speeds = np.linalg.norm(observations.velocities, axis=1)
+    moving = np.bincount(observations.views, speeds > 1.0, minlength=len(free))
+    if moving.min() < _FEWEST_MOVING:
+        return np.full(len(free), np.nan), np.full(len(free), np.nan)
+    for _ in range(3):
+        scale = max(_noisiest(residuals(state, observations), observations, len(free)), sigma_px)
+        observations, _ = exchange_swapped_ends(state, observations, scale)
+        noise = Noise(scale, 3 * scale, used=speeds > 0)
+        state, _ = adjust(state, observations, free, noise, tolerance=1e-3)
+        state = with_consensus(state, observations, scale)
+    errors = residuals(state, observations)
+    scale = max(noise_of(errors), sigma_px)
+    counted = observations.counted(speeds > 0, len(state.objects.points))
+    equations = normal_equations(state, observations, Noise(scale, 3 * scale, used=speeds > 0).weights(errors), counted)
+    columns = free.ravel()
+    inverse = np.linalg.pinv(equations.normal[np.ix_(columns, columns)], hermitian=True, rcond=1e-13)
+    sigmas = np.zeros(len(columns))
+    sigmas[columns] = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    offsets = state.cameras[:, _STATE_OFFSET]
+    return offsets - np.median(offsets), sigmas.reshape(free.shape)[:, _OFFSET]
+
+
+def _noisiest(errors: Array, observations: Observations, n_views: int) -> float:
+    """Noise of the view that fits worst, px: judged by the others', a late view would be all gross errors."""
+    return max(noise_of(errors, observations.views == v) for v in range(n_views))
+
+
+def check_synchronized(names: Sequence[str], offsets: Array, sigmas: Array) -> None:
+    """Refuses views that are off by half a frame or more.
+
+    Raises:
+        CalibrationError: names the views and their offsets.
+    """
+    late = [v for v in range(len(names)) if abs(offsets[v]) > max(_ALLOWED_FRAMES, 4 * sigmas[v])]
+    if (
+        len(names) == 2
+        and np.isfinite(offsets).all()
+        and abs(offsets[1] - offsets[0]) > max(_ALLOWED_FRAMES, 4 * sigmas.max())
+    ):
+        late = [1]
+        offsets = offsets - offsets[0]
+    if not late:
+        return
+    words = [f'"{names[v]}" is {abs(offsets[v]):.1f} frames {"late" if offsets[v] > 0 else "early"}' for v in late]
+    table = ", ".join(f"{names[v]} = {-round(offsets[v])}" for v in late)
+    raise CalibrationError(
+        f"the views are not synchronized: {' and '.join(words)} compared with the others; start the cameras "
+        f"together, or set offsets = {{ {table} }} in [views]"
+    )

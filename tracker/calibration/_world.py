@@ -1,0 +1,206 @@
+"""The world frame of a calibrated rig: from bars laid on the floor, a floor board, given points, or level cameras."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pydantic
+
+from tracker.arrays import Array, Image
+from tracker.calibration._boards import find_corners
+from tracker.components import FilePath, PathPattern, component
+from tracker.errors import CalibrationError
+from tracker.rig import Rig
+
+
+@component
+class WorldFrame:
+    """Where the world's origin and axes are; with nothing given, in the middle of what was seen, level as the cameras.
+
+    Give one of: both bar frames, `points`, or `board`.
+    """
+
+    x_bar_frame: int | None = pydantic.Field(default=None, ge=0)
+    """Frame in which the bar lies on the floor along x, its first end at the origin."""
+
+    y_bar_frame: int | None = pydantic.Field(default=None, ge=0)
+    """Frame in which the bar lies on the floor and points, from its end nearer to the origin, towards y."""
+
+    points: FilePath | None = None
+    """CSV of points of known position: columns x, y, z in metres and VIEW_u, VIEW_v in px, empty where not seen."""
+
+    board: PathPattern | None = None
+    """Images of a chessboard on the floor, for instance `floor/{view}.png`; its inner corner is the origin, z up."""
+
+    board_columns: int = pydantic.Field(default=9, ge=3)
+    """Inner corners of the floor board along x."""
+
+    board_rows: int = pydantic.Field(default=6, ge=3)
+    """Inner corners of the floor board along y."""
+
+    board_square_m: float = pydantic.Field(default=0.03, gt=0)
+    """Side of the floor board's squares, metres."""
+
+    def placed(self, rig: Rig, bars: tuple[Array, Array] | None, middle: Array) -> tuple[Rig, Array, str]:
+        """The rig in the world.
+
+        Args:
+            rig: calibrated in any frame.
+            bars: frame numbers (B,) and ends (B, 2, 3) in the rig's frame, if bars were seen.
+            middle: (3,) middle of what was seen, in the rig's frame.
+
+        Returns:
+            The moved rig, world_from_rig (4, 4), and where the frame comes from.
+
+        Raises:
+            CalibrationError: what should tell the frame is not seen or does not tell it.
+        """
+        given = [self.x_bar_frame is not None or self.y_bar_frame is not None, bool(self.points), bool(self.board)]
+        if sum(given) > 1:
+            raise CalibrationError("[calibration] world: give bar frames, points or board, not several of them")
+        if given[0]:
+            motion, source = self._from_bars(bars), "bars laid on the floor"
+        elif self.points is not None:
+            motion, source = _from_points(rig, self.points), f"points of {self.points.name}"
+        elif self.board is not None:
+            motion, source = self._from_board(rig, self.board), "a board on the floor"
+        else:
+            motion, source = _level(rig, middle), "level cameras; origin in the middle of what was seen"
+        return moved_rig(rig, motion), motion, source
+
+    def _from_bars(self, bars: tuple[Array, Array] | None) -> Array:
+        if bars is None or self.x_bar_frame is None or self.y_bar_frame is None:
+            raise CalibrationError("[calibration] world: x_bar_frame and y_bar_frame are both needed, and a bar")
+        along_x, along_y = (_bar_of(bars, frame) for frame in (self.x_bar_frame, self.y_bar_frame))
+        if min(np.linalg.norm(along_x[0] - end) for end in along_y) > min(
+            np.linalg.norm(along_x[1] - end) for end in along_y
+        ):
+            along_x = along_x[::-1]
+        if np.linalg.norm(along_y[0] - along_x[0]) > np.linalg.norm(along_y[1] - along_x[0]):
+            along_y = along_y[::-1]
+        return _frame_of(along_x[0], along_x[1] - along_x[0], along_y[1] - along_y[0])
+
+    def _from_board(self, rig: Rig, pattern: str) -> Array:
+        size = self.board_columns, self.board_rows
+        images = []
+        for name in rig.names:
+            path = Path(pattern.replace("{view}", name))
+            found = _read(path) if path.is_file() else None
+            corners = None if found is None else find_corners(found, size)
+            images.append(np.full((size[0] * size[1], 2), np.nan) if corners is None else corners)
+        points, _ = rig.triangulate(np.stack(images))
+        if np.isfinite(points).all(axis=1).sum() < 4:
+            raise CalibrationError(
+                f"world: fewer than two views show the floor board of {size[0]}x{size[1]} inner corners in {pattern}"
+            )
+        columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
+        plan = self.board_square_m * np.stack([columns, rows, 0.0 * rows], axis=-1).reshape(-1, 3)
+        return aligned_to_level(plan, points, rig)
+
+
+def moved_rig(rig: Rig, world_from_rig: Array) -> Rig:
+    """The rig with its frame moved by (4, 4)."""
+    back = np.linalg.inv(world_from_rig)
+    return Rig(tuple(replace(camera, camera_from_world=camera.camera_from_world @ back) for camera in rig.cameras))
+
+
+def rigid_alignment(points: Array, targets: Array) -> Array:
+    """(4, 4) rotation and shift that bring points (N, 3) nearest to targets (N, 3); NaN rows are left out.
+
+    Least squares by singular values (Arun et al. 1987), without scale.
+    """
+    good = np.isfinite(points).all(axis=1) & np.isfinite(targets).all(axis=1)
+    points, targets = points[good], targets[good]
+    middle, target = points.mean(axis=0), targets.mean(axis=0)
+    u, _, vt = np.linalg.svd((points - middle).T @ (targets - target))
+    sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    motion = np.eye(4)
+    motion[:3, :3] = (u @ sign @ vt).T
+    motion[:3, 3] = target - motion[:3, :3] @ middle
+    return motion
+
+
+def aligned_to_level(plan: Array, points: Array, rig: Rig) -> Array:
+    """Like `rigid_alignment` of a board, turned over if its z pointed away from the cameras."""
+    motion = rigid_alignment(points, plan)
+    above = np.mean([(motion[:3, :3] @ camera.centre + motion[:3, 3])[2] for camera in rig.cameras])
+    return motion if above > 0 else np.diag([1.0, -1.0, -1.0, 1.0]) @ motion
+
+
+def _bar_of(bars: tuple[Array, Array], frame: int) -> Array:
+    frames, ends = bars
+    found = ends[frames == frame]
+    if not len(found) or not np.isfinite(found[0]).all():
+        raise CalibrationError(f"world: the bar is not seen by two views in frame {frame}")
+    bar: Array = found[0]
+    return bar
+
+
+def _frame_of(origin: Array, along_x: Array, towards_y: Array) -> Array:
+    x = along_x / np.linalg.norm(along_x)
+    z = np.cross(x, towards_y)
+    if np.linalg.norm(z) < 0.2 * np.linalg.norm(towards_y):
+        raise CalibrationError("world: the two bars are nearly parallel; lay one along x and one along y")
+    z /= np.linalg.norm(z)
+    motion = np.eye(4)
+    motion[:3, :3] = x, np.cross(z, x), z
+    motion[:3, 3] = -motion[:3, :3] @ origin
+    return motion
+
+
+def _level(rig: Rig, middle: Array) -> Array:
+    """Z up as the cameras' mean, x to the right of the first camera."""
+    up = -np.mean([camera.camera_from_world[1, :3] for camera in rig.cameras], axis=0)
+    right = rig.cameras[0].camera_from_world[0, :3]
+    return _frame_of(middle, right - up * (right @ up) / (up @ up), np.cross(up, right))
+
+
+def _from_points(rig: Rig, path: Path) -> Array:
+    positions, pixels = read_points(path, rig.names)
+    points, _ = rig.triangulate(pixels)
+    good = np.isfinite(points).all(axis=1)
+    if good.sum() < 3:
+        raise CalibrationError(f"{path}: {int(good.sum())} points are seen by two views, expected at least 3")
+    motion = rigid_alignment(points, positions)
+    error = np.linalg.norm(points[good] @ motion[:3, :3].T + motion[:3, 3] - positions[good], axis=1)
+    span = np.linalg.svd(positions[good] - positions[good].mean(axis=0), compute_uv=False)
+    if span[1] < 0.05 * span[0]:
+        raise CalibrationError(f"{path}: the points lie on a line, which tells no frame; add one beside it")
+    if error.max() > 0.1 * span[0]:
+        raise CalibrationError(
+            f"{path}: the points fit the calibrated rig to {error.max():.2f} m only: positions in metres, and in the "
+            "same order as the pixels?"
+        )
+    return motion
+
+
+def read_points(path: Path, views: tuple[str, ...]) -> tuple[Array, Array]:
+    """Positions (N, 3) metres and images (V, N, 2) px, NaN where not seen, of a CSV file.
+
+    Raises:
+        CalibrationError: the file or a column is missing, or a value is no number.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError) as error:
+        raise CalibrationError(f"{path}: cannot read the points") from error
+    columns = rows[0].keys() if rows else ()
+    wanted = ["x", "y", "z", *(f"{view}_{axis}" for view in views for axis in "uv")]
+    missing = [name for name in wanted if name not in columns]
+    if missing:
+        raise CalibrationError(f"{path}: no column {', '.join(missing)}; expected {', '.join(wanted)}")
+    try:
+        table = np.array([[float(row[name]) if row[name].strip() else np.nan for name in wanted] for row in rows])
+    except (ValueError, AttributeError) as error:
+        raise CalibrationError(f"{path}: a value is no number: {error}") from error
+    return table[:, :3], np.moveaxis(table[:, 3:].reshape(len(table), len(views), 2), 1, 0)
+
+
+def _read(path: Path) -> Image | None:
+    image: Image | None = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    return image
