@@ -26,8 +26,8 @@ LAYERS = (
     "estimation initialization",
     "tracking",
     "acquisition lsm recognition evaluation simulation",
-    "run demo acquire batching",
-    "cli commands acquire_tables progress __main__ scripts",
+    "run demo acquire calibrate batching",
+    "cli commands acquire_tables calibration_cli progress __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}
 

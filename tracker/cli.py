@@ -16,6 +16,7 @@ from rich.table import Table
 
 from tracker.acquire import acquire_model
 from tracker.acquire_tables import AcquisitionProgress, print_acquisition
+from tracker.calibration_cli import calibrate_app
 from tracker.commands.surface import measure
 from tracker.commands.warmup import prepare_kernels, warmup
 from tracker.components import available, find
@@ -33,8 +34,19 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Model-based, marker-less motion capture from calibrated views.",
 )
+app.add_typer(calibrate_app, name="calibrate")
 console = Console()
-STAGES = ("reading", "synthesis", "analysis", "similarity", "prediction", "estimation", "initialization", "recording")
+STAGES = (
+    "reading",
+    "calibration",
+    "synthesis",
+    "analysis",
+    "similarity",
+    "prediction",
+    "estimation",
+    "initialization",
+    "recording",
+)
 
 
 def main() -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 from tracker.calibration._calibrated import Calibrated, Measure
+from tracker.calibration._report import report_html, report_text
 from tracker.calibration._views import Told, Views
 
-__all__ = ["Calibrated", "Calibration", "Measure", "Told", "Views"]
+__all__ = ["Calibrated", "Calibration", "Measure", "Told", "Views", "report_html", "report_text"]
 
 
 @runtime_checkable

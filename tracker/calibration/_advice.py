@@ -55,8 +55,14 @@ def _about_views(adjustment: Adjustment, what: str) -> Iterator[str]:
 def _about_all(adjustment: Adjustment, what: str, n_objects: int) -> Iterator[str]:
     if n_objects < 50:
         yield f"{n_objects} positions of the {what} are few: 100 to 200 that fill the volume are better"
-    for held in adjustment.held:
-        yield f"{held}; record the {what} at more depths, directions and corners to determine it"
+    for name in adjustment.names:
+        held = [entry for entry in adjustment.held if entry.camera == name]
+        if held:
+            words = [f"{entry.parameter} ({entry.correlation:+.2f} with {entry.partner})" for entry in held]
+            yield (
+                f"camera {name}: {listed(words)} cannot be determined and {'was' if len(held) == 1 else 'were'} held at "
+                f"the usual: record the {what} at more depths, directions and corners"
+            )
     interesting = [entry for entry in adjustment.correlations(_CORRELATED) if not _expected(entry[1], entry[2])]
     for value, first, second in interesting[:5]:
         yield f"{first} and {second} are correlated by {value:+.3f}: tilted and nearer positions would part them"

@@ -289,13 +289,16 @@ def _least_determined(
 
 
 def _limits(camera: Array, size: tuple[int, int]) -> Array:
-    """(17,) standard errors beyond which a parameter says nothing: 2 % of the image's extent by its effect there."""
+    """(17,) by how much cameras differ from the nominal one: with a larger standard error, that is the better guess.
+
+    Radial distortion is judged by its effect near the corners, 3 % of the distance from the centre for each term.
+    """
     radius = 0.4 * float(np.hypot(*size)) / camera[12]
     limits = np.full(N_UNKNOWNS, np.inf)
-    limits[6:9] = 0.05 * camera[12]
-    limits[9:11] = 0.02
-    limits[[11, 12, 15]] = 0.02 / radius ** np.array([2, 4, 6])
-    limits[13:15] = 0.02 / (3 * radius)
+    limits[6], limits[7:9] = 0.05 * camera[12], 0.02 * camera[12]
+    limits[9], limits[10] = 0.005, 0.002
+    limits[[11, 12, 15]] = 0.03 / radius ** np.array([2, 4, 6])
+    limits[13:15] = 0.003
     limits[16] = 0.3
     return limits
 

@@ -69,27 +69,49 @@ class ImageReading:
         """Opens all views; see `tracker.reading.Reading.open`."""
         rig = chosen_rig(self.rig, self.views)
         paths = dict(zip(rig.names, view_paths(self.path, rig), strict=True))
-        found = opened_views(rig.names, lambda name: self._files(name, paths[name]), self.on_missing)
+        found = opened_views(rig.names, lambda name: numbered_files(name, paths[name]), self.on_missing)
         # one origin for all views: one that lacks its first images must not be shifted against the others
         first = min(min(numbered) for numbered in found if numbered)
         views = tuple(_ImageView(numbered or {}, first) for numbered in found)
         lengths = tuple(max(view.files, default=first - 1) - first + 1 for view in views)
         return opened(self, Recording(rig, self.fps, lengths, lambda: views, plate_of_clip))
 
-    def _files(self, name: str, pattern: Path) -> dict[int, Path]:
-        folder, before_after = pattern.parent, pattern.name.split("{frame}")
-        if len(before_after) != 2:
-            raise SequenceError(
-                f'path = "{self.path}": no {{frame}} in the file name, expected e.g. images/{{view}}/{{frame}}.png'
-            )
-        if not folder.is_dir():
-            raise SequenceError(f'view "{name}": no folder {folder}')
-        number = re.compile(r"(\d+)".join(re.escape(piece) for piece in before_after))
-        matches = ((number.fullmatch(file.name), file) for file in folder.iterdir())
-        files = {int(match[1]): file for match, file in matches if match}
-        if not files:
-            raise SequenceError(f'view "{name}": no image {pattern.name} in {folder}')
-        return files
+
+def numbered_files(name: str, pattern: Path) -> dict[int, Path]:
+    """The files of a view by their number.
+
+    Args:
+        name: of the view, for messages.
+        pattern: path with `{frame}` in the file name.
+
+    Raises:
+        SequenceError: there are none.
+    """
+    folder, before_after = pattern.parent, pattern.name.split("{frame}")
+    if len(before_after) != 2:
+        raise SequenceError(
+            f'path = "{pattern}": no {{frame}} in the file name, expected e.g. images/{{view}}/{{frame}}.png'
+        )
+    if not folder.is_dir():
+        raise SequenceError(f'view "{name}": no folder {folder}')
+    number = re.compile(r"(\d+)".join(re.escape(piece) for piece in before_after))
+    matches = ((number.fullmatch(file.name), file) for file in folder.iterdir())
+    files = {int(match[1]): file for match, file in matches if match}
+    if not files:
+        raise SequenceError(f'view "{name}": no image {pattern.name} in {folder}')
+    return files
+
+
+def intact_image(path: Path) -> Image:
+    """A BGR image (h, w, 3).
+
+    Raises:
+        SequenceError: it cannot be read as a whole.
+    """
+    image = read_image(path)
+    if image is None:
+        raise SequenceError(f"{path}: not an image that can be read: the file is corrupt or truncated")
+    return image
 
 
 @dataclass(frozen=True)
@@ -101,7 +123,4 @@ class _ImageView:
         path = self.files.get(self.first + index)
         if path is None:
             return None
-        image = read_image(path)
-        if image is None:
-            raise SequenceError(f"{path}: not an image that can be read: the file is corrupt or truncated")
-        return image
+        return intact_image(path)

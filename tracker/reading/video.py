@@ -128,6 +128,20 @@ class VideoView(View):
         return True
 
 
+def open_clip(path: Path, name: str) -> tuple[int, float, VideoView]:
+    """Number of frames, frames per second and decoder of one view's file.
+
+    Args:
+        path: the video.
+        name: of the view, for messages.
+
+    Raises:
+        SequenceError: no such file, not a video, or a truncated one.
+    """
+    n_frames, fps = _header(path, name, "error")
+    return n_frames, fps, VideoView(path)
+
+
 def _header(path: Path, name: str, on_missing: OnMissing) -> tuple[int, float]:
     """Number of frames and frames per second; the packets are counted, for headers may lie.
 

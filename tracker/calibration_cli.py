@@ -1,0 +1,75 @@
+"""The commands that calibrate cameras and check rigs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Annotated, Literal
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrates cameras: from a bar, a board, or measured points.")
+console = Console()
+
+Kind = Literal["reference_bar", "chessboard", "scene_points"]
+
+Config = Annotated[Path, typer.Argument(help="Configuration, TOML; see configs/calibrate_bar.toml.")]
+Output = Annotated[Path | None, typer.Option(help="Result folder; default results/NAME/TIME.")]
+Overrides = Annotated[list[str] | None, typer.Option("--set", help="Override: section.key=value; repeatable.")]
+
+
+@calibrate_app.command("bar")
+def calibrate_bar(config: Config, output: Output = None, set_: Overrides = None) -> None:
+    """From a bar with two targets a known distance apart, moved through the volume."""
+    _calibrate(config, "reference_bar", output, set_)
+
+
+@calibrate_app.command("chessboard")
+def calibrate_chessboard(config: Config, output: Output = None, set_: Overrides = None) -> None:
+    """From a chessboard or ChArUco board moved before the cameras."""
+    _calibrate(config, "chessboard", output, set_)
+
+
+@calibrate_app.command("points")
+def calibrate_points(config: Config, output: Output = None, set_: Overrides = None) -> None:
+    """From points in the scene whose positions were measured."""
+    _calibrate(config, "scene_points", output, set_)
+
+
+def _calibrate(config: Path, kind: Kind, output: Path | None, overrides: list[str] | None) -> None:
+    # figures and detectors take long to import, which `bodytrack --help` need not wait for
+    from tracker.calibrate import calibrate, load_calibration
+    from tracker.calibration import report_text
+
+    run = load_calibration(config, kind, overrides or [])
+    with CountedProgress(console) as progress:
+        result = calibrate(run, output, progress.told)
+    console.print(report_text(run.name, result.calibrated), highlight=False, markup=False)
+    console.print(f"rig: {result.folder / 'rig.toml'}, report: {result.folder / 'report.html'}", highlight=False)
+
+
+class CountedProgress:
+    """A progress bar for each thing counted."""
+
+    def __init__(self, console: Console) -> None:
+        self._bar = Progress(
+            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=console
+        )
+        self._tasks: dict[str, TaskID] = {}
+
+    def __enter__(self) -> CountedProgress:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def told(self, what: str, done: int, total: int) -> None:
+        """Shows a count."""
+        if what not in self._tasks:
+            self._tasks[what] = self._bar.add_task(what, total=total)
+        self._bar.update(self._tasks[what], completed=done, total=total)
