@@ -60,8 +60,8 @@ def _about_all(adjustment: Adjustment, what: str, n_objects: int) -> Iterator[st
         if held:
             words = [f"{entry.parameter} ({entry.correlation:+.2f} with {entry.partner})" for entry in held]
             yield (
-                f"camera {name}: {listed(words)} cannot be determined and {'was' if len(held) == 1 else 'were'} held at "
-                f"the usual: record the {what} at more depths, directions and corners"
+                f"camera {name}: {listed(words)} cannot be determined from this recording, so the usual value was "
+                f"kept: record the {what} at more depths, directions and corners"
             )
     interesting = [entry for entry in adjustment.correlations(_CORRELATED) if not _expected(entry[1], entry[2])]
     for value, first, second in interesting[:5]:

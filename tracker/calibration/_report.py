@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import jinja2
@@ -42,7 +43,7 @@ def report_html(name: str, calibrated: Calibrated) -> str:
     views = [
         {
             "name": view,
-            "picture": _uri(lambda figure, v=v: _draw_residuals(figure, calibrated, v), (8.0, 6.2)),
+            "picture": _uri(partial(_draw_residuals, calibrated=calibrated, view=v), (8.0, 6.2)),
             "parameters": _parameter_rows(adjustment, v),
             "counts": _counts(adjustment, v),
             "rms": f"{adjustment.rms_px(v):.3f}",
@@ -118,9 +119,7 @@ def _draw_residuals(figure: Figure, calibrated: Calibrated, view: int) -> None:
     size = float(np.median(np.linalg.norm(errors[good], axis=1))) if good.any() else 1.0
     scale = _ARROW_PX * width / 720 / max(size, 1e-9)
     arrows = scale * errors[good]
-    axes.quiver(
-        *pixels[good].T, arrows[:, 0], arrows[:, 1], angles="xy", scale_units="xy", scale=1.0, color="#2a6f85", width=0.0018
-    )  # fmt: skip
+    axes.quiver(*pixels[good].T, *arrows.T, angles="xy", scale_units="xy", scale=1.0, color="#2a6f85", width=0.0018)
     axes.plot(*pixels[bad].T, "x", color="#c4452f", markersize=5)
     for row in range(3):
         for column in range(3):

@@ -1,0 +1,164 @@
+"""A chessboard or ChArUco board moved before the cameras: OpenCV's detection, our bundle adjustment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pydantic
+
+from tracker.arrays import Array, Image
+from tracker.calibration._advice import advice
+from tracker.calibration._board_start import Seen, board_start
+from tracker.calibration._boards import charuco_detector, find_charuco, find_corners
+from tracker.calibration._calibrated import Calibrated, Measure
+from tracker.calibration._objects import Boards
+from tracker.calibration._self_calibration import Adjustment, chosen_unknowns, self_calibrated
+from tracker.calibration._views import Told, Views
+from tracker.calibration._world import WorldFrame
+from tracker.components import component
+from tracker.errors import CalibrationError
+from tracker.rig import Rig
+
+__all__ = ["BoardImages", "ChessboardCalibration"]
+
+Group = Literal["camera_constant", "principal_point", "affinity", "radial", "decentring"]
+
+_FEWEST_CORNERS = 6
+
+
+@dataclass(frozen=True)
+class BoardImages:
+    """Where the views show the corners of a board."""
+
+    names: tuple[str, ...]
+    sizes: tuple[tuple[int, int], ...]
+    seen: Seen
+
+
+@component
+class ChessboardCalibration:
+    """Calibration from a flat board of known squares, moved and tilted before the cameras."""
+
+    columns: int = pydantic.Field(default=9, ge=3)
+    """Chessboard: inner corners along a row. ChArUco: squares along a row. A number, no unit."""
+
+    rows: int = pydantic.Field(default=6, ge=3)
+    """Chessboard: rows of inner corners. ChArUco: rows of squares."""
+
+    square_m: float = pydantic.Field(gt=0)
+    """Side of a square, metres; it tells the scale."""
+
+    marker_m: float | None = pydantic.Field(default=None, gt=0)
+    """ChArUco: side of a marker, metres; None for a plain chessboard."""
+
+    dictionary: str = "4x4_50"
+    """ChArUco: OpenCV's dictionary of markers, for instance `4x4_50`."""
+
+    sigma_px: float = pydantic.Field(default=0.2, gt=0)
+    """Expected standard deviation of an image coordinate, px."""
+
+    estimated: tuple[Group, ...] = ("camera_constant", "principal_point", "affinity", "radial", "decentring")
+    """Parameters to determine beside the exterior orientation; those that cannot be are named and held."""
+
+    world: WorldFrame = pydantic.Field(default_factory=WorldFrame)
+    """The world frame."""
+
+    def calibrate(self, views: Views, told: Told) -> Calibrated:
+        """Finds the board in the views and adjusts; see `tracker.calibration.Calibration.calibrate`."""
+        find = self._finder()
+        seen: Seen = {}
+        pictures: dict[str, Image] = {}
+        for k, frame in enumerate(views.frames()):
+            told("finding boards", k + 1, views.n_frames)
+            for v, image in enumerate(frame.images):
+                if image is None:
+                    continue
+                pictures.setdefault(views.names[v], image)
+                shape, pixels = find(image)
+                if len(pixels) >= _FEWEST_CORNERS and not _in_a_line(shape):
+                    seen[v, frame.index] = shape, pixels
+        return self.calibrate_images(BoardImages(views.names, views.sizes, seen), pictures)
+
+    def calibrate_images(self, images: BoardImages, pictures: dict[str, Image] | None = None) -> Calibrated:
+        """Adjusts detected corners.
+
+        Raises:
+            CalibrationError: they are too few or do not fit together.
+        """
+        start, observations = board_start(images.seen, images.names, images.sizes)
+        views = list(zip(images.names, images.sizes, strict=True))
+        wanted = chosen_unknowns(self.estimated, len(views))
+        adjustment = self_calibrated(start, observations, wanted, self.sigma_px, views)
+        points = adjustment.state.objects.points
+        rig, motion, source = self.world.placed(Rig(adjustment.cameras), None, np.median(points, axis=0))
+        n_boards = len({frame for _, frame in images.seen})
+        return Calibrated(
+            kind="chessboard",
+            rig=rig,
+            adjustment=adjustment,
+            n_objects=n_boards,
+            measures=_distance_measures(adjustment),
+            advice=advice(adjustment, "board", n_boards),
+            world=source,
+            pictures=pictures or {},
+            points=points @ motion[:3, :3].T + motion[:3, 3],
+        )
+
+    def _finder(self) -> Callable[[Image], tuple[Array, Array]]:
+        """Finds corners: in the board's frame (N, 3) metres, and in the image (N, 2) px."""
+        if self.marker_m is None:
+            columns, rows = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
+            plan = self.square_m * np.stack([columns, rows, 0.0 * rows], axis=-1).reshape(-1, 3)
+
+            def find(image: Image) -> tuple[Array, Array]:
+                corners = find_corners(image, (self.columns, self.rows))
+                return (plan[:0], np.zeros((0, 2))) if corners is None else (plan, corners)
+
+            return find
+        if not self.marker_m < self.square_m:
+            raise CalibrationError(f"marker_m = {self.marker_m:g}, expected less than square_m = {self.square_m:g}")
+        detector = charuco_detector((self.columns, self.rows), self.square_m, self.marker_m, self.dictionary)
+        plan = np.asarray(detector.getBoard().getChessboardCorners(), dtype=np.float64)
+
+        def find_some(image: Image) -> tuple[Array, Array]:
+            numbers, pixels = find_charuco(image, detector)
+            return plan[numbers], pixels
+
+        return find_some
+
+
+def _in_a_line(shape: Array) -> bool:
+    spread = np.linalg.svd(shape - shape.mean(axis=0), compute_uv=False)
+    return bool(spread[1] < 0.1 * spread[0])
+
+
+def _distance_measures(adjustment: Adjustment) -> tuple[Measure, ...]:
+    """Distances between triangulated corners beside those of the board: what a user of the rig would measure."""
+    boards, observations = adjustment.state.objects, adjustment.observations
+    assert isinstance(boards, Boards)
+    if len(adjustment.names) < 2:
+        return ()
+    pixels = np.full((len(adjustment.names), len(boards.shape), 2), np.nan)
+    used = adjustment.used
+    pixels[observations.views[used], observations.points[used]] = observations.pixels[used]
+    points, _ = Rig(adjustment.cameras).triangulate(pixels)
+    ratios, errors = [], []
+    for g in range(len(boards.poses)):
+        mine = np.flatnonzero((boards.owners == g) & np.isfinite(points).all(axis=1))
+        found = np.linalg.norm(points[mine][:, None] - points[mine], axis=2)
+        wanted = np.linalg.norm(boards.shape[mine][:, None] - boards.shape[mine], axis=2)
+        pairs = np.triu(wanted, 1) > 0
+        ratios.append(found[pairs] / wanted[pairs])
+        errors.append(found[pairs] - wanted[pairs])
+    ratio, error = np.concatenate(ratios), np.concatenate(errors)
+    if not len(ratio):
+        return ()
+    low, middle, high = np.percentile(ratio, [25, 50, 75])
+    return (
+        Measure("board distances, median", 100 * (float(middle) - 1), "%", "measured with the rig, over those known"),
+        Measure("board distances, quartiles", 100 * float(high - low), "%", "from the lower to the upper quartile"),
+        Measure("board distances, RMS", 1000 * float(np.sqrt(np.mean(error**2))), "mm", f"{len(error)} distances"),
+    )
