@@ -15,8 +15,8 @@ from rich.console import Console
 from rich.table import Table
 
 from tracker.acquire import acquire_model
-from tracker.acquire_tables import AcquisitionProgress, print_acquisition
 from tracker.calibration_cli import calibrate_app
+from tracker.commands.acquire_tables import AcquisitionProgress, print_acquisition
 from tracker.commands.surface import measure
 from tracker.commands.warmup import prepare_kernels, warmup
 from tracker.components import available, find

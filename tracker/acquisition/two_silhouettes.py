@@ -263,5 +263,6 @@ def _check_result(result: Acquired, settings: SilhouetteSettings) -> None:
         if share < settings.least_overlap:
             raise SequenceError(
                 f"{one.name}: the fitted body covers {share:.0%} of the silhouette (intersection over union), expected "
-                f"at least {settings.least_overlap:.0%}: two persons that touch, another posture than T or A, or a wrong stature_m?"
+                f"at least {settings.least_overlap:.0%}: two persons that touch, another posture than T or A, or a "
+                "wrong stature_m?"
             )
