@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from tracker.acquire import acquire_from
-from tracker.commands.acquire_tables import AcquisitionProgress, print_acquisition
+from tracker.commands.acquire import AcquisitionProgress, print_acquisition
 from tracker.config import read_config
 from tracker.errors import TrackerError
 

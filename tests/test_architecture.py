@@ -27,7 +27,7 @@ LAYERS = (
     "tracking",
     "acquisition lsm recognition evaluation simulation",
     "run demo acquire calibrate batching",
-    "cli commands calibration_cli progress __main__ scripts",
+    "cli commands progress __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}
 

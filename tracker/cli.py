@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import re
 import sys
 from importlib.metadata import version
 from pathlib import Path
@@ -14,9 +13,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from tracker.acquire import acquire_model
-from tracker.calibration_cli import calibrate_app
-from tracker.commands.acquire_tables import AcquisitionProgress, print_acquisition
+from tracker.commands.acquire import acquire
+from tracker.commands.calibrate import calibrate_app
+from tracker.commands.frames import frame_range
 from tracker.commands.surface import measure
 from tracker.commands.warmup import prepare_kernels, warmup
 from tracker.components import available, find
@@ -111,37 +110,13 @@ def run(
     """Tracks a sequence."""
     described = load_run(config, set_ or [])
     if frames is not None:
-        described = with_frames(described, *_frame_range(frames))
+        described = with_frames(described, *frame_range(frames))
     prepare_kernels()
     with RunProgress(console) as progress:
         result = execute(described, output, resume, progress)
     _print_result(result)
     if result.interrupted:
         raise typer.Exit(130)
-
-
-def _frame_range(text: str) -> tuple[int | None, int | None]:
-    match = re.fullmatch(r"(\d*):(\d*)", text)
-    if match is None:
-        raise ConfigError(f"--frames {text}: expected A:B, for instance 0:100, 50: or :100")
-    start, stop = (int(end) if end else None for end in match.groups())
-    return start, stop
-
-
-@app.command()
-def acquire(
-    config: Annotated[Path, typer.Argument(help="Pairs of front and side silhouettes, or a run's configuration.")],
-    output: Annotated[Path | None, typer.Option(help="Model to write; default models/NAME.toml.")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", help="Override: section.key=value; repeatable.")] = None,
-    frames: Annotated[str | None, typer.Option(help="Range A:B of a run's frames to use.")] = None,
-) -> None:
-    """Makes a person's body model: from two silhouettes, or from a run's views while tracking them."""
-    start, stop = (None, None) if frames is None else _frame_range(frames)
-    ends = [f"reading.{key}={end}" for key, end in (("start", start), ("stop", stop)) if end is not None]
-    prepare_kernels()
-    with AcquisitionProgress(console) as progress:
-        result = acquire_model(config, output, [*(set_ or []), *ends], progress.report)
-    print_acquisition(console, result)
 
 
 @app.command()
@@ -192,6 +167,7 @@ def evaluate_command(
     _print_evaluation(evaluation)
 
 
+app.command()(acquire)
 app.command("surface")(measure)
 app.command("warmup")(warmup)
 

@@ -30,10 +30,10 @@ _F8, _F4, _I8, _B1 = np.float64, np.float32, np.int64, np.bool_
 _I4, _I2, _U1 = np.int32, np.int16, np.uint8
 
 
-Group = Literal["tracking", "matching"]
+Group = Literal["tracking", "matching", "calibration"]
 """What kernels are for; a run compiles those that it needs."""
 
-GROUPS: tuple[Group, ...] = "tracking", "matching"
+GROUPS: tuple[Group, ...] = "tracking", "matching", "calibration"
 
 
 def _own(dtype: Any, *shape: int) -> Any:
@@ -57,9 +57,6 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     slopes, found = (_own(_I2, 1, 1), _own(_I2, 1, 1)), (_own(_F4, 0, 2), _own(_F4, 0, 2), _own(_I8, 0))
     picture, seen = _own(_U1, 1, 1, 3), _own(_U1, 1 + 2 * MARGIN, 1 + 2 * MARGIN, 3)
     grey = _own(_U1, 1, 1)
-    images_of = _own(_I8, 0), _own(_I8, 0), _own(_F8, 0, 2), _own(_F8, 0, 2), _own(_F8, 0)
-    bars = _own(_F8, 0, 3), _own(_F8, 0, 3, 6), _own(_I8, 1), _own(_F8, 0, 6, 6), _own(_F8, 0, 6)
-    reduced = _own(_F8, 17, 17), _own(_F8, 17), _own(_F8, 0, 6, 6), _own(_F8, 0, 6), _own(_F8, 0, 1, 6, 17)
     return [
         (chain_transforms, (_own(_F8, 0, 1), *chain)),
         (twists_in_world, (_own(_F8, 0, 2, 4, 4), *chain)),
@@ -79,8 +76,6 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (match_oriented, (_own(_F4, 1, 1, 5), _own(_I8, 1), *scene, (30.0, 0.8), _own(_I8, 0, 4))),
         (normal_equations, (*pairs, scene[0], rig[0], _own(_F8, 1, 6), _frozen(_B1, 1, 2), 16.0, 1.0)),
         (fill_parts, (_own(_F8, 1, 4, 4), _frozen(_F4, 1, 17 * 32, 7), (9, 16), _frozen(_F8, 25), _own(_B1, 1, 1))),
-        (residuals_of, (_own(_F8, 1, N_STATE), bars[0], images_of, images_of[2])),
-        (reduce_normal, (_own(_F8, 1, N_STATE), bars, images_of, 0.0, reduced)),
         (rasterize, (_own(_F8, 0, 2), _own(_F8, 0), _own(_I8, 0, 3), (0, 0), _own(_F4, 1, 1, 4))),
     ]
 
@@ -106,7 +101,18 @@ def _matching_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     ]
 
 
-_CALLS = {"tracking": _tracking_calls, "matching": _matching_calls}
+def _calibration_calls() -> list[tuple[Any, tuple[Any, ...]]]:
+    """As `_tracking_calls`, for the bundle adjustment."""
+    images_of = _own(_I8, 0), _own(_I8, 0), _own(_F8, 0, 2), _own(_F8, 0, 2), _own(_F8, 0)
+    bars = _own(_F8, 0, 3), _own(_F8, 0, 3, 6), _own(_I8, 1), _own(_F8, 0, 6, 6), _own(_F8, 0, 6)
+    reduced = _own(_F8, 17, 17), _own(_F8, 17), _own(_F8, 0, 6, 6), _own(_F8, 0, 6), _own(_F8, 0, 1, 6, 17)
+    return [
+        (residuals_of, (_own(_F8, 1, N_STATE), bars[0], images_of, images_of[2])),
+        (reduce_normal, (_own(_F8, 1, N_STATE), bars, images_of, 0.0, reduced)),
+    ]
+
+
+_CALLS = {"tracking": _tracking_calls, "matching": _matching_calls, "calibration": _calibration_calls}
 
 
 def all_cached(group: Group = "tracking") -> bool:

@@ -80,6 +80,7 @@ class _OneFrame:
     stop: int | None = 1
     stride: int = 1
     on_missing: OnMissing = "error"
+    align_background: bool = False
 
     @property
     def offsets(self) -> dict[str, int]:

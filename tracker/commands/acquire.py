@@ -1,14 +1,36 @@
-"""What `bodytrack acquire` shows: progress, and the tables of lengths and residuals."""
+"""`bodytrack acquire`: its progress, and the tables of lengths and residuals."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import TracebackType
+from typing import Annotated
 
+import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tracker.acquire import Acquisition
+from tracker.acquire import Acquisition, acquire_model
+from tracker.commands.frames import frame_range
+from tracker.commands.warmup import prepare_kernels
+
+console = Console()
+
+
+def acquire(
+    config: Annotated[Path, typer.Argument(help="Pairs of front and side silhouettes, or a run's configuration.")],
+    output: Annotated[Path | None, typer.Option(help="Model to write; default models/NAME.toml.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Override: section.key=value; repeatable.")] = None,
+    frames: Annotated[str | None, typer.Option(help="Range A:B of a run's frames to use.")] = None,
+) -> None:
+    """Makes a person's body model: from two silhouettes, or from a run's views while tracking them."""
+    start, stop = (None, None) if frames is None else frame_range(frames)
+    ends = [f"reading.{key}={end}" for key, end in (("start", start), ("stop", stop)) if end is not None]
+    prepare_kernels()
+    with AcquisitionProgress(console) as progress:
+        result = acquire_model(config, output, [*(set_ or []), *ends], progress.report)
+    print_acquisition(console, result)
 
 
 class AcquisitionProgress:

@@ -10,6 +10,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
+from tracker.commands.warmup import prepare_kernels
+
 calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrates cameras: from a bar, a board, or measured points.")
 console = Console()
 
@@ -44,6 +46,7 @@ def _calibrate(config: Path, kind: Kind, output: Path | None, overrides: list[st
     from tracker.calibration import report_text
 
     run = load_calibration(config, kind, overrides or [])
+    prepare_kernels("calibration")
     with CountedProgress(console) as progress:
         result = calibrate(run, output, progress.told)
     console.print(report_text(run.name, result.calibrated), highlight=False, markup=False)
