@@ -283,7 +283,7 @@ def test_wrong_configurations_are_named(tmp_path, text, words):
 def test_the_rendered_bar_recording(data):
     """Rig recovered from video: targets, labels, start values, adjustment."""
     folder = data("room/bar")
-    config = Path(__file__).parents[1] / "configs" / "calibrate_bar.toml"
+    config = Path(__file__).parents[1] / "configs" / "calibration" / "bar.toml"
     run = load_calibration(config, "reference_bar", ["views.stride=2"])
     result = run.calibration.calibrate(run.views.open(), lambda what, done, total: None)
     rows = np.genfromtxt(folder / "gt_targets.csv", delimiter=",", names=True)
@@ -326,7 +326,7 @@ def test_four_real_cameras_and_a_board(data):
 
 def test_stereo_pairs_of_a_chessboard(data):
     data("stereo_gt/opencv_chessboard")
-    config = Path(__file__).parents[1] / "configs" / "calibrate_chessboard.toml"
+    config = Path(__file__).parents[1] / "configs" / "calibration" / "chessboard.toml"
     run = load_calibration(config, "chessboard")
     result = run.calibration.calibrate(run.views.open(), lambda what, done, total: None)
     for v in range(2):

@@ -167,7 +167,7 @@ def load_calibration(path: Path, kind: Kind, overrides: Sequence[str] = ()) -> C
             raise ConfigError(f'{path.name}: unknown section "{key}"; {nearest(key, _SECTIONS)}')
     for key in ("views", "calibration"):
         if not isinstance(table.get(key), dict):
-            raise ConfigError(f"{path.name}: the section [{key}] is missing; see configs/calibrate_bar.toml")
+            raise ConfigError(f"{path.name}: the section [{key}] is missing; see configs/calibration/bar.toml")
     use = table["calibration"].get("use", kind)
     if use != kind and ":" not in str(use):
         raise ConfigError(f'{path.name} [calibration]: use = "{use}", but "{kind}" was asked for')

@@ -17,7 +17,7 @@ console = Console()
 
 Kind = Literal["reference_bar", "chessboard", "scene_points"]
 
-Config = Annotated[Path, typer.Argument(help="Configuration, TOML; see configs/calibrate_bar.toml.")]
+Config = Annotated[Path, typer.Argument(help="Configuration, TOML; see configs/calibration/bar.toml.")]
 Output = Annotated[Path | None, typer.Option(help="Result folder; default results/NAME/TIME.")]
 Overrides = Annotated[list[str] | None, typer.Option("--set", help="Override: section.key=value; repeatable.")]
 
