@@ -19,14 +19,14 @@ ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
     "errors arrays components config resources geometry imaging kernels",
-    "camera rig rig_files middlebury frame shape body body_files scene contours observation correspondences estimate "
-    "start trajectory triangulation",
+    "camera rig rig_files rig_formats middlebury frame shape body body_files scene contours observation "
+    "correspondences estimate start trajectory triangulation",
     "reading calibration prediction synthesis analysis similarity recording",
     "objective",
     "estimation initialization",
     "tracking",
     "acquisition lsm recognition evaluation simulation",
-    "run demo acquire calibrate batching",
+    "run demo acquire calibrate rig_check batching",
     "cli commands progress __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}

@@ -16,6 +16,7 @@ from rich.table import Table
 from tracker.commands.acquire import acquire
 from tracker.commands.calibrate import calibrate_app
 from tracker.commands.frames import frame_range
+from tracker.commands.rig import rig_app
 from tracker.commands.surface import measure
 from tracker.commands.warmup import prepare_kernels, warmup
 from tracker.components import available, find
@@ -34,6 +35,7 @@ app = typer.Typer(
     help="Model-based, marker-less motion capture from calibrated views.",
 )
 app.add_typer(calibrate_app, name="calibrate")
+app.add_typer(rig_app, name="rig")
 console = Console()
 STAGES = (
     "reading",

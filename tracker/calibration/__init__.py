@@ -7,8 +7,9 @@ from typing import Protocol, runtime_checkable
 from tracker.calibration._calibrated import Calibrated, Measure
 from tracker.calibration._report import report_html, report_text
 from tracker.calibration._views import Told, Views
+from tracker.calibration._world import read_points
 
-__all__ = ["Calibrated", "Calibration", "Measure", "Told", "Views", "report_html", "report_text"]
+__all__ = ["Calibrated", "Calibration", "Measure", "Told", "Views", "read_points", "report_html", "report_text"]
 
 
 @runtime_checkable

@@ -1,4 +1,4 @@
-"""The commands that calibrate cameras and check rigs."""
+"""The commands that calibrate cameras."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ console = Console()
 
 Kind = Literal["reference_bar", "chessboard", "scene_points"]
 
-Config = Annotated[Path, typer.Argument(help="Configuration, TOML; see configs/calibration/bar.toml.")]
+Config = Annotated[Path, typer.Argument(help="Configuration, TOML; see configs/calibration/.")]
 Output = Annotated[Path | None, typer.Option(help="Result folder; default results/NAME/TIME.")]
 Overrides = Annotated[list[str] | None, typer.Option("--set", help="Override: section.key=value; repeatable.")]
 

@@ -1,0 +1,93 @@
+"""The commands that check and convert calibrations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from tracker.arrays import Image
+from tracker.errors import CalibrationError, ConfigError
+
+rig_app = typer.Typer(no_args_is_help=True, help="Checks and converts calibrations.")
+console = Console()
+
+
+@rig_app.command("check")
+def rig_check(
+    rig: Annotated[Path, typer.Argument(help="Calibration, in any layout that `rig convert` reads.")],
+    images: Annotated[str | None, typer.Option(help="Pictures such as first/{view}.png: draws epipolar lines.")] = None,
+    points: Annotated[Path | None, typer.Option(help="CSV: VIEW_u, VIEW_v and, for the scale, x, y, z.")] = None,
+    picture: Annotated[Path, typer.Option(help="Where the epipolar lines are drawn.")] = Path("epipolar.png"),
+) -> None:
+    """Looks a rig over: geometry, who sees whom, reprojection, scale, and epipolar lines over the views."""
+    from tracker.calibration import read_points
+    from tracker.rig_check import check_points, check_rig, epipolar_picture, write_picture
+    from tracker.rig_formats import import_rig
+
+    loaded = import_rig(rig)
+    found = check_rig(loaded)
+    cameras = Table("camera", "position m", "field deg", "tilt deg", "distortion px", title="cameras")
+    for check in found.cameras:
+        place = ", ".join(f"{value:.2f}" for value in check.position_m)
+        field = f"{check.field_deg[0]:.0f} x {check.field_deg[1]:.0f}"
+        cameras.add_row(check.name, place, field, f"{check.tilt_deg:.0f}", f"{check.distortion_px:.1f}")
+    console.print(cameras)
+    pairs = Table("camera", "camera", "distance m", "angle deg", "shared view", title="pairs")
+    for pair in found.pairs:
+        numbers = f"{pair.distance_m:.3f}", f"{pair.angle_deg:.0f}", f"{100 * pair.shared:.0f} %"
+        pairs.add_row(pair.first, pair.second, *numbers)
+    console.print(pairs)
+    console.print(f"a point in the middle is known to {found.sigma_mm:.1f} mm from images of 0.5 px", highlight=False)
+    if points is not None:
+        beside = check_points(loaded, *read_points(points, loaded.names))
+        views = ", ".join(f"{name} {value:.2f}" for name, value in beside.rms_px.items())
+        console.print(f"reprojection of {beside.n_points} points, RMS px: {views}", highlight=False)
+        if beside.scale is not None:
+            console.print(f"scale: measured distances are {beside.scale:.5f} times the known ones", highlight=False)
+    for doubt in found.doubts:
+        console.print(f"[yellow]look:[/] {doubt}", highlight=False)
+    if images is not None:
+        write_picture(epipolar_picture(loaded, _pictures(images, loaded.names)), picture)
+        console.print(f"epipolar lines: {picture}", highlight=False)
+
+
+def _pictures(pattern: str, names: tuple[str, ...]) -> tuple[Image, ...]:
+    from tracker.reading.images import intact_image
+    from tracker.reading.video import open_clip
+
+    found = []
+    for name in names:
+        path = Path(pattern.replace("{view}", name))
+        if not path.is_file():
+            raise CalibrationError(f'view "{name}": no file {path}')
+        still = path.suffix.lower() in (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+        image = intact_image(path) if still else open_clip(path, name)[2].read(0)
+        if image is None:
+            raise CalibrationError(f"{path}: holds no image")
+        found.append(image)
+    return tuple(found)
+
+
+@rig_app.command("convert")
+def rig_convert(
+    source: Annotated[Path, typer.Argument(help=".toml, .json, .qca.txt, or a folder (EasyMocap, OpenCV YAML).")],
+    target: Annotated[Path, typer.Argument(help="File, or folder for opencv and easymocap.")],
+    layout: Annotated[str, typer.Option(help="toml anipose pose2sim caliscope qualisys opencv easymocap")] = "toml",
+    size: Annotated[str | None, typer.Option(help="Image size WxH, where the source does not tell it.")] = None,
+) -> None:
+    """Converts a calibration from and for other programs."""
+    from tracker.rig_formats import export_rig, import_rig
+
+    pixels = None
+    if size is not None:
+        width, cross, height = size.partition("x")
+        if not (cross and width.isdigit() and height.isdigit()):
+            raise ConfigError(f"--size {size}: expected for instance 1920x1080")
+        pixels = int(width), int(height)
+    rig = import_rig(source, pixels)
+    export_rig(rig, target, layout)
+    console.print(f"{len(rig)} cameras written to {target}", highlight=False)
