@@ -324,6 +324,15 @@ def test_four_real_cameras_and_a_board(data):
     assert "board distances" in report_text("calib4", result)
 
 
+def test_four_real_videos_of_a_board_with_two_sides(data):
+    data("calib4/cam_0.mp4")
+    run = load_calibration(Path(__file__).parents[1] / "configs" / "calibration" / "charuco.toml", "chessboard")
+    result = run.calibration.calibrate(run.views.open(), lambda what, done, total: None)
+    measures = {measure.name: measure.value for measure in result.measures}
+    assert abs(measures["board distances, median"]) < 0.3  # per cent
+    assert max(result.adjustment.rms_px(v) for v in range(4)) < 0.65
+
+
 def test_stereo_pairs_of_a_chessboard(data):
     data("stereo_gt/opencv_chessboard")
     config = Path(__file__).parents[1] / "configs" / "calibration" / "chessboard.toml"

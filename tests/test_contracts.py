@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -234,6 +235,22 @@ def test_an_absent_recording_is_one_clear_line(use):
     with pytest.raises(TrackerError) as caught:
         made("reading", use).open()
     assert "/nowhere/absent" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+class BlankViews:
+    """Two views of nothing."""
+
+    names, sizes, n_frames = ("left", "right"), ((96, 64), (96, 64)), 4
+
+    def frames(self) -> Iterator[Frame]:
+        return (Frame(k, 0.04 * k, (np.full((64, 96, 3), 90, np.uint8),) * 2) for k in range(self.n_frames))
+
+
+@each("calibration")
+def test_nothing_is_calibrated_from_nothing(use):
+    with pytest.raises(TrackerError) as caught:
+        made("calibration", use).calibrate(BlankViews(), lambda what, done, total: None)
     assert "\n" not in str(caught.value)
 
 

@@ -57,6 +57,12 @@ class ChessboardCalibration:
     dictionary: str = "4x4_50"
     """ChArUco: OpenCV's dictionary of markers, for instance `4x4_50`."""
 
+    inverted: bool = False
+    """Whether the board is printed white on black."""
+
+    both_sides: bool = False
+    """ChArUco: whether the back shows the same board as if seen through the front, so that cameras behind see it."""
+
     sigma_px: float = pydantic.Field(default=0.2, gt=0)
     """Expected standard deviation of an image coordinate, px."""
 
@@ -77,7 +83,7 @@ class ChessboardCalibration:
                 if image is None:
                     continue
                 pictures.setdefault(views.names[v], image)
-                shape, pixels = find(image)
+                shape, pixels = find(255 - image if self.inverted else image)
                 if len(pixels) >= _FEWEST_CORNERS and not _in_a_line(shape):
                     seen[v, frame.index] = shape, pixels
         return self.calibrate_images(BoardImages(views.names, views.sizes, seen), pictures)
@@ -125,6 +131,9 @@ class ChessboardCalibration:
 
         def find_some(image: Image) -> tuple[Array, Array]:
             numbers, pixels = find_charuco(image, detector)
+            if self.both_sides and len(numbers) < _FEWEST_CORNERS:
+                numbers, pixels = find_charuco(np.ascontiguousarray(image[:, ::-1]), detector)
+                pixels = np.column_stack([image.shape[1] - 1 - pixels[:, 0], pixels[:, 1]])
             return plan[numbers], pixels
 
         return find_some
