@@ -69,7 +69,7 @@ def find_persons(
     trials = [_pieces(hull.part(hull.lacking <= n), m, statures) for n in range(most + 1) for m in erosions]
     enough = [pieces[: len(persons)] for pieces in trials if len(pieces) >= len(persons)]
     if enough:
-        best = min(enough, key=lambda pieces: _misfit(pieces, statures))
+        best = min(enough, key=lambda pieces: _misfit(pieces, statures) - 0.5 * _covered(pieces, masks, rig))
         return _with_regions(best, masks, rig)
     n_pieces = max(len(pieces) for pieces in trials)
     raise InitializationError(
@@ -104,7 +104,7 @@ def _misfit(pieces: list[Hull], statures: list[float]) -> float:
     """How unlike standing persons of so many statures the pieces are.
 
     The share of the stature by which they are too low, or too high even for raised arms; how far their axes lean;
-    the share of the views that do not look at them; less for a body's volume.
+    the share of the views that do not look at them, or see nothing there; less for a body's volume.
     """
     ordered = sorted(pieces, key=lambda piece: _height(piece.points), reverse=True)
     misfit = 0.0
@@ -112,9 +112,20 @@ def _misfit(pieces: list[Hull], statures: list[float]) -> float:
         share = _height(piece.points) / stature
         misfit += max(_STANDING[0] - share, 0.0) + max(share - _STANDING[1], 0.0)
         misfit += 0.25 * (1 - float(hull_axis(piece.points).direction[2]))
-        misfit += 0.5 * (1 - float(piece.seen.mean()))
+        misfit += 0.5 * (1 - float(piece.seen.mean())) + 0.08 * float(piece.lacking.mean())
         misfit -= 0.3 * min(len(piece.points) * STEP_M**3 / _VOLUME_M3, 1.0)
     return misfit
+
+
+def _covered(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) -> float:
+    """Share of the foreground of all views that the pieces explain."""
+    inside = total = 0
+    for v, mask in enumerate(masks):
+        if mask is not None:
+            points = np.concatenate([piece.points for piece in pieces])
+            inside += int((mask & shadow(rig, v, points, _MARGIN_M)).sum())
+            total += int(mask.sum())
+    return inside / max(total, 1)
 
 
 def in_order(found: list[Found], persons: tuple[Person, ...], rig: Rig, seen_before: bool) -> list[Found]:
