@@ -292,6 +292,9 @@ def _log_step(step: Step) -> None:
             100 * estimate.explained,
             1000 * sum(step.seconds.values()),
         )
+    if step.start is not None:
+        for person, sure in zip(step.scene.persons, step.start.confidence, strict=False):
+            log.info("frame %d %s start pose of confidence %.2f", step.frame.index, person.name, sure)
     if step.frame.missing:
         log.warning("frame %d: views %s are missing", step.frame.index, step.frame.missing)
 

@@ -37,6 +37,15 @@ class Hypothesis:
     turn_deg: float
     """Direction faced: the turn about the body's axis, degrees."""
 
+    @property
+    def cost_px(self) -> float:
+        """What hypotheses are ranked by: the distance, more by the share of the model's contour without an edge.
+
+        Edges that no person makes count in the distance of every hypothesis and drown small differences. The share
+        decides whether toes and elbows point the right way, where someone seen from the front looks as from behind.
+        """
+        return self.distance_px * (2 - self.explained)
+
 
 @dataclass(frozen=True)
 class Start:

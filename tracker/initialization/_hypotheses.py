@@ -76,9 +76,9 @@ def hypothesis(objective: Objective, estimate: Estimate, turn: str) -> Hypothesi
 
 
 def ranked(body: BodyModel, hypotheses: list[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """The hypothesis of least distance first; of those that are one and the same pose the best."""
+    """The hypothesis of least cost first; of those that are one and the same pose the best."""
     kept: list[Hypothesis] = []
-    for one in sorted(hypotheses, key=lambda one: one.distance_px):
+    for one in sorted(hypotheses, key=lambda one: one.cost_px):
         if all(_gap_m(body, one.q, other.q) > _SAME_M for other in kept):
             kept.append(one)
     return tuple(kept)
@@ -87,13 +87,13 @@ def ranked(body: BodyModel, hypotheses: list[Hypothesis]) -> tuple[Hypothesis, .
 def confidence(hypotheses: tuple[Hypothesis, ...]) -> float:
     """How sure the first of ranked hypotheses is, 0 to 1.
 
-    The share of its contour that the scene explains, times its lead: how much less distance it leaves than the next
-    hypothesis, where a fifth less counts as certain.
+    The share of its contour that the scene explains, times its lead: how much less it costs than the next hypothesis,
+    where a fifth less counts as certain.
     """
     best = hypotheses[0]
     if len(hypotheses) == 1:
         return best.explained
-    lead = 1 - best.distance_px / max(hypotheses[1].distance_px, 1e-9)
+    lead = 1 - best.cost_px / max(hypotheses[1].cost_px, 1e-9)
     return best.explained * float(np.clip(lead / _SURE_LEAD, 0, 1))
 
 

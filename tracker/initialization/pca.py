@@ -184,9 +184,10 @@ class PcaInitialization:
         cleared = _cleared(frame, scene, stages, found)
         observation = stages.analysis.observe(cleared, None, stages.backgrounds)
         again = list(hypotheses)
-        for k, ranking in enumerate(hypotheses):
-            if not ranking:
-                continue
+        sought = [k for k, ranking in enumerate(hypotheses) if ranking]
+        # The first of several persons is judged again when the others are where they belong.
+        for k in sought if len(sought) == 1 else sought * 2:
+            ranking = again[k]
             objective = Objective(scene, k, stages.synthesis, stages.similarity, observation)
             estimates = [stages.estimation.estimate(objective, one.q[None]) for one in ranking]
             again[k] = ranked(objective.body, [hypothesis(objective, one, self.turn) for one in estimates])

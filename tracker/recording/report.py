@@ -17,6 +17,7 @@ from tracker.components import component
 from tracker.recording import RunContext
 from tracker.recording._drawing import STATUS_COLOURS, draw_axes, draw_step, encoded, tile
 from tracker.recording._series import Series, distance_figure, parameter_figure
+from tracker.start import Hypothesis, Start
 from tracker.trajectory import Step
 
 
@@ -44,6 +45,7 @@ class ReportRecorder:
         self._pictures: dict[int, tuple[str, bytes]] = {}
         self._worst: tuple[float, int, bytes] | None = None
         self._axes: list[Image] = []
+        self._start: Start | None = None
 
     def write(self, step: Step) -> None:
         """Adds one frame."""
@@ -60,7 +62,8 @@ class ReportRecorder:
                 self._pictures[step.frame.index] = caption, picture
             if worst:
                 self._worst = distance, step.frame.index, picture
-        if step.start is not None and not self._axes:
+        if step.start is not None and self._start is None:
+            self._start = step.start
             self._axes = [
                 draw_axes(step.frame.images[v], fit)
                 for fits in step.start.evidence
@@ -91,12 +94,20 @@ class ReportRecorder:
             "timeline": self._series.statuses,
             "pictures": pictures,
             "axes": None if axes is None else _uri(axes, "jpeg"),
+            "starts": self._start_rows(),
             "distances": _figure_uri(distance_figure(self._series)),
             "plots": [(p.name, _figure_uri(parameter_figure(self._series, k))) for k, p in enumerate(persons)],
             "sigmas": [(p.name, self._sigma_rows(k)) for k, p in enumerate(persons)],
             "config": tomli_w.dumps(self._run.details.get("config", {})),
             "versions": self._run.details.get("versions", {}),
         }
+
+    def _start_rows(self) -> list[tuple[str, float, list[Hypothesis]]]:
+        """Name, confidence and ranked hypotheses of each person that was bootstrapped."""
+        if self._start is None:
+            return []
+        persons = zip(self._run.scene.persons, self._start.confidence, self._start.hypotheses, strict=False)
+        return [(person.name, sure, list(tried)) for person, sure, tried in persons if tried]
 
     def _sigma_rows(self, person: int) -> list[tuple[str, str, str, str]]:
         """Name, unit, range of the parameter and median standard deviation."""
