@@ -1,0 +1,65 @@
+"""Start poses that are tried, turned round, ranked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.observations import bent
+from tracker.body import BodyModel
+from tracker.body_files import load_body
+from tracker.initialization._hypotheses import apart, coarse_poses, confidence, ranked, turned_round
+from tracker.resources import model_path
+from tracker.start import Hypothesis
+
+
+def tried(q: np.ndarray, distance_px: float, explained: float = 0.9) -> Hypothesis:
+    return Hypothesis(q, distance_px, explained, 0.3, 0.0)
+
+
+def test_coarse_poses_are_all_combinations(body: BodyModel) -> None:
+    starts = [body.rest(), bent(body)]
+    poses = coarse_poses(body, starts, "torso_twist", 90.0, {"left_arm_abduction": (10.0, 90.0)})
+    assert len(poses) == 2 * 4 * 2
+    kept = [k for k, name in enumerate(body.names) if name not in ("torso_twist", "left_arm_abduction")]
+    np.testing.assert_allclose(poses[8:, kept], np.tile(body.clamped(bent(body))[kept], (8, 1)))
+    assert len(np.unique(np.round(poses[:8, [5, body.index("left_arm_abduction")]], 6), axis=0)) == 8
+
+
+def test_the_best_poses_with_different_turns_are_chosen(body: BodyModel) -> None:
+    poses = coarse_poses(body, [body.rest()], "torso_twist", 15.0, {})
+    distances = np.abs(np.degrees(poses[:, 5]) - 10)
+    turns = [np.degrees(q[5]) for q in apart(body, poses, distances, "torso_twist", (3, 60.0))]
+    assert turns[0] == pytest.approx(15) or turns[0] == pytest.approx(0)
+    gaps = np.abs((np.subtract.outer(turns, turns) + 180) % 360 - 180) + 1e3 * np.eye(3)
+    assert gaps.min() >= 60 - 1e-9
+
+
+@pytest.mark.parametrize("name", ["gavrila22", "human"])
+def test_someone_turned_round_holds_the_other_arm_in_the_same_place(name: str) -> None:
+    body = load_body(model_path(name))
+    q = body.rest()
+    q[body.index("left_arm_abduction")] = 1.2
+    back = turned_round(body, q, "torso_twist")
+    marks, others = body.landmarks_in_world(np.array([q, back]))
+    left, right = (body.landmark_names.index(f"{side}_wrist") for side in ("left", "right"))
+    assert np.linalg.norm(marks[left] - others[right]) < 0.08
+    again = turned_round(body, back, "torso_twist")
+    np.testing.assert_allclose(body.landmarks_in_world(again), body.landmarks_in_world(q), atol=1e-9)
+
+
+def test_the_same_pose_counts_once_and_the_best_comes_first(body: BodyModel) -> None:
+    q = bent(body)
+    other = turned_round(body, q, "torso_twist")
+    order = ranked(body, [tried(other, 5.0), tried(q, 4.0), tried(q + 1e-3, 4.5)])
+    assert [one.distance_px for one in order] == [4.0, 5.0]
+
+
+def test_the_lead_and_the_contour_explained_make_the_confidence(body: BodyModel) -> None:
+    q = bent(body)
+    assert confidence((tried(q, 4.0),)) == pytest.approx(0.9)
+    assert confidence((tried(q, 4.0), tried(q, 4.0))) == 0.0
+    assert confidence((tried(q, 4.0), tried(q, 6.0))) == pytest.approx(0.9)
+    assert 0.3 < confidence((tried(q, 4.0), tried(q, 4.4))) < 0.6
+    # Of two that are as far off, the one is taken whose own contours lie on edges.
+    assert ranked(body, [tried(q, 4.0, 0.8), tried(turned_round(body, q, "torso_twist"), 4.0, 0.9)])[0].explained == 0.9
