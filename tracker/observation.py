@@ -31,7 +31,7 @@ class ViewObservation:
     """(S,) indices of the edge points that stand for the accepted contours, evenly thinned."""
 
     scene_weights: Array32
-    """(S,) contour length each of them stands for, px."""
+    """(S,) contour length each of them stands for, px; less for edges that matter less."""
 
     origin: tuple[int, int]
     """Pixel (x, y) of the chamfer image's upper left corner."""
