@@ -9,6 +9,7 @@ import numpy as np
 
 from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Image
+from tracker.cycle import Cycle, LossRule
 from tracker.estimation.hybrid import HybridEstimation
 from tracker.frame import Frame
 from tracker.initialization import Initialization, Stages
@@ -19,7 +20,6 @@ from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.simulation.sequence import Recipe, Simulation, simulate
 from tracker.start import Start
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.tracking import Cycle, LossRule
 
 SMALL = (360, 288)
 """Image size of quick tests; a pixel is 12.5 mm at the person."""

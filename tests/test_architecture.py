@@ -24,7 +24,7 @@ LAYERS = (
     "reading calibration prediction synthesis analysis similarity recording",
     "objective",
     "estimation initialization",
-    "tracking",
+    "cycle rehearsal tracking",
     "acquisition lsm recognition evaluation simulation",
     "run demo acquire calibrate rig_check batching",
     "cli commands progress __main__ scripts",

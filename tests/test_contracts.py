@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from sections import made
 
 from tracker.components import available
+from tracker.cycle import Cycle
 from tracker.errors import InitializationError, TrackerError
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
@@ -23,7 +24,6 @@ from tracker.observation import Observation
 from tracker.recording import RunContext
 from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
-from tracker.tracking import Cycle
 from tracker.trajectory import History, Step
 
 

@@ -8,9 +8,9 @@ import pytest
 from tests.observations import bent
 from tracker.body import BodyModel
 from tracker.body_files import load_body
-from tracker.initialization._hypotheses import apart, coarse_poses, confidence, ranked, turned_round
+from tracker.initialization._hypotheses import apart, coarse_poses, ranked, turned_round
 from tracker.resources import model_path
-from tracker.start import Hypothesis
+from tracker.start import Hypothesis, confidence
 
 
 def tried(q: np.ndarray, distance_px: float, explained: float = 0.9) -> Hypothesis:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
+from tracker.cycle import LossRule
 from tracker.errors import InitializationError
 from tracker.estimate import Status
 from tracker.frame import Frame
@@ -13,7 +14,7 @@ from tracker.initialization import Stages
 from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, simulate
 from tracker.start import Start
-from tracker.tracking import LossRule, track
+from tracker.tracking import track
 
 # A pixel is 12.5 mm at the person, an edge is found to a few tenths of one, and a joint hangs on dozens of edges.
 TRACKED_MM = 8.0

@@ -225,7 +225,8 @@ def _tracked(
     ):
         cycle = replace(cycle, initialization=settings.stance)
     wanted, seen, start = chosen(sequence.n_frames, settings.frames), [], known
-    for k, step in enumerate(track(sequence.frames(), Scene(persons, sequence.rig), cycle)):
+    steps = track(sequence.frames(), Scene(persons, sequence.rig), cycle, reopen=sequence.frames)
+    for k, step in enumerate(steps):
         report("tracking", k + 1, sequence.n_frames)
         lost = [estimate.lost for estimate in step.estimates]
         if k == 0 and not any(lost):

@@ -61,6 +61,11 @@ class Estimate:
     status: Status = Status.TRACKED
 
     @property
+    def left_over(self) -> float:
+        """Contour of the model without a scene edge, and of the scene without the model, over the model's contour."""
+        return float(self.unexplained_px.sum() / max(float(self.visible_px.sum()), 1.0))
+
+    @property
     def lost(self) -> bool:
         """Whether the pose is not to be used."""
         return self.status is Status.LOST

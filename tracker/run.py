@@ -18,6 +18,7 @@ from tracker.arrays import Image
 from tracker.body import BodyModel
 from tracker.body_files import load_body
 from tracker.config import Table, build, build_class, describe, expanded, read_config
+from tracker.cycle import Cycle, LossRule
 from tracker.errors import ConfigError, ModelError, SequenceError, TrackerError, nearest
 from tracker.estimation import Estimation
 from tracker.initialization import Initialization
@@ -29,7 +30,7 @@ from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.similarity import Similarity
 from tracker.synthesis import Synthesis
-from tracker.tracking import Cycle, LossRule, track
+from tracker.tracking import track
 from tracker.trajectory import Step
 
 _DEFAULTS = {
@@ -238,7 +239,7 @@ def execute(run: Run, output: Path | None = None, resume: bool = False, observer
         if choice := getattr(run.synthesis, "choice", ""):
             log.info("synthesis: %s", choice)
             observer.told(f"synthesis: {choice}")
-        return _record(run, context, track(sequence.frames(), scene, cycle, done), observer)
+        return _record(run, context, track(sequence.frames(), scene, cycle, done, sequence.frames), observer)
 
 
 def cycle_of(

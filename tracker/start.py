@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from tracker.arrays import Array, Mask
 
+# A lead over the next different pose by this share of its cost is as good as any.
+_SURE_LEAD = 0.2
+
 
 @dataclass(frozen=True)
 class AxisFit:
@@ -61,4 +64,17 @@ class Start:
     """For each person what was refined, the best one first; empty if the poses were given."""
 
     confidence: tuple[float, ...] = ()
-    """For each person 0 to 1, see `tracker.initialization._hypotheses.confidence`; empty if the poses were given."""
+    """For each person 0 to 1, see `confidence`; empty if the poses were given."""
+
+
+def confidence(hypotheses: tuple[Hypothesis, ...]) -> float:
+    """How sure the first of ranked hypotheses is, 0 to 1.
+
+    The share of its contour that the scene explains, times its lead: how much less it costs than the next hypothesis,
+    where a fifth less counts as certain.
+    """
+    best = hypotheses[0]
+    if len(hypotheses) == 1:
+        return best.explained
+    lead = 1 - best.cost_px / max(hypotheses[1].cost_px, 1e-9)
+    return best.explained * min(max(lead / _SURE_LEAD, 0.0), 1.0)

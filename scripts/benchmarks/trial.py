@@ -11,6 +11,7 @@ import numpy as np
 from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Image, Mask
 from tracker.body import BodyModel
+from tracker.cycle import Cycle, LossRule
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate
 from tracker.estimation.hybrid import HybridEstimation
@@ -22,7 +23,7 @@ from tracker.scene import Scene
 from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.start import Start
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.tracking import Cycle, LossRule, track
+from tracker.tracking import track
 
 TRACKED_MM = 100.0
 """Mean joint error above which a pose is wrong."""

@@ -1,4 +1,4 @@
-"""Start poses that could be: which are tried, how they are ranked, and how sure the best one is."""
+"""Start poses that could be: which are tried, and how they are ranked."""
 
 from __future__ import annotations
 
@@ -14,8 +14,6 @@ from tracker.start import Hypothesis
 
 # Poses whose landmarks lie this close together on average are one and the same.
 _SAME_M = 0.06
-# A lead over the next different pose by this share of its distance is as good as any.
-_SURE_LEAD = 0.2
 
 CoarseValues = dict[str, tuple[float, ...]]
 """Parameter -> values tried, degrees."""
@@ -70,9 +68,8 @@ def hypothesis(objective: Objective, estimate: Estimate, turn: str) -> Hypothesi
     """
     q = estimate.q
     distance = estimate.distance_px + float(objective.penalties(q[None])[0])
-    left = float(estimate.unexplained_px.sum() / max(float(estimate.visible_px.sum()), 1.0))
     turn_deg = float(np.degrees(_wrapped(q[objective.body.index(turn)])))
-    return Hypothesis(q, distance, estimate.explained, left, turn_deg)
+    return Hypothesis(q, distance, estimate.explained, estimate.left_over, turn_deg)
 
 
 def ranked(body: BodyModel, hypotheses: list[Hypothesis]) -> tuple[Hypothesis, ...]:
@@ -82,19 +79,6 @@ def ranked(body: BodyModel, hypotheses: list[Hypothesis]) -> tuple[Hypothesis, .
         if all(_gap_m(body, one.q, other.q) > _SAME_M for other in kept):
             kept.append(one)
     return tuple(kept)
-
-
-def confidence(hypotheses: tuple[Hypothesis, ...]) -> float:
-    """How sure the first of ranked hypotheses is, 0 to 1.
-
-    The share of its contour that the scene explains, times its lead: how much less it costs than the next hypothesis,
-    where a fifth less counts as certain.
-    """
-    best = hypotheses[0]
-    if len(hypotheses) == 1:
-        return best.explained
-    lead = 1 - best.cost_px / max(hypotheses[1].cost_px, 1e-9)
-    return best.explained * float(np.clip(lead / _SURE_LEAD, 0, 1))
 
 
 def _gap_m(body: BodyModel, q: Array, other: Array) -> float:

@@ -18,14 +18,14 @@ from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
 from tracker.imaging.background import difference, threshold_level
 from tracker.initialization import Stages
-from tracker.initialization._hypotheses import apart, coarse_poses, confidence, hypothesis, ranked, turned_round
+from tracker.initialization._hypotheses import apart, coarse_poses, hypothesis, ranked, turned_round
 from tracker.initialization._persons import Found, find_persons, in_order
 from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
 from tracker.initialization._visual_hull import shadow
 from tracker.objective import Objective
 from tracker.rig import Rig
 from tracker.scene import Scene
-from tracker.start import AxisFit, Hypothesis, Start
+from tracker.start import AxisFit, Hypothesis, Start, confidence
 
 _BATCH = 128
 # A limb that is missing in a mask is worse than a speck, which is nothing in space: less than in tracking.

@@ -1,0 +1,77 @@
+"""Start poses that are told apart by what follows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import cycle_for, joint_errors_mm, small_simulation
+
+from tracker.cycle import Cycle, LossRule
+from tracker.frame import Frame
+from tracker.initialization import Stages
+from tracker.initialization._hypotheses import turned_round
+from tracker.rehearsal import _following, rehearsed
+from tracker.scene import Scene
+from tracker.simulation.sequence import Simulation
+from tracker.start import Hypothesis, Start
+from tracker.tracking import track
+
+
+class WrongFirst:
+    """Prefers the true pose turned round to the true pose."""
+
+    def __init__(self, simulation: Simulation, sure: float) -> None:
+        truth = simulation.poses[0][0]
+        wrong = turned_round(simulation.scene.persons[0].body, truth, "torso_twist")
+        ranking = tuple(Hypothesis(q, cost, 0.9, 0.3, 0.0) for q, cost in ((wrong, 3.0), (truth, 3.1)))
+        self.found = Start((wrong,), (), (ranking,), (sure,))
+
+    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        return self.found
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    return small_simulation("two_elbow_rotation", n_frames=10)
+
+
+def ranked(simulation: Simulation, cycle: Cycle) -> Start:
+    first = next(iter(simulation.frames()))
+    start = cycle.initialization.start(first, simulation.scene, cycle.stages)
+    return rehearsed(start, first, simulation.scene, cycle, simulation.frames)
+
+
+def test_what_follows_shows_who_faces_where(simulation: Simulation) -> None:
+    told: list[str] = []
+    initialization = WrongFirst(simulation, sure=0.1)
+    start = ranked(simulation, cycle_for(simulation, initialization, progress=told.append))
+    np.testing.assert_array_equal(start.poses[0], simulation.poses[0][0])
+    assert [one.q is start.poses[0] for one in start.hypotheses[0]] == [True, False]
+    assert start.hypotheses[0][0].cost_px < start.hypotheses[0][1].cost_px
+    assert start.confidence[0] > 0.1
+    assert "next 10 frames" in told[0]
+
+
+@pytest.mark.parametrize("changes", [{"rehearse": 0}, {"sure": 0.05}])
+def test_a_sure_start_needs_no_rehearsal(simulation: Simulation, changes: dict[str, float]) -> None:
+    initialization = WrongFirst(simulation, sure=0.1)
+    assert ranked(simulation, cycle_for(simulation, initialization, loss=LossRule(**changes))) is initialization.found
+
+
+def test_tracking_starts_at_what_the_rehearsal_chooses(simulation: Simulation) -> None:
+    cycle = cycle_for(simulation, WrongFirst(simulation, sure=0.1))
+    plain = next(track(simulation.frames(), simulation.scene, cycle))
+    step = next(track(simulation.frames(), simulation.scene, cycle, reopen=simulation.frames))
+    assert joint_errors_mm(simulation, 0, 0, plain.estimates[0].q).mean() > 100
+    assert joint_errors_mm(simulation, 0, 0, step.estimates[0].q).mean() < 10
+
+
+def test_the_frames_that_follow_are_few_and_far_apart(simulation: Simulation) -> None:
+    first = next(iter(simulation.frames()))
+    frames = [replace(first, index=n, time_s=n / 60) for n in range(20)]
+    chosen = list(_following(frames[3], lambda: iter(frames), 4))
+    assert [frame.index for frame in chosen] == [5, 7, 9, 11]
+    assert [frame.index for frame in _following(frames[15], lambda: iter(frames), 4)] == [17, 19]
+    assert list(_following(frames[3], lambda: iter(frames), 0)) == []

@@ -1,0 +1,120 @@
+"""Start poses that one frame can't tell apart are tracked into the next frames; what follows shows who faces where."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from tracker.cycle import Cycle, State, advance, settled
+from tracker.estimate import Estimate, Status
+from tracker.frame import Frame
+from tracker.objective import Objective
+from tracker.observation import Observation
+from tracker.scene import Scene
+from tracker.start import Hypothesis, Start, confidence
+
+# Frames closer than this show hardly anything new.
+_LEAST_GAP_S = 0.03
+
+_Value = TypeVar("_Value")
+
+Reopen = Callable[[], Iterator[Frame]]
+"""Opens the frames of the sequence anew, from the first one."""
+
+
+def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Reopen) -> Start:
+    """The start with the hypotheses of uncertain persons ranked by how well they can be tracked on.
+
+    A silhouette seen from the front looks as from behind; elbows and knees bend one way only. In the first frame
+    of `two_people` the wrong way round costs 5 % less than the right one; over ten more frames it costs 7 % more.
+
+    Args:
+        start: what the initialization found.
+        frame: the frame it was found in.
+        scene: the persons and the rig.
+        cycle: the components; its loss rule says in how many frames, and who is uncertain.
+        reopen: opens the sequence anew.
+    """
+    for k, sure in enumerate(start.confidence):
+        if cycle.loss.rehearse == 0 or sure >= cycle.loss.sure or len(start.hypotheses[k]) < 2:
+            continue
+        cycle.progress(f"bootstrapping: {scene.persons[k].name} in the next {cycle.loss.rehearse} frames")
+        ranking = _ranked(start, k, frame, scene, cycle, _following(frame, reopen, cycle.loss.rehearse))
+        start = replace(
+            start,
+            poses=_with(start.poses, k, ranking[0].q),
+            hypotheses=_with(start.hypotheses, k, ranking),
+            confidence=_with(start.confidence, k, confidence(ranking)),
+        )
+    return start
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """One hypothesis on its way."""
+
+    hypothesis: Hypothesis
+    scene: Scene
+    state: State
+    found: tuple[tuple[float, float, float], ...]
+    """Distance, explained and left over in every frame so far."""
+
+
+def _ranked(
+    start: Start, k: int, frame: Frame, scene: Scene, cycle: Cycle, following: Iterator[Frame]
+) -> tuple[Hypothesis, ...]:
+    """The hypotheses of person k with what they cost on average, the best one first."""
+    # A hypothesis that is lost must not be rescued by a new bootstrapping.
+    cycle = replace(cycle, loss=replace(cycle.loss, lost_below=0.0))
+    trials = [_begun(one, start, k, frame, scene, cycle) for one in start.hypotheses[k]]
+    for later in following:
+        trials = [_continued(trial, k, later, cycle) for trial in trials]
+    ranking = []
+    for trial in trials:
+        distance_px, explained, left_over = (float(mean) for mean in np.mean(trial.found, axis=0))
+        one = replace(trial.hypothesis, distance_px=distance_px, explained=explained, left_over=left_over)
+        ranking.append(one)
+    return tuple(sorted(ranking, key=lambda one: one.cost_px))
+
+
+def _begun(one: Hypothesis, start: Start, k: int, frame: Frame, scene: Scene, cycle: Cycle) -> _Trial:
+    scene = scene.with_poses(start.poses).with_pose(k, one.q)
+    observation = cycle.analysis.observe(frame, cycle.synthesis.contours(scene), cycle.backgrounds)
+    estimates, scene = settled(scene, cycle, observation, Status.BOOTSTRAPPED)
+    n = len(scene.persons)
+    state = State((None,) * n, (0,) * n).after(frame, estimates)
+    return _Trial(one, scene, state, (_cost(scene, k, cycle, observation, estimates[k]),))
+
+
+def _continued(trial: _Trial, k: int, frame: Frame, cycle: Cycle) -> _Trial:
+    step = advance(frame, trial.scene, cycle, trial.state)
+    if step.observation is None:
+        return trial
+    found = _cost(step.scene, k, cycle, step.observation, step.estimates[k])
+    return _Trial(trial.hypothesis, step.scene, trial.state.after(frame, step.estimates), (*trial.found, found))
+
+
+def _cost(
+    scene: Scene, k: int, cycle: Cycle, observation: Observation, estimate: Estimate
+) -> tuple[float, float, float]:
+    objective = Objective(scene, k, cycle.synthesis, cycle.similarity, observation)
+    penalty_px = float(objective.penalties(estimate.q[None])[0])
+    return estimate.distance_px + penalty_px, estimate.explained, estimate.left_over
+
+
+def _following(frame: Frame, reopen: Reopen, n: int) -> Iterator[Frame]:
+    """At most n frames after one, far enough apart."""
+    last_s, left = frame.time_s, n
+    for later in reopen():
+        if left > 0 and later.index > frame.index and later.time_s - last_s >= _LEAST_GAP_S:
+            last_s, left = later.time_s, left - 1
+            yield later
+        if left == 0:
+            return
+
+
+def _with(values: tuple[_Value, ...], k: int, value: _Value) -> tuple[_Value, ...]:
+    return (*values[:k], value, *values[k + 1 :])
