@@ -25,7 +25,7 @@ class WrongFirst:
     def __init__(self, simulation: Simulation, sure: float) -> None:
         truth = simulation.poses[0][0]
         wrong = turned_round(simulation.scene.persons[0].body, truth, "torso_twist")
-        ranking = tuple(Hypothesis(q, cost, 0.9, 0.3, 0.0) for q, cost in ((wrong, 3.0), (truth, 3.1)))
+        ranking = tuple(Hypothesis(q, 3.0, 0.9, left, 0.0) for q, left in ((wrong, 0.30), (truth, 0.31)))
         self.found = Start((wrong,), (), (ranking,), (sure,))
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
@@ -49,7 +49,7 @@ def test_what_follows_shows_who_faces_where(simulation: Simulation) -> None:
     start = ranked(simulation, cycle_for(simulation, initialization, progress=told.append))
     np.testing.assert_array_equal(start.poses[0], simulation.poses[0][0])
     assert [one.q is start.poses[0] for one in start.hypotheses[0]] == [True, False]
-    assert start.hypotheses[0][0].cost_px < start.hypotheses[0][1].cost_px
+    assert start.hypotheses[0][0].left_over < 0.8 * start.hypotheses[0][1].left_over
     assert start.confidence[0] > 0.1
     assert "next 10 frames" in told[0]
 

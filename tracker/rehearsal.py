@@ -28,8 +28,8 @@ Reopen = Callable[[], Iterator[Frame]]
 def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Reopen) -> Start:
     """The start with the hypotheses of uncertain persons ranked by how well they can be tracked on.
 
-    A silhouette seen from the front looks as from behind; elbows and knees bend one way only. In the first frame
-    of `two_people` the wrong way round costs 5 % less than the right one; over ten more frames it costs 7 % more.
+    A silhouette seen from the front looks as from behind; elbows and knees bend one way only. Someone who
+    stands still gives nothing away, however long one looks.
 
     Args:
         start: what the initialization found.
@@ -66,7 +66,7 @@ class _Trial:
 def _ranked(
     start: Start, k: int, frame: Frame, scene: Scene, cycle: Cycle, following: Iterator[Frame]
 ) -> tuple[Hypothesis, ...]:
-    """The hypotheses of person k with what they cost on average, the best one first."""
+    """The hypotheses of person k with what they leave over on average, the best one first."""
     # A hypothesis that is lost must not be rescued by a new bootstrapping.
     cycle = replace(cycle, loss=replace(cycle.loss, lost_below=0.0))
     trials = [_begun(one, start, k, frame, scene, cycle) for one in start.hypotheses[k]]
@@ -77,7 +77,7 @@ def _ranked(
         distance_px, explained, left_over = (float(mean) for mean in np.mean(trial.found, axis=0))
         one = replace(trial.hypothesis, distance_px=distance_px, explained=explained, left_over=left_over)
         ranking.append(one)
-    return tuple(sorted(ranking, key=lambda one: one.cost_px))
+    return tuple(sorted(ranking, key=lambda one: one.left_over))
 
 
 def _begun(one: Hypothesis, start: Start, k: int, frame: Frame, scene: Scene, cycle: Cycle) -> _Trial:
@@ -86,18 +86,18 @@ def _begun(one: Hypothesis, start: Start, k: int, frame: Frame, scene: Scene, cy
     estimates, scene = settled(scene, cycle, observation, Status.BOOTSTRAPPED)
     n = len(scene.persons)
     state = State((None,) * n, (0,) * n).after(frame, estimates)
-    return _Trial(one, scene, state, (_cost(scene, k, cycle, observation, estimates[k]),))
+    return _Trial(one, scene, state, (_measured(scene, k, cycle, observation, estimates[k]),))
 
 
 def _continued(trial: _Trial, k: int, frame: Frame, cycle: Cycle) -> _Trial:
     step = advance(frame, trial.scene, cycle, trial.state)
     if step.observation is None:
         return trial
-    found = _cost(step.scene, k, cycle, step.observation, step.estimates[k])
+    found = _measured(step.scene, k, cycle, step.observation, step.estimates[k])
     return _Trial(trial.hypothesis, step.scene, trial.state.after(frame, step.estimates), (*trial.found, found))
 
 
-def _cost(
+def _measured(
     scene: Scene, k: int, cycle: Cycle, observation: Observation, estimate: Estimate
 ) -> tuple[float, float, float]:
     objective = Objective(scene, k, cycle.synthesis, cycle.similarity, observation)

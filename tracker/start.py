@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from tracker.arrays import Array, Mask
 
-# A lead over the next different pose by this share of its cost is as good as any.
+# A lead over the next different pose by this share of what is left over is as good as any.
 _SURE_LEAD = 0.2
 
 
@@ -35,19 +35,14 @@ class Hypothesis:
     """Share of the person's visible contour that lies on scene edges, 0 to 1."""
 
     left_over: float
-    """Contour of the model without a scene edge, and of the scene without the model, over the model's contour."""
+    """Contour of the model without a scene edge, and of the scene without the model, over the model's contour.
+
+    Hypotheses are ranked by it. The distance itself is drowned by edges that no person makes: in 6 of 28 starts on
+    recordings it preferred someone turned round, whose limbs reach for shadows and furniture, this in one.
+    """
 
     turn_deg: float
     """Direction faced: the turn about the body's axis, degrees."""
-
-    @property
-    def cost_px(self) -> float:
-        """What hypotheses are ranked by: the distance, more by the share of the model's contour without an edge.
-
-        Edges that no person makes count in the distance of every hypothesis and drown small differences. The share
-        decides whether toes and elbows point the right way, where someone seen from the front looks as from behind.
-        """
-        return self.distance_px * (2 - self.explained)
 
 
 @dataclass(frozen=True)
@@ -70,11 +65,11 @@ class Start:
 def confidence(hypotheses: tuple[Hypothesis, ...]) -> float:
     """How sure the first of ranked hypotheses is, 0 to 1.
 
-    The share of its contour that the scene explains, times its lead: how much less it costs than the next hypothesis,
+    The share of its contour that the scene explains, times its lead: how much less it leaves over than the next one,
     where a fifth less counts as certain.
     """
     best = hypotheses[0]
     if len(hypotheses) == 1:
         return best.explained
-    lead = 1 - best.cost_px / max(hypotheses[1].cost_px, 1e-9)
+    lead = 1 - best.left_over / max(hypotheses[1].left_over, 1e-9)
     return best.explained * min(max(lead / _SURE_LEAD, 0.0), 1.0)

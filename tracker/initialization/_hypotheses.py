@@ -73,9 +73,9 @@ def hypothesis(objective: Objective, estimate: Estimate, turn: str) -> Hypothesi
 
 
 def ranked(body: BodyModel, hypotheses: list[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """The hypothesis of least cost first; of those that are one and the same pose the best."""
+    """The hypothesis that leaves least over first; of those that are one and the same pose the best."""
     kept: list[Hypothesis] = []
-    for one in sorted(hypotheses, key=lambda one: one.cost_px):
+    for one in sorted(hypotheses, key=lambda one: one.left_over):
         if all(_gap_m(body, one.q, other.q) > _SAME_M for other in kept):
             kept.append(one)
     return tuple(kept)
