@@ -14,7 +14,14 @@ from test_cli import bodytrack
 from test_shape_space import some_shape, space
 
 from tracker.acquire import acquire_from
-from tracker.acquisition.calibrated_views import ViewSettings, check_overlaps, chosen
+from tracker.acquisition.calibrated_views import (
+    Seen,
+    ViewSettings,
+    Watching,
+    _own,
+    check_overlaps,
+    chosen,
+)
 from tracker.acquisition.fitting import FitSettings, Task, fit
 from tracker.acquisition.looks import Look
 from tracker.acquisition.outlines import outline_observation, overlap
@@ -193,6 +200,28 @@ def test_a_person_not_found_in_the_views_is_refused() -> None:
     with pytest.raises(SequenceError, match=r"covers 20% .* worst is view b with 10%"):
         check_overlaps(np.array([0.3, 0.1, np.nan]), ("a", "b", "c"), ViewSettings())
     check_overlaps(np.array([np.nan, np.nan]), ("a", "b"), ViewSettings())
+
+
+def test_a_person_is_told_from_others_and_from_furniture() -> None:
+    body, rig, synthesis = load_body(model_path("gavrila22")), four_views(), CpuSynthesis()
+    persons = []
+    for name, x in (("one", 0.5), ("other", -0.5)):
+        q = t_pose(body, arms_deg=20.0)
+        q[:3] = x, 0.0, 1.24
+        persons.append(Person(name, body, q))
+    both, one = (synthesis.silhouettes(Scene(tuple(some), rig)) for some in (persons, persons[:1]))
+    other = synthesis.silhouettes(Scene((persons[1],), rig))
+    masks = [mask.copy() for mask in both]
+    masks[0][:40, :40] = True
+    watching = Watching(rig, synthesis, ContourAnalysis(), (None,) * len(rig))
+    seen = Seen(Frame(0, 0.0, (None,) * len(rig)), Scene(tuple(persons), rig))
+    found = _own((*masks[:-1], None), seen, 0, watching)
+    assert found[-1] is None
+    kept = [v for v, mask in enumerate(found) if mask is not None]
+    assert kept == [v for v in range(len(rig) - 1) if not (one[v] & other[v]).any()]
+    assert kept
+    for v in kept:
+        np.testing.assert_array_equal(found[v], one[v])
 
 
 def test_frames_are_spread_evenly() -> None:

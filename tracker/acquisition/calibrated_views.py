@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import pydantic
 
@@ -23,6 +24,9 @@ from tracker.observation import Observation
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.synthesis import Synthesis
+
+# Foreground farther from where the person was tracked is furniture, a shadow or a passer-by.
+_AROUND_M = 0.15
 
 
 @component
@@ -128,15 +132,30 @@ def _look(seen: Seen, person: int, columns: Integers, watching: Watching) -> Loo
 
 
 def _own(masks: tuple[Mask | None, ...], seen: Seen, person: int, watching: Watching) -> tuple[Mask | None, ...]:
-    """The foreground without views where persons overlap: there the outline is not one person's."""
-    if len(seen.scene.persons) == 1:
-        return masks
+    """The person's part of the foreground: near it, and nearer to it than to anyone else.
+
+    Without views where persons overlap: there the outline is not one person's.
+    """
     alone = [watching.synthesis.silhouettes(Scene((one,), watching.rig)) for one in seen.scene.persons]
-    others = [
-        np.logical_or.reduce([silhouettes[v] for k, silhouettes in enumerate(alone) if k != person])
-        for v in range(len(watching.rig))
-    ]
-    return tuple(None if mask is None or (others[v] & alone[person][v]).any() else mask for v, mask in enumerate(masks))
+    subject = seen.scene.persons[person]
+    centre = subject.body.landmarks_in_world(subject.q).mean(axis=0)
+    own: list[Mask | None] = []
+    for v, (mask, camera) in enumerate(zip(masks, watching.rig.cameras, strict=True)):
+        others = [silhouettes[v] for k, silhouettes in enumerate(alone) if k != person]
+        if mask is None or any((other & alone[person][v]).any() for other in others):
+            own.append(None)
+            continue
+        gap = _distance_to(alone[person][v])
+        around_px = _AROUND_M * camera.matrix[0, 0] / max(float(camera.in_camera(centre[None])[0, 2]), 0.1)
+        nearest = np.min([_distance_to(other) for other in others], axis=0) if others else np.inf
+        own.append(mask & (gap <= np.minimum(around_px, nearest)))
+    return tuple(own)
+
+
+def _distance_to(mask: Mask) -> Array:
+    """(H, W) distance of every pixel to the mask, px."""
+    gap: Array = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3)
+    return gap
 
 
 def view_overlaps(found: Fit, seen: Sequence[Seen], watching: Watching) -> Array:
