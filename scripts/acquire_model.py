@@ -9,9 +9,10 @@ import typer
 from rich.console import Console
 
 from tracker.acquire import acquire_from
-from tracker.commands.acquire import AcquisitionProgress, print_acquisition
+from tracker.commands.acquire import print_acquisition
 from tracker.config import read_config
 from tracker.errors import TrackerError
+from tracker.progress import CountedProgress
 
 
 def main(
@@ -34,8 +35,8 @@ def main(
             for view, mask in (("front", front), ("side", side))
         }
         table = {"name": output.stem, "model": model, "stature_m": stature_m, "pairs": [pair]}
-        with AcquisitionProgress(console) as progress:
-            result = acquire_from(table, Path("command line"), output, progress.report)
+        with CountedProgress(console) as progress:
+            result = acquire_from(table, Path("command line"), output, progress.told)
     except TrackerError as error:
         Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
         raise typer.Exit(2) from None

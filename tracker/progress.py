@@ -1,4 +1,4 @@
-"""Progress of a run on the terminal."""
+"""Progress on the terminal."""
 
 from __future__ import annotations
 
@@ -7,7 +7,15 @@ from pathlib import Path
 from types import TracebackType
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from tracker.run import Run
 from tracker.trajectory import Step
@@ -74,3 +82,30 @@ class RunProgress:
             self._console.print(message, highlight=False)
         elif self._task is not None:
             self._bar.update(self._task, detail=message)
+
+
+class CountedProgress:
+    """A progress bar for each step of something that is not tracking."""
+
+    def __init__(self, console: Console) -> None:
+        columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+        self._bar = Progress(*columns, console=console)
+        self._task: TaskID | None = None
+
+    def __enter__(self) -> CountedProgress:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def told(self, what: str, done: int, total: int) -> None:
+        """Shows how far a step is; a step that begins again gets a bar of its own."""
+        task = None if self._task is None else self._bar.tasks[self._task]
+        if self._task is None or task is None or task.description != what or done < task.completed:
+            if self._task is not None:
+                self._bar.stop_task(self._task)
+            self._task = self._bar.add_task(what, total=total)
+        self._bar.update(self._task, completed=done, total=total)

@@ -1,19 +1,18 @@
-"""`bodytrack acquire`: its progress, and the tables of lengths and residuals."""
+"""`bodytrack acquire`, and the tables of lengths and residuals."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from types import TracebackType
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from tracker.acquire import Acquisition, acquire_model
 from tracker.commands.frames import frame_range
 from tracker.commands.warmup import prepare_kernels
+from tracker.progress import CountedProgress
 
 console = Console()
 
@@ -28,35 +27,9 @@ def acquire(
     start, stop = (None, None) if frames is None else frame_range(frames)
     ends = [f"reading.{key}={end}" for key, end in (("start", start), ("stop", stop)) if end is not None]
     prepare_kernels()
-    with AcquisitionProgress(console) as progress:
-        result = acquire_model(config, output, [*(set_ or []), *ends], progress.report)
+    with CountedProgress(console) as progress:
+        result = acquire_model(config, output, [*(set_ or []), *ends], progress.told)
     print_acquisition(console, result)
-
-
-class AcquisitionProgress:
-    """A bar for every step of an acquisition."""
-
-    def __init__(self, console: Console) -> None:
-        self._bar = Progress(
-            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console
-        )
-        self._task: TaskID | None = None
-
-    def __enter__(self) -> AcquisitionProgress:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
-
-    def report(self, what: str, done: int, total: int) -> None:
-        """Shows how far a step is; a step that begins again gets a bar of its own."""
-        task = None if self._task is None else self._bar.tasks[self._task]
-        if self._task is None or task is None or task.description != what or done < task.completed:
-            self._task = self._bar.add_task(what, total=total)
-        self._bar.update(self._task, completed=done, total=total)
 
 
 def print_acquisition(console: Console, result: Acquisition) -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import TracebackType
 from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from tracker.commands.warmup import prepare_kernels
+from tracker.progress import CountedProgress
 
 calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrates cameras: from a bar, a board, or measured points.")
 console = Console()
@@ -51,28 +50,3 @@ def _calibrate(config: Path, kind: Kind, output: Path | None, overrides: list[st
         result = calibrate(run, output, progress.told)
     console.print(report_text(run.name, result.calibrated), highlight=False, markup=False)
     console.print(f"rig: {result.folder / 'rig.toml'}, report: {result.folder / 'report.html'}", highlight=False)
-
-
-class CountedProgress:
-    """A progress bar for each thing counted."""
-
-    def __init__(self, console: Console) -> None:
-        self._bar = Progress(
-            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=console
-        )
-        self._tasks: dict[str, TaskID] = {}
-
-    def __enter__(self) -> CountedProgress:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
-
-    def told(self, what: str, done: int, total: int) -> None:
-        """Shows a count."""
-        if what not in self._tasks:
-            self._tasks[what] = self._bar.add_task(what, total=total)
-        self._bar.update(self._tasks[what], completed=done, total=total)

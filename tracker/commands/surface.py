@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import TracebackType
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from tracker.commands.warmup import prepare_kernels
 from tracker.lsm.surface_run import SurfaceSummary, execute_surface_run, load_surface_run
+from tracker.progress import CountedProgress
 from tracker.run import dated_folder, link_latest
 
 console = Console()
@@ -27,44 +26,12 @@ def measure(
     run = load_surface_run(config, set_ or [])
     prepare_kernels("matching")
     folder = output or dated_folder(run.name)
-    with _SurfaceProgress() as progress:
+    with CountedProgress(console) as progress:
         summaries = execute_surface_run(run, folder, progress.told)
     if output is None:
         link_latest(folder)
     console.print(_table(run.name, summaries))
     console.print(f"results in {folder} ({', '.join(summaries[-1].files)}, surface.json)", highlight=False)
-
-
-class _SurfaceProgress:
-    """A bar for each search image, and a spinning line for the rest."""
-
-    def __init__(self) -> None:
-        columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[detail]}")
-        self._bar = Progress(*columns, TimeElapsedColumn(), console=console)
-        self._task: TaskID | None = None
-
-    def __enter__(self) -> _SurfaceProgress:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._finish()
-        self._bar.stop()
-
-    def told(self, what: str, done: int, total: int) -> None:
-        """Shows what is in work; matched points are counted against the cells of the grid."""
-        if self._task is None or self._bar.tasks[-1].description != what:
-            self._finish()
-            self._task = self._bar.add_task(what, total=total, detail="")
-        counted = f"{done} points matched" if done else ""
-        self._bar.update(self._task, completed=done, total=total, detail=counted)
-
-    def _finish(self) -> None:
-        if self._task is not None:
-            self._bar.update(self._task, completed=self._bar.tasks[-1].total)
-            self._bar.stop_task(self._task)
 
 
 def _table(name: str, summaries: list[SurfaceSummary]) -> Table:
