@@ -94,7 +94,7 @@ class ContourAnalysis:
     none. They show limbs that the prediction has missed."""
 
     interior_weight: float = pydantic.Field(default=0.4, ge=0, le=1)
-    """Weight of a scene edge inside the foreground, one on its outline has 1, where a background is known: inside are
+    """Share of its weight that a scene edge inside the foreground has, where a background is known: inside are
     clothes and faces, too, which no pose explains. With 1 a sleeve's pattern outweighs the arm's own edges: a hanging
     arm was placed 100 mm off, and a person was taken for one who faces the other way."""
 

@@ -147,10 +147,10 @@ def _matched(
             f"views {label}: none of {len(candidates.at)} approximate seed points could be matched: is the "
             "perspective too different for matching.patch_px, or are the limits of [growth] too strict?"
         )
-    field = growth.grown(matching, images, seeds, lambda n: told(f"{label}: growing", n, n_cells))
+    field = growth.grown(matching, images, seeds, lambda n: told(f"{label}: points matched", n, n_cells))
     for _ in range(neighbourhood.rounds):
         field = field.without(neighbourhood.doubtful(field))
-        field = growth.continued(matching, images, field, lambda n: told(f"{label}: measuring again", n, n_cells))
+        field = growth.continued(matching, images, field, lambda n: told(f"{label}: points matched again", n, n_cells))
     field = field.without(neighbourhood.doubtful(field))
     return corrected_for_curvature(field) if measurement.correct_curvature else field, len(seeds.at)
 
