@@ -141,8 +141,9 @@ def test_edges_inside_the_foreground_count_less(frame: Frame, plates: Plates, ou
     within = inside[places[:, 1], places[:, 0]]
     assert within.sum() > 100
     assert set(view.scene_weights[within]) == {0.25}
-    # Edges in gaps between limbs are outer ones, though the foreground closes the gaps; the ends of stripes are not.
-    assert view.scene_weights[~within].mean() > 0.9
+    # Gaps between limbs that the foreground closes lie inside, too.
+    assert set(view.scene_weights[~within]) == {0.25, 1.0}
+    assert view.scene_weights[~within].mean() > 0.85
     unknown = ContourAnalysis(interior_weight=0.25, n_scene=10_000).observe(striped, None, (None, None)).views[0]
     assert unknown is not None
     assert set(unknown.scene_weights) == {1.0}
@@ -164,8 +165,8 @@ def test_every_analysis_finds_the_outline_and_keeps_the_contract(
         assert (view.edges >= -0.5).all()
         assert (view.edges <= np.array(SIZE) - 0.5).all()
         assert view.accepted[view.scene].all()
-        # Edges inside the foreground may count less; there are none but in gaps of a pixel between limbs.
-        assert 0.99 * view.accepted.sum() < view.scene_weights.sum() < 1.0001 * view.accepted.sum()
+        least = 0.85 if use == "contours" else 1.0  # edges in gaps that the foreground closes count less
+        assert least * view.accepted.sum() - 0.01 <= view.scene_weights.sum() <= 1.0001 * view.accepted.sum()
         assert (np.diff(view.scene) > 0).all()
         assert view.distance.max() <= view.reach
         pixels = np.floor(view.edges[view.accepted] + 0.5).astype(int) - view.origin

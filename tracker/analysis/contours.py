@@ -38,10 +38,6 @@ class _ViewLook:
     outline: Mask | None
     """(N,) edge points on the outline of the foreground, where a background is known."""
 
-    outer: Mask | None
-    """(N,) those, and edge points on the border of what has changed: in gaps between limbs, which the foreground
-    closes."""
-
     silhouette: Mask | None
     """(H, W) the foreground."""
 
@@ -152,15 +148,13 @@ class ContourAnalysis:
             look = self._look_at(image, region, plate)
         accepted = accepted_segments(look.found, samples, self.accept_px, self.bend_px, look.trusted, look.outline)
         observed = view_observation(look.found, accepted, region, self.reach_px, self.n_scene, look.silhouette)
-        return observed if look.outer is None else _with_interior(observed, look.outer, self.interior_weight)
+        return observed if look.outline is None else _with_interior(observed, look.outline, self.interior_weight)
 
     def _look_at(self, image: Image, region: Region, plate: Image | None) -> _ViewLook:
         moving, silhouette = (None, None) if plate is None else changed(image, plate, region)
         found = self._segments(image, region)
-        trusted = self._trusted(found, moving, region)
-        outline, border = (self._outline(found, mask, region) for mask in (silhouette, moving))
-        outer = None if outline is None or border is None else outline | border
-        return _ViewLook(region, found, trusted, outline, outer, silhouette)
+        trusted, outline = self._trusted(found, moving, region), self._outline(found, silhouette, region)
+        return _ViewLook(region, found, trusted, outline, silhouette)
 
     def _segments(self, image: Image, region: Region) -> EdgeSegments:
         """Segments in a region, positions in the whole image."""
@@ -179,16 +173,16 @@ class ContourAnalysis:
             return np.ones(len(found.points), dtype=np.bool_)
         return _at(found, moving, cv2.MORPH_DILATE, (self.grow_px, region))
 
-    def _outline(self, found: EdgeSegments, mask: Mask | None, region: Region) -> Mask | None:
-        """Points on the outline of a mask."""
-        if mask is None or not self.use_background or self.outline_px == 0:
+    def _outline(self, found: EdgeSegments, silhouette: Mask | None, region: Region) -> Mask | None:
+        """Points on the outline of the foreground."""
+        if silhouette is None or not self.use_background or self.outline_px == 0:
             return None
-        return _at(found, mask, cv2.MORPH_GRADIENT, (self.outline_px, region))
+        return _at(found, silhouette, cv2.MORPH_GRADIENT, (self.outline_px, region))
 
 
-def _with_interior(observed: ViewObservation, outer: Mask, weight: float) -> ViewObservation:
-    """Less weight for the scene points that are not outer ones (N,)."""
-    weights = np.where(outer[observed.scene], np.float32(1), np.float32(weight)) * observed.scene_weights
+def _with_interior(observed: ViewObservation, outline: Mask, weight: float) -> ViewObservation:
+    """Less weight for the scene points that are not on the outline (N,)."""
+    weights = np.where(outline[observed.scene], np.float32(1), np.float32(weight)) * observed.scene_weights
     return replace(observed, scene_weights=frozen(weights, np.float32))
 
 
