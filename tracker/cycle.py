@@ -46,7 +46,7 @@ class LossRule:
     """Frames into which the likeliest start poses of an uncertain person are tracked before one is chosen, 0 for none.
     They are at least 0.03 s apart."""
 
-    sure: float = pydantic.Field(default=0.5, ge=0, le=1)
+    sure: float = pydantic.Field(default=0.8, ge=0, le=1)
     """Confidence of a start pose that needs no rehearsal."""
 
 
