@@ -112,6 +112,7 @@ def measure_surface(
     told("preparing the images", 0, 1)
     views = measurement.preparation.views(frame, rig)
     images = tuple(measurement.matching.prepared(view.grey) for view in views)
+    told("preparing the images", 1, 1)
     fields: list[MatchField | None] = [None] * len(views)
     n_seeds = [0] * len(views)
     for v in range(len(views)):

@@ -117,6 +117,7 @@ def execute_surface_run(
         files = _write(surface, sequence.rig, folder, suffix)
         summaries.append(_summary(surface, frame.index, seconds, files))
         _write_json(run, summaries, folder)
+        told("writing", 1, 1)
     return summaries
 
 
