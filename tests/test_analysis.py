@@ -165,8 +165,10 @@ def test_every_analysis_finds_the_outline_and_keeps_the_contract(
         assert (view.edges >= -0.5).all()
         assert (view.edges <= np.array(SIZE) - 0.5).all()
         assert view.accepted[view.scene].all()
-        least = 0.85 if use == "contours" else 1.0  # edges in gaps that the foreground closes count less
-        assert least * view.accepted.sum() - 0.01 <= view.scene_weights.sum() <= 1.0001 * view.accepted.sum()
+        length = view.accepted.sum() / len(view.scene)
+        share = getattr(analysis, "interior_weight", 1.0)
+        np.testing.assert_allclose(view.scene_weights[view.scene_weights > 0.99 * length], length, rtol=1e-5)
+        np.testing.assert_allclose(view.scene_weights[view.scene_weights <= 0.99 * length], share * length, rtol=1e-5)
         assert (np.diff(view.scene) > 0).all()
         assert view.distance.max() <= view.reach
         pixels = np.floor(view.edges[view.accepted] + 0.5).astype(int) - view.origin
