@@ -11,8 +11,6 @@ import numpy as np
 from tracker.cycle import Cycle, State, advance, settled
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
-from tracker.objective import Objective
-from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.start import Hypothesis, Start, confidence
 
@@ -86,23 +84,17 @@ def _begun(one: Hypothesis, start: Start, k: int, frame: Frame, scene: Scene, cy
     estimates, scene = settled(scene, cycle, observation, Status.BOOTSTRAPPED)
     n = len(scene.persons)
     state = State((None,) * n, (0,) * n).after(frame, estimates)
-    return _Trial(one, scene, state, (_measured(scene, k, cycle, observation, estimates[k]),))
+    return _Trial(one, scene, state, (_measured(estimates[k]),))
 
 
 def _continued(trial: _Trial, k: int, frame: Frame, cycle: Cycle) -> _Trial:
     step = advance(frame, trial.scene, cycle, trial.state)
-    if step.observation is None:
-        return trial
-    found = _measured(step.scene, k, cycle, step.observation, step.estimates[k])
-    return _Trial(trial.hypothesis, step.scene, trial.state.after(frame, step.estimates), (*trial.found, found))
+    found = (*trial.found, _measured(step.estimates[k]))
+    return _Trial(trial.hypothesis, step.scene, trial.state.after(frame, step.estimates), found)
 
 
-def _measured(
-    scene: Scene, k: int, cycle: Cycle, observation: Observation, estimate: Estimate
-) -> tuple[float, float, float]:
-    objective = Objective(scene, k, cycle.synthesis, cycle.similarity, observation)
-    penalty_px = float(objective.penalties(estimate.q[None])[0])
-    return estimate.distance_px + penalty_px, estimate.explained, estimate.left_over
+def _measured(estimate: Estimate) -> tuple[float, float, float]:
+    return estimate.distance_px, estimate.explained, estimate.left_over
 
 
 def _following(frame: Frame, reopen: Reopen, n: int) -> Iterator[Frame]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import pydantic
 
@@ -20,6 +19,7 @@ from tracker.components import component
 from tracker.contours import Contours
 from tracker.errors import SequenceError
 from tracker.frame import Frame
+from tracker.imaging.edges import distance_to
 from tracker.observation import Observation
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
@@ -145,17 +145,11 @@ def _own(masks: tuple[Mask | None, ...], seen: Seen, person: int, watching: Watc
         if mask is None or any((other & alone[person][v]).any() for other in others):
             own.append(None)
             continue
-        gap = _distance_to(alone[person][v])
+        gap = distance_to(alone[person][v])
         around_px = _AROUND_M * camera.matrix[0, 0] / max(float(camera.in_camera(centre[None])[0, 2]), 0.1)
-        nearest = np.min([_distance_to(other) for other in others], axis=0) if others else np.inf
+        nearest = np.min([distance_to(other) for other in others], axis=0) if others else np.inf
         own.append(mask & (gap <= np.minimum(around_px, nearest)))
     return tuple(own)
-
-
-def _distance_to(mask: Mask) -> Array:
-    """(H, W) distance of every pixel to the mask, px."""
-    gap: Array = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3)
-    return gap
 
 
 def view_overlaps(found: Fit, seen: Sequence[Seen], watching: Watching) -> Array:

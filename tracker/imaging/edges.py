@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from tracker.arrays import Array32, Image, Integers
+from tracker.arrays import Array32, Image, Integers, Mask
 from tracker.kernels.distance_images import chamfer_distances
 from tracker.kernels.linking import trace_segments
 from tracker.kernels.slopes import Slopes, strongest_slopes
@@ -85,6 +85,12 @@ def segment_edges(edges: Image, gradients: Gradient, rule: tuple[int, float, int
     framed = cv2.copyMakeBorder(edges, 1, 1, 1, 1, cv2.BORDER_CONSTANT)
     n, n_segments = trace_segments(framed, (gradients.dx, gradients.dy), rule, found)
     return EdgeSegments(positions[:n], directions[:n], segments[:n], n_segments)
+
+
+def distance_to(mask: Mask) -> Array32:
+    """(H, W) distance of every pixel to the nearest one of a mask (H, W), px."""
+    gap: Array32 = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3)
+    return gap
 
 
 def chamfer_image(points: Array32, size: tuple[int, int], reach: float) -> Array32:

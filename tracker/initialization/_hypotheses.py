@@ -9,7 +9,6 @@ import numpy as np
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.estimate import Estimate
-from tracker.objective import Objective
 from tracker.start import Hypothesis
 
 # Poses whose landmarks lie this close together on average are one and the same.
@@ -60,16 +59,10 @@ def turned_round(body: BodyModel, q: Array, turn: str) -> Array:
     return body.clamped(flipped)
 
 
-def hypothesis(objective: Objective, estimate: Estimate, turn: str) -> Hypothesis:
-    """The hypothesis that an estimate makes.
-
-    Its distance is that to all foreground edges, not only those near its own contours: a wrong pose leaves whole
-    limbs of the observation unexplained.
-    """
-    q = estimate.q
-    distance = estimate.distance_px + float(objective.penalties(q[None])[0])
-    turn_deg = float(np.degrees(_wrapped(q[objective.body.index(turn)])))
-    return Hypothesis(q, distance, estimate.explained, estimate.left_over, turn_deg)
+def hypothesis(body: BodyModel, estimate: Estimate, turn: str) -> Hypothesis:
+    """The hypothesis that an estimate makes; `turn` is the parameter of the turn about the body's axis."""
+    turn_deg = float(np.degrees(_wrapped(estimate.q[body.index(turn)])))
+    return Hypothesis(estimate.q, estimate.distance_px, estimate.explained, estimate.left_over, turn_deg)
 
 
 def ranked(body: BodyModel, hypotheses: list[Hypothesis]) -> tuple[Hypothesis, ...]:

@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from tracker.arrays import Array, Integers, Mask
+from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.camera import Camera
+from tracker.imaging.edges import distance_to
 from tracker.rig import Rig
 
 STEP_M = 0.04
@@ -51,7 +52,7 @@ def visual_hull(rig: Rig, masks: tuple[Mask | None, ...], most_lacking: int) -> 
         masks: (H, W) foreground of each view, None where there is none.
         most_lacking: views that may see a voxel without foreground there; at least two must see it.
     """
-    gaps = [None if mask is None else _distance_to(mask) for mask in masks]
+    gaps = [None if mask is None else distance_to(mask) for mask in masks]
     middle, reach = _common_field(rig)
     n = np.ceil(np.array([reach, reach, _HEIGHT_M]) / (STEP_M * _COARSE)).astype(int)
     axes = [np.arange(-size, size) * _COARSE for size in n]
@@ -104,12 +105,6 @@ def shadow(rig: Rig, v: int, points: Array, margin_m: float) -> Mask:
     return covered
 
 
-def _distance_to(mask: Mask) -> Array:
-    """(H, W) distance of every pixel to the mask, px."""
-    gap: Array = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3)
-    return gap
-
-
 def _common_field(rig: Rig) -> tuple[Array, float]:
     """The point that all cameras look at, and how far around it persons are sought, metres."""
     centres = np.array([camera.centre for camera in rig.cameras])
@@ -124,7 +119,7 @@ def _common_field(rig: Rig) -> tuple[Array, float]:
 
 
 def _in_foreground(
-    rig: Rig, gaps: list[Array | None], points: Array, size_m: float, most_lacking: int
+    rig: Rig, gaps: list[Array32 | None], points: Array, size_m: float, most_lacking: int
 ) -> tuple[Mask, Integers, Array]:
     """Which cells of a size around points (N, 3) may hold foreground of all views but some.
 

@@ -169,7 +169,7 @@ class PcaInitialization:
     def _refined(self, objective: Objective, q: Array) -> Hypothesis:
         """What the fine search and the refinement make of a pose."""
         searched = self.fine.estimate(objective, q[None])
-        return hypothesis(objective, self.refinement.estimate(objective, searched.q[None]), self.turn)
+        return hypothesis(objective.body, self.refinement.estimate(objective, searched.q[None]), self.turn)
 
     def _together(
         self,
@@ -190,7 +190,7 @@ class PcaInitialization:
             ranking = again[k]
             objective = Objective(scene, k, stages.synthesis, stages.similarity, observation)
             estimates = [stages.estimation.estimate(objective, one.q[None]) for one in ranking]
-            again[k] = ranked(objective.body, [hypothesis(objective, one, self.turn) for one in estimates])
+            again[k] = ranked(objective.body, [hypothesis(objective.body, one, self.turn) for one in estimates])
             scene = scene.with_pose(k, again[k][0].q)
         return again
 
