@@ -6,6 +6,7 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -13,6 +14,7 @@ from benchmarks import acquisition as acquired_models
 from benchmarks import calibration as bar_calibration
 from benchmarks import lsm as patch_matching
 from benchmarks import poses as pose_rates
+from benchmarks import recordings as tracked_recordings
 from benchmarks import robustness as survival
 from benchmarks import sigma as uncertainty
 from benchmarks import surfaces as measured_surfaces
@@ -22,6 +24,7 @@ from rich.console import Console
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 # A table cut at the 80 columns of a pipe cannot be read.
 console = Console() if Console().is_terminal else Console(width=180)
+ROOT = Path(__file__).parents[1]
 Quick = Annotated[bool, typer.Option("--quick", help="Small images and few frames: only to see that it runs.")]
 
 
@@ -47,6 +50,26 @@ def robustness(
 ) -> None:
     """What the tracking survives: low frame rates, clutter, missing views, wrong bodies, wrong starts."""
     survival.compare(console, only, quick, trace)
+
+
+@app.command()
+def recordings(
+    only: Annotated[str, typer.Option(help="Only recordings whose name holds this.")] = "",
+    models: Annotated[str, typer.Option(help="General models, commas between.")] = "human,gavrila22",
+    acquired: Annotated[bool, typer.Option("--acquired", help="Models acquired from each recording itself.")] = False,
+    without_plates: Annotated[bool, typer.Option("--without-plates", help="No clean plates.")] = False,
+    starts: Annotated[int, typer.Option(min=1, max=8, help="Starts, a tenth of the recording apart.")] = 3,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="As of bodytrack run; repeatable.")] = None,
+    python_path: Annotated[Path, typer.Option(help="Checkout whose package is run.")] = ROOT,
+    output: Annotated[Path, typer.Option(help="Keeps all runs and scores.csv.")] = Path("results/recordings"),
+    quick: Quick = False,
+) -> None:
+    """Tracking errors and flags on the recordings in BODYTRACK_DATA that have a truth: median and worst start."""
+    settings = tuple(set_ or ())
+    plan = tracked_recordings.Plan(
+        only, tuple(models.split(",")), acquired, not without_plates, starts, settings, quick
+    )
+    tracked_recordings.compare(console, plan, python_path, output)
 
 
 @app.command()

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import csv
+import json
+import os
 import re
 import subprocess
 import sys
@@ -9,12 +12,15 @@ from pathlib import Path
 
 import pytest
 
+from tracker.simulation.sequence import Recipe, write_sequence
+
 ROOT = Path(__file__).parents[1]
 
 
-def benchmark(*arguments: str) -> str:
+def benchmark(*arguments: str, **variables: str) -> str:
     command = [sys.executable, "scripts/benchmark.py", *arguments, "--quick"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+    environment = {**os.environ, **variables}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False, env=environment)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -39,3 +45,41 @@ def test_benchmarks_print_their_columns(arguments: tuple[str, ...], words: tuple
     if arguments[0] in ("poses", "tracking", "lsm"):
         # Every speed stands beside its reference.
         assert re.search(r" \d[\d.]*x ", printed)
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of recordings: one that describes itself, one that does not say who is seen."""
+    root = tmp_path_factory.mktemp("recordings")
+    write_sequence(Recipe("arm_swing", seconds=0.4, size=(360, 288)), root / "room" / "swing", lambda done, total: None)
+    meta = {"people": [{"id": "person1", "subject": "anna", "height_m": 1.8}]}
+    (root / "room" / "swing" / "meta.json").write_text(json.dumps(meta), encoding="utf-8")
+    (root / "nobody").mkdir()
+    (root / "nobody" / "gt_joints.csv").write_text("frame,joint,x,y,z\n0,neck,0,0,1.5\n", encoding="utf-8")
+    return root
+
+
+def test_recordings_are_found_run_once_and_scored(recordings: Path, tmp_path: Path) -> None:
+    arguments = "recordings", "--models", "gavrila22", "--starts", "2", "--output", str(tmp_path)
+    printed = benchmark(*arguments, BODYTRACK_DATA=str(recordings))
+    assert "nobody: a truth, but neither meta.json" in printed
+    for word in ("joints mm", "offsets removed", "swing", "gavrila22", "0 1", "false flags", "slowest tenth"):
+        assert word in printed
+    with (tmp_path / "scores.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["person"], row["start"], row["failed"]) for row in rows] == [("anna", "0", ""), ("anna", "1", "")]
+    for row in rows:
+        # the model is the simulation's own
+        assert 0 < float(row["removed_mm"]) <= float(row["mean_mm"]) < 60
+        assert float(row["cpu_ms"]) > 1
+        assert float(row["start_s"]) > 0.01
+    before = (tmp_path / "scores.csv").read_text()
+    benchmark(*arguments, BODYTRACK_DATA=str(recordings))
+    assert (tmp_path / "scores.csv").read_text() == before
+
+
+def test_what_fails_is_a_row_that_says_so(recordings: Path, tmp_path: Path) -> None:
+    arguments = "recordings", "--models", "gavrila22", "--starts", "1", "--output", str(tmp_path)
+    printed = benchmark(*arguments, "--set", "estimation.stepp=3", BODYTRACK_DATA=str(recordings))
+    assert re.search("swing.* failed ", printed)
+    assert 'unknown key "stepp"' in printed

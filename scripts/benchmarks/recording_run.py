@@ -1,0 +1,295 @@
+"""One run of a recording as a process of its own, with whatever commit of the package, and its scores."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from benchmarks.processor_clock import FILE as CLOCK_FILE
+from benchmarks.recorded import Recorded
+from benchmarks.trial import LIMB_MM, TRACKED_MM
+from tracker.arrays import Array, Mask
+from tracker.config import Table
+from tracker.errors import SequenceError
+from tracker.evaluation.comparison import PersonErrors, evaluate
+from tracker.evaluation.tables import read_rows
+
+SCRIPTS = Path(__file__).parents[1]
+_RECORDINGS = ["csv_table", "run_json", "benchmarks.processor_clock:ProcessorClock"]
+_CONFIDENCE = re.compile(r"(\S+) start pose of confidence ([\d.]+)")
+
+
+@dataclass(frozen=True)
+class Code:
+    """A checkout of the package that is run."""
+
+    folder: Path
+
+    @cached_property
+    def digest(self) -> str:
+        """Eight digits that change with any source file or model."""
+        files = [path for name in ("tracker", "models") for path in (self.folder / name).rglob("*") if path.is_file()]
+        sources = sorted(path for path in files if path.suffix in (".py", ".toml", ".comp"))
+        content = b"".join(str(path.relative_to(self.folder)).encode() + path.read_bytes() for path in sources)
+        return hashlib.sha256(content).hexdigest()[:8]
+
+    @cached_property
+    def commit(self) -> str:
+        """The commit checked out, with a + where files differ from it."""
+        command = ["git", "-C", str(self.folder), "describe", "--always", "--abbrev=7", "--dirty=+", "--exclude=*"]
+        return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+
+    def run(self, arguments: list[str], folder: Path) -> str:
+        """Runs `bodytrack` with these arguments in a folder; what it complained about, empty if it succeeded."""
+        paths = [str(self.folder), str(SCRIPTS)]
+        settings = {"PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        done = subprocess.run(
+            [sys.executable, "-m", "tracker", *arguments],
+            cwd=folder,  # python -m looks there first: no checkout may be there
+            env={**os.environ, **settings, "BODYTRACK_DATA": str(Path(os.environ["BODYTRACK_DATA"]).resolve())},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        (folder / "printed.txt").write_text(done.stdout + done.stderr, encoding="utf-8")
+        return "" if done.returncode == 0 else (done.stderr.strip().splitlines() or [f"exit {done.returncode}"])[-1]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is run."""
+
+    model: str
+    acquired: bool
+    plates: bool
+    settings: tuple[str, ...]
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True)
+class Score:
+    """One person of one run; a row of the table."""
+
+    recording: str
+    person: str
+    model: str
+    acquired: bool
+    plates: bool
+    settings: str
+    start: int
+    stop: int
+    code: str
+    commit: str
+    failed: str = ""
+    """Why there is nothing below."""
+
+    n_frames: int = 0
+    lost: int = 0
+    mean_mm: float = np.nan
+    removed_mm: float = np.nan
+    """With constant offsets removed."""
+
+    under_100: float = np.nan
+    """Share of all frames with a pose less than 100 mm off on average."""
+
+    elbows_deg: float = np.nan
+    elbows_removed_deg: float = np.nan
+    knees_deg: float = np.nan
+    knees_removed_deg: float = np.nan
+    wrong: int = 0
+    """Frames not lost and 100 mm off on average."""
+
+    wrong_flagged: int = 0
+    limb_off: int = 0
+    """Frames not lost with a joint 150 mm off."""
+
+    limb_off_flagged: int = 0
+    false_flags: int = 0
+    """Frames flagged, but not lost, with no joint 150 mm and a mean of less than 100 mm off."""
+
+    confidence: float = np.nan
+    start_s: float = np.nan
+    """Processor time up to the first pose."""
+
+    cpu_ms: float = np.nan
+    cpu_worst_ms: float = np.nan
+    """What the slowest tenth of the frames takes at least."""
+
+    exchanged: str = ""
+    """Name of the person whose place this one has."""
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """What is not run again with the same code."""
+        names = ("recording", "model", "acquired", "plates", "settings", "start", "stop", "code")
+        return tuple(str(getattr(self, name)) for name in names)
+
+
+def described(recording: Recorded, asked: Asked, models: dict[str, Path]) -> Table:
+    """The configuration of a run.
+
+    Args:
+        recording: what is tracked.
+        asked: how.
+        models: person -> acquired model; empty for the general one, scaled.
+    """
+    persons = [
+        {"name": name, "model": str(models[name])}
+        if models
+        else {"name": name, "model": asked.model, "stature_m": stature_m}
+        for name, stature_m in recording.statures_m.items()
+    ]
+    reading = {**recording.reading, **(recording.plates if asked.plates else {})}
+    reading |= {"start": asked.start, "stop": asked.stop}
+    return {"name": recording.name, "persons": persons, "reading": reading, "recordings": _RECORDINGS}
+
+
+def scored(recording: Recorded, asked: Asked, code: Code, output: Path) -> list[Score]:
+    """Runs a recording and scores every person that the truth knows."""
+    row = Score(
+        recording.name,
+        "",
+        asked.model,
+        asked.acquired,
+        asked.plates,
+        " ".join(asked.settings),
+        asked.start,
+        asked.stop,
+        code.digest,
+        code.commit,
+    )
+    images = "plates" if asked.plates else "no_plates"
+    body = f"{asked.model}{'_acquired' if asked.acquired else ''}"
+    settings = f"_{hashlib.sha256(row.settings.encode()).hexdigest()[:6]}" if asked.settings else ""
+    folder = output / code.digest / f"{recording.name}_{body}_{images}{settings}_{asked.start}_{asked.stop}"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    models: dict[str, Path] = {}
+    if asked.acquired:
+        models, failed = acquired(recording, asked.model, code, output / code.digest / "models")
+        if failed:
+            return [replace(row, failed=f"no model: {failed}")]
+    (folder / "config.toml").write_text(tomli_w.dumps(described(recording, asked, models)), encoding="utf-8")
+    overrides = [word for setting in asked.settings for word in ("--set", setting)]
+    failed = code.run(["run", "config.toml", *overrides, "--output", "result"], folder)
+    if failed:
+        return [replace(row, failed=failed)]
+    try:
+        errors = evaluate(folder / "result", recording.truth)
+    except SequenceError as error:
+        return [replace(row, failed=str(error))]
+    return [
+        _score(row, recording, folder / "result", person, curve)
+        for person, curve in zip(errors.persons, errors.distances_mm, strict=True)
+    ]
+
+
+def acquired(recording: Recorded, model: str, code: Code, folder: Path) -> tuple[dict[str, Path], str]:
+    """Models made from a recording's own views, once; or what went wrong."""
+    asked = Asked(model, False, bool(recording.plates), (), 0, recording.n_frames)
+    paths = {name: (folder / f"{recording.name}_{name}_{model}.toml").resolve() for name in recording.statures_m}
+    for name, path in paths.items():
+        if not path.is_file():
+            folder.mkdir(parents=True, exist_ok=True)
+            config = folder / f"{path.stem}_run.toml"
+            table = described(recording, asked, {})
+            config.write_text(tomli_w.dumps({k: v for k, v in table.items() if k != "recordings"}), encoding="utf-8")
+            person = ["--set", f"acquisition.person={name}"]
+            failed = code.run(["acquire", config.name, *person, "--output", str(path)], folder)
+            if failed:
+                return {}, failed
+    return paths, ""
+
+
+def _score(row: Score, recording: Recorded, result: Path, errors: PersonErrors, curve: dict[str, Array]) -> Score:
+    """A person's row.
+
+    Args:
+        row: what was run.
+        recording: the recording.
+        result: the run's folder.
+        errors: the person's errors.
+        curve: joint -> distances to the truth in the frames that are not lost, mm, and their numbers.
+    """
+    gaps = np.stack([values for name, values in curve.items() if name != "frame"])
+    mean_mm, worst_mm = gaps.mean(axis=0), gaps.max(axis=0)
+    flagged = _flagged(result, errors.person, curve["frame"])
+    wrong, limb_off = mean_mm >= TRACKED_MM, worst_mm > LIMB_MM
+    elbows, knees = _hinges(errors, "elbow"), _hinges(errors, "knee")
+    start_s, cpu_ms = _processor(result)
+    others = [name for name, known in recording.truth_names.items() if known == errors.truth]
+    return replace(
+        row,
+        person=errors.person,
+        n_frames=errors.n_frames,
+        lost=errors.n_missing,
+        mean_mm=errors.mean_mm,
+        removed_mm=errors.mean_offset_removed_mm,
+        under_100=float(np.count_nonzero(~wrong)) / errors.n_frames,
+        elbows_deg=elbows[0],
+        elbows_removed_deg=elbows[1],
+        knees_deg=knees[0],
+        knees_removed_deg=knees[1],
+        wrong=int(wrong.sum()),
+        wrong_flagged=int((wrong & flagged).sum()),
+        limb_off=int(limb_off.sum()),
+        limb_off_flagged=int((limb_off & flagged).sum()),
+        false_flags=int((flagged & ~wrong & ~limb_off).sum()),
+        confidence=_confidence(result, errors.person),
+        start_s=start_s,
+        cpu_ms=float(np.median(cpu_ms)) if cpu_ms.size else np.nan,
+        cpu_worst_ms=float(np.percentile(cpu_ms, 90)) if cpu_ms.size else np.nan,
+        exchanged=others[0] if others and others[0] != errors.person else "",
+    )
+
+
+def _hinges(errors: PersonErrors, joint: str) -> tuple[float, float]:
+    """RMS over both sides, raw and with constant offsets removed, degrees."""
+    sides = np.array([values for name, values in errors.hinges_deg.items() if name.endswith(joint)])
+    raw, removed = np.sqrt((sides**2).mean(axis=0)) if sides.size else (np.nan, np.nan)
+    return float(raw), float(removed)
+
+
+def _flagged(result: Path, person: str, frames: Array) -> Mask:
+    """(T,) whether the status of a frame warns of its pose."""
+    statuses = {int(row["frame"]): row["status"] for row in read_rows(result / "poses.csv") if row["person"] == person}
+    return np.array([statuses[int(frame)] in ("doubtful", "lost") for frame in frames])
+
+
+def _confidence(result: Path, person: str) -> float:
+    """Of the person's first start pose, as the log tells."""
+    for name, sure in _CONFIDENCE.findall((result / "log.txt").read_text(encoding="utf-8")):
+        if name == person:
+            return float(sure)
+    return np.nan
+
+
+def _processor(result: Path) -> tuple[float, Array]:
+    """Processor seconds up to the first pose, and milliseconds of every later frame."""
+    seconds = np.array([float(row["processor_s"]) for row in read_rows(result / CLOCK_FILE)])
+    return float(seconds[0]), 1000 * seconds[1:]
+
+
+def as_cells(score: Score) -> dict[str, object]:
+    """The columns of the file of scores."""
+    return asdict(score)
+
+
+def from_cells(cells: dict[str, str]) -> Score:
+    """A row of the file of scores, read again."""
+    kinds = {field.name: str(field.type) for field in fields(Score)}
+    readers: dict[str, Callable[[str], Any]] = {"str": str, "int": int, "float": float, "bool": "True".__eq__}
+    return Score(**{name: readers[kind](cells[name]) for name, kind in kinds.items()})

@@ -1,0 +1,185 @@
+"""Every recording in BODYTRACK_DATA that has a truth, from several starts: the median beside the worst."""
+
+from __future__ import annotations
+
+import csv
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.recorded import Recorded, recorded
+from benchmarks.recording_run import Asked, Code, Score, as_cells, from_cells, scored
+
+_QUICK_FRAMES = 4
+_Value = Callable[[Score], float]
+_ERRORS: dict[str, tuple[_Value, str]] = {
+    "joints mm": (lambda one: one.mean_mm, ".0f"),
+    "offsets removed": (lambda one: one.removed_mm, ".0f"),
+    "< 100 mm %": (lambda one: 100 * one.under_100, ".0f"),
+    "elbows deg": (lambda one: one.elbows_deg, ".1f"),
+    "offset removed": (lambda one: one.elbows_removed_deg, ".1f"),
+    "knees deg": (lambda one: one.knees_deg, ".1f"),
+    "offset removed ": (lambda one: one.knees_removed_deg, ".1f"),
+}
+_FLAGS: dict[str, tuple[_Value, str]] = {
+    "lost": (lambda one: one.lost, ".0f"),
+    "> 100 mm, no flag": (lambda one: one.wrong - one.wrong_flagged, ".0f"),
+    "flagged": (lambda one: one.wrong_flagged, ".0f"),
+    "joint > 150 mm, no flag": (lambda one: one.limb_off - one.limb_off_flagged, ".0f"),
+    "flagged ": (lambda one: one.limb_off_flagged, ".0f"),
+    "false flags": (lambda one: one.false_flags, ".0f"),
+    "start confidence": (lambda one: one.confidence, ".2f"),
+    "start CPU s": (lambda one: one.start_s, ".1f"),
+    "CPU ms a frame": (lambda one: one.cpu_ms, ".0f"),
+    "slowest tenth": (lambda one: one.cpu_worst_ms, ".0f"),
+}
+_LEGEND = (
+    "median / worst of the starts. Errors over the frames not lost; < 100 mm: share of all frames that have a pose so "
+    "near on average; flag: doubtful or lost. CPU: all threads, with reading, without the first frame, which is the "
+    "start's"
+)
+_MORE_IS_BETTER = "< 100 mm %", "start confidence"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What the command line asks for."""
+
+    only: str
+    models: tuple[str, ...]
+    acquired: bool
+    plates: bool
+    n_starts: int
+    settings: tuple[str, ...]
+    quick: bool
+
+    def runs(self, recordings: list[Recorded]) -> Iterator[tuple[Recorded, Asked]]:
+        """All that is run: every recording once, before the next start."""
+        chosen = [one for one in recordings if self.only.lower() in one.name.lower()]
+        chosen = [one for one in chosen if one.plates or not self.plates]
+        for k in range(self.n_starts):
+            for model in self.models:
+                for one in chosen[:1] if self.quick else chosen:
+                    starts = one.starts(self.n_starts)
+                    if k < len(starts):
+                        stop = min(starts[k] + _QUICK_FRAMES, one.n_frames) if self.quick else one.n_frames
+                        yield one, Asked(model, self.acquired, self.plates, self.settings, starts[k], stop)
+
+
+def compare(console: Console, plan: Plan, checkout: Path, output: Path) -> None:
+    """Runs what is planned and has not been run yet, and prints the tables.
+
+    Args:
+        console: where to.
+        plan: what is run.
+        checkout: whose package is run.
+        output: keeps each run's folder, the acquired models and `scores.csv`.
+    """
+    if "BODYTRACK_DATA" not in os.environ:
+        console.print("BODYTRACK_DATA is not set: no recordings to track")
+        return
+    os.nice(10)
+    recordings, left_out = recorded(Path(os.environ["BODYTRACK_DATA"]).resolve())
+    for line in left_out:
+        console.print(line, highlight=False, soft_wrap=True)
+    runs, code = list(plan.runs(recordings)), Code(checkout.resolve())
+    output.mkdir(parents=True, exist_ok=True)
+    table = output / "scores.csv"
+    scores: list[Score] = []
+    with suppress(KeyboardInterrupt):
+        for n, (recording, asked) in enumerate(runs, start=1):
+            begin = time.perf_counter()
+            found = _known(table, recording, asked, code)
+            if not found:
+                with console.status(f"{n} of {len(runs)}: {_title(recording, asked)}"):
+                    found = scored(recording, asked, code, output.resolve())
+                _add(table, found)
+            scores += found
+            for one in found:
+                _tell(console, f"{n} of {len(runs)}: {_title(recording, asked)}", one, time.perf_counter() - begin)
+    if scores:
+        _print(console, scores, code)
+
+
+def _title(recording: Recorded, asked: Asked) -> str:
+    return f"{recording.name}, {asked.model}{', acquired' if asked.acquired else ''}, from frame {asked.start}"
+
+
+def _tell(console: Console, title: str, score: Score, seconds: float) -> None:
+    found = score.failed or (
+        f"{score.person} {score.mean_mm:.0f} ({score.removed_mm:.0f}) mm, {score.lost} lost, "
+        f"{score.limb_off} with a joint off, {score.limb_off_flagged} of them flagged"
+    )
+    console.print(f"{title}: {found}, {seconds:.0f} s", highlight=False, soft_wrap=True, markup=False)
+
+
+def _known(table: Path, recording: Recorded, asked: Asked, code: Code) -> list[Score]:
+    """Rows of the same run by the same code."""
+    if not table.is_file():
+        return []
+    with table.open(newline="", encoding="utf-8") as file:
+        rows = [from_cells(cells) for cells in csv.DictReader(file)]
+    settings = " ".join(asked.settings)
+    wanted = recording.name, asked.model, asked.acquired, asked.plates, settings, asked.start, asked.stop, code.digest
+    return [row for row in rows if row.key == tuple(map(str, wanted))]
+
+
+def _add(table: Path, scores: list[Score]) -> None:
+    fresh = not table.is_file()
+    with table.open("a", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, as_cells(scores[0]))
+        if fresh:
+            writer.writeheader()
+        writer.writerows(as_cells(one) for one in scores)
+
+
+def _print(console: Console, scores: list[Score], code: Code) -> None:
+    for title, columns in (("errors", _ERRORS), ("flags and time", _FLAGS)):
+        table = Table(title=f"{title}, commit {code.commit} ({code.digest})", title_justify="left")
+        for name in ("recording", "model", "starts"):
+            table.add_column(name, no_wrap=True)
+        for name in columns:
+            table.add_column(name, justify="right")
+        for label, group in _grouped(scores).items():
+            table.add_row(*label, *_cells(group, columns))
+        console.print(table)
+    console.print(_LEGEND, style="dim", soft_wrap=True)
+    for one in scores:
+        if one.failed or one.exchanged:
+            what = one.failed or f"{one.person} is in the place of {one.exchanged}"
+            console.print(
+                f"{one.recording}, {one.model}, from frame {one.start}: {what}", highlight=False, markup=False
+            )
+
+
+def _grouped(scores: list[Score]) -> dict[tuple[str, str, str], list[Score]]:
+    """Rows of the same person and model, by their labels."""
+    groups: dict[tuple[str, str], list[Score]] = {}
+    for one in sorted(scores, key=lambda one: (one.recording, one.model, one.person, one.start)):
+        persons = {other.person for other in scores if other.recording == one.recording and other.person}
+        for person in sorted(persons or {""}):
+            if one.failed or one.person == person:
+                name = f"{one.recording} {person}" if len(persons) > 1 else one.recording
+                groups.setdefault((name, one.model), []).append(one)
+    return {(*label, " ".join(str(one.start) for one in group)): group for label, group in groups.items()}
+
+
+def _cells(group: list[Score], columns: dict[str, tuple[_Value, str]]) -> list[str]:
+    good = [one for one in group if not one.failed]
+    cells = []
+    for name, (value, shown) in columns.items():
+        values = [value(one) for one in good]
+        if np.isfinite(values).any():
+            worst = np.nanmin(values) if name in _MORE_IS_BETTER else np.nanmax(values)
+            told = "failed" if len(good) < len(group) else f"{worst:{shown}}"
+            cells.append(f"{np.nanmedian(values):{shown}} / {told}")
+        else:
+            cells.append("failed" if not good else "-")
+    return cells
