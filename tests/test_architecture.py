@@ -19,7 +19,8 @@ ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
     "errors arrays components config resources geometry imaging kernels",
-    "camera rig rig_files rig_formats middlebury frame shape body body_files scene contours observation "
+    "camera rig rig_files rig_formats middlebury frame shape segments mirror "
+    "body_sections body body_defaults body_facts body_description body_files scene contours observation "
     "correspondences estimate start trajectory triangulation",
     "reading calibration prediction synthesis analysis similarity recording",
     "objective",

@@ -101,8 +101,11 @@ def at(*steps: str | int) -> Callable[[dict[str, Any]], Any]:
 SWIVEL = at("segments", 1, "parameters", 0)
 FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "no segments": (lambda m: m.pop("segments"), r"segments: Field required"),
-    "unknown key": (lambda m: m.update(colour="red"), r"colour: Extra inputs"),
-    "unknown key of a part": (lambda m: m["parts"][1].update(color="red"), r"parts\.1\.color: Extra inputs"),
+    "unknown key": (lambda m: m.update(colour="red"), r'unknown key "colour"; valid: .*segments'),
+    "unknown key of a part": (
+        lambda m: m["parts"][1].update(color="red"),
+        r'parts\.1: unknown key "color"; valid: end, front',
+    ),
     "millimetres": (lambda m: m.update(units="mm"), r"units: Input should be 'm'"),
     "two coordinates": (lambda m: m["parts"][0].update(end=[0, 1]), r"parts\.0\.end"),
     "words": (lambda m: SWIVEL(m).update(limits_deg=["low", "high"]), r"limits_deg\.0"),

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Mask
-from tracker.body import BodyModel, Parameter, Part
+from tracker.body import BodyModel
 from tracker.body_files import load_body
 from tracker.camera import Camera
 from tracker.contours import ViewContours
@@ -19,6 +19,7 @@ from tracker.kernels.projection import project_point
 from tracker.resources import model_path
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
+from tracker.segments import Parameter, Part
 from tracker.shape import TaperedSuperquadric
 from tracker.synthesis.cpu import CpuSynthesis
 

@@ -27,7 +27,8 @@ from tracker.acquisition.result import BoneLength, PartResidual, bone_lengths, c
 from tracker.acquisition.shape_space import ShapeSpace, space_of
 from tracker.acquisition.two_silhouettes import SilhouetteSettings, acquire
 from tracker.arrays import Array
-from tracker.body_files import BodyDescription, read_description, save_description
+from tracker.body_description import BodyDescription
+from tracker.body_files import read_description, save_description
 from tracker.config import Table, build_class, expanded, read_config
 from tracker.errors import ConfigError, nearest
 from tracker.frame import Frame

@@ -1,78 +1,22 @@
-"""Articulated bodies: parameters, parts and landmarks in a kinematic tree."""
+"""Articulated bodies: a kinematic tree of segments with parts and landmarks, and all that is known about it."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from tracker.arrays import Array, Integers, Mask, frozen
+from tracker.body_sections import Clothes, Joints, Movement, StartMarks
 from tracker.errors import ModelError, nearest
 from tracker.kernels.kinematics import chain_transforms, twists_in_world
 from tracker.kernels.self_collision import count_collisions
+from tracker.mirror import Mirror
+from tracker.segments import Landmark, Parameter, Part, Root, Segment
 from tracker.shape import TaperedSuperquadric
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One degree of freedom: a translation along, or a rotation about, an axis of the reference pose."""
-
-    name: str
-    rotates: bool
-    """True for a rotation (rad), False for a translation (m)."""
-
-    axis: Array
-    """(3,) unit vector in the reference pose."""
-
-    point: Array
-    """(3,) a point on the axis in the reference pose, metres."""
-
-    limits: tuple[float, float]
-    """Lowest and highest value, rad or m; infinite where free."""
-
-    parent: int
-    """Index of the parameter that moves this axis, -1 for none."""
-
-    @property
-    def unit(self) -> str:
-        """Unit as shown to people and in tables: m or deg."""
-        return "deg" if self.rotates else "m"
-
-    @property
-    def column(self) -> str:
-        """Column name in tables, for instance ``left_arm_extension_deg``."""
-        return f"{self.name}_{self.unit}"
-
-
-@dataclass(frozen=True)
-class Part:
-    """A rigid shape, moved by the chain of parameters that ends in `parameter`."""
-
-    name: str
-    segment: str
-    """Rigid segment the part belongs to (a hand moves with its forearm)."""
-
-    parameter: int
-    """Index of the last parameter that moves the part, -1 if none does."""
-
-    shape: TaperedSuperquadric
-    model_from_part: Array
-    """(4, 4) placement in the reference pose, metres."""
-
-
-@dataclass(frozen=True)
-class Landmark:
-    """A named point on a segment, such as a joint centre."""
-
-    name: str
-    parameter: int
-    """Index of the last parameter that moves it, -1 if none does."""
-
-    point: Array
-    """(3,) in the reference pose, metres."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +38,25 @@ class BodyModel:
     """Pairs of landmarks joined by a bone: the stick figure."""
 
     stature_m: float = 0.0
-    """Height of the body standing upright, metres."""
+    """Height of the body standing in its reference pose, metres."""
+
+    segments: tuple[Segment, ...] = ()
+    """The tree of rigid segments, parents first."""
+
+    mirror: Mirror = field(default_factory=Mirror)
+    """What mirrors what."""
+
+    start: StartMarks = field(default_factory=StartMarks)
+    """Where a search without a prediction begins."""
+
+    joints: Joints = field(default_factory=Joints)
+    """Landmarks that results are judged by."""
+
+    clothes: Clothes = field(default_factory=Clothes)
+    """How it is dressed where it is simulated."""
+
+    movements: dict[str, Movement] = field(default_factory=dict)
+    """Movements to simulate."""
 
     @property
     def dof(self) -> int:
@@ -216,11 +178,34 @@ class BodyModel:
         return tuple(name for name in sets if not any(other < sets[name] for other in sets.values()))
 
     def partner_of(self, group: str) -> str | None:
-        """The group of the other side, left for right, if the model has one with the same parameters."""
-        sides = {"left": "right", "right": "left"}
-        other = "_".join(sides.get(word, word) for word in group.split("_"))
-        names = ["_".join(sides.get(word, word) for word in name.split("_")) for name in self.groups[group]]
+        """The group of the other side, if the model has one with the same parameters."""
+        other = self.mirror.of(group)
+        names = [self.mirror.of(name) for name in self.groups[group]]
         return other if other != group and list(self.groups.get(other, ())) == names else None
+
+    def columns(self, name: str) -> list[int]:
+        """Columns of the parameters called so, alone or on either side: `arm_abduction` is that of both arms."""
+        return [self.names.index(own) for own in self.mirror.meant(name, self.names)]
+
+    @cached_property
+    def root(self) -> Root:
+        """The parameters that everything hangs on.
+
+        Raises:
+            ModelError: no free position or no turn about the vertical.
+        """
+        ends = np.unique([part.parameter for part in self.parts])
+        columns = np.flatnonzero(self.moves[:, ends].all(axis=1))
+        axes = np.array([self.parameters[k].axis for k in columns]).reshape(-1, 3)
+        rotates = self.rotates[columns]
+        shifts = [columns[~rotates & (np.abs(axes[:, k]) > 0.9)] for k in range(3)]
+        turns = columns[rotates & (np.abs(axes[:, 2]) > 0.9)]
+        if any(len(found) != 1 for found in (*shifts, turns)):
+            raise ModelError(
+                f'model "{self.name}": expected a root segment that moves along x, y and z and turns about z; '
+                "see the first segment of models/gavrila22.toml"
+            )
+        return Root(columns, np.concatenate(shifts), int(turns[0]))
 
     def parts_of(self, group: str) -> Mask:
         """(P,) parts that a fine group moves and no finer chain hanging on it does: an arm's, not the body's."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tracker.arrays import Array
-from tracker.body_files import BodyDescription
+from tracker.body_description import BodyDescription
 
 _FIELDS = ("joints", "starts", "ends", "radii", "squareness", "taper", "landmarks")
 

@@ -9,7 +9,7 @@ import numpy as np
 from tracker.acquisition._anatomy import Anatomy
 from tracker.arrays import Array, Integers, frozen
 from tracker.body import BodyModel
-from tracker.body_files import BodyDescription
+from tracker.body_description import BodyDescription
 from tracker.geometry.superquadrics import surface
 from tracker.kernels.kinematics import chain_transforms
 

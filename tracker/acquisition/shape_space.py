@@ -13,7 +13,7 @@ from tracker.acquisition._anatomy import MOST_TAPER, SQUARENESS, Anatomy
 from tracker.acquisition._variants import Variants
 from tracker.arrays import Array, frozen
 from tracker.body import BodyModel
-from tracker.body_files import BodyDescription
+from tracker.body_description import BodyDescription
 from tracker.components import component
 from tracker.errors import ModelError
 

@@ -7,7 +7,6 @@ from itertools import product
 import numpy as np
 import pydantic
 
-from tracker.acquisition.standing import both_sides, root_of
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.components import component
@@ -30,16 +29,8 @@ class StanceSearch:
     For one person, upright on the floor.
     """
 
-    stances_deg: tuple[dict[str, float], ...] = pydantic.Field(
-        default=(
-            {"arm_abduction": 85.0, "leg_abduction": 4.0},
-            {"arm_abduction": 45.0, "leg_abduction": 4.0},
-        )
-    )
-    """Poses tried; a name stands for both sides, parameters that the model lacks are left out, degrees."""
-
-    sides: tuple[str, str] = ("left", "right")
-    """Words that begin the names of mirrored parameters."""
+    stances_deg: tuple[dict[str, float], ...] | None = None
+    """Poses tried, degrees; a name stands for both sides. None takes those of the body's file."""
 
     floor_m: float = 0.0
     """Height of the floor, metres."""
@@ -80,16 +71,16 @@ class StanceSearch:
 
     def _candidates(self, body: BodyModel, rig: Rig) -> Array:
         """(N, dof) poses on the floor whose landmarks are in all images."""
-        root = root_of(body)
+        root = body.root
         centres = np.array([camera.centre for camera in rig.cameras])
         low, high = centres[:, :2].min(axis=0), centres[:, :2].max(axis=0)
         axes = [np.arange(a, b + self.step_m, self.step_m) for a, b in zip(low, high, strict=True)]
         turns = np.radians(np.arange(-180.0, 180.0, self.step_deg))
         found = []
-        for stance in self.stances_deg:
+        for stance in body.start.stances_deg if self.stances_deg is None else self.stances_deg:
             q = body.rest()
             for name, value_deg in stance.items():
-                q[both_sides(body, name, self.sides)] = np.radians(value_deg)
+                q[body.columns(name)] = np.radians(value_deg)
             q[root.shifts] = 0.0
             q[root.shifts[2]] = self.floor_m - _lowest(body, q)
             places = np.array(list(product(*axes, turns)))
@@ -103,7 +94,7 @@ class StanceSearch:
 
     def _apart(self, body: BodyModel, poses: Array, distances: Array) -> list[Array]:
         """The best poses that differ in place or turn."""
-        root = root_of(body)
+        root = body.root
         chosen: list[Array] = []
         for i in np.argsort(distances, kind="stable"):
             q = poses[i]

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
 from tracker.acquisition.pictures import Silhouette
-from tracker.arrays import Array, Integers, Mask
+from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
-from tracker.errors import ModelError
 from tracker.objective import Objective
 from tracker.observation import Observation
 from tracker.rig import Rig
@@ -19,37 +17,6 @@ from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.synthesis import Synthesis
 
 _BATCH = 128
-
-
-@dataclass(frozen=True)
-class Root:
-    """The parameters that move the whole body."""
-
-    columns: Integers
-    """All of them."""
-
-    shifts: Integers
-    """(3,) translations along x, y, z."""
-
-    turn: int
-    """Rotation about the vertical axis."""
-
-
-def root_of(body: BodyModel) -> Root:
-    """The root's parameters: those that everything hangs on.
-
-    Raises:
-        ModelError: no free position or no turn about the vertical.
-    """
-    ends = np.unique([part.parameter for part in body.parts])
-    columns = np.flatnonzero(body.moves[:, ends].all(axis=1))
-    axes = np.array([body.parameters[k].axis for k in columns]).reshape(-1, 3)
-    rotates = body.rotates[columns]
-    shifts = [columns[~rotates & (np.abs(axes[:, k]) > 0.9)] for k in range(3)]
-    turns = columns[rotates & (np.abs(axes[:, 2]) > 0.9)]
-    if any(len(found) != 1 for found in (*shifts, turns)):
-        raise ModelError(f'model "{body.name}": acquisition needs a root that moves along x, y and z and turns about z')
-    return Root(columns, np.concatenate(shifts), int(turns[0]))
 
 
 def scene_of(body: BodyModel, q: Array, silhouette: Silhouette) -> Scene:
@@ -67,7 +34,7 @@ def placed(body: BodyModel, q: Array, silhouette: Silhouette, turn: float, synth
         turn: 0 faces the camera, pi / 2 shows the right side, rad.
         synthesis: makes the model's silhouette.
     """
-    root, camera = root_of(body), silhouette.camera
+    root, camera = body.root, silhouette.camera
     q = np.array(q)
     q[root.columns] = body.rest()[root.columns]
     towards = -camera.rays(np.array([(camera.size[0] - 1) / 2, (camera.size[1] - 1) / 2]))
@@ -124,9 +91,3 @@ def best_pose(
     distances = np.concatenate([objective(np.array(poses[i : i + _BATCH])) for i in range(0, len(poses), _BATCH)])
     best = int(np.argmin(distances))
     return poses[best], float(distances[best])
-
-
-def both_sides(body: BodyModel, name: str, sides: tuple[str, str]) -> list[int]:
-    """Columns of the parameters called so, alone or on either side: `arm_abduction` is the left and the right one."""
-    meant = {name, *(f"{side}_{name}" for side in sides)}
-    return [k for k, own in enumerate(body.names) if own in meant]

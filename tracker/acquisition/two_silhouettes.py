@@ -14,10 +14,10 @@ from tracker.acquisition.outlines import outline_observation, overlap
 from tracker.acquisition.part_search import searched_parts
 from tracker.acquisition.pictures import Pair, Silhouette, read_silhouette
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace, space_of
-from tracker.acquisition.standing import best_pose, both_sides, placed, root_of, scene_of
+from tracker.acquisition.standing import best_pose, placed, scene_of
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_files import BodyDescription
+from tracker.body_description import BodyDescription
 from tracker.components import component
 from tracker.errors import ModelError, SequenceError, nearest
 from tracker.observation import Observation
@@ -162,11 +162,11 @@ def _started(
 ) -> tuple[Task, Array]:
     """Looks and start poses; a pair shares its joint angles, each picture has a root of its own."""
     body = space.body(np.zeros(len(space.names)))
-    root, looks, poses, links = root_of(body), [], [], []
+    root, looks, poses, links = body.root, [], [], []
     trial = {
         tuple(columns): np.radians(values)
         for name, values in settings.coarse_deg.items()
-        if (columns := both_sides(body, name, space.description.sides))
+        if (columns := body.columns(name))
     }
     first = 0
     for front, side in silhouettes:
@@ -204,7 +204,7 @@ def _faced(body: BodyModel, q: Array, seen: tuple[Silhouette, Observation], synt
 
 def _sigmas(body: BodyModel, looks: tuple[Look, ...], settings: SilhouetteSettings, n: int) -> Array:
     """(n,) standard deviations of the poses around their start; the body stands upright."""
-    root, sigmas = root_of(body), np.zeros(n)
+    root, sigmas = body.root, np.zeros(n)
     own = np.where(body.rotates, np.radians(settings.fit.pose_deg), settings.fit.pose_m)
     tilts = [k for k in root.columns if body.rotates[k] and k != root.turn]
     own[tilts], own[root.turn] = np.radians(settings.lean_deg), np.radians(settings.turn_deg)
@@ -244,7 +244,7 @@ def _turn_deg(body: BodyModel, found: Fit, pair: int) -> float:
     angles = []
     for k in (2 * pair, 2 * pair + 1):
         axis = found.looks[k].rig.cameras[0].camera_from_world[2, :3]
-        angles.append(found.pose(k)[root_of(body).turn] - np.arctan2(axis[1], axis[0]))
+        angles.append(found.pose(k)[body.root.turn] - np.arctan2(axis[1], axis[0]))
     turn = float(np.degrees(angles[1] - angles[0]))
     return abs((turn + 180) % 360 - 180)
 

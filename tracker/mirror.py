@@ -1,0 +1,44 @@
+"""What of a body mirrors what: the words of its two sides, and the plane between them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tracker.arrays import Array
+
+Side = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """The symmetry of a body: names that differ in the word of a side only are a pair."""
+
+    sides: Side = ("left", "right")
+    """Words in names, between underscores: `left_thigh` and `right_thigh`, `front_left_paw` and `front_right_paw`."""
+
+    across: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    """Normal of the plane of symmetry, which goes through the origin of the reference pose."""
+
+    def of(self, name: str) -> str:
+        """The name of the other side's part, parameter or landmark; the same name on the midline."""
+        one, other = self.sides
+        swapped = {one: other, other: one}
+        return "_".join(swapped.get(word, word) for word in name.split("_"))
+
+    def meant(self, name: str, names: Iterable[str]) -> list[str]:
+        """Which of the names one stands for: itself, or both sides' where the word of the side is left out."""
+        found = [own for own in names if name in (own, self._without_side(own))]
+        return sorted(found, key=lambda own: self.sides[1] in own.split("_"))
+
+    def _without_side(self, name: str) -> str:
+        return "_".join(word for word in name.split("_") if word not in self.sides)
+
+    @property
+    def reflection(self) -> Array:
+        """(3, 3) reflection of vectors of the reference pose in the plane of symmetry."""
+        normal = np.array(self.across) / np.linalg.norm(self.across)
+        flip: Array = np.eye(3) - 2 * np.outer(normal, normal)
+        return flip

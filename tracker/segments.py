@@ -1,0 +1,101 @@
+"""What a body consists of: rigid segments in a tree, the parameters that move them, parts and landmarks on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tracker.arrays import Array, Integers
+from tracker.shape import TaperedSuperquadric
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One degree of freedom: a translation along, or a rotation about, an axis of the reference pose."""
+
+    name: str
+    rotates: bool
+    """True for a rotation (rad), False for a translation (m)."""
+
+    axis: Array
+    """(3,) unit vector in the reference pose."""
+
+    point: Array
+    """(3,) a point on the axis in the reference pose, metres."""
+
+    limits: tuple[float, float]
+    """Lowest and highest value, rad or m; infinite where free."""
+
+    parent: int
+    """Index of the parameter that moves this axis, -1 for none."""
+
+    @property
+    def unit(self) -> str:
+        """Unit as shown to people and in tables: m or deg."""
+        return "deg" if self.rotates else "m"
+
+    @property
+    def column(self) -> str:
+        """Column name in tables, for instance ``left_arm_extension_deg``."""
+        return f"{self.name}_{self.unit}"
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A rigid segment: a node of the tree that a skeleton file is written from."""
+
+    name: str
+    parent: int
+    """Index of the segment it hangs on, always a smaller one; -1 for the world."""
+
+    joint: Array
+    """(3,) centre of its joint in the reference pose, metres."""
+
+    parameters: tuple[int, ...]
+    """Indices of its own parameters, outermost first; empty where it is fixed to its parent."""
+
+    end: int
+    """Index of the last parameter that moves it, -1 if none does."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A rigid shape, moved by the chain of parameters that ends in `parameter`."""
+
+    name: str
+    segment: str
+    """Rigid segment the part belongs to (a hand may move with its forearm)."""
+
+    parameter: int
+    """Index of the last parameter that moves the part, -1 if none does."""
+
+    shape: TaperedSuperquadric
+    model_from_part: Array
+    """(4, 4) placement in the reference pose, metres."""
+
+
+@dataclass(frozen=True)
+class Landmark:
+    """A named point on a segment, such as a joint centre."""
+
+    name: str
+    parameter: int
+    """Index of the last parameter that moves it, -1 if none does."""
+
+    point: Array
+    """(3,) in the reference pose, metres."""
+
+    segment: str = "world"
+
+
+@dataclass(frozen=True)
+class Root:
+    """The parameters that everything hangs on: where a body is, and which way it faces."""
+
+    columns: Integers
+    """All of them."""
+
+    shifts: Integers
+    """(3,) translations along x, y, z."""
+
+    turn: int
+    """Rotation about the vertical."""
