@@ -278,19 +278,20 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 @each("recording")
 def test_a_recording_leaves_files_and_replaces_those_of_the_run_before(use, scene, steps, tmp_path):
-    context = RunContext("test", tmp_path, scene, fps=25.0, n_frames=len(steps))
+    context = RunContext("test", tmp_path, scene, fps=25.0, interval_s=0.04, n_frames=len(steps))
     for part in (steps[:1], steps):
         recorder = made("recording", use).begin(context)
         for step in part:
             recorder.write(step)
-        recorder.finish()
+        told = recorder.finish()
         assert all(contents(tmp_path).values())
         assert contents(tmp_path)
+        assert sorted(told) == sorted(tmp_path.iterdir())
     names = set(contents(tmp_path))
     assert not any(name.endswith((".part", ".tmp")) for name in names)
 
 
 @each("recording")
 def test_a_run_without_a_frame_is_finished_too(use, scene, tmp_path):
-    recorder = made("recording", use).begin(RunContext("test", tmp_path, scene, fps=25.0, n_frames=3))
-    recorder.finish()
+    recorder = made("recording", use).begin(RunContext("test", tmp_path, scene, fps=25.0, interval_s=0.04, n_frames=3))
+    assert sorted(recorder.finish()) == sorted(tmp_path.iterdir())

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import csv
 import re
+import sys
 from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
 
 import av
 import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 
-from tracker.errors import SequenceError
+from tracker.components import component
+from tracker.errors import ConfigError, SequenceError
 from tracker.estimate import Status
-from tracker.recording import RunContext
+from tracker.recording import DEFAULTS, RunContext, chosen_recordings
+from tracker.recording._series import Series, parameter_figure
 from tracker.recording.csv_table import CsvTable
 from tracker.recording.journal import FILE, Journal, read_journal
 from tracker.recording.overlay import Overlay
@@ -37,13 +42,18 @@ def recorded():
 
 def record(recording, recorded, folder, finish=True, **changes):
     scene, steps = recorded
-    context = RunContext(name="test", folder=folder, scene=scene, fps=25.0, n_frames=N_FRAMES)
+    context = RunContext(name="test", folder=folder, scene=scene, fps=25.0, interval_s=0.04, n_frames=N_FRAMES)
     recorder = recording.begin(replace(context, **changes))
     for step in steps:
         recorder.write(step)
     if finish:
         recorder.finish()
     return recorder
+
+
+def at_times(steps, times_s):
+    """The steps as if their frames had been taken at other times."""
+    return [replace(step, frame=replace(step.frame, time_s=t)) for step, t in zip(steps, times_s, strict=True)]
 
 
 def rows_of(path):
@@ -103,9 +113,44 @@ def test_the_overlay_shows_every_frame(recorded, tmp_path):
     assert n_playable(tmp_path / "overlay.mp4") == N_FRAMES
 
 
+@pytest.mark.parametrize(
+    ("times_s", "interval_s"),
+    [
+        ([0.0, 0.04, 0.08, 0.12, 0.16], 0.04),
+        ([1.6, 1.68, 1.76, 1.84, 1.92], 0.08),
+        ([0.0, 1001 / 30000, 2002 / 30000, 3003 / 30000, 4004 / 30000], 1001 / 30000),
+        ([0.0, 0.01, 0.05, 0.30, 0.31], 0.04),
+    ],
+    ids=["25 fps", "stride 2 from frame 40", "29.97 fps", "uneven"],
+)
+def test_the_overlay_plays_at_the_speed_of_the_recording(recorded, tmp_path, times_s, interval_s):
+    """Each picture is shown at the time its frame was taken, after the first one."""
+    scene, steps = recorded
+    record(Overlay(width_px=320), (scene, at_times(steps, times_s)), tmp_path, interval_s=interval_s)
+    with av.open(str(tmp_path / "overlay.mp4")) as container:
+        shown = [frame.time for frame in container.decode(video=0)]
+        lasting_s = container.duration / av.time_base
+    np.testing.assert_allclose(shown, np.array(times_s) - times_s[0], atol=1e-4)
+    assert lasting_s == pytest.approx(times_s[-1] - times_s[0] + interval_s, abs=2e-3)
+
+
+def test_plots_stand_at_the_true_times(recorded):
+    """A frame stands for the time half-way to its neighbours, however unevenly they lie."""
+    scene, steps = recorded
+    series = Series(scene)
+    for step in at_times(steps, (0.0, 0.1, 0.2, 0.6, 0.7)):
+        series.add(step)
+    np.testing.assert_allclose(series.spans(), [(-0.05, 0.05), (0.05, 0.15), (0.15, 0.4), (0.4, 0.65), (0.65, 0.75)])
+    axes = parameter_figure(series, 0).axes
+    np.testing.assert_allclose(axes[0].lines[0].get_xdata(), series.times_s)
+    shaded = [patch for patch in axes[0].patches if patch.get_width() > 0]
+    assert [(p.get_x(), p.get_x() + p.get_width()) for p in shaded] == [pytest.approx((0.15, 0.4))]
+
+
 def test_the_overlay_of_a_killed_run_plays_but_for_its_last_frames(recorded, tmp_path):
     scene, steps = recorded
-    recorder = record(Overlay(width_px=320), (scene, 6 * steps), tmp_path, finish=False)
+    timed = at_times(6 * steps, 0.04 * np.arange(6 * N_FRAMES))
+    recorder = record(Overlay(width_px=320), (scene, timed), tmp_path, finish=False)
     killed = tmp_path / "killed.mp4"
     killed.write_bytes((tmp_path / "overlay.mp4").read_bytes())
     recorder.finish()
@@ -133,3 +178,53 @@ def test_run_json_tells_whether_the_run_is_complete(recorded, tmp_path):
     text = (tmp_path / "run.json").read_text()
     assert '"complete": true' in text
     assert '"lost": 1' in text
+
+
+def uses(entry):
+    return tuple(type(r).__module__.rpartition(".")[2] for r in chosen_recordings(entry, "run.toml", Path()))
+
+
+@pytest.mark.parametrize(
+    ("entry", "chosen"),
+    [
+        ({}, DEFAULTS),
+        ({"overlay": False}, tuple(use for use in DEFAULTS if use != "overlay")),
+        ({"overlay": True}, DEFAULTS),
+        ({"report": {"pictures": 3}}, DEFAULTS),
+        ({"my_lab.recordings:Nothing": True}, (*DEFAULTS, "recordings")),
+        (["csv_table"], ("csv_table",)),
+        (["journal", {"use": "overlay", "width_px": 320}], ("journal", "overlay")),
+        ([], ()),
+    ],
+)
+def test_recordings_change_the_defaults_or_replace_them(entry, chosen, monkeypatch):
+    laboratory = ModuleType("my_lab.recordings")
+    laboratory.Nothing = component(type("Nothing", (), {"__module__": "my_lab.recordings"}))
+    monkeypatch.setitem(sys.modules, "my_lab", ModuleType("my_lab"))
+    monkeypatch.setitem(sys.modules, "my_lab.recordings", laboratory)
+    assert uses(entry) == chosen
+
+
+def test_the_settings_of_a_default_recording_are_changed_in_its_place():
+    assert chosen_recordings({"overlay": {"width_px": 320}}, "", Path())[2] == Overlay(width_px=320)
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ({"overlaj": False}, 'no recording "overlaj"; did you mean "overlay"'),
+        (["overlaj"], 'use = "overlaj": no such component; did you mean "overlay"'),
+        ({"overlay": "no"}, "overlay = 'no', expected true, false or a table"),
+        ({"overlay": {"use": "plots"}}, "no `use` expected"),
+        ({"overlay": {"width": 320}}, 'unknown key "width"; did you mean "width_px"'),
+        ([{"width_px": 320}], "no `use`"),
+        ([3], "3 found, expected a name"),
+        ("overlay", "'overlay' found, expected a list of names, or a table"),
+        (["overlay", {"use": "overlay", "quality": 30}], '"overlay" is asked for twice'),
+    ],
+)
+def test_a_wrong_choice_of_recordings_is_one_clear_line(entry, words):
+    with pytest.raises(ConfigError, match=re.escape(words)) as caught:
+        chosen_recordings(entry, "run.toml [recordings]", Path())
+    assert str(caught.value).startswith("run.toml [recordings]")
+    assert "\n" not in str(caught.value)

@@ -57,6 +57,8 @@ def test_a_run_leaves_all_its_results(run, tmp_path):
     result = execute(run, tmp_path / "out")
     assert sorted(path.name for path in result.folder.iterdir()) == sorted(RESULTS)
     assert (result.n_frames, result.n_lost, result.interrupted) == (6, 0, False)
+    assert {path.name for path in result.files} == set(RESULTS) - {"log.txt"}
+    assert result.files[0].name == "poses.csv"
     saved = json.loads((result.folder / "run.json").read_text())
     assert saved["complete"]
     assert set(saved["inputs"]) >= {str(run.persons[0].model)}

@@ -180,7 +180,8 @@ def _print_result(result: RunResult) -> None:
     console.print(
         f"{state} {result.n_frames} frames, {result.n_lost} lost, {rate:.1f} frames/s all included", highlight=False
     )
-    console.print(f"results in {result.folder} (report.html, overlay.mp4, poses.csv, joints.csv)", highlight=False)
+    files = ", ".join(path.name for path in result.files) or "no recordings chosen"
+    console.print(f"results in {result.folder}: {files}", highlight=False)
 
 
 def _print_evaluation(evaluation: Evaluation) -> None:

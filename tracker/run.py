@@ -24,7 +24,7 @@ from tracker.estimation import Estimation
 from tracker.initialization import Initialization
 from tracker.prediction import Prediction
 from tracker.reading import Reading
-from tracker.recording import Recorder, Recording, RunContext
+from tracker.recording import Recorder, Recording, RunContext, chosen_recordings
 from tracker.recording.journal import read_journal
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
@@ -41,7 +41,6 @@ _DEFAULTS = {
     "estimation": "hybrid",
     "initialization": "pca",
 }
-_RECORDINGS = ("csv_table", "journal", "overlay", "plots", "report", "run_json")
 
 log = logging.getLogger("tracker")
 
@@ -104,6 +103,8 @@ class RunResult:
     n_lost: int
     seconds: float
     interrupted: bool = False
+    files: tuple[Path, ...] = ()
+    """What the recorders have left in the folder."""
 
 
 class Observer(Protocol):
@@ -165,10 +166,7 @@ def run_from(table: Table, source: str, folder: Path, name: str) -> Run:
         stage: build(stage, table.get(stage, {}), f"{source} [{stage}]", folder, default)
         for stage, default in (("reading", None), *_DEFAULTS.items())
     }
-    recordings = tuple(
-        build("recording", {"use": entry} if isinstance(entry, str) else entry, f"{source} [recordings]", folder)
-        for entry in table.get("recordings", _RECORDINGS)
-    )
+    recordings = chosen_recordings(table.get("recordings", {}), f"{source} [recordings]", folder)
     loss = build_class(LossRule, table.get("loss", {}), f"{source} [loss]", folder)
     persons = _subjects(table["persons"], source, folder)
     return Run(name=str(table.get("name", name)), persons=persons, loss=loss, recordings=recordings, **stages)
@@ -230,6 +228,7 @@ def execute(run: Run, output: Path | None = None, resume: bool = False, observer
         folder=folder,
         scene=scene,
         fps=sequence.fps,
+        interval_s=sequence.interval_s,
         n_frames=sequence.n_frames,
         details={"config": run.described(), "versions": _versions(), "inputs": _input_hashes(run, sequence.rig.names)},
         resumed=frozenset(replay.index for replay in done),
@@ -259,11 +258,12 @@ def cycle_of(
 def _record(run: Run, context: RunContext, steps: Any, observer: Observer) -> RunResult:
     """Feeds every recorder; they are finished whatever happens."""
     begin, n_frames, n_lost, interrupted = time.perf_counter(), 0, 0, False
+    files: list[Path] = []
     with contextlib.ExitStack() as finishing:
         recorders: list[Recorder] = []
         for recording in run.recordings:
             recorders.append(recording.begin(context))
-            finishing.callback(recorders[-1].finish)
+            finishing.callback(_finish, recorders[-1], files)
         finishing.callback(observer.told, "writing the results")
         try:
             for step in steps:
@@ -279,7 +279,12 @@ def _record(run: Run, context: RunContext, steps: Any, observer: Observer) -> Ru
         except TrackerError as error:
             log.error("%s", error)
             raise
-    return RunResult(context.folder, n_frames, n_lost, time.perf_counter() - begin, interrupted)
+    return RunResult(context.folder, n_frames, n_lost, time.perf_counter() - begin, interrupted, tuple(files))
+
+
+def _finish(recorder: Recorder, files: list[Path]) -> None:
+    """Closes a recorder and puts its files before those of the recorders finished before it: the last ends first."""
+    files[:0] = recorder.finish()
 
 
 def _log_step(step: Step) -> None:

@@ -30,6 +30,11 @@ class Sequence(Protocol):
         ...
 
     @property
+    def interval_s(self) -> float:
+        """Usual time from one delivered frame to the next, seconds, the stride included."""
+        ...
+
+    @property
     def backgrounds(self) -> tuple[Image | None, ...]:
         """A clean plate (h, w, 3) for each view that has one, else None."""
         ...

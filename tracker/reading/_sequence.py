@@ -135,6 +135,11 @@ class OpenSequence:
         """Number of frames that `frames()` delivers."""
         return len(self.selection.indices)
 
+    @property
+    def interval_s(self) -> float:
+        """Time from one delivered frame to the next, seconds."""
+        return self.selection.stride / self.fps
+
     def frames(self) -> Iterator[Frame]:
         """All frames of the selection; the next one is decoded while the caller works on this one."""
         views = self.open_views()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,6 +28,7 @@ class Series:
 
     scene: Scene
     frames: list[int] = field(default_factory=list)
+    times_s: list[float] = field(default_factory=list)
     poses: list[list[Array]] = field(default_factory=list)
     sigmas: list[list[Array]] = field(default_factory=list)
     distances: list[list[float]] = field(default_factory=list)
@@ -39,6 +41,7 @@ class Series:
     def add(self, step: Step) -> None:
         """Takes the numbers of one frame."""
         self.frames.append(step.frame.index)
+        self.times_s.append(step.frame.time_s)
         self.poses.append([estimate.q for estimate in step.estimates])
         self.sigmas.append([np.sqrt(np.maximum(np.diag(e.covariance), 0)) for e in step.estimates])
         self.distances.append([estimate.distance_px for estimate in step.estimates])
@@ -48,6 +51,15 @@ class Series:
         self.overlaps.append(missing if step.overlap is None else step.overlap)
         self.seconds.append(step.seconds)
         self.missing.update(self.scene.rig.names[v] for v in step.frame.missing)
+
+    def spans(self) -> Array:
+        """(T, 2) begin and end of the time that each frame stands for, seconds: half-way to its neighbours."""
+        times = np.array(self.times_s)
+        if len(times) < 2:
+            return np.stack([times - 0.5, times + 0.5], axis=1)
+        between = (times[1:] + times[:-1]) / 2
+        edges = np.concatenate([[2 * times[0] - between[0]], between, [2 * times[-1] - between[-1]]])
+        return np.stack([edges[:-1], edges[1:]], axis=1)
 
     def shown(self, person: int) -> Array:
         """(T, dof) pose parameters in degrees and metres; NaN in lost frames."""
@@ -97,7 +109,7 @@ def panels(body: BodyModel) -> list[tuple[str, list[int]]]:
 
 
 def parameter_figure(series: Series, person: int) -> Figure:
-    """Pose parameters against frame number, a panel a limb, in the signs of the paper's figure 8."""
+    """Pose parameters against time, a panel a limb, in the signs of the paper's figure 8."""
     who: Person = series.scene.persons[person]
     shown, chosen = series.shown(person), panels(who.body)
     figure = Figure(figsize=(9, 2.3 * len(chosen)), layout="constrained")
@@ -110,13 +122,13 @@ def parameter_figure(series: Series, person: int) -> Figure:
             short = parameter.name.rpartition("_")[2]
             if parameter.rotates:
                 marker = _MARKERS.get(short, ".")
-                axis.plot(series.frames, shown[:, k], marker=marker, ms=4, lw=0.7, mfc="none", label=short)
+                axis.plot(series.times_s, shown[:, k], marker=marker, ms=4, lw=0.7, mfc="none", label=short)
             else:
                 metres = metres or axis.twinx()
-                metres.plot(series.frames, shown[:, k], "k", ls=_LINES.get(short, "--"), lw=1, label=f"{short} (m)")
+                metres.plot(series.times_s, shown[:, k], "k", ls=_LINES.get(short, "--"), lw=1, label=f"{short} (m)")
         axis.set_ylabel(f"{title.replace('_', ' ')}\ndegrees")
         _legend(axis, metres)
-    axes[-1].set_xlabel("frame")
+    _label_time(axes, series)
     return figure
 
 
@@ -131,29 +143,39 @@ def _legend(axis: Axes, metres: Axes | None) -> None:
 
 
 def _shade_lost(axis: Axes, series: Series, person: int) -> None:
-    for frame, statuses in zip(series.frames, series.statuses, strict=True):
+    for (begin, end), statuses in zip(series.spans(), series.statuses, strict=True):
         if statuses[person] == "lost":
-            axis.axvspan(frame - 0.5, frame + 0.5, color=STATUS_COLOURS[Status.LOST], alpha=0.25, lw=0)
+            axis.axvspan(begin, end, color=STATUS_COLOURS[Status.LOST], alpha=0.25, lw=0)
+
+
+def _label_time(axes: Iterable[Axes], series: Series) -> None:
+    """Seconds below, and above them the frame numbers that the tables count in."""
+    panels_in_order = list(axes)
+    panels_in_order[-1].set_xlabel("time, s")
+    places = np.unique(np.linspace(0, len(series.frames) - 1, min(len(series.frames), 9)).round().astype(int))
+    above = panels_in_order[0].secondary_xaxis("top")
+    above.set_xticks([series.times_s[k] for k in places], [str(series.frames[k]) for k in places])
+    above.set_xlabel("frame")
 
 
 def distance_figure(series: Series) -> Figure:
-    """Chamfer distance, explained share and silhouette overlap against frame number."""
+    """Chamfer distance, explained share and silhouette overlap against time."""
     overlaps = np.array(series.overlaps)
     n_panels = 3 if np.isfinite(overlaps).any() else 2
     figure = Figure(figsize=(9, 2.2 * n_panels), layout="constrained")
     axes = figure.subplots(n_panels, 1, sharex=True)
     for k, person in enumerate(series.scene.persons):
-        axes[0].plot(series.frames, np.array(series.distances)[:, k], lw=1, label=person.name)
-        axes[1].plot(series.frames, 100 * np.array(series.explained)[:, k], lw=1, label=person.name)
+        axes[0].plot(series.times_s, np.array(series.distances)[:, k], lw=1, label=person.name)
+        axes[1].plot(series.times_s, 100 * np.array(series.explained)[:, k], lw=1, label=person.name)
         _shade_lost(axes[0], series, k)
     axes[0].set_ylabel("chamfer distance\npx")
     axes[1].set_ylabel("contour explained\n%")
     if n_panels == 3:
         for v, name in enumerate(series.scene.rig.names):
-            axes[2].plot(series.frames, overlaps[:, v], lw=1, label=name)
+            axes[2].plot(series.times_s, overlaps[:, v], lw=1, label=name)
         axes[2].set_ylabel("silhouette IoU")
     for axis in axes:
         axis.grid(alpha=0.3)
         axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1), fontsize=8, frameon=False)
-    axes[-1].set_xlabel("frame")
+    _label_time(axes, series)
     return figure

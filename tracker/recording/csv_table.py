@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from contextlib import ExitStack
+from pathlib import Path
 from typing import TextIO
 
 import numpy as np
@@ -40,12 +41,14 @@ class CsvRecorder:
         self._decimals = decimals
         self._columns = parameter_columns(run.scene.persons)
         self._stack = ExitStack()
+        self._written: list[Path] = []
         self._poses = self._open(run, "poses.csv", (*_POSE_COLUMNS, *self._columns))
         self._sigmas = self._open(run, "sigmas.csv", (*_POSE_COLUMNS, *self._columns))
         self._joints = self._open(run, "joints.csv", _JOINT_COLUMNS)
 
     def _open(self, run: RunContext, name: str, columns: Sequence[str]) -> TextIO:
-        file = self._stack.enter_context((run.folder / name).open("w", newline="", encoding="utf-8"))
+        self._written.append(run.folder / name)
+        file = self._stack.enter_context(self._written[-1].open("w", newline="", encoding="utf-8"))
         csv.writer(file).writerow(columns)
         file.flush()
         return file
@@ -71,9 +74,10 @@ class CsvRecorder:
     def _text(self, value: float) -> str:
         return f"{value:.{self._decimals}f}" if np.isfinite(value) else ""
 
-    def finish(self) -> None:
+    def finish(self) -> tuple[Path, ...]:
         """Closes the tables."""
         self._stack.close()
+        return tuple(self._written)
 
 
 def parameter_columns(persons: Sequence[Person]) -> tuple[str, ...]:

@@ -30,14 +30,15 @@ class Journal:
             unfinished = path.with_suffix(".part")
             unfinished.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
             unfinished.replace(path)
-        return JournalRecorder(path.open("a" if run.resumed else "w", encoding="utf-8"), run.resumed)
+        return JournalRecorder(path, run.resumed)
 
 
 class JournalRecorder:
     """The open journal."""
 
-    def __init__(self, file: TextIO, present: frozenset[int]) -> None:
-        self._file, self._present = file, present
+    def __init__(self, path: Path, present: frozenset[int]) -> None:
+        self._path, self._present = path, present
+        self._file: TextIO = path.open("a" if present else "w", encoding="utf-8")
 
     def write(self, step: Step) -> None:
         """Adds one line for a frame that is not in it yet."""
@@ -53,9 +54,10 @@ class JournalRecorder:
         self._file.write(json.dumps(line) + "\n")
         self._file.flush()
 
-    def finish(self) -> None:
+    def finish(self) -> tuple[Path, ...]:
         """Closes the journal."""
         self._file.close()
+        return (self._path,)
 
 
 def read_journal(folder: Path) -> list[Replay]:

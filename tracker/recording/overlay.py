@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from pathlib import Path
 
 import av
 import numpy as np
 import pydantic
 from av.container import OutputContainer
+from av.packet import Packet
 from av.video.stream import VideoStream
 
 from tracker.components import component
@@ -17,6 +19,9 @@ from tracker.trajectory import Step
 
 _FRAGMENT = 10
 """Frames that are written together."""
+
+_TICKS = 90_000
+"""Time stamps a second: the clock of MPEG, in which every common frame rate is a whole number."""
 
 
 @component
@@ -38,33 +43,48 @@ class Overlay:
 
 
 class OverlayRecorder:
-    """The open video; its size is known with the first frame."""
+    """The open video; its size is known with the first frame, and so is the time it starts at."""
 
     def __init__(self, run: RunContext, settings: Overlay) -> None:
-        self._run, self._settings = run, settings
-        # Fragments: what was written before a kill stays playable.
-        fragmented = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
-        self._container: OutputContainer = av.open(str(run.folder / "overlay.mp4"), "w", options=fragmented)
+        self._run, self._settings, self._path = run, settings, run.folder / "overlay.mp4"
+        self._path.unlink(missing_ok=True)
+        self._container: OutputContainer | None = None
         self._stream: VideoStream | None = None
+        self._start_s = 0.0
 
     def write(self, step: Step) -> None:
-        """Adds one frame."""
+        """Adds one frame at its own time."""
         picture = draw_step(step, self._run.scene, self._settings.width_px, self._settings.stick_figure)
-        if self._stream is None:
-            self._stream = self._open_stream(picture.shape[1], picture.shape[0])
+        if self._container is None or self._stream is None:
+            # Fragments: what was written before a kill stays playable.
+            fragmented = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
+            self._container = av.open(str(self._path), "w", options=fragmented)
+            self._stream = self._open_stream(self._container, picture.shape[1], picture.shape[0])
+            self._start_s = step.frame.time_s
         frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="bgr24")
-        self._container.mux(self._stream.encode(frame))
+        frame.time_base = Fraction(1, _TICKS)
+        frame.pts = round((step.frame.time_s - self._start_s) * _TICKS)
+        self._mux(self._container, self._stream.encode(frame))
 
-    def _open_stream(self, width: int, height: int) -> VideoStream:
-        rate = Fraction(self._run.fps).limit_denominator(1001)
+    def _open_stream(self, container: OutputContainer, width: int, height: int) -> VideoStream:
+        rate = Fraction(1 / self._run.interval_s).limit_denominator(1001)
         # Without look-ahead every frame leaves the encoder at once, and a kill loses at most one fragment.
         options = {"crf": str(self._settings.quality), "preset": "veryfast", "tune": "zerolatency", "g": str(_FRAGMENT)}
-        stream = self._container.add_stream("libx264", rate=rate, options=options)
+        stream = container.add_stream("libx264", rate=rate, options=options)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream.codec_context.time_base = Fraction(1, _TICKS)
         return stream
 
-    def finish(self) -> None:
+    def _mux(self, container: OutputContainer, packets: list[Packet[VideoStream]]) -> None:
+        for packet in packets:
+            # A frame is shown until the next one; of the last one, and of the last before a kill, this is all there is.
+            packet.duration = round(self._run.interval_s * _TICKS)
+            container.mux(packet)
+
+    def finish(self) -> tuple[Path, ...]:
         """Flushes the encoder and closes the file."""
-        if self._stream is not None:
-            self._container.mux(self._stream.encode(None))
+        if self._container is None or self._stream is None:
+            return ()
+        self._mux(self._container, self._stream.encode(None))
         self._container.close()
+        return (self._path,)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pydantic
 
 from tracker.components import component
@@ -32,11 +34,12 @@ class PlotsRecorder:
         """Adds one frame."""
         self._series.add(step)
 
-    def finish(self) -> None:
+    def finish(self) -> tuple[Path, ...]:
         """Draws the plots."""
-        if not self._series.frames:
-            return
-        persons = self._run.scene.persons
+        persons = self._run.scene.persons if self._series.frames else ()
+        written = []
         for k, person in enumerate(persons):
             name = "parameters.png" if len(persons) == 1 else f"parameters_{person.name}.png"
-            parameter_figure(self._series, k).savefig(self._run.folder / name, dpi=self._dpi)
+            written.append(self._run.folder / name)
+            parameter_figure(self._series, k).savefig(written[-1], dpi=self._dpi)
+        return tuple(written)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+from pathlib import Path
 from typing import Any
 
 import jinja2
@@ -58,7 +59,7 @@ class ReportRecorder:
         if shown or worst:
             picture = encoded(draw_step(step, self._run.scene, self._settings.width_px, close=True))
             if shown:
-                caption = f"frame {step.frame.index}" + (": lost" if lost else "")
+                caption = f"frame {step.frame.index}, {step.frame.time_s:.2f} s" + (": lost" if lost else "")
                 self._pictures[step.frame.index] = caption, picture
             if worst:
                 self._worst = distance, step.frame.index, picture
@@ -71,13 +72,15 @@ class ReportRecorder:
                 if fit is not None
             ]
 
-    def finish(self) -> None:
+    def finish(self) -> tuple[Path, ...]:
         """Writes the page."""
         if not self._series.frames:
-            return
+            return ()
         environment = jinja2.Environment(loader=jinja2.PackageLoader("tracker.recording", "."), autoescape=True)
         page = environment.get_template("_report.html").render(self._content())
-        (self._run.folder / "report.html").write_text(page, encoding="utf-8")
+        path = self._run.folder / "report.html"
+        path.write_text(page, encoding="utf-8")
+        return (path,)
 
     def _content(self) -> dict[str, Any]:
         pictures = [(caption, _uri(data, "jpeg")) for _, (caption, data) in sorted(self._pictures.items())]
@@ -91,7 +94,7 @@ class ReportRecorder:
             "run": self._run,
             "summary": self._series.summary(),
             "colours": {str(status): colour for status, colour in STATUS_COLOURS.items()},
-            "timeline": self._series.statuses,
+            "timeline": self._timeline(),
             "pictures": pictures,
             "axes": None if axes is None else _uri(axes, "jpeg"),
             "starts": self._start_rows(),
@@ -101,6 +104,11 @@ class ReportRecorder:
             "config": tomli_w.dumps(self._run.details.get("config", {})),
             "versions": self._run.details.get("versions", {}),
         }
+
+    def _timeline(self) -> list[tuple[float, list[str]]]:
+        """Share of the run's time, times the number of frames, and the statuses of each frame."""
+        lasting = np.diff(self._series.spans())[:, 0]
+        return list(zip((lasting / lasting.mean()).tolist(), self._series.statuses, strict=True))
 
     def _start_rows(self) -> list[tuple[str, float, list[Hypothesis]]]:
         """Name, confidence and ranked hypotheses of each person that was bootstrapped."""

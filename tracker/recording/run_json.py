@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 from tracker.components import component
 from tracker.recording import RunContext
@@ -31,16 +32,17 @@ class RunJsonRecorder:
         """Adds one frame."""
         self._series.add(step)
 
-    def finish(self) -> None:
+    def finish(self) -> tuple[Path, ...]:
         """Writes the file again with the run's summary."""
-        self.save(complete=len(self._series.frames) == self._run.n_frames)
+        return (self.save(complete=len(self._series.frames) == self._run.n_frames),)
 
-    def save(self, complete: bool) -> None:
+    def save(self, complete: bool) -> Path:
         """Replaces the file as a whole."""
         content = {
             "name": self._run.name,
             "complete": complete,
             "fps": self._run.fps,
+            "interval_s": self._run.interval_s,
             "views": list(self._run.scene.rig.names),
             "persons": [
                 {"name": person.name, "model": person.body.name, "stature_m": person.body.stature_m}
@@ -53,3 +55,4 @@ class RunJsonRecorder:
         unfinished = path.with_suffix(".json.part")
         unfinished.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
         unfinished.replace(path)
+        return path
