@@ -22,6 +22,9 @@ Mask = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 """Indices and counts."""
 
+Numbers16 = NDArray[np.uint16]
+"""Small numbers of pixels, such as the colours of a palette."""
+
 
 def frozen(values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
     """A contiguous read-only copy of `values` with `dtype`."""

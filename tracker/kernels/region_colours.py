@@ -1,0 +1,134 @@
+"""Colours inside and outside of body parts: pixels as colour numbers, and tables of how often each colour occurs.
+
+A colour is one of 16 x 16 x 16 bins of blue, green and red. Tables are kept per view and part: one table for a whole
+person is two to four times worse, and no two cameras see the same colours.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from tracker.arrays import Array32, Image, Integers, Mask, Numbers16
+
+N_COLOURS = 4096
+
+EVEN = 127
+"""Entry of a posterior table that tells nothing; 0 is surely outside, 254 surely inside."""
+
+_BINS = 16
+
+LEAST_PIXELS = 20.0
+"""Fewer pixels than this teach nothing: a table of a handful of colours calls every other one strange."""
+
+
+class Picture(NamedTuple):
+    """The colour numbers of all views where they matter."""
+
+    codes: Numbers16
+    """Regions of all views end to end, each row by row."""
+
+    layout: Integers
+    """(V, 5) start in `codes`; x, y, width and height of the region, px; width 0 for a missing view."""
+
+
+class Tables(NamedTuple):
+    """Shares of the colours, each table summing to 1, or to 0 where nothing was learnt."""
+
+    inside: Array32
+    """(V, P, 4096) of the pixels just inside the contour of a part."""
+
+    outside: Array32
+    """(V, P, 4096) of the background just outside of it."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def encode(image: Image, region: tuple[int, int, int, int], codes: Numbers16) -> None:
+    """Writes the colour numbers of a region (x, y, width, height) of a BGR image to `codes`, row by row."""
+    x, y, width, height = region
+    i = 0
+    for row in range(y, y + height):
+        for column in range(x, x + width):
+            blue, green, red = image[row, column, 0], image[row, column, 1], image[row, column, 2]
+            codes[i] = (blue >> 4) << 8 | (green >> 4) << 4 | red >> 4
+            i += 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def colour_at(picture: Picture, v: int, x: float, y: float) -> int:
+    """Colour number of the pixel nearest to a position in view v, -1 outside of the region."""
+    column = int(np.floor(x + 0.5)) - picture.layout[v, 1]
+    row = int(np.floor(y + 0.5)) - picture.layout[v, 2]
+    width = picture.layout[v, 3]
+    if column < 0 or row < 0 or column >= width or row >= picture.layout[v, 4]:
+        return -1
+    return int(picture.codes[picture.layout[v, 0] + row * width + column])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _clamped(k: int) -> int:
+    return min(max(k, 0), _BINS - 1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def spread_colours(counts: Integers, table: Array32, factor: float) -> None:
+    """Adds colour counts (4096,), each spread 1-2-1 over its neighbours in blue, green and red, times a factor.
+
+    A Parzen window: 300 pixels are too few for 4096 bins. Beyond the end of a channel the weight stays in the last bin.
+    """
+    for colour in range(N_COLOURS):
+        if counts[colour] == 0:
+            continue
+        blue, green, red = colour >> 8, colour >> 4 & 15, colour & 15
+        share = factor * counts[colour] / 64.0
+        for i in range(-1, 2):
+            first = _clamped(blue + i) << 8
+            for j in range(-1, 2):
+                second = first | _clamped(green + j) << 4
+                weight = share * ((2 - abs(i)) * (2 - abs(j)))
+                for k in range(-1, 2):
+                    table[second | _clamped(red + k)] += weight * (2 - abs(k))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def learn_colours(counts: Integers, news: float, table: Array32) -> bool:
+    """Moves a table (4096,) towards the shares of colours counted (4096,) by `news`, all the way if it is empty.
+
+    Returns:
+        Whether there were enough pixels.
+    """
+    total, known = 0.0, 0.0
+    for colour in range(N_COLOURS):
+        total += counts[colour]
+        known += table[colour]
+    if total < LEAST_PIXELS:
+        return False
+    rate = news if known > 0.0 else 1.0
+    for colour in range(N_COLOURS):
+        table[colour] *= 1.0 - rate
+    spread_colours(counts, table, rate / total)
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def tabulate_posteriors(tables: Tables, rule: tuple[float, float], wanted: Mask, posteriors: Image) -> None:
+    """Probability that a pixel of a colour lies inside, were both sides as likely, of some parts in some views.
+
+    Args:
+        tables: shares of the colours.
+        rule: share that a colour never seen has; bound on the logarithm of the odds.
+        wanted: (V, P) tables to fill.
+        posteriors: (V, P, 4096) output, 254 times the probability.
+    """
+    floor, most = rule
+    low = 1.0 / (1.0 + np.exp(most))
+    for v in range(wanted.shape[0]):
+        for p in range(wanted.shape[1]):
+            if not wanted[v, p]:
+                continue
+            for colour in range(N_COLOURS):
+                inside = tables.inside[v, p, colour] + floor
+                share = inside / (inside + tables.outside[v, p, colour] + floor)
+                posteriors[v, p, colour] = int(254.0 * min(max(share, low), 1.0 - low) + 0.5)
