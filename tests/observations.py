@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.spatial import cKDTree
 
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.camera import Camera
+from tracker.comparison import Comparison
 from tracker.contours import Contours, ViewContours
+from tracker.evidence.contours import ContourEvidence
 from tracker.objective import Objective
 from tracker.observation import Observation, ViewObservation
 from tracker.rig import Rig
 from tracker.scene import Scene
-from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.synthesis.cpu import CpuSynthesis
 
 REACH_PX = 40.0
@@ -79,9 +82,9 @@ def view_of(
     )
 
 
-def objective_of(scene: Scene, observation: Observation, person: int = 0) -> Objective:
-    """The objective of the default components."""
-    return Objective(scene, person, CpuSynthesis(), ChamferSimilarity(), observation)
+def objective_of(scene: Scene, observation: Observation, person: int = 0, **settings: Any) -> Objective:
+    """The objective of contour evidence, of the default components but for the settings."""
+    return Objective(Comparison(scene, person, CpuSynthesis(), observation), ContourEvidence(**settings))
 
 
 def off(body: BodyModel, angle_deg: float, length_m: float, seed: int) -> Array:

@@ -7,16 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Image
 from tracker.cycle import Cycle, LossRule
 from tracker.estimation.hybrid import HybridEstimation
+from tracker.evidence.contours import ContourEvidence
 from tracker.frame import Frame
 from tracker.initialization import Initialization, Stages
 from tracker.initialization.pca import PcaInitialization
 from tracker.prediction.polynomial import PolynomialPrediction
 from tracker.scene import Scene
-from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.simulation.sequence import Recipe, Simulation, simulate
 from tracker.start import Start
 from tracker.synthesis.cpu import CpuSynthesis
@@ -50,8 +49,7 @@ def small_simulation(movement: str = "arm_swing", n_frames: int = 8, **changes: 
 def cycle_for(simulation: Simulation, start: Initialization | None = None, **changes: object) -> Cycle:
     cycle = Cycle(
         synthesis=CpuSynthesis(),
-        analysis=ContourAnalysis(),
-        similarity=ChamferSimilarity(),
+        evidence=ContourEvidence(),
         prediction=PolynomialPrediction(),
         estimation=HybridEstimation(),
         initialization=start or PcaInitialization(),

@@ -24,7 +24,6 @@ from tracker.acquisition.calibrated_views import (
 )
 from tracker.acquisition.fitting import FitSettings, Task, fit
 from tracker.acquisition.looks import Look
-from tracker.acquisition.outlines import outline_observation, overlap
 from tracker.acquisition.part_search import section_distances
 from tracker.acquisition.pictures import Pair, Picture, orthographic_camera, read_silhouette
 from tracker.acquisition.result import bone_lengths, model_of, stature_of
@@ -37,13 +36,14 @@ from tracker.body_files import load_body, read_description, save_description
 from tracker.config import Table, read_config
 from tracker.errors import SequenceError, TrackerError
 from tracker.estimation.hybrid import HybridEstimation
+from tracker.evidence.contours import ContourEvidence
 from tracker.frame import Frame
 from tracker.geometry.superquadrics import surface
 from tracker.initialization import Stages
+from tracker.outlines import outline_observation, overlap
 from tracker.resources import model_path
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
-from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.simulation.sequence import Recipe, write_sequence
 from tracker.synthesis.cpu import CpuSynthesis
 
@@ -250,11 +250,13 @@ def test_a_standing_person_is_found_on_edges_alone() -> None:
     seen = ideal(scene)
 
     class Faultless(ContourAnalysis):
-        def observe(self, frame: Frame, expected: object, backgrounds: object) -> object:  # type: ignore[override]
+        def observe(self, sight: object, expected: object) -> object:  # type: ignore[override]
             return seen
 
-    stages = Stages(CpuSynthesis(), Faultless(), ChamferSimilarity(), HybridEstimation(), (None,) * 4)
-    start = StanceSearch(step_m=0.2, step_deg=30.0, hypotheses=3).start(Frame(0, 0.0, (None,) * 4), scene, stages)
+    stages = Stages(CpuSynthesis(), ContourEvidence(analysis=Faultless()), HybridEstimation(), (None,) * 4)
+    start = StanceSearch(step_m=0.2, step_deg=30.0, hypotheses=3, analysis=Faultless()).start(
+        Frame(0, 0.0, (None,) * 4), scene, stages
+    )
     off = body.landmarks_in_world(start.poses[0]) - body.landmarks_in_world(q)
     assert np.linalg.norm(off, axis=1).mean() < 0.03
 

@@ -21,9 +21,10 @@ LAYERS = (
     "errors arrays components config resources geometry imaging kernels",
     "camera rig rig_files rig_formats middlebury frame shape segments mirror "
     "body_sections body body_defaults body_facts body_description body_files scene contours observation "
-    "correspondences estimate start trajectory triangulation",
-    "reading calibration prediction synthesis analysis similarity recording",
-    "objective",
+    "account equations sight estimate start trajectory triangulation",
+    "reading calibration prediction synthesis analysis recording",
+    "comparison outlines correspondences",
+    "similarity evidence objective",
     "estimation initialization",
     "cycle rehearsal tracking",
     "acquisition lsm recognition evaluation simulation",
@@ -32,7 +33,7 @@ LAYERS = (
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}
 
-STAGES, APPLICATIONS, COMMAND_LINE = 2, 6, 8
+STAGES, APPLICATIONS, COMMAND_LINE = 2, 7, 9
 """Units of the layers STAGES and APPLICATIONS meet only in nouns; the COMMAND_LINE alone prints and exits."""
 
 OPTIONAL = {"moderngl", "glcontext", "pyrender", "OpenGL", "dask", "distributed", "rerun", "viser"}
@@ -342,7 +343,7 @@ VIOLATIONS: tuple[tuple[Law, dict[str, str]], ...] = (
     (upward_imports, {"tracker.run": "from scripts.benchmark import main"}),
     (upward_imports, {"tracker.novelty": ""}),
     (upward_imports, {"tracker.run": "import tracker.novelty"}),
-    (sideways_imports, {"tracker.similarity.overlap": "from tracker.synthesis import Synthesis"}),
+    (sideways_imports, {"tracker.analysis.overlap": "from tracker.synthesis import Synthesis"}),
     (sideways_imports, {"tracker.evaluation.report": "from tracker import simulation", "tracker.simulation": ""}),
     (cycles, {"tracker.rig": "import tracker.camera", "tracker.camera": "from tracker.rig import Rig"}),
     (cycles, {"tracker.geometry.a": "import tracker.arrays", "tracker.arrays": "import tracker.geometry.b"}),

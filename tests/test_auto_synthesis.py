@@ -73,6 +73,6 @@ def test_a_card_scores_large_batches_and_the_tracer_the_rest(
     np.testing.assert_array_equal(synthesis.part_ids(truth), cpu.part_ids(truth))
     for n, card in ((1, False), (64, name == "NVIDIA")):
         poses = np.tile(truth.persons[0].q, (n, 1))
-        found = synthesis.directed_distances(truth, 0, poses, observation, 40.0)
+        found = synthesis.directed_distances(truth, 0, poses, observation, 40.0, False)
         expected = cpu.directed_distances(truth, 0, poses, observation, 40.0, False)
         np.testing.assert_array_equal(found, np.full_like(expected, -1.0) if card else expected)

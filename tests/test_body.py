@@ -13,15 +13,16 @@ from tracker.arrays import Array, Image
 from tracker.body import BodyModel
 from tracker.body_files import load_body
 from tracker.camera import Camera
+from tracker.comparison import Comparison
 from tracker.contours import ViewContours
 from tracker.errors import ModelError
 from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.evidence.contours import ContourEvidence
 from tracker.objective import Objective
 from tracker.observation import Observation, ViewObservation
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.shape import TaperedSuperquadric
-from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.synthesis.cpu import CpuSynthesis
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
@@ -292,7 +293,8 @@ def test_an_animal_is_found_by_the_same_code() -> None:
     observation = Observation(tuple(observed(drawn.of(v)) for v in range(4)))
     errors = np.random.default_rng(6).choice([-1.0, 1.0], body.dof) * np.where(body.rotates, np.radians(3), 0.02)
     start = body.clamped(truth + errors)
-    objective = Objective(scene.with_pose(0, start), 0, CpuSynthesis(), ChamferSimilarity(), observation)
+    asked = Comparison(scene.with_pose(0, start), 0, CpuSynthesis(), observation)
+    objective = Objective(asked, ContourEvidence())
     found = TwistIcpEstimation().estimate(objective, start[None]).q
     assert np.degrees(np.abs(found - truth)[body.rotates]).max() < 1.0
     assert np.abs(found - truth)[~body.rotates].max() < 0.005

@@ -50,7 +50,7 @@ every_nested_field = pytest.mark.parametrize(
 
 
 def test_all_stages_of_the_cycle_are_found():
-    cycle = {"reading", "initialization", "prediction", "synthesis", "analysis", "similarity", "estimation"}
+    cycle = {"reading", "initialization", "prediction", "synthesis", "evidence", "analysis", "similarity", "estimation"}
     assert set(STAGES) >= cycle | {"recording"}
     assert {stage for stage, _ in COMPONENTS} == set(STAGES)
 

@@ -44,20 +44,33 @@ def test_sections_have_defaults_and_paths_start_at_the_file(written, tmp_path):
 
 
 def test_overrides_reach_nested_components(written):
-    overrides = ["similarity.outlier_px=15", "estimation.first.use=best_first", "estimation.first.step_deg=2.5"]
+    overrides = [
+        "evidence.similarity.outlier_px=15",
+        "estimation.first.use=best_first",
+        "estimation.first.step_deg=2.5",
+    ]
     run = load_run(written(GOOD), overrides)
-    assert run.similarity.outlier_px == 15
+    assert run.evidence.similarity.outlier_px == 15
     assert run.estimation.first.step_deg == 2.5
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (GOOD + "[similarty]\n", 'run.toml: unknown section "similarty"; did you mean "similarity"'),
-        (GOOD + "[similarity]\noutlier = 3\n", r'\[similarity\]: unknown key "outlier"; did you mean "outlier'),
-        (GOOD + '[similarity]\nuse = "chamfr"\n', r'use = "chamfr": no such component; did you mean "chamfer"'),
-        (GOOD + '[similarity]\noutlier_px = "far"\n', r"\[similarity\]: outlier_px = 'far': input should be"),
-        (GOOD + "[similarity]\noutlier_px = -1\n", r"outlier_px = -1: input should be greater than 0"),
+        (GOOD + "[evidnce]\n", 'run.toml: unknown section "evidnce"; did you mean "evidence"'),
+        (
+            GOOD + "[evidence.similarity]\noutlier = 3\n",
+            r'\[evidence\] similarity: unknown key "outlier"; did you mean "outlier',
+        ),
+        (
+            GOOD + '[evidence.similarity]\nuse = "chamfr"\n',
+            r'use = "chamfr": no such component; did you mean "chamfer"',
+        ),
+        (
+            GOOD + '[evidence.similarity]\noutlier_px = "far"\n',
+            r"\[evidence\] similarity: outlier_px = 'far': input should be",
+        ),
+        (GOOD + "[evidence.similarity]\noutlier_px = -1\n", r"outlier_px = -1: input should be greater than 0"),
         (GOOD + "[estimation]\nfirst = 3\n", r"\[estimation\] first: expected a table like"),
         (GOOD + "[loss]\nlost = 1\n", r'\[loss\]: unknown key "lost"; did you mean "lost_below"'),
         (GOOD.replace("rig =", "rg ="), r'\[reading\]: unknown key "rg"; did you mean "rig"'),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,15 +14,21 @@ from renderers import working
 from scipy.spatial import cKDTree
 from sections import made
 
+from tracker.analysis.contours import ContourAnalysis
+from tracker.comparison import Comparison
 from tracker.components import available
 from tracker.cycle import Cycle
 from tracker.errors import InitializationError, TrackerError
 from tracker.estimate import Estimate, Status
+from tracker.evidence import Evidence
+from tracker.evidence.contours import ContourEvidence
 from tracker.frame import Frame
+from tracker.kernels.chamfer import directed_distances
 from tracker.objective import Objective
 from tracker.observation import Observation
 from tracker.recording import RunContext
 from tracker.scene import Scene
+from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.trajectory import History, Step
 
@@ -59,7 +65,7 @@ def cycle(simulation: Simulation) -> Cycle:
 
 @pytest.fixture(scope="module")
 def observation(scene: Scene, frame: Frame, cycle: Cycle) -> Observation:
-    return cycle.analysis.observe(frame, cycle.synthesis.contours(scene), cycle.backgrounds)
+    return ContourAnalysis().observe(Sight(frame, cycle.backgrounds), cycle.synthesis.contours(scene))
 
 
 def around(scene: Scene, n: int, off_deg: float, off_m: float) -> np.ndarray:
@@ -114,7 +120,7 @@ def test_a_batch_is_its_poses_one_by_one(use, scene):
 def test_findings_are_edges_of_their_view(use, predicted, scene, frame, cycle):
     expected = cycle.synthesis.contours(scene) if predicted else None
     one_missing = replace(frame, images=(None, *frame.images[1:]))
-    observation = made("analysis", use).observe(one_missing, expected, cycle.backgrounds)
+    observation = made("analysis", use).observe(Sight(one_missing, cycle.backgrounds), expected)
     assert observation.views[0] is None
     assert len(observation.views) == len(frame.images)
     for view, camera in zip(observation.views[1:], scene.rig.cameras[1:], strict=True):
@@ -137,49 +143,157 @@ def test_findings_are_edges_of_their_view(use, predicted, scene, frame, cycle):
 @each("analysis")
 def test_the_same_images_show_the_same(use, scene, frame, cycle):
     expected = cycle.synthesis.contours(scene)
-    one, other = (made("analysis", use).observe(frame, expected, cycle.backgrounds) for _ in range(2))
+    one, other = (made("analysis", use).observe(Sight(frame, cycle.backgrounds), expected) for _ in range(2))
     for mine, theirs in zip(one.packed, other.packed, strict=True):
         np.testing.assert_array_equal(mine, theirs)
 
 
 @each("analysis")
 def test_the_true_contours_are_found_in_the_images(use, scene, frame, cycle):
-    contours = cycle.synthesis.contours(scene)
-    found = made("analysis", use).observe(frame, contours, cycle.backgrounds)
-    evidence = cycle.similarity.evidence(contours, found, len(scene.shapes))
-    seen = evidence.visible_px > 0
-    assert np.average(evidence.explained[seen], weights=evidence.visible_px[seen]) > 0.6
+    evidence = ContourEvidence(analysis=made("analysis", use))
+    found = evidence.observe(Sight(frame, cycle.backgrounds), cycle.synthesis.contours(scene))
+    asked = Comparison(scene, 0, cycle.synthesis, found)
+    assert evidence.account(asked, scene.persons[0].q).explained > 0.6
+
+
+@each("analysis")
+def test_what_was_looked_at_ahead_is_what_is_seen(use, scene, frame, cycle):
+    contours, analysis = cycle.synthesis.contours(scene), made("analysis", use)
+    ahead, fresh = Sight(frame, cycle.backgrounds), Sight(frame, cycle.backgrounds)
+    analysis.look(ahead, contours)
+    one, other = analysis.observe(ahead, contours), analysis.observe(fresh, contours)
+    for mine, theirs in zip(one.views, other.views, strict=True):
+        near = cKDTree(mine.edges[mine.accepted]).query(theirs.edges[theirs.accepted])[0]
+        assert np.quantile(near, 0.98) < 0.5
+
+
+@each("synthesis")
+def test_the_service_of_searches_says_what_the_contours_say(use, scene, observation):
+    """One pose, one number: batched and compiled, or contour by contour."""
+    synthesis, poses = working(use, scene), around(scene, 3, 8.0, 0.05)
+    edges = observation.packed
+    for reject in (False, True):
+        drawn = synthesis.contours(scene, 0, poses, coarse=True)
+        plain = directed_distances(drawn.positions, drawn.counts, *edges[:4], 40.0, reject)
+        found = synthesis.directed_distances(scene, 0, poses, observation, 40.0, reject)
+        np.testing.assert_allclose(found, plain, rtol=0.02 if use == "egl" else 1e-5)
 
 
 @each("similarity")
 def test_a_distance_is_least_near_the_truth_whatever_else_is_in_the_batch(use, scene, observation, cycle):
-    similarity = made("similarity", use)
+    similarity, asked = made("similarity", use), Comparison(scene, 0, cycle.synthesis, observation)
     shifts = np.zeros((5, scene.persons[0].body.dof))
     shifts[:, 0] = [0.0, 0.05, -0.05, 0.1, -0.1]
     poses = scene.persons[0].q + shifts
-    distances = similarity.distance(cycle.synthesis.contours(scene, 0, poses), observation)
-    assert np.isfinite(distances).all()
+    distances = similarity.distances(asked, poses)
+    assert distances.shape == (5, len(scene.rig))
     assert (distances >= 0).all()
-    assert distances[0] < distances[1:3].min() < distances[3:].min()
-    singles = [similarity.distance(cycle.synthesis.contours(scene, 0, q[None]), observation)[0] for q in poses]
+    mean = distances.mean(axis=1)
+    assert mean[0] < mean[1:3].min() < mean[3:].min()
+    singles = [similarity.distances(asked, q[None])[0] for q in poses]
     np.testing.assert_allclose(distances, singles, rtol=1e-5)
 
 
 @each("similarity")
 @pytest.mark.parametrize("n_missing", [0, 1, 4])
-def test_evidence_explains_the_distance(use, n_missing, scene, observation, cycle):
-    similarity, contours = made("similarity", use), cycle.synthesis.contours(scene)
+def test_missing_views_have_no_distance(use, n_missing, scene, observation, cycle):
     rest = Observation((None,) * n_missing + observation.views[n_missing:])
-    evidence = similarity.evidence(contours, rest, len(scene.shapes))
-    assert np.isfinite(evidence.distance_px)
-    np.testing.assert_allclose(evidence.distance_px, similarity.distance(contours, rest)[0], rtol=1e-6)
-    np.testing.assert_array_equal(np.isnan(evidence.per_view_px), np.arange(len(scene.rig)) < n_missing)
-    if n_missing < len(scene.rig):
-        np.testing.assert_allclose(np.nanmean(evidence.per_view_px), evidence.distance_px, rtol=1e-6)
-    hidden = evidence.visible_px == 0
-    np.testing.assert_array_equal(np.isnan(evidence.explained), hidden)
-    np.testing.assert_array_equal(np.isnan(evidence.per_part_px), hidden)
-    assert ((evidence.explained[~hidden] >= 0) & (evidence.explained[~hidden] <= 1)).all()
+    found = made("similarity", use).distances(Comparison(scene, 0, cycle.synthesis, rest), scene.persons[0].q[None])
+    np.testing.assert_array_equal(np.isnan(found[0]), np.arange(len(scene.rig)) < n_missing)
+
+
+@pytest.fixture(scope="module")
+def observed(scene: Scene, frame: Frame, cycle: Cycle) -> Callable[..., Comparison]:
+    """What a kind of evidence is asked when it has seen the frame near the true pose."""
+
+    def ask(evidence: Evidence, n_missing: int = 0, **changes: object) -> Comparison:
+        images = (None,) * n_missing + frame.images[n_missing:]
+        sight = Sight(replace(frame, images=images), cycle.backgrounds)
+        contours = cycle.synthesis.contours(scene)
+        # what is learned from a frame is known in the next one
+        memory = evidence.learned(None, Sight(frame, cycle.backgrounds), scene, contours, np.ones(1, dtype=bool))
+        return Comparison(scene, 0, cycle.synthesis, evidence.observe(sight, contours, memory))
+
+    return ask
+
+
+@each("evidence")
+@pytest.mark.parametrize("n_missing", [0, 1, 4])
+def test_one_pose_has_one_number(use, n_missing, scene, observed):
+    evidence = made("evidence", use)
+    asked, poses = observed(evidence, n_missing), around(scene, 3, 5.0, 0.03)
+    distances = evidence.distances(asked, poses)
+    assert distances.shape == (3,)
+    assert np.isfinite(distances).all()
+    for q, distance in zip(poses, distances, strict=True):
+        account = evidence.account(asked, q)
+        assert account.distance_px == pytest.approx(distance, rel=1e-5)
+        missing = np.arange(len(scene.rig)) < n_missing
+        assert np.isnan(account.per_view_px[missing]).all()
+        n_parts = len(scene.persons[0].body.parts)
+        for lengths in (account.visible_px, account.explained_px, account.missed_px, account.per_part_px):
+            assert lengths.shape == (n_parts,)
+        assert (account.explained_px >= 0).all()
+        assert (account.explained_px <= account.visible_px * (1 + 1e-9)).all()
+        assert (account.missed_px >= 0).all()
+        assert (np.isnan(account.per_part_px) == (account.visible_px == 0)).all()
+
+
+@each("evidence")
+def test_evidence_is_for_the_truth(use, scene, observed):
+    evidence = made("evidence", use)
+    asked, q = observed(evidence), scene.persons[0].q
+    shifts = np.zeros((5, len(q)))
+    shifts[:, 0] = [0.0, 0.06, -0.06, 0.15, -0.15]
+    distances = evidence.distances(asked, q + shifts)
+    assert distances[0] < distances[1:3].min() < distances[3:].min()
+    accounts = [evidence.account(asked, pose) for pose in (q, q + shifts[3])]
+    assert accounts[0].explained > accounts[1].explained
+    assert accounts[0].left_over < accounts[1].left_over
+
+
+@each("evidence")
+def test_its_equations_lead_back_to_the_truth(use, scene, observed):
+    evidence, body = made("evidence", use), scene.persons[0].body
+    asked, truth = observed(evidence), scene.persons[0].q
+    shift = np.zeros(body.dof)
+    shift[:3] = 0.03, -0.02, 0.01
+    q = truth + shift
+    for _ in range(6):
+        found = evidence.equations(asked, q, 25.0)
+        np.testing.assert_allclose(found.matrix, found.matrix.T, atol=1e-9 * np.abs(found.matrix).max())
+        assert found.total > 0
+        assert found.squares >= 0
+        # the root alone: everything else holds
+        q = q.copy()
+        q[:3] -= np.linalg.solve(found.matrix[:3, :3] + 1e-6 * np.eye(3), found.vector[:3])
+    assert np.linalg.norm((q - truth)[:3]) < 0.4 * np.linalg.norm(shift)
+
+
+@each("evidence")
+def test_without_images_evidence_says_nothing(use, scene, observed):
+    evidence = made("evidence", use)
+    found = evidence.equations(observed(evidence, n_missing=4), scene.persons[0].q, 25.0)
+    assert not found.matrix.any()
+    assert not found.vector.any()
+    assert found.total == 0
+
+
+@each("evidence")
+def test_what_is_learned_is_learned_again(use, scene, frame, cycle):
+    """A resumed run learns from the same frames the same."""
+    evidence, contours = made("evidence", use), cycle.synthesis.contours(scene)
+    for trusted in ([True], [False]):
+        once, again = (
+            evidence.learned(None, Sight(frame, cycle.backgrounds), scene, contours, np.array(trusted))
+            for _ in range(2)
+        )
+        poses = scene.persons[0].q[None]
+        seen = [
+            Comparison(scene, 0, cycle.synthesis, evidence.observe(Sight(frame, cycle.backgrounds), contours, memory))
+            for memory in (once, again)
+        ]
+        np.testing.assert_array_equal(*(evidence.distances(asked, poses) for asked in seen))
 
 
 @each("prediction")
@@ -207,18 +321,18 @@ def test_who_stands_still_is_predicted_to(use, n_frames, scene):
 
 @each("estimation")
 def test_an_estimate_is_a_possible_pose_no_worse_than_the_starts(use, scene, observation, cycle):
-    objective = Objective(scene, 0, cycle.synthesis, cycle.similarity, observation)
+    objective = Objective(Comparison(scene, 0, cycle.synthesis, observation), ContourEvidence())
     body, starts = scene.persons[0].body, around(scene, 2, 3.0, 0.02)
     starts.setflags(write=False)
     estimate: Estimate = made("estimation", use).estimate(objective, starts)
     np.testing.assert_array_equal(estimate.q, body.clamped(estimate.q))
     assert estimate.covariance.shape == (body.dof, body.dof)
-    assert estimate.per_view_px.shape == (len(scene.rig),)
-    assert estimate.per_part_px.shape == (len(body.parts),)
+    assert estimate.account.per_view_px.shape == (len(scene.rig),)
+    assert estimate.account.per_part_px.shape == (len(body.parts),)
     assert estimate.evaluations >= 1
-    # reported are the distances of full contours; a search may work with fewer samples
-    assert estimate.distance_px == pytest.approx(objective.evidence(estimate.q).distance_px)
-    assert estimate.distance_px <= min(objective.evidence(q).distance_px for q in starts)
+    # reported is the number that the search ranked by
+    assert estimate.distance_px == objective(estimate.q[None])[0]
+    assert estimate.distance_px <= objective(starts).min()
     np.testing.assert_array_equal(made("estimation", use).estimate(objective, starts).q, estimate.q)
 
 
@@ -257,7 +371,7 @@ def test_nothing_is_calibrated_from_nothing(use):
 @pytest.fixture(scope="module")
 def steps(scene: Scene, frame: Frame, cycle: Cycle, observation: Observation) -> list[Step]:
     """A frame found, one lost with a view missing, one found again."""
-    found = Objective(scene, 0, cycle.synthesis, cycle.similarity, observation).estimate(
+    found = Objective(Comparison(scene, 0, cycle.synthesis, observation), ContourEvidence()).estimate(
         scene.persons[0].q, np.full((22, 22), np.nan), 1
     )
     fitted = cycle.synthesis.contours(scene)

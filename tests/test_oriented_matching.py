@@ -10,8 +10,7 @@ from observations import four_views, ideal, objective_of, off
 
 from tracker.arrays import Array, Integers
 from tracker.body import BodyModel
-from tracker.correspondences import Correspondences
-from tracker.estimation.twist_icp import correspondences
+from tracker.correspondences import Correspondences, correspondences
 from tracker.kernels.oriented_matching import match_oriented, normal_equations
 from tracker.observation import Observation
 from tracker.rig import Rig
@@ -80,8 +79,7 @@ def drawn_pairs(truth: Scene, observation: Observation) -> tuple[Array, Correspo
     """A pose off the truth and its correspondences."""
     body = truth.persons[0].body
     q = body.clamped(truth.persons[0].q + off(body, 3.0, 0.02, seed=1))
-    objective = objective_of(truth, observation)
-    return q, correspondences(objective, objective.contours(q[None]), q, 20.0, 40.0)
+    return q, correspondences(objective_of(truth, observation).asked, q, 20.0, 40.0)
 
 
 def with_lens(rig: Rig) -> Rig:
@@ -147,7 +145,7 @@ def test_correspondences_are_of_the_person_asked_for(body: BodyModel, truth: Sce
     observation = ideal(scene)
     for person in range(2):
         objective, q = objective_of(scene, observation, person), scene.persons[person].q
-        pairs = correspondences(objective, objective.contours(q[None]), q, 6.0, 40.0)
+        pairs = correspondences(objective.asked, q, 6.0, 40.0)
         assert len(pairs.points) > 200
         placed = body.world_from_part(q)
         local = [np.linalg.inv(m) @ np.c_[pairs.points, np.ones(len(pairs.points))].T for m in placed]

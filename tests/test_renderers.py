@@ -122,8 +122,8 @@ def test_who_is_not_in_the_picture_is_not_drawn(
             for ids, reference in zip(renderer.part_ids(scene), rasterized_ids(scene, 17, 32), strict=True):
                 assert abs(int((ids >= 0).sum()) - int((reference >= 0).sum())) < 5
         assert (renderer.contours(truth, 0, q).counts[2] == 0).all()
-    np.testing.assert_allclose(egl.directed_distances(truth, 0, q, observation, THETA)[2], THETA)
-    assert egl.directed_distances(truth, 0, q[:0], observation, THETA).shape == (0, 4, 2)
+    np.testing.assert_allclose(egl.directed_distances(truth, 0, q, observation, THETA, False)[2], THETA)
+    assert egl.directed_distances(truth, 0, q[:0], observation, THETA, False).shape == (0, 4, 2)
     assert egl.contours(truth, 0, q[:0]).counts.shape == (0, 4)
 
 
@@ -247,7 +247,7 @@ def test_scores_of_the_card_are_those_of_the_tracer(
 ) -> None:
     scene, poses = scenes[kind], scattered(body, 40)
     observation = ideal(scene, noise_px=0.5)
-    on_card = egl.directed_distances(scene, 0, poses, observation, THETA)
+    on_card = egl.directed_distances(scene, 0, poses, observation, THETA, False)
     traced = scored(CpuSynthesis(step_px=2.0), scene, poses, observation)
     assert on_card.shape == (40, 4, 2)
     for direction in range(2):
@@ -261,15 +261,15 @@ def test_scores_of_the_card_are_those_of_the_kernel(
 ) -> None:
     """Alone, in a batch, in many small pictures and where there is too little room for all edges at first."""
     poses = scattered(body, 6)
-    together = egl.directed_distances(truth, 0, poses, observation, THETA)
-    alone = [egl.directed_distances(truth, 0, q[None], observation, THETA)[0] for q in poses]
-    in_parts = replace(egl, atlas_px=512).directed_distances(truth, 0, poses, observation, THETA)
+    together = egl.directed_distances(truth, 0, poses, observation, THETA, False)
+    alone = [egl.directed_distances(truth, 0, q[None], observation, THETA, False)[0] for q in poses]
+    in_parts = replace(egl, atlas_px=512).directed_distances(truth, 0, poses, observation, THETA, False)
     for others in (scored(egl, truth, poses, observation), np.array(alone), in_parts):
         # a pixel where parts meet may change sides with the pose's place in the picture
         assert np.abs(together - others).max() < 0.1
         assert np.abs(together - others).mean() < 0.005
     monkeypatch.setattr(_atlas, "_EDGES_PER_TILE", 16)
-    np.testing.assert_array_equal(egl.directed_distances(truth, 0, poses, observation, THETA), together)
+    np.testing.assert_array_equal(egl.directed_distances(truth, 0, poses, observation, THETA, False), together)
     rejected = egl.directed_distances(truth, 0, poses, observation, THETA, reject=True)
     np.testing.assert_allclose(rejected, scored(egl, truth, poses, observation, reject=True))
 
@@ -281,8 +281,8 @@ def test_a_missing_view_has_no_distance(
 ) -> None:
     views = tuple(None if v in missing else view for v, view in enumerate(observation.views))
     synthesis, poses = made("synthesis", use), truth.persons[0].q[None]
-    found = synthesis.directed_distances(truth, 0, poses, Observation(views), THETA)
-    whole = synthesis.directed_distances(truth, 0, poses, observation, THETA)
+    found = synthesis.directed_distances(truth, 0, poses, Observation(views), THETA, False)
+    whole = synthesis.directed_distances(truth, 0, poses, observation, THETA, False)
     np.testing.assert_array_equal(np.isnan(found[0, :, 0]), [v in missing for v in range(4)])
     present = [v for v in range(4) if v not in missing]
     np.testing.assert_allclose(found[:, present], whole[:, present], atol=0.02)

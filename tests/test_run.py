@@ -104,7 +104,7 @@ def test_the_best_first_search_of_the_paper_runs_alone(run, tmp_path):
     folder = run.persons[0].model.parent
     table = run.described()
     table["estimation"] = {"use": "best_first"}
-    table["similarity"] = {"use": "chamfer", "outliers": "reject"}
+    table["evidence"] = {"similarity": {"use": "chamfer", "outliers": "reject"}}
     paper = run_from(table, "paper", folder, "paper")
     result = execute(with_frames(replace(paper, recordings=run.recordings[:1]), 0, 2), tmp_path / "out")
     assert result.n_lost == 0

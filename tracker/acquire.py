@@ -234,7 +234,7 @@ def _tracked(
             start = Start(tuple(one.q for one in step.scene.persons))
         if k in wanted and not lost[person]:
             seen.append(Seen(step.frame, step.scene))
-    return seen, Watching(sequence.rig, run.synthesis, run.analysis, sequence.backgrounds), start
+    return seen, Watching(sequence.rig, run.synthesis, settings.analysis, sequence.backgrounds), start
 
 
 @dataclass(frozen=True)

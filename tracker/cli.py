@@ -41,6 +41,7 @@ STAGES = (
     "reading",
     "calibration",
     "synthesis",
+    "evidence",
     "analysis",
     "similarity",
     "prediction",

@@ -43,7 +43,7 @@ def read_config(path: Path, overrides: Sequence[str] = ()) -> Table:
 def _override(table: Table, override: str) -> None:
     keys, sign, text = override.partition("=")
     if not sign or not keys.strip():
-        raise ConfigError(f'--set {override}: expected section.key=value, e.g. "similarity.outlier_px=15"')
+        raise ConfigError(f'--set {override}: expected section.key=value, e.g. "estimation.step_deg=3"')
     *sections, key = keys.strip().split(".")
     for section in sections:
         table = table.setdefault(section, {})
@@ -82,16 +82,33 @@ def build(stage: str, table: Mapping[str, Any], where: str, folder: Path, defaul
 def build_class(cls: type[Any], table: Mapping[str, Any], where: str, folder: Path) -> Any:
     """Makes a component of a known class from its fields; see `build`."""
     types = typing.get_type_hints(cls, include_extras=True)
-    names = [field.name for field in dataclasses.fields(cls)]
+    defaults = {field.name: _default(field) for field in dataclasses.fields(cls)}
+    names = list(defaults)
     values: Table = {}
     for key, value in table.items():
         if key not in names:
             raise ConfigError(f'{where}: unknown key "{key}"; {nearest(key, names)}')
-        values[key] = _value(types[key], value, f"{where} {key}", folder)
+        values[key] = _value(types[key], _over_default(value, defaults[key]), f"{where} {key}", folder)
     try:
         return cls(**values)
     except pydantic.ValidationError as error:
         raise ConfigError(f"{where}: {_first_fault(error)}") from error
+
+
+def _default(field: dataclasses.Field[Any]) -> Any:
+    """The default of a component's field, MISSING if it has none."""
+    return getattr(field.default, "default", field.default)
+
+
+def _over_default(value: Any, default: Any) -> Any:
+    """The table of a nested component with what it leaves out as the field's own default has it.
+
+    A table that names another component starts from that one's defaults.
+    """
+    if not isinstance(value, dict) or not dataclasses.is_dataclass(default) or isinstance(default, type):
+        return value
+    usual = describe(default)
+    return {**usual, **value} if value.get("use", usual["use"]) == usual["use"] else value
 
 
 def _first_fault(error: pydantic.ValidationError) -> str:

@@ -6,9 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracker.arrays import Array, Integers
+from tracker.arrays import Array, Integers, Mask
 from tracker.body import BodyModel
+from tracker.comparison import Comparison
+from tracker.contours import Contours
+from tracker.kernels.oriented_matching import match_oriented
+from tracker.observation import PackedEdges
 from tracker.rig import Rig
+
+# A contour sample and its neighbours share one edge and one interpolation: 8 px of contour count as one
+# observation, and each is used about twice, from the model to the scene and back.
+PX_PER_OBSERVATION = 16.0
 
 
 @dataclass(frozen=True)
@@ -31,7 +39,7 @@ class Correspondences:
     """(N, 2) scene edge point, px."""
 
     weights: Array
-    """(N,) weight of the squared residual."""
+    """(N,) weight of the squared residual: the number of independent observations that the pair stands for."""
 
     def residual(self, body: BodyModel, q: Array, rig: Rig) -> tuple[Array, Array]:
         """Distance from model point to scene edge along the contour's normal, linear in the pose.
@@ -54,3 +62,47 @@ class Correspondences:
             across = np.einsum("ni,nij->nj", normals, camera.project_jacobian(points))
             jacobian[rows] = np.einsum("nj,njd->nd", across, motion[rows])
         return residual, jacobian
+
+
+def oriented_pairs(contours: Contours, edges: PackedEdges, gate_px: float, direction_deg: float) -> Integers:
+    """(N, 4) oriented nearest neighbours both ways between the first pose's contours and edges; see `match_oriented`.
+
+    Args:
+        contours: of the model.
+        edges: of the images.
+        gate_px: largest distance of a pair, px.
+        direction_deg: largest angle between model normal and scene gradient, modulo sign, degrees.
+    """
+    pairs = np.empty((int(contours.counts[0].sum()) + len(edges.points), 4), dtype=np.int64)
+    gate = gate_px, float(np.cos(np.radians(direction_deg)))
+    return pairs[: match_oriented(contours.positions[0], contours.counts[0], edges.points, edges.first, gate, pairs)]
+
+
+def correspondences(asked: Comparison, q: Array, gate_px: float, direction_deg: float) -> Correspondences:
+    """Oriented nearest neighbours between a person's contours and the edges observed, both ways, one by one.
+
+    Args:
+        asked: scene and person; what was observed is an `Observation`.
+        q: (dof,) rad and m.
+        gate_px: largest distance of a pair, px.
+        direction_deg: largest angle between model normal and scene gradient, modulo sign, degrees.
+
+    Returns:
+        Pairs of the person's own parts, weighted in observations of 8 px of contour.
+    """
+    contours, edges = asked.fine(q), asked.observed.packed
+    pairs = oriented_pairs(contours, edges, gate_px, direction_deg)
+    parts = contours.parts[0][pairs[:, 0], pairs[:, 1]]
+    own: Mask = (parts >= asked.own.start) & (parts < asked.own.stop)
+    pairs, parts = pairs[own], parts[own] - asked.own.start
+    views, samples, found = pairs[:, 0], pairs[:, 1], pairs[:, 2]
+    sample = contours.positions[0][views, samples].astype(np.float64)
+    length = np.where(pairs[:, 3] == 0, sample[:, 4], edges.points[found, 4])
+    return Correspondences(
+        points=contours.points[0][views, samples].astype(np.float64),
+        parameters=asked.body.part_parameters[parts],
+        views=np.ascontiguousarray(views),
+        normals=np.ascontiguousarray(sample[:, 2:4]),
+        pixels=edges.points[found, :2].astype(np.float64),
+        weights=length / PX_PER_OBSERVATION,
+    )

@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pydantic
 
-from tracker.analysis import Analysis, Looked, LooksAhead
 from tracker.arrays import Array, Image, frozen
+from tracker.comparison import Comparison
 from tracker.components import component
 from tracker.contours import Contours, joined
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.estimation import Estimation
-from tracker.frame import Frame
+from tracker.evidence import Evidence, Memory, Observed
 from tracker.initialization import Initialization, Stages
 from tracker.objective import Objective
-from tracker.observation import Observation
 from tracker.prediction import Prediction
 from tracker.scene import Scene
-from tracker.similarity import Similarity
+from tracker.sight import Sight
 from tracker.start import Start
 from tracker.synthesis import Synthesis
 from tracker.trajectory import History, Step
@@ -55,8 +54,7 @@ class Cycle:
     """The components of the cycle and the clean plates they may use."""
 
     synthesis: Synthesis
-    analysis: Analysis
-    similarity: Similarity
+    evidence: Evidence
     prediction: Prediction
     estimation: Estimation
     initialization: Initialization
@@ -67,63 +65,64 @@ class Cycle:
     @property
     def stages(self) -> Stages:
         """What the initialization may use."""
-        return Stages(self.synthesis, self.analysis, self.similarity, self.estimation, self.backgrounds, self.progress)
+        return Stages(self.synthesis, self.evidence, self.estimation, self.backgrounds, self.progress)
 
 
 @dataclass(frozen=True)
 class State:
-    """Everything that changes while tracking: the histories, and for how long each person has been lost."""
+    """Everything that changes while tracking."""
 
     histories: tuple[History | None, ...]
     frames_lost: tuple[int, ...]
+    """For how long each person has been lost."""
 
-    def after(self, frame: Frame, estimates: Sequence[Estimate]) -> State:
+    memory: Memory = None
+    """What the evidence has learned."""
+
+    @staticmethod
+    def before(scene: Scene) -> State:
+        """The state before the first frame."""
+        n = len(scene.persons)
+        return State((None,) * n, (0,) * n)
+
+    def after(self, sight: Sight, step: Step, evidence: Evidence) -> State:
         """The state one frame on."""
         histories, frames_lost = [], []
-        for history, lost, estimate in zip(self.histories, self.frames_lost, estimates, strict=True):
+        for history, lost, estimate in zip(self.histories, self.frames_lost, step.estimates, strict=True):
             if history is not None:
-                history = history.after(frame.time_s, estimate)
+                history = history.after(step.frame.time_s, estimate)
             elif not estimate.lost:
-                history = History.start(frame.time_s, estimate.q)
+                history = History.start(step.frame.time_s, estimate.q)
             histories.append(history)
             frames_lost.append(lost + 1 if estimate.lost else 0)
-        return State(tuple(histories), tuple(frames_lost))
+        trusted = np.array([not estimate.lost for estimate in step.estimates])
+        memory = evidence.learned(self.memory, sight, step.scene, step.fitted, trusted)
+        return State(tuple(histories), tuple(frames_lost), memory)
 
 
-def advance(
-    frame: Frame,
-    scene: Scene,
-    cycle: Cycle,
-    state: State,
-    looked: Looked | None = None,
-    clock: Clock | None = None,
-) -> Step:
+def advance(sight: Sight, scene: Scene, cycle: Cycle, state: State, clock: Clock | None = None) -> Step:
     """One frame: predict, expect, observe, estimate; lost persons are looked for anew.
 
     Args:
-        frame: the images.
+        sight: the images, perhaps with what was seen in them ahead.
         scene: all persons at their last poses.
         cycle: the components.
         state: histories up to the frame before.
-        looked: what the analysis has seen in the images already.
         clock: with the time spent on the frame before.
     """
     clock = clock or Clock()
     with clock("prediction"):
-        candidates = _predictions(scene, cycle, state, frame.time_s)
+        candidates = _predictions(scene, cycle, state, sight.frame.time_s)
         predicted = scene.with_poses(tuple(poses[0] for poses in candidates))
     with clock("synthesis"):
         expected = joined([cycle.synthesis.contours(predicted, k, poses) for k, poses in enumerate(candidates)])
-    with clock("analysis"):
-        if looked is not None and isinstance(cycle.analysis, LooksAhead):
-            observation = cycle.analysis.judge(looked, frame, expected, cycle.backgrounds)
-        else:
-            observation = cycle.analysis.observe(frame, expected, cycle.backgrounds)
+    with clock("observation"):
+        observed = cycle.evidence.observe(sight, expected, state.memory)
     estimates, current = [], predicted
     with clock("refinement"):
         for k, poses in enumerate(candidates):
             # Earlier persons are at their best poses by now, later ones as predicted (paper, figure 2).
-            objective = Objective(current, k, cycle.synthesis, cycle.similarity, observation, state.histories[k])
+            objective = _objective(current, k, cycle, observed, state.histories[k])
             estimate = cycle.estimation.estimate(objective, poses)
             estimates.append(_judged(estimate, cycle.loss))
             current = current.with_pose(k, estimate.q)
@@ -132,18 +131,18 @@ def advance(
     sought = [k for k, estimate in enumerate(estimates) if _sought(estimate, state.frames_lost[k], cycle.loss)]
     if sought:
         with clock("initialization"):
-            current, estimates, start = _recover(frame, current, cycle, estimates, sought)
-    step = _finished(frame, current, cycle, tuple(estimates), observation, clock)
+            current, estimates, start = _recover(sight, current, cycle, state, estimates, sought)
+    step = _finished(sight, current, cycle, tuple(estimates), observed, clock)
     return replace(step, start=start, predicted=predicted, expected=expected)
 
 
 def bootstrap(
-    frame: Frame, scene: Scene, cycle: Cycle, give_up: bool = False, choose: Callable[[Start], Start] | None = None
+    sight: Sight, scene: Scene, cycle: Cycle, give_up: bool = False, choose: Callable[[Start], Start] | None = None
 ) -> Step:
     """Finds all persons without a prediction; a step of lost persons where none can be found.
 
     Args:
-        frame: the images.
+        sight: the images.
         scene: the persons and the rig.
         cycle: the components.
         give_up: raise instead of reporting the persons lost.
@@ -156,46 +155,50 @@ def bootstrap(
     start: Start | None = None
     with clock("initialization"):
         try:
-            start = cycle.initialization.start(frame, scene, cycle.stages)
+            start = cycle.initialization.start(sight.frame, scene, cycle.stages)
             start = start if choose is None else choose(start)
             scene = scene.with_poses(start.poses)
         except InitializationError:
             if give_up:
                 raise
-    with clock("analysis"):
+    with clock("observation"):
         expected = None if start is None else cycle.synthesis.contours(scene)
-        observation = cycle.analysis.observe(frame, expected, cycle.backgrounds)
+        observed = cycle.evidence.observe(sight, expected)
     if start is None:
-        return _finished(frame, scene, cycle, _unfound(scene, cycle, observation), observation, clock)
+        return _finished(sight, scene, cycle, _unfound(scene, cycle, observed), observed, clock)
     with clock("refinement"):
-        estimates, scene = settled(scene, cycle, observation, Status.BOOTSTRAPPED)
+        estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     if give_up and all(estimate.lost for estimate in estimates):
-        share = max(estimate.explained for estimate in estimates)
+        share = max(estimate.account.explained for estimate in estimates)
         raise InitializationError(
-            f"frame {frame.index}: the best start pose explains {share:.0%} of the model's contour, expected at "
+            f"frame {sight.frame.index}: the best start pose explains {share:.0%} of the model's contour, expected at "
             f"least {cycle.loss.lost_below:.0%}; check the background plates, the calibration and the model's "
             'size, or give a pose with initialization = { use = "given", poses = "start.csv" }'
         )
-    return replace(_finished(frame, scene, cycle, estimates, observation, clock), start=start)
+    return replace(_finished(sight, scene, cycle, estimates, observed, clock), start=start)
 
 
-def settled(scene: Scene, cycle: Cycle, observation: Observation, found: Status) -> tuple[tuple[Estimate, ...], Scene]:
+def settled(scene: Scene, cycle: Cycle, observed: Observed, found: Status) -> tuple[tuple[Estimate, ...], Scene]:
     """Estimates of all persons started from the poses of the scene itself."""
     estimates = []
     for k, person in enumerate(scene.persons):
-        objective = Objective(scene, k, cycle.synthesis, cycle.similarity, observation)
+        objective = _objective(scene, k, cycle, observed)
         estimate = cycle.estimation.estimate(objective, person.q[None])
         estimates.append(_judged(estimate, cycle.loss, found))
         scene = scene.with_pose(k, estimate.q)
     return tuple(estimates), scene
 
 
-def _unfound(scene: Scene, cycle: Cycle, observation: Observation) -> tuple[Estimate, ...]:
+def _objective(scene: Scene, k: int, cycle: Cycle, observed: Observed, history: History | None = None) -> Objective:
+    return Objective(Comparison(scene, k, cycle.synthesis, observed), cycle.evidence, history)
+
+
+def _unfound(scene: Scene, cycle: Cycle, observed: Observed) -> tuple[Estimate, ...]:
     """Estimates of persons of whom nothing is known."""
     estimates = []
     for k, person in enumerate(scene.persons):
-        objective = Objective(scene, k, cycle.synthesis, cycle.similarity, observation)
+        objective = _objective(scene, k, cycle, observed)
         nothing = np.full((person.body.dof, person.body.dof), np.nan)
         estimates.append(replace(objective.estimate(person.q, nothing, 0), status=Status.LOST))
     return tuple(estimates)
@@ -213,7 +216,7 @@ def _predictions(scene: Scene, cycle: Cycle, state: State, time_s: float) -> lis
 
 
 def _judged(estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
-    return replace(estimate, status=Status.LOST if estimate.explained < loss.lost_below else found)
+    return replace(estimate, status=Status.LOST if estimate.account.explained < loss.lost_below else found)
 
 
 def _sought(estimate: Estimate, frames_lost: int, loss: LossRule) -> bool:
@@ -225,7 +228,7 @@ def _sought(estimate: Estimate, frames_lost: int, loss: LossRule) -> bool:
 
 
 def _recover(
-    frame: Frame, scene: Scene, cycle: Cycle, estimates: list[Estimate], sought: list[int]
+    sight: Sight, scene: Scene, cycle: Cycle, state: State, estimates: list[Estimate], sought: list[int]
 ) -> tuple[Scene, list[Estimate], Start | None]:
     """Initializes anew and takes over the poses of the persons sought where they explain the images better."""
     recovered = list(estimates)
@@ -234,46 +237,46 @@ def _recover(
             recovered[k] = replace(recovered[k], status=Status.RECOVERED)
     held = tuple(k for k in range(len(scene.persons)) if k not in sought)
     try:
-        start = cycle.initialization.start(frame, scene, replace(cycle.stages, held=held, seen_before=True))
+        start = cycle.initialization.start(sight.frame, scene, replace(cycle.stages, held=held, seen_before=True))
     except InitializationError:
         return scene, recovered, None
     poses = [start.poses[k] if k in sought else person.q for k, person in enumerate(scene.persons)]
     trial = scene.with_poses(tuple(poses))
     expected = joined([cycle.synthesis.contours(scene), cycle.synthesis.contours(trial)])
-    observation = cycle.analysis.observe(frame, expected, cycle.backgrounds)
-    again, _ = settled(trial, cycle, observation, Status.RECOVERED)
+    observed = cycle.evidence.observe(sight, expected, state.memory)
+    again, _ = settled(trial, cycle, observed, Status.RECOVERED)
     for k in sought:
-        old = Objective(scene, k, cycle.synthesis, cycle.similarity, observation).evidence(scene.persons[k].q)
-        if not again[k].lost and (recovered[k].lost or again[k].distance_px < old.distance_px):
+        old_px = float(_objective(scene, k, cycle, observed)(scene.persons[k].q[None])[0])
+        if not again[k].lost and (recovered[k].lost or again[k].distance_px < old_px):
             recovered[k] = again[k]
             scene = scene.with_pose(k, again[k].q)
     return scene, recovered, start
 
 
 def _finished(
-    frame: Frame,
+    sight: Sight,
     scene: Scene,
     cycle: Cycle,
     estimates: tuple[Estimate, ...],
-    observation: Observation,
+    observed: Observed,
     clock: Clock,
 ) -> Step:
     with clock("synthesis"):
         fitted: Contours = cycle.synthesis.contours(scene)
-        overlap = _overlap(scene, cycle, observation)
-    return Step(frame, scene, estimates, fitted, clock.seconds, overlap, observation=observation)
+        overlap = _overlap(scene, cycle, sight)
+    return Step(sight.frame, scene, estimates, fitted, clock.seconds, overlap, observed=observed)
 
 
-def _overlap(scene: Scene, cycle: Cycle, observation: Observation) -> Array | None:
+def _overlap(scene: Scene, cycle: Cycle, sight: Sight) -> Array | None:
     """Intersection over union (V,) of the model's and the foreground's silhouettes."""
-    if all(view is None or view.silhouette is None for view in observation.views):
+    foregrounds = [sight.silhouette(v) for v in range(len(scene.rig))]
+    if all(mask is None for mask in foregrounds):
         return None
-    shares = np.full(len(observation.views), np.nan)
-    for v, mask in enumerate(cycle.synthesis.silhouettes(scene)):
-        view = observation.views[v]
-        if view is not None and view.silhouette is not None:
-            union = np.count_nonzero(mask | view.silhouette)
-            shares[v] = np.count_nonzero(mask & view.silhouette) / union if union else np.nan
+    shares = np.full(len(foregrounds), np.nan)
+    for v, (mask, foreground) in enumerate(zip(cycle.synthesis.silhouettes(scene), foregrounds, strict=True)):
+        if foreground is not None:
+            union = np.count_nonzero(mask | foreground)
+            shares[v] = np.count_nonzero(mask & foreground) / union if union else np.nan
     return frozen(shares)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from tracker.account import Account
 from tracker.arrays import Array
 
 
@@ -34,23 +35,11 @@ class Estimate:
     covariance: Array
     """(dof, dof) covariance of q; NaN where the method gives none."""
 
-    distance_px: float
-    """Similarity distance, summed over the views and divided by their number, px."""
+    account: Account
+    """How well the pose explains the images."""
 
-    per_view_px: Array
-    """(V,) distance of each view, px; NaN for a missing view."""
-
-    per_part_px: Array
-    """(P,) directed chamfer distance of the person's visible part contours, px; NaN for a hidden part."""
-
-    visible_px: Array
-    """(P,) visible contour of each part over all views, px."""
-
-    unexplained_px: Array
-    """(P,) how much of it is not on scene edges, and scene contour beside it that the model misses, px."""
-
-    explained: float
-    """Share of the person's visible contour that lies on accepted scene edges, 0 to 1."""
+    penalty_px: float
+    """What the pose costs because the body runs through itself, px."""
 
     evaluations: int
     """Poses synthesized and compared."""
@@ -61,9 +50,9 @@ class Estimate:
     status: Status = Status.TRACKED
 
     @property
-    def left_over(self) -> float:
-        """Contour of the model without a scene edge, and of the scene without the model, over the model's contour."""
-        return float(self.unexplained_px.sum() / max(float(self.visible_px.sum()), 1.0))
+    def distance_px(self) -> float:
+        """The number that searches rank poses by: distance and penalty, px."""
+        return self.account.distance_px + self.penalty_px
 
     @property
     def lost(self) -> bool:

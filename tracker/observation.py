@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,7 +44,26 @@ class ViewObservation:
     """Value of the chamfer image outside its region, px."""
 
     silhouette: Mask | None = None
-    """(H, W) moving foreground where a background is known."""
+    """(H, W) the region whose outline the edges are, where they are one."""
+
+
+class PackedEdges(NamedTuple):
+    """All views end to end, for compiled kernels."""
+
+    images: Array32
+    """Chamfer images, px."""
+
+    regions: Integers
+    """(V, 5) start in `images`, x0, y0, width, height; width 0 for a missing view."""
+
+    points: Array32
+    """(S, 5) scene points: x, y, direction x, direction y, weight; each view's sorted by y."""
+
+    first: Integers
+    """(V + 1,) first point of each view."""
+
+    reach: Array32
+    """(V,) reach of the chamfer images, px."""
 
 
 @dataclass(frozen=True)
@@ -53,14 +73,8 @@ class Observation:
     views: tuple[ViewObservation | None, ...]
 
     @cached_property
-    def packed(self) -> tuple[Array32, Integers, Array32, Integers, Array32]:
-        """The observation as flat arrays for compiled kernels.
-
-        Returns:
-            chamfer images end to end (float32); layout (V, 5) = start, x0, y0, width, height (width 0 for a
-            missing view); scene points (S, 5) = x, y, direction x, direction y, weight of all views, each
-            view's sorted by y; their first index per view (V + 1,); reach (V,) px.
-        """
+    def packed(self) -> PackedEdges:
+        """The observation as flat arrays for compiled kernels."""
         images, layout, points, first, reach = [], [], [], [0], []
         start = 0
         for view in self.views:
@@ -81,7 +95,7 @@ class Observation:
         empty = np.zeros(0, dtype=np.float32)
         flat = np.concatenate(images) if images else empty
         scene = np.concatenate(points) if points else empty.reshape(0, 5)
-        return (
+        return PackedEdges(
             frozen(flat, np.float32),
             frozen(layout, np.int64),
             frozen(scene, np.float32),

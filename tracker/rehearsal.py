@@ -12,7 +12,9 @@ from tracker.cycle import Cycle, State, advance, settled
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
 from tracker.scene import Scene
+from tracker.sight import Sight
 from tracker.start import Hypothesis, Start, confidence
+from tracker.trajectory import Step
 
 # Frames closer than this show hardly anything new.
 _LEAST_GAP_S = 0.03
@@ -69,7 +71,7 @@ def _ranked(
     cycle = replace(cycle, loss=replace(cycle.loss, lost_below=0.0))
     trials = [_begun(one, start, k, frame, scene, cycle) for one in start.hypotheses[k]]
     for later in following:
-        trials = [_continued(trial, k, later, cycle) for trial in trials]
+        trials = [_continued(trial, k, Sight(later, cycle.backgrounds), cycle) for trial in trials]
     ranking = []
     for trial in trials:
         distance_px, explained, left_over = (float(mean) for mean in np.mean(trial.found, axis=0))
@@ -80,21 +82,22 @@ def _ranked(
 
 def _begun(one: Hypothesis, start: Start, k: int, frame: Frame, scene: Scene, cycle: Cycle) -> _Trial:
     scene = scene.with_poses(start.poses).with_pose(k, one.q)
-    observation = cycle.analysis.observe(frame, cycle.synthesis.contours(scene), cycle.backgrounds)
-    estimates, scene = settled(scene, cycle, observation, Status.BOOTSTRAPPED)
-    n = len(scene.persons)
-    state = State((None,) * n, (0,) * n).after(frame, estimates)
+    sight = Sight(frame, cycle.backgrounds)
+    observed = cycle.evidence.observe(sight, cycle.synthesis.contours(scene))
+    estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED)
+    step = Step(frame, scene, estimates, cycle.synthesis.contours(scene))
+    state = State.before(scene).after(sight, step, cycle.evidence)
     return _Trial(one, scene, state, (_measured(estimates[k]),))
 
 
-def _continued(trial: _Trial, k: int, frame: Frame, cycle: Cycle) -> _Trial:
-    step = advance(frame, trial.scene, cycle, trial.state)
+def _continued(trial: _Trial, k: int, sight: Sight, cycle: Cycle) -> _Trial:
+    step = advance(sight, trial.scene, cycle, trial.state)
     found = (*trial.found, _measured(step.estimates[k]))
-    return _Trial(trial.hypothesis, step.scene, trial.state.after(frame, step.estimates), found)
+    return _Trial(trial.hypothesis, step.scene, trial.state.after(sight, step, cycle.evidence), found)
 
 
 def _measured(estimate: Estimate) -> tuple[float, float, float]:
-    return estimate.distance_px, estimate.explained, estimate.left_over
+    return estimate.distance_px, estimate.account.explained, estimate.account.left_over
 
 
 def _following(frame: Frame, reopen: Reopen, n: int) -> Iterator[Frame]:

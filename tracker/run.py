@@ -13,7 +13,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Protocol
 
-from tracker.analysis import Analysis
 from tracker.arrays import Image
 from tracker.body import BodyModel
 from tracker.body_files import load_body
@@ -21,6 +20,7 @@ from tracker.config import Table, build, build_class, describe, expanded, read_c
 from tracker.cycle import Cycle, LossRule
 from tracker.errors import ConfigError, ModelError, SequenceError, TrackerError, nearest
 from tracker.estimation import Estimation
+from tracker.evidence import Evidence
 from tracker.initialization import Initialization
 from tracker.prediction import Prediction
 from tracker.reading import Reading
@@ -28,15 +28,13 @@ from tracker.recording import Recorder, Recording, RunContext, chosen_recordings
 from tracker.recording.journal import read_journal
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
-from tracker.similarity import Similarity
 from tracker.synthesis import Synthesis
 from tracker.tracking import track
 from tracker.trajectory import Step
 
 _DEFAULTS = {
     "synthesis": "cpu",
-    "analysis": "contours",
-    "similarity": "chamfer",
+    "evidence": "contours",
     "prediction": "polynomial",
     "estimation": "hybrid",
     "initialization": "pca",
@@ -76,8 +74,7 @@ class Run:
     reading: Reading
     persons: tuple[Subject, ...]
     synthesis: Synthesis
-    analysis: Analysis
-    similarity: Similarity
+    evidence: Evidence
     prediction: Prediction
     estimation: Estimation
     initialization: Initialization
@@ -295,7 +292,7 @@ def _log_step(step: Step) -> None:
             person.name,
             estimate.status,
             estimate.distance_px,
-            100 * estimate.explained,
+            100 * estimate.account.explained,
             1000 * sum(step.seconds.values()),
         )
     if step.start is not None:

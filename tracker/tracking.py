@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 
-from tracker.analysis import Looked, LooksAhead
 from tracker.cycle import Clock, Cycle, State, advance, bootstrap
 from tracker.frame import Frame
 from tracker.rehearsal import Reopen, rehearsed
 from tracker.scene import Scene
+from tracker.sight import Sight
 from tracker.trajectory import Replay, Step
 
 
@@ -37,26 +37,27 @@ def track(
     Raises:
         InitializationError: no start pose was found in the first frames.
     """
-    state = State((None,) * len(scene.persons), (0,) * len(scene.persons))
+    state = State.before(scene)
     replays = {replay.index: replay for replay in done}
     step: Step | None = None
     with _Ahead(frames, cycle, replays) as ahead:
         for n_frames in itertools.count(1):
             clock = Clock()
             with clock("waiting"):
-                frame, looked = ahead.next(step)
-            if frame is None:
+                sight = ahead.next(step)
+            if sight is None:
                 return
+            frame = sight.frame
             if frame.index in replays:
                 step = _replayed(frame, scene, cycle, replays[frame.index])
             elif all(history is None for history in state.histories):
                 choose = None
                 if reopen is not None:
                     choose = partial(rehearsed, frame=frame, scene=scene, cycle=cycle, reopen=reopen)
-                step = bootstrap(frame, scene, cycle, n_frames >= cycle.loss.start_within, choose)
+                step = bootstrap(sight, scene, cycle, n_frames >= cycle.loss.start_within, choose)
             else:
-                step = advance(frame, scene, cycle, state, looked, clock)
-            state = state.after(frame, step.estimates)
+                step = advance(sight, scene, cycle, state, clock)
+            state = state.after(sight, step, cycle.evidence)
             scene = step.scene
             yield step
 
@@ -70,7 +71,7 @@ class _Ahead:
     def __init__(self, frames: Iterator[Frame], cycle: Cycle, replays: Mapping[int, Replay]) -> None:
         self._frames, self._cycle, self._replays = iter(frames), cycle, replays
         self._worker = ThreadPoolExecutor(max_workers=1)
-        self._waiting: Future[tuple[Frame | None, Looked | None]] | None = None
+        self._waiting: Future[Sight | None] | None = None
 
     def __enter__(self) -> _Ahead:
         return self
@@ -78,7 +79,7 @@ class _Ahead:
     def __exit__(self, *error: object) -> None:
         self._worker.shutdown(cancel_futures=True)
 
-    def next(self, before: Step | None) -> tuple[Frame | None, Looked | None]:
+    def next(self, before: Step | None) -> Sight | None:
         """The next frame with what was seen in it, None at the end; starts on the one after it.
 
         Args:
@@ -90,12 +91,14 @@ class _Ahead:
         self._waiting = self._worker.submit(self._fetch, before)
         return found
 
-    def _fetch(self, before: Step | None) -> tuple[Frame | None, Looked | None]:
+    def _fetch(self, before: Step | None) -> Sight | None:
         frame = next(self._frames, None)
-        analysis = self._cycle.analysis
-        if frame is None or before is None or frame.index in self._replays or not isinstance(analysis, LooksAhead):
-            return frame, None
-        return frame, analysis.look(frame, before.fitted, self._cycle.backgrounds)
+        if frame is None:
+            return None
+        sight = Sight(frame, self._cycle.backgrounds)
+        if before is not None and frame.index not in self._replays:
+            self._cycle.evidence.look(sight, before.fitted)
+        return sight
 
 
 def _replayed(frame: Frame, scene: Scene, cycle: Cycle, replay: Replay) -> Step:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from tracker.arrays import Array, frozen
 from tracker.contours import Contours
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
-from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.start import Start
 
@@ -44,8 +44,8 @@ class Step:
     expected: Contours | None = None
     """Contours expected before the estimation."""
 
-    observation: Observation | None = None
-    """What the image analysis found; None in a replayed frame."""
+    observed: Any = None
+    """What the evidence observed; None in a replayed frame."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class History:
     """(T, dof) rad and m."""
 
     usual_px: Array | None = None
-    """(2, P) running means of each part's visible contour and of what is unexplained there, px; None at a start."""
+    """(2, P) running means of each part's visible contour and of what is left over there, px; None at a start."""
 
     n_frames: int = 0
     """Frames tracked since the start."""
@@ -92,7 +92,7 @@ class History:
             return History.start(time_s, estimate.q)
         times = np.append(self.times, time_s)[-window:]
         poses = np.concatenate([self.poses, estimate.q[None]])[-window:]
-        usual_px = np.stack([estimate.visible_px, estimate.unexplained_px])
+        usual_px = np.stack([estimate.account.visible_px, estimate.account.left_over_px])
         if self.usual_px is not None and estimate.search_s == 0:
             # What a search could not explain is usual from now on: it need not be searched again.
             usual_px = (1 - _NEWS) * self.usual_px + _NEWS * usual_px

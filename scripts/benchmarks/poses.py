@@ -15,9 +15,11 @@ from rich.table import Table
 from benchmarks.timing import seconds
 from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Image
+from tracker.comparison import Comparison
 from tracker.components import available, find
 from tracker.observation import Observation
 from tracker.scene import Scene
+from tracker.sight import Sight
 from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.simulation.rendering import draw_persons, mesh_of
 from tracker.simulation.sequence import Recipe, simulate
@@ -76,7 +78,7 @@ def _situation(size: tuple[int, int], n_poses: int) -> tuple[Scene, Observation,
     simulation = simulate(Recipe(seconds=0.04, size=size))
     frame = next(simulation.frames())
     scene = simulation.scene.with_pose(0, simulation.poses[0][0])
-    observation = ContourAnalysis().observe(frame, CpuSynthesis().contours(scene), simulation.backgrounds)
+    observation = ContourAnalysis().observe(Sight(frame, simulation.backgrounds), CpuSynthesis().contours(scene))
     rng = np.random.default_rng(0)
     person = scene.persons[0]
     spread = np.where(person.body.rotates, np.radians(8.0), 0.04)
@@ -117,12 +119,9 @@ def _affordable(score: Score, candidates: Array, budget_s: float) -> int:
 
 
 def _score(component: Any, scene: Scene, observation: Observation) -> Score:
-    """Both chamfer directions: by the component itself where it can, else from its contours."""
-    similarity = ChamferSimilarity()
-    if hasattr(component, "directed_distances"):
-        theta, rejects = similarity.outlier_px, similarity.outliers == "reject"
-        return lambda poses: component.directed_distances(scene, 0, poses, observation, theta, rejects)
-    return lambda poses: similarity.distance(component.contours(scene, 0, poses), observation)
+    """Both chamfer directions."""
+    similarity, asked = ChamferSimilarity(), Comparison(scene, 0, component, observation)
+    return lambda poses: similarity.distances(asked, poses)
 
 
 Outlines = Callable[[Array], list[Image]]

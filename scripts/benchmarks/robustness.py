@@ -120,8 +120,9 @@ def _trace(outcome: Outcome) -> Iterator[str]:
             worst = np.argsort(errors)[::-1][:3]
             names = ", ".join(f"{outcome.body.landmark_names[k]} {errors[k]:.0f}" for k in worst)
             yield (
-                f"frame {t} {estimate.status}: explained {estimate.explained:.2f}, {estimate.distance_px:.1f} px, "
-                f"{estimate.evaluations} evaluations; mean {errors.mean():.0f} mm, worst {names} mm"
+                f"frame {t} {estimate.status}: explained {estimate.account.explained:.2f}, "
+                f"{estimate.distance_px:.1f} px, {estimate.evaluations} evaluations; mean {errors.mean():.0f} mm, "
+                f"worst {names} mm"
             )
 
 

@@ -12,12 +12,13 @@ from scipy.spatial import cKDTree
 from benchmarks.trial import default_cycle, tracked
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
+from tracker.comparison import Comparison
 from tracker.contours import ViewContours
 from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.evidence.contours import ContourEvidence
 from tracker.objective import Objective
 from tracker.observation import Observation, ViewObservation
 from tracker.scene import Scene
-from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.simulation.sequence import Recipe, Simulation, simulate
 from tracker.synthesis.cpu import CpuSynthesis
 
@@ -74,7 +75,7 @@ def _noisy(simulations: list[Simulation], n: int) -> Iterator[Pairs]:
         q = truth[seed * 7 % len(truth)]
         scene = simulation.scene.with_pose(0, q)
         observation = _contours_as_edges(scene, np.random.default_rng(seed))
-        objective = Objective(scene, 0, CpuSynthesis(), ChamferSimilarity(), observation)
+        objective = Objective(Comparison(scene, 0, CpuSynthesis(), observation), ContourEvidence())
         estimate = TwistIcpEstimation().estimate(objective, q[None])
         yield (estimate.q - q)[None], np.sqrt(np.diag(estimate.covariance))[None]
 

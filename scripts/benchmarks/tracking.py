@@ -22,7 +22,7 @@ from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, simulate, write_sequence
 
 SIZES = ((640, 480), (720, 576))
-STAGES = ("waiting", "prediction", "synthesis", "analysis", "estimation", "search", "refinement", "initialization")
+STAGES = ("waiting", "prediction", "synthesis", "observation", "estimation", "search", "refinement", "initialization")
 """The order in which stages are shown; others that the tracking tells follow."""
 
 

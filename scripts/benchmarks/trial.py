@@ -15,12 +15,12 @@ from tracker.cycle import Cycle, LossRule
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate
 from tracker.estimation.hybrid import HybridEstimation
+from tracker.evidence.contours import ContourEvidence
 from tracker.frame import Frame
 from tracker.initialization import Initialization, Stages
 from tracker.initialization.pca import PcaInitialization
 from tracker.prediction.polynomial import PolynomialPrediction
 from tracker.scene import Scene
-from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.start import Start
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking import track
@@ -53,8 +53,7 @@ def default_cycle(
     """The components as they come, started at a known pose (dof,)."""
     return Cycle(
         synthesis=CpuSynthesis(),
-        analysis=ContourAnalysis(threads=threads, ahead_px=40.0 if threads > 1 else 0.0),
-        similarity=ChamferSimilarity(),
+        evidence=ContourEvidence(analysis=ContourAnalysis(threads=threads, ahead_px=40.0 if threads > 1 else 0.0)),
         prediction=PolynomialPrediction(),
         estimation=HybridEstimation(),
         initialization=KnownStart(start, PcaInitialization() if recovers else None),

@@ -8,13 +8,13 @@ import numpy as np
 
 from tracker.acquisition._variants import Variants, heights
 from tracker.acquisition.looks import Look
-from tracker.acquisition.outlines import on_outline
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.body import BodyModel
 from tracker.contours import Contours
 from tracker.geometry.superquadrics import shape_derivatives
 from tracker.kernels.oriented_matching import match_oriented
 from tracker.observation import Observation
+from tracker.outlines import on_outline
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.synthesis import Synthesis
@@ -107,7 +107,7 @@ def _matched(
     gate_m, direction_deg, scale = gate
     pairs = _pairs(contours, observation, gate_m * float(np.nanmean(scale)), direction_deg)
     views, samples, scene = pairs[:, 0], pairs[:, 1], pairs[:, 2]
-    edges: Array32 = observation.packed[2]
+    edges: Array32 = observation.packed.points
     sample = contours.positions[0][views, samples].astype(np.float64)
     points, parts = contours.points[0][views, samples].astype(np.float64), contours.parts[0][views, samples]
     across = _across(rig, points, views, sample[:, 2:4])
@@ -125,7 +125,7 @@ def _matched(
 
 def _pairs(contours: Contours, observation: Observation, gate_px: float, direction_deg: float) -> Integers:
     """(N, 4) see `match_oriented`."""
-    _, _, scene, first, _ = observation.packed
+    scene, first = observation.packed.points, observation.packed.first
     pairs = np.empty((int(contours.counts[0].sum()) + len(scene), 4), dtype=np.int64)
     gate = (gate_px, float(np.cos(np.radians(direction_deg))))
     return pairs[: match_oriented(contours.positions[0], contours.counts[0], scene, first, gate, pairs)]

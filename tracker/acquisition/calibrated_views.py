@@ -10,10 +10,10 @@ import pydantic
 
 from tracker.acquisition.fitting import Fit, FitSettings, Report, Task, fit, silent
 from tracker.acquisition.looks import Look
-from tracker.acquisition.outlines import outline_observation, overlap
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
 from tracker.acquisition.stance_search import StanceSearch
-from tracker.analysis import Analysis, LooksAhead
+from tracker.analysis import Analysis
+from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Image, Integers, Mask
 from tracker.components import component
 from tracker.contours import Contours
@@ -21,8 +21,10 @@ from tracker.errors import SequenceError
 from tracker.frame import Frame
 from tracker.imaging.edges import distance_to
 from tracker.observation import Observation
+from tracker.outlines import outline_observation, overlap
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
+from tracker.sight import Sight
 from tracker.synthesis import Synthesis
 
 # Foreground farther from where the person was tracked is furniture, a shadow or a passer-by.
@@ -46,6 +48,9 @@ class ViewSettings:
 
     stance: StanceSearch = StanceSearch()
     """How the person is found where there are no background plates."""
+
+    analysis: Analysis = ContourAnalysis()
+    """Finds the edges that the contours are fitted to."""
 
     person: str | None = None
     """Whose model is acquired; may be left out for a single person."""
@@ -115,18 +120,14 @@ def _look(seen: Seen, person: int, columns: Integers, watching: Watching) -> Loo
     """Outlines where a background is known, and edges near the contours expected."""
     analysis, frame = watching.analysis, seen.frame
     around = watching.synthesis.contours(seen.scene)
-    first = analysis.observe(frame, around, watching.backgrounds)
-    masks = tuple(None if view is None else view.silhouette for view in first.views)
+    sight = Sight(frame, watching.backgrounds)
+    analysis.look(sight, around)
+    analysis.observe(sight, around)
+    masks = tuple(sight.silhouette(v) for v in range(len(watching.rig)))
     outlines = outline_observation(_own(masks, seen, person, watching)) if any(m is not None for m in masks) else None
-    if isinstance(analysis, LooksAhead):
-        looked, judge = analysis.look(frame, around, watching.backgrounds), analysis.judge
 
-        def edges(expected: Contours) -> Observation:
-            return judge(looked, frame, expected, watching.backgrounds)
-    else:
-
-        def edges(expected: Contours) -> Observation:
-            return analysis.observe(frame, expected, watching.backgrounds)
+    def edges(expected: Contours) -> Observation:
+        return analysis.observe(sight, expected)
 
     return Look(watching.rig, columns, outlines, edges)
 

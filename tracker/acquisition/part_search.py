@@ -8,7 +8,6 @@ from itertools import product
 import numpy as np
 
 from tracker.acquisition.fitting import Fit, Report, silent
-from tracker.acquisition.outlines import on_outline
 from tracker.acquisition.pictures import Silhouette
 from tracker.acquisition.shape_space import ShapeSpace
 from tracker.acquisition.standing import scene_of
@@ -17,6 +16,7 @@ from tracker.body import BodyModel
 from tracker.contours import Contours
 from tracker.geometry.superquadrics import surface
 from tracker.kernels.oriented_matching import match_oriented
+from tracker.outlines import on_outline
 from tracker.synthesis import Synthesis
 
 # How far an image contour may be from the part's present one, metres, and their directions from each other.
@@ -68,7 +68,7 @@ def _back_projected(found: Fit, look: int, silhouette: Silhouette, synthesis: Sy
     positions[~on_outline(contours, scene, synthesis), 4] = 0.0
     observation = found.looks[look].outlines
     assert observation is not None
-    _, _, edges, first, _ = observation.packed
+    edges, first = observation.packed.points, observation.packed.first
     pairs = np.empty((int(contours.counts[0].sum()) + len(edges), 4), dtype=np.int64)
     gate = (_GATE_M * _scale(camera.matrix[0, 0], contours, camera.in_camera), _COSINE)
     pairs = pairs[: match_oriented(positions, contours.counts[0], edges, first, gate, pairs)]

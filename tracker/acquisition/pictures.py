@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 import pydantic
 
-from tracker.acquisition.outlines import largest_region
 from tracker.arrays import Array, Image, Mask
 from tracker.camera import Camera
 from tracker.components import FilePath, component
 from tracker.errors import CalibrationError, ConfigError, SequenceError
 from tracker.imaging.background import foreground
+from tracker.outlines import largest_region
 from tracker.rig_files import load_rig
 
 # An orthographic picture is one from very far: over the depth of a body its scale changes by less than 0.1 %.

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pydantic
 
+from tracker.analysis import Analysis
+from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.components import component
 from tracker.errors import InitializationError
+from tracker.evidence.contours import ContourEvidence
 from tracker.frame import Frame
 from tracker.initialization import Stages
-from tracker.objective import Objective
 from tracker.rig import Rig
 from tracker.scene import Scene
 from tracker.similarity.chamfer import ChamferSimilarity
@@ -47,6 +50,9 @@ class StanceSearch:
     outlier_px: float = pydantic.Field(default=25.0, gt=0)
     """Distance at which a contour point is an outlier in the coarse search, px."""
 
+    analysis: Analysis = ContourAnalysis()
+    """Finds the edges of the coarse search."""
+
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """The pose of one person; see `tracker.initialization.Initialization.start`."""
         if len(scene.persons) != 1:
@@ -54,18 +60,15 @@ class StanceSearch:
         body = scene.persons[0].body
         candidates = self._candidates(body, scene.rig)
         stages.progress(f"looking for a T- or A-pose: {len(candidates)} poses")
-        observation = stages.analysis.observe(frame, None, stages.backgrounds)
-        similarity = ChamferSimilarity(outlier_px=self.outlier_px)
-        coarse = Objective(scene, 0, stages.synthesis, similarity, observation)
+        edges = ContourEvidence(analysis=self.analysis, similarity=ChamferSimilarity(outlier_px=self.outlier_px))
+        coarse = replace(stages, evidence=edges).objective(frame, scene, 0)
         distances = np.concatenate([coarse(candidates[i : i + _BATCH]) for i in range(0, len(candidates), _BATCH)])
         best, most = None, -np.inf
         for q in self._apart(body, candidates, distances):
             expected = stages.synthesis.contours(scene, 0, q[None])
-            near = stages.analysis.observe(frame, expected, stages.backgrounds)
-            objective = Objective(scene, 0, stages.synthesis, stages.similarity, near)
-            estimate = stages.estimation.estimate(objective, q[None])
-            if estimate.explained > most:
-                best, most = estimate.q, estimate.explained
+            estimate = stages.estimation.estimate(stages.objective(frame, scene, 0, expected), q[None])
+            if estimate.account.explained > most:
+                best, most = estimate.q, estimate.account.explained
         assert best is not None
         return Start((best,))
 

@@ -9,11 +9,12 @@ import numpy as np
 from tracker.acquisition.pictures import Silhouette
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
+from tracker.comparison import Comparison
+from tracker.evidence.contours import ContourEvidence
 from tracker.objective import Objective
 from tracker.observation import Observation
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
-from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.synthesis import Synthesis
 
 _BATCH = 128
@@ -81,7 +82,8 @@ def best_pose(
         values: columns of the pose, and the angles to try there, rad.
         synthesis: makes the model's contours.
     """
-    objective = Objective(scene_of(body, q, seen[0]), 0, synthesis, ChamferSimilarity(), seen[1])
+    asked = Comparison(scene_of(body, q, seen[0]), 0, synthesis, seen[1])
+    objective = Objective(asked, ContourEvidence())
     poses = []
     for angles in product(*values.values()):
         pose = q.copy()

@@ -10,7 +10,6 @@ import pydantic
 
 from tracker.acquisition.fitting import Fit, FitSettings, Report, Task, fit, silent
 from tracker.acquisition.looks import Look, Mark
-from tracker.acquisition.outlines import outline_observation, overlap
 from tracker.acquisition.part_search import searched_parts
 from tracker.acquisition.pictures import Pair, Silhouette, read_silhouette
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace, space_of
@@ -21,6 +20,7 @@ from tracker.body_description import BodyDescription
 from tracker.components import component
 from tracker.errors import ModelError, SequenceError, nearest
 from tracker.observation import Observation
+from tracker.outlines import outline_observation, overlap
 from tracker.rig import Rig
 from tracker.synthesis import Synthesis
 from tracker.synthesis.cpu import CpuSynthesis

@@ -73,7 +73,7 @@ def accepted_segments(
 
 
 def view_observation(
-    found: EdgeSegments, accepted: Mask, region: Region, reach: float, n_scene: int, silhouette: Mask | None
+    found: EdgeSegments, accepted: Mask, region: Region, reach: float, n_scene: int
 ) -> ViewObservation:
     """Chamfer image and thinned scene points of the accepted edges.
 
@@ -83,7 +83,6 @@ def view_observation(
         region: where the chamfer image is made; grown by its reach it covers all that it can say.
         reach: clamp of the chamfer image, px.
         n_scene: number of points that stand for the accepted contours.
-        silhouette: (H, W) foreground, if known.
     """
     x, y, width, height = region
     offset = np.array([x, y], dtype=np.float32)
@@ -99,7 +98,6 @@ def view_observation(
         origin=(x, y),
         distance=distance,
         reach=reach,
-        silhouette=silhouette,
     )
 
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pydantic
 
-from tracker.analysis import Looked
+from tracker.analysis import Analysis
 from tracker.analysis._observe import (
     accepted_segments,
     expected_samples,
@@ -19,18 +19,17 @@ from tracker.analysis._observe import (
 from tracker.arrays import Array32, Image, Mask, frozen
 from tracker.components import component
 from tracker.contours import Contours
-from tracker.frame import Frame
-from tracker.imaging.background import Region, changed
+from tracker.imaging.background import Region
 from tracker.imaging.edges import EdgeSegments, canny, gradient, segment_edges
 from tracker.kernels.acceptance import marked
 from tracker.observation import Observation, ViewObservation
+from tracker.sight import Sight
 
 
 @dataclass(frozen=True)
 class _ViewLook:
     """What one image shows in a region, whatever is expected."""
 
-    region: Region
     found: EdgeSegments
     trusted: Mask
     """(N,) edge points that the background does not explain."""
@@ -38,12 +37,9 @@ class _ViewLook:
     outline: Mask | None
     """(N,) edge points on the outline of the foreground, where a background is known."""
 
-    silhouette: Mask | None
-    """(H, W) the foreground."""
-
 
 @component
-class ContourAnalysis:
+class ContourAnalysis(Analysis):
     """Canny edges, linked, split into constant-curvature segments, filtered by the prediction and the background."""
 
     smoothing_px: float = pydantic.Field(default=1.0, ge=0)
@@ -104,57 +100,57 @@ class ContourAnalysis:
     """The images of the next frame are worked on while this one is being estimated, in a region that reaches so much
     farther, px; 0 for one after the other."""
 
-    def observe(self, frame: Frame, expected: Contours | None, backgrounds: tuple[Image | None, ...]) -> Observation:
+    def observe(self, sight: Sight, expected: Contours | None) -> Observation:
         """Scene features of all views; see `tracker.analysis.Analysis.observe`."""
-        return self.judge((None,) * len(frame.images), frame, expected, backgrounds)
-
-    def look(self, frame: Frame, around: Contours, backgrounds: tuple[Image | None, ...]) -> Looked:
-        """Edges and changes near earlier contours; see `tracker.analysis.LooksAhead.look`."""
-        plates = backgrounds or (None,) * len(frame.images)
-        looked: list[_ViewLook | None] = []
-        for v, image in enumerate(frame.images):
-            if image is None or self.ahead_px == 0:
-                looked.append(None)
-                continue
-            size = image.shape[1], image.shape[0]
-            region = region_around(expected_samples(around, v), size, self.margin_px + self.ahead_px)
-            looked.append(self._look_at(image, region, plates[v]))
-        return tuple(looked)
-
-    def judge(
-        self, looked: Looked, frame: Frame, expected: Contours | None, backgrounds: tuple[Image | None, ...]
-    ) -> Observation:
-        """Accepts segments near the expected contours; see `tracker.analysis.LooksAhead.judge`."""
-        plates = backgrounds or (None,) * len(frame.images)
+        looks = [self._region(sight, expected, v, self.margin_px) for v in range(len(sight.plates))]
+        n_views = range(len(looks))
 
         def view(v: int) -> ViewObservation | None:
-            image = frame.images[v]
+            region = looks[v]
             samples = None if expected is None else expected_samples(expected, v)
-            return None if image is None else self._observe_view(looked[v], image, samples, plates[v])
+            return None if region is None else self._observe_view(sight, v, samples, region)
 
-        n_views = range(len(frame.images))
         # What is left after a look takes 3 ms: threads would only wait for the decoders' and the look's.
-        if self.threads == 1 or any(look is not None for look in looked):
+        ahead = any(region is not None and sight.has(self, v, region) for v, region in enumerate(looks))
+        if self.threads == 1 or ahead:
             return Observation(tuple(map(view, n_views)))
         with ThreadPoolExecutor(self.threads) as pool:
             return Observation(tuple(pool.map(view, n_views)))
 
-    def _observe_view(
-        self, look: _ViewLook | None, image: Image, samples: Array32 | None, plate: Image | None
-    ) -> ViewObservation:
+    def look(self, sight: Sight, around: Contours) -> None:
+        """Edges and changes near earlier contours; see `tracker.analysis.Analysis.look`."""
+        if self.ahead_px == 0:
+            return
+        for v in range(len(sight.plates)):
+            region = self._region(sight, around, v, self.margin_px + self.ahead_px)
+            if region is not None:
+                self._look_at(sight, v, region)
+
+    def _region(self, sight: Sight, expected: Contours | None, v: int, margin_px: float) -> Region | None:
+        """Where to look in a view: around the contours, or everywhere; None if the view is missing."""
+        image = sight.frame.images[v]
+        if image is None:
+            return None
         size = image.shape[1], image.shape[0]
-        region = (0, 0, *size) if samples is None else region_around(samples, size, self.margin_px)
-        if look is None or not _covers(look.region, region):
-            look = self._look_at(image, region, plate)
+        return (0, 0, *size) if expected is None else region_around(expected_samples(expected, v), size, margin_px)
+
+    def _observe_view(self, sight: Sight, v: int, samples: Array32 | None, region: Region) -> ViewObservation:
+        look = self._look_at(sight, v, region)
         accepted = accepted_segments(look.found, samples, self.accept_px, self.bend_px, look.trusted, look.outline)
-        observed = view_observation(look.found, accepted, region, self.reach_px, self.n_scene, look.silhouette)
+        observed = view_observation(look.found, accepted, region, self.reach_px, self.n_scene)
         return observed if look.outline is None else _with_interior(observed, look.outline, self.interior_weight)
 
-    def _look_at(self, image: Image, region: Region, plate: Image | None) -> _ViewLook:
-        moving, silhouette = (None, None) if plate is None else changed(image, plate, region)
-        found = self._segments(image, region)
-        trusted, outline = self._trusted(found, moving, region), self._outline(found, silhouette, region)
-        return _ViewLook(region, found, trusted, outline, silhouette)
+    def _look_at(self, sight: Sight, v: int, region: Region) -> _ViewLook:
+        def find(where: Region) -> _ViewLook:
+            image = sight.frame.images[v]
+            assert image is not None
+            changes = sight.changes(v, where)
+            moving, silhouette = (None, None) if changes is None else (changes.moving, changes.silhouette)
+            found = self._segments(image, where)
+            trusted, outline = self._trusted(found, moving, where), self._outline(found, silhouette, where)
+            return _ViewLook(found, trusted, outline)
+
+        return sight.once(self, v, region, find)
 
     def _segments(self, image: Image, region: Region) -> EdgeSegments:
         """Segments in a region, positions in the whole image."""
@@ -184,14 +180,6 @@ def _with_interior(observed: ViewObservation, outline: Mask, weight: float) -> V
     """Less weight for the scene points that are not on the outline (N,)."""
     weights = np.where(outline[observed.scene], np.float32(1), np.float32(weight)) * observed.scene_weights
     return replace(observed, scene_weights=frozen(weights, np.float32))
-
-
-def _covers(region: Region, other: Region) -> bool:
-    """Whether a region contains another one."""
-    x, y, width, height = other
-    return (
-        region[0] <= x and region[1] <= y and x + width <= region[0] + region[2] and y + height <= region[1] + region[3]
-    )
 
 
 def _at(found: EdgeSegments, mask: Mask, operation: int, around: tuple[int, Region]) -> Mask:

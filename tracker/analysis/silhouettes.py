@@ -6,19 +6,19 @@ import cv2
 import numpy as np
 import pydantic
 
+from tracker.analysis import Analysis
 from tracker.analysis._observe import accepted_segments, expected_samples, region_around, view_observation
 from tracker.arrays import Array32, Image
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.errors import SequenceError
-from tracker.frame import Frame
-from tracker.imaging.background import foreground
 from tracker.imaging.edges import canny, gradient, segment_edges
 from tracker.observation import Observation, ViewObservation
+from tracker.sight import Sight
 
 
 @component
-class SilhouetteAnalysis:
+class SilhouetteAnalysis(Analysis):
     """Edges of the background-subtracted silhouettes."""
 
     smoothing_px: float = pydantic.Field(default=1.5, gt=0)
@@ -39,30 +39,30 @@ class SilhouetteAnalysis:
     n_scene: int = pydantic.Field(default=400, ge=10)
     """Scene points kept of each view."""
 
-    def observe(self, frame: Frame, expected: Contours | None, backgrounds: tuple[Image | None, ...]) -> Observation:
+    def observe(self, sight: Sight, expected: Contours | None) -> Observation:
         """Scene features of all views; see `tracker.analysis.Analysis.observe`.
 
         Raises:
             SequenceError: a view has no background plate.
         """
-        plates = [plate for plate in backgrounds if plate is not None]
-        if len(plates) < len(frame.images):
+        if any(plate is None for plate in sight.plates):
             raise SequenceError(
                 "silhouettes need the background of every view: add "
-                '`background = "background/{view}.png"` to [reading], or use = "contours" in [analysis]'
+                '`background = "background/{view}.png"` to [reading], or use = "contours" in [evidence.analysis]'
             )
         views = []
-        for v, (image, plate) in enumerate(zip(frame.images, plates, strict=True)):
+        for v, image in enumerate(sight.frame.images):
             samples = None if expected is None else expected_samples(expected, v)
-            views.append(None if image is None else self._observe_view(image, samples, plate))
+            views.append(None if image is None else self._observe_view(sight, v, image, samples))
         return Observation(tuple(views))
 
-    def _observe_view(self, image: Image, samples: Array32 | None, plate: Image) -> ViewObservation:
+    def _observe_view(self, sight: Sight, v: int, image: Image, samples: Array32 | None) -> ViewObservation:
         size = image.shape[1], image.shape[0]
         region = (0, 0, *size) if samples is None else region_around(samples, size, self.margin_px)
-        silhouette = foreground(image, plate, region)
-        gradients = gradient(cv2.convertScaleAbs(silhouette.astype(np.uint8), alpha=255), self.smoothing_px)
+        changes = sight.changes(v, region)
+        assert changes is not None
+        gradients = gradient(cv2.convertScaleAbs(changes.silhouette.astype(np.uint8), alpha=255), self.smoothing_px)
         found = segment_edges(canny(gradients, 10.0, 20.0), gradients, (4, float(np.radians(20.0)), 8))
         trusted = np.ones(len(found.points), dtype=np.bool_)
         accepted = accepted_segments(found, samples, self.accept_px, self.bend_px, trusted)
-        return view_observation(found, accepted, region, self.reach_px, self.n_scene, silhouette)
+        return view_observation(found, accepted, region, self.reach_px, self.n_scene)

@@ -76,7 +76,7 @@ class HybridEstimation:
         refined = self.then.estimate(objective, starts[first])
         weak = self._weak_groups(objective, refined)
         if len(starts) > len(first) and (weak or self.search):
-            refined = _better(objective, refined, self.then.estimate(objective, starts[order[len(first) :]]))
+            refined = _better(refined, self.then.estimate(objective, starts[order[len(first) :]]))
             weak = self._weak_groups(objective, refined)
         if not (weak or self.search):
             return refined
@@ -85,13 +85,13 @@ class HybridEstimation:
             searched = self.first.estimate(objective, np.concatenate([starts, refined.q[None]]))
             again = self.then.estimate(objective, searched.q[None])
             again = replace(again, evaluations=again.evaluations + searched.evaluations)
-            refined = _better(objective, refined, again)
+            refined = _better(refined, again)
             weak = self._weak_groups(objective, refined)
         for _ in range(self.rounds):
             before = refined.distance_px
             for change in (self._exchanged, self._searched_limbs, self._searched_together):
                 if weak:
-                    refined = _better(objective, refined, change(objective, refined, weak))
+                    refined = _better(refined, change(objective, refined, weak))
                     weak = self._weak_groups(objective, refined)
             if not weak or refined.distance_px == before:
                 break
@@ -116,7 +116,7 @@ class HybridEstimation:
             poses = np.array([pose for pose, _ in found])
             refined = self.then.estimate(objective, poses[np.argsort(objective(poses), kind="stable")[:2]])
             n_evaluations = refined.evaluations + self.scatter + sum(n for _, n in found)
-            estimate = _better(objective, estimate, replace(refined, evaluations=n_evaluations))
+            estimate = _better(estimate, replace(refined, evaluations=n_evaluations))
         return estimate
 
     def _searched_together(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
@@ -153,21 +153,20 @@ class HybridEstimation:
             allowed = 1 - self.search_below
             if usual_px is not None:
                 allowed = max(allowed, self.unusual + self._share(usual_px[0], usual_px[1], parts))
-            if self._share(estimate.visible_px, estimate.unexplained_px, parts) > allowed:
+            if self._share(estimate.account.visible_px, estimate.account.left_over_px, parts) > allowed:
                 weak.append(group)
         return tuple(weak)
 
-    def _share(self, visible_px: Array, unexplained_px: Array, parts: Mask) -> float:
-        """How much of some parts' contour is unexplained."""
-        return float(unexplained_px[parts].sum() / max(float(visible_px[parts].sum()), self.min_visible_px))
+    def _share(self, visible_px: Array, left_over_px: Array, parts: Mask) -> float:
+        """How much is left over of some parts' contour, over the contour."""
+        return float(left_over_px[parts].sum() / max(float(visible_px[parts].sum()), self.min_visible_px))
 
 
-def _better(objective: Objective, one: Estimate, other: Estimate) -> Estimate:
+def _better(one: Estimate, other: Estimate) -> Estimate:
     """The estimate of less distance, with the evaluations of both."""
     if other is one:
         return one
-    penalties = objective.penalties(np.array([one.q, other.q]))
-    best = other if other.distance_px + penalties[1] < one.distance_px + penalties[0] else one
+    best = other if other.distance_px < one.distance_px else one
     return replace(best, evaluations=one.evaluations + other.evaluations)
 
 

@@ -6,12 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from tracker.analysis import Analysis
 from tracker.arrays import Image
+from tracker.comparison import Comparison
+from tracker.contours import Contours
 from tracker.estimation import Estimation
+from tracker.evidence import Evidence
 from tracker.frame import Frame
+from tracker.objective import Objective
 from tracker.scene import Scene
-from tracker.similarity import Similarity
+from tracker.sight import Sight
 from tracker.start import Start
 from tracker.synthesis import Synthesis
 
@@ -21,8 +24,7 @@ class Stages:
     """The stages a search for a start pose may use, and the clean plates."""
 
     synthesis: Synthesis
-    analysis: Analysis
-    similarity: Similarity
+    evidence: Evidence
     estimation: Estimation
     backgrounds: tuple[Image | None, ...]
     progress: Callable[[str], None] = lambda message: None
@@ -33,6 +35,11 @@ class Stages:
 
     seen_before: bool = False
     """Whether the poses of the others are where they were seen last; else they do not matter."""
+
+    def objective(self, frame: Frame, scene: Scene, person: int, expected: Contours | None = None) -> Objective:
+        """The objective of a person's pose in a frame, looked at everywhere or near expected contours."""
+        observed = self.evidence.observe(Sight(frame, self.backgrounds), expected)
+        return Objective(Comparison(scene, person, self.synthesis, observed), self.evidence)
 
 
 @runtime_checkable

@@ -62,7 +62,9 @@ def turned_round(body: BodyModel, q: Array, turn: str) -> Array:
 def hypothesis(body: BodyModel, estimate: Estimate, turn: str) -> Hypothesis:
     """The hypothesis that an estimate makes; `turn` is the parameter of the turn about the body's axis."""
     turn_deg = float(np.degrees(_wrapped(estimate.q[body.index(turn)])))
-    return Hypothesis(estimate.q, estimate.distance_px, estimate.explained, estimate.left_over, turn_deg)
+    return Hypothesis(
+        estimate.q, estimate.distance_px, estimate.account.explained, estimate.account.left_over, turn_deg
+    )
 
 
 def ranked(body: BodyModel, hypotheses: list[Hypothesis]) -> tuple[Hypothesis, ...]:

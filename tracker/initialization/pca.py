@@ -150,8 +150,7 @@ class PcaInitialization:
         """Coarse-to-fine search of the turn and the limbs of the scene's last person: the best hypothesis first."""
         body = scene.persons[-1].body
         cleared = _cleared(frame, scene, stages, [found])
-        observation = stages.analysis.observe(cleared, None, stages.backgrounds)
-        objective = Objective(scene, len(scene.persons) - 1, stages.synthesis, stages.similarity, observation)
+        objective = stages.objective(cleared, scene, len(scene.persons) - 1)
         stages.progress("bootstrapping: coarse search of the turn and the limbs")
         starts = [self._upright(body, axis) for axis in axes]
         coarse = coarse_poses(body, starts, self.turn, self.turn_step_deg, self.coarse_deg)
@@ -182,13 +181,13 @@ class PcaInitialization:
         """The best hypotheses estimated and ranked again with everyone in the scene, who hide and are hidden."""
         stages.progress("bootstrapping: the best hypotheses, everyone in the scene")
         cleared = _cleared(frame, scene, stages, found)
-        observation = stages.analysis.observe(cleared, None, stages.backgrounds)
+        objective = stages.objective(cleared, scene, 0)
         again = list(hypotheses)
         sought = [k for k, ranking in enumerate(hypotheses) if ranking]
         # The first of several persons is judged again when the others are where they belong.
         for k in sought if len(sought) == 1 else sought * 2:
             ranking = again[k]
-            objective = Objective(scene, k, stages.synthesis, stages.similarity, observation)
+            objective = objective.about(scene, k)
             estimates = [stages.estimation.estimate(objective, one.q[None]) for one in ranking]
             again[k] = ranked(objective.body, [hypothesis(objective.body, one, self.turn) for one in estimates])
             scene = scene.with_pose(k, again[k][0].q)

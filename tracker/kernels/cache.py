@@ -60,7 +60,7 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     return [
         (chain_transforms, (_own(_F8, 0, 1), *chain)),
         (twists_in_world, (_own(_F8, 0, 2, 4, 4), *chain)),
-        (trace_contours, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), *samples)),
+        (trace_contours, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), True, *samples)),
         (score_poses, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), *images, *scene, (40.0, False))),
         (count_collisions, (_own(_F8, 0, 1, 4, 4), model[0], _frozen(_I8, 0, 2))),
         (directed_distances, (samples[0], samples[4], *images, *scene, 40.0, False)),

@@ -158,6 +158,7 @@ def trace_contours(
     cameras: Array,
     sizes: Array,
     spacing: tuple[float, float],
+    exact: bool,
     positions: Array32,
     points: Array32,
     parts: Integers,
@@ -174,6 +175,8 @@ def trace_contours(
         cameras: (V, 25) from `Rig.packed`.
         sizes: (V, 2) image sizes, px.
         spacing: contour a sample stands for, px; distance at which parts touch, metres.
+        exact: place pixels where the points are seen, or else where they are traced, as `score_poses` does: bent in
+            the image and in space, a sample's pixel and point are up to 0.05 px apart.
         positions: (B, V, M, 5) output: pixel, image normal, contour length.
         points: (B, V, M, 3) output: world positions.
         parts, between, counts: outputs, laid out as in `Contours`.
@@ -192,8 +195,9 @@ def trace_contours(
             n_traced = trace_view(grids, planes, layout, bounds, solids, lenses[v], size, spacing, masks, work, traced)
             n = 0
             for i in range(n_traced):
-                # Bent in the image and in space, a sample's pixel and point are up to 0.05 px apart.
-                x, y, _ = project_point(cameras[v], traced[i, 5], traced[i, 6], traced[i, 7])
+                x, y = float(traced[i, 0]), float(traced[i, 1])
+                if exact:
+                    x, y, _ = project_point(cameras[v], traced[i, 5], traced[i, 6], traced[i, 7])
                 if x < -0.5 or y < -0.5 or x > size[0] - 0.5 or y > size[1] - 0.5:
                     continue
                 positions[b, v, n, 0], positions[b, v, n, 1] = x, y

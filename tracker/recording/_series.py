@@ -45,7 +45,7 @@ class Series:
         self.poses.append([estimate.q for estimate in step.estimates])
         self.sigmas.append([np.sqrt(np.maximum(np.diag(e.covariance), 0)) for e in step.estimates])
         self.distances.append([estimate.distance_px for estimate in step.estimates])
-        self.explained.append([estimate.explained for estimate in step.estimates])
+        self.explained.append([estimate.account.explained for estimate in step.estimates])
         self.statuses.append([str(estimate.status) for estimate in step.estimates])
         missing = np.full(len(self.scene.rig), np.nan)
         self.overlaps.append(missing if step.overlap is None else step.overlap)

@@ -8,6 +8,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from tracker.account import Account
 from tracker.arrays import Array
 from tracker.components import component
 from tracker.errors import SequenceError
@@ -16,6 +17,7 @@ from tracker.recording import RunContext
 from tracker.trajectory import Replay, Step
 
 FILE = "steps.jsonl"
+_LISTS = "per_view_px", "per_part_px", "visible_px", "explained_px", "missed_px"
 
 
 @component
@@ -87,12 +89,11 @@ def _to_json(estimate: Estimate) -> dict[str, Any]:
     return {
         "q": estimate.q.tolist(),
         "covariance": estimate.covariance.tolist(),
-        "distance_px": estimate.distance_px,
-        "per_view_px": estimate.per_view_px.tolist(),
-        "per_part_px": estimate.per_part_px.tolist(),
-        "visible_px": estimate.visible_px.tolist(),
-        "unexplained_px": estimate.unexplained_px.tolist(),
-        "explained": estimate.explained,
+        "account": {
+            "distance_px": estimate.account.distance_px,
+            **{name: getattr(estimate.account, name).tolist() for name in _LISTS},
+        },
+        "penalty_px": estimate.penalty_px,
         "evaluations": estimate.evaluations,
         "search_s": estimate.search_s,
         "status": str(estimate.status),
@@ -113,12 +114,11 @@ def _estimate(values: dict[str, Any]) -> Estimate:
     return Estimate(
         q=_array(values["q"]),
         covariance=_array(values["covariance"]),
-        distance_px=float(values["distance_px"]),
-        per_view_px=_array(values["per_view_px"]),
-        per_part_px=_array(values["per_part_px"]),
-        visible_px=_array(values["visible_px"]),
-        unexplained_px=_array(values["unexplained_px"]),
-        explained=float(values["explained"]),
+        account=Account(
+            distance_px=float(values["account"]["distance_px"]),
+            **{name: _array(values["account"][name]) for name in _LISTS},
+        ),
+        penalty_px=float(values["penalty_px"]),
         evaluations=int(values["evaluations"]),
         search_s=float(values["search_s"]),
         status=Status(values["status"]),

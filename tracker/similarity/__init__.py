@@ -1,60 +1,25 @@
-"""Similarity: the distance between expected contours and an observation, px, lower is better."""
+"""Similarity: a measure of the distance between expected contours and the edges of the images, px, lower is better."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from tracker.arrays import Array
-from tracker.contours import Contours
-from tracker.observation import Observation
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """How well one pose explains the observation."""
-
-    distance_px: float
-    """The distance, averaged over the views present, px."""
-
-    per_view_px: Array
-    """(V,) px; NaN for a missing view."""
-
-    per_part_px: Array
-    """(P,) directed distance of the visible contour of each part to the scene, px; NaN for a hidden part."""
-
-    explained: Array
-    """(P,) share of each part's visible contour that lies on scene edges, 0 to 1; NaN for a hidden part."""
-
-    missed_px: Array
-    """(P,) scene contour that no model contour explains, counted for the nearest part, px."""
-
-    visible_px: Array
-    """(P,) visible contour length of each part over all views, px."""
+from tracker.comparison import Comparison
+from tracker.equations import Equations
 
 
 @runtime_checkable
 class Similarity(Protocol):
-    """A component that compares contours with an observation."""
+    """A component that compares contours with edges: `asked.observed` is an `Observation`."""
 
-    def distance(self, contours: Contours, observation: Observation) -> Array:
-        """(B,) distance of each pose, averaged over the views present, px."""
+    def distances(self, asked: Comparison, poses: Array) -> Array:
+        """Distance of each pose (B, dof) in each view: (B, V) px; NaN for a missing view.
+
+        Contours are taken coarse (`asked.contours(poses, coarse=True)`): many poses are ranked.
+        """
         ...
 
-    def evidence(self, contours: Contours, observation: Observation, n_parts: int) -> Evidence:
-        """The distance of the first pose in detail."""
-        ...
-
-
-@runtime_checkable
-class Directed(Protocol):
-    """A similarity made of directed chamfer distances, which a synthesis may compute itself."""
-
-    @property
-    def rule(self) -> tuple[float, bool]:
-        """Distance at which a point is an outlier, px; whether outliers are rejected or else clamped."""
-        ...
-
-    def combined(self, directed: Array) -> Array:
-        """(B,) px: the distance of each pose from its directed distances (B, V, 2)."""
+    def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
+        """What makes the distance smaller, linearized at a pose (dof,); farther than `gate_px` nothing is matched."""
         ...

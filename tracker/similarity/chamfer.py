@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from typing import Literal
 
-import numpy as np
 import pydantic
-from scipy.spatial import cKDTree
 
 from tracker.arrays import Array
+from tracker.comparison import Comparison
 from tracker.components import component
-from tracker.contours import Contours, ViewContours
-from tracker.kernels.chamfer import directed_distances
-from tracker.observation import Observation, ViewObservation
-from tracker.similarity import Evidence
+from tracker.correspondences import PX_PER_OBSERVATION, oriented_pairs
+from tracker.equations import Equations
+from tracker.kernels.oriented_matching import normal_equations
 
 
 @component
@@ -28,76 +26,32 @@ class ChamferSimilarity:
     paper does. Rejection forgets a displaced limb: the distance stays 0 up to 8 degrees off, and the correlation of
     distance and joint error falls from 0.93 to 0.84."""
 
-    explained_px: float = pydantic.Field(default=5.0, gt=0)
-    """A contour sample this close to a scene edge counts as explained, px."""
+    direction_deg: float = pydantic.Field(default=40.0, gt=0, le=90)
+    """Largest angle between the normal of the model contour and the scene's gradient in a refinement, degrees."""
 
-    missed_px: float = pydantic.Field(default=10.0, gt=0)
-    """A scene edge farther than this from all model contours counts as missed by the model, px."""
-
-    def distance(self, contours: Contours, observation: Observation) -> Array:
-        """(B,) undirected distance (eq. 3), averaged over the views present, px."""
-        return self.combined(self._directed(contours, observation))
-
-    @property
-    def rule(self) -> tuple[float, bool]:
-        """Distance theta, and whether outliers are rejected; see `tracker.similarity.Directed`."""
-        return self.outlier_px, self.outliers == "reject"
-
-    def combined(self, directed: Array) -> Array:
-        """(B,) the undirected distance from the directed ones (B, V, 2) px."""
-        return _over_views(directed.mean(axis=2), self.outlier_px)
-
-    def evidence(self, contours: Contours, observation: Observation, n_parts: int) -> Evidence:
-        """The distance of the first pose in detail."""
-        per_view = self._directed(contours, observation)[0].mean(axis=1)
-        length, distance, near, missed = np.zeros((4, n_parts))
-        for v, view in enumerate(observation.views):
-            if view is None:
-                continue
-            model = contours.of(v)
-            rounded = np.round(model.pixels).astype(np.int64) - view.origin
-            height, width = view.distance.shape
-            within = (rounded >= 0).all(axis=1) & (rounded < (width, height)).all(axis=1)
-            found = np.full(len(rounded), view.reach)
-            found[within] = view.distance[rounded[within, 1], rounded[within, 0]]
-            found = np.minimum(found, self.outlier_px)
-            length += np.bincount(model.parts, model.weights, n_parts)
-            distance += np.bincount(model.parts, model.weights * found, n_parts)
-            near += np.bincount(model.parts, model.weights * (found <= self.explained_px), n_parts)
-            missed += self._missed(model, view, n_parts)
-        seen = np.where(length > 0, length, np.nan)
-        average = float(_over_views(per_view[None], self.outlier_px)[0])
-        return Evidence(average, per_view, distance / seen, near / seen, missed, length)
-
-    def _missed(self, model: ViewContours, view: ViewObservation, n_parts: int) -> Array:
-        """(P,) length of scene contour far from all model contours, by the nearest part."""
-        if len(model.parts) == 0 or len(view.scene) == 0:
-            return np.zeros(n_parts)
-        found = cKDTree(model.pixels).query(view.edges[view.scene])
-        gaps, nearest = np.asarray(found[0]), np.asarray(found[1])
-        far = gaps > self.missed_px
-        lengths = view.scene_weights[far].astype(np.float64)
-        missed: Array = np.bincount(model.parts[nearest[far]], lengths, n_parts).astype(np.float64)
-        return missed
-
-    def _directed(self, contours: Contours, observation: Observation) -> Array:
-        flat, layout, scene, first, _ = observation.packed
-        directed: Array = directed_distances(
-            contours.positions,
-            contours.counts,
-            flat,
-            layout,
-            scene,
-            first,
-            *self.rule,
+    def distances(self, asked: Comparison, poses: Array) -> Array:
+        """(B, V) undirected distance (eq. 3) in each view; see `tracker.similarity.Similarity.distances`."""
+        directed = asked.synthesis.directed_distances(
+            asked.scene, asked.person, poses, asked.observed, self.outlier_px, self.outliers == "reject"
         )
-        return directed
+        both_ways: Array = directed.mean(axis=2)
+        return both_ways
 
-
-def _over_views(per_view: Array, worst: float) -> Array:
-    """Mean over the views that are not missing: (B, V) -> (B,); `worst` where none is left."""
-    present = np.isfinite(per_view)
-    n_present = present.sum(axis=1)
-    total = np.where(present, per_view, 0.0).sum(axis=1)
-    mean: Array = np.where(n_present > 0, total / np.maximum(n_present, 1), worst)
-    return mean
+    def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
+        """Oriented nearest neighbours both ways, their residuals along the contour normals robustly weighted."""
+        contours, edges = asked.fine(q), asked.observed.packed
+        pairs = oriented_pairs(contours, edges, gate_px, self.direction_deg)
+        found = normal_equations(
+            pairs,
+            contours.positions[0],
+            contours.points[0],
+            contours.parts[0],
+            asked.ends,
+            edges.points,
+            asked.scene.rig.packed,
+            asked.body.twists(q),
+            asked.body.moves,
+            PX_PER_OBSERVATION,
+            0.5 * gate_px,
+        )
+        return Equations(*found)

@@ -14,13 +14,17 @@ from tracker.scene import Scene
 class Synthesis(Protocol):
     """A component that projects a scene into all views."""
 
-    def contours(self, scene: Scene, person: int | None = None, poses: Array | None = None) -> Contours:
+    def contours(
+        self, scene: Scene, person: int | None = None, poses: Array | None = None, coarse: bool = False
+    ) -> Contours:
         """Visible occluding contours of all persons, with many poses of one person tried at once.
 
         Args:
             scene: persons, poses and rig.
             person: whose poses vary; None for the scene as it is.
             poses: (B, dof) of that person, rad and m.
+            coarse: as dense as is enough to rank many poses, where that is cheaper; `directed_distances` are those
+                of these contours.
 
         Returns:
             Samples for B poses (1 for the scene as it is) and all views.
@@ -35,15 +39,13 @@ class Synthesis(Protocol):
         """The scene-wide part (H, W) seen at each pixel's centre in every view, -1 where there is none."""
         ...
 
-
-@runtime_checkable
-class Scoring(Protocol):
-    """A synthesis that compares poses with an observation itself, without handing over contours."""
-
     def directed_distances(
         self, scene: Scene, person: int, poses: Array, observation: Observation, theta: float, reject: bool
     ) -> Array:
         """Normalized directed chamfer distances (paper, eq. 2) of many poses of one person.
+
+        The service that searches live on: no contour need be written to memory on the way. It is a faster way to what
+        `tracker.kernels.chamfer.directed_distances` says of the coarse contours.
 
         Args:
             scene: persons, poses and rig.

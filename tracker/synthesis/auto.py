@@ -42,9 +42,11 @@ class AutoSynthesis:
         """Which component works and why, in one sentence."""
         return _found(self.device)[1]
 
-    def contours(self, scene: Scene, person: int | None = None, poses: Array | None = None) -> Contours:
+    def contours(
+        self, scene: Scene, person: int | None = None, poses: Array | None = None, coarse: bool = False
+    ) -> Contours:
         """Visible occluding contours; see `tracker.synthesis.Synthesis.contours`."""
-        return self._cpu.contours(scene, person, poses)
+        return self._cpu.contours(scene, person, poses, coarse)
 
     def silhouettes(self, scene: Scene) -> tuple[Mask, ...]:
         """The region covered; see `tracker.synthesis.Synthesis.silhouettes`."""
@@ -55,9 +57,9 @@ class AutoSynthesis:
         return self._cpu.part_ids(scene)
 
     def directed_distances(
-        self, scene: Scene, person: int, poses: Array, observation: Observation, theta: float, reject: bool = False
+        self, scene: Scene, person: int, poses: Array, observation: Observation, theta: float, reject: bool
     ) -> Array:
-        """Directed chamfer distances; see `tracker.synthesis.Scoring.directed_distances`."""
+        """Directed chamfer distances; see `tracker.synthesis.Synthesis.directed_distances`."""
         if len(poses) < self.least_poses or not _found(self.device)[0]:
             return self._cpu.directed_distances(scene, person, poses, observation, theta, reject)
         egl = EglSynthesis(contact_m=self.contact_m, device=self.device)

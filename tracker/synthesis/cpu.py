@@ -53,17 +53,27 @@ class CpuSynthesis:
     search_n_omega: int = pydantic.Field(default=12, ge=8, le=MOST_COLUMNS)
     """Longitudes of the surface grid in a search."""
 
-    def contours(self, scene: Scene, person: int | None = None, poses: Array | None = None) -> Contours:
+    def contours(
+        self, scene: Scene, person: int | None = None, poses: Array | None = None, coarse: bool = False
+    ) -> Contours:
         """Visible occluding contours; see `tracker.synthesis.Synthesis.contours`."""
         placements = scene.world_from_parts(person, poses)
-        found = self._traced(scene, placements, _SAMPLES_PER_PART * len(scene.shapes))
+        found = self._traced(scene, placements, _SAMPLES_PER_PART * len(scene.shapes), coarse)
         while int(found.counts.max(initial=0)) == found.parts.shape[2]:
-            found = self._traced(scene, placements, 2 * found.parts.shape[2])
+            found = self._traced(scene, placements, 2 * found.parts.shape[2], coarse)
         return found
 
-    def _traced(self, scene: Scene, placements: Array, capacity: int) -> Contours:
+    def _sampling(self, scene: Scene, coarse: bool) -> tuple[tuple[int, int], tuple[float, float]]:
+        """Latitudes and longitudes of the surface grid; longest piece of contour, px, and contact, metres."""
+        if not coarse:
+            return (self.n_eta, self.n_omega), (self.step_px, self.contact_m)
+        step_px = float(scene.rig.sizes.max(axis=1).min()) / self.search_steps
+        return (self.search_n_eta, self.search_n_omega), (step_px, self.contact_m)
+
+    def _traced(self, scene: Scene, placements: Array, capacity: int, coarse: bool) -> Contours:
         """Contours with room for so many samples in a view; further ones are dropped."""
-        grids, planes, bounds = _grids(scene.shapes, self.n_eta, self.n_omega)
+        grid, spacing = self._sampling(scene, coarse)
+        grids, planes, bounds = _grids(scene.shapes, *grid)
         layout = (len(placements), len(scene.rig), capacity)
         positions = np.empty((*layout, 5), dtype=np.float32)
         points = np.empty((*layout, 3), dtype=np.float32)
@@ -75,11 +85,12 @@ class CpuSynthesis:
             scene.shapes,
             grids,
             planes,
-            (self.n_eta, self.n_omega),
+            grid,
             bounds,
             scene.rig.packed,
             scene.rig.sizes,
-            (self.step_px, self.contact_m),
+            spacing,
+            not coarse,
             positions,
             points,
             parts,
@@ -91,19 +102,20 @@ class CpuSynthesis:
     def directed_distances(
         self, scene: Scene, person: int, poses: Array, observation: Observation, theta: float, reject: bool
     ) -> Array:
-        """Chamfer distances without contours; see `tracker.synthesis.Scoring.directed_distances`."""
-        grids, planes, bounds = _grids(scene.shapes, self.search_n_eta, self.search_n_omega)
+        """Chamfer distances without contours; see `tracker.synthesis.Synthesis.directed_distances`."""
+        grid, spacing = self._sampling(scene, coarse=True)
+        grids, planes, bounds = _grids(scene.shapes, *grid)
         flat, regions, points, first, _ = observation.packed
         directed: Array = score_poses(
             scene.world_from_parts(person, poses),
             scene.shapes,
             grids,
             planes,
-            (self.search_n_eta, self.search_n_omega),
+            grid,
             bounds,
             scene.rig.packed,
             scene.rig.sizes,
-            (float(scene.rig.sizes.max(axis=1).min()) / self.search_steps, self.contact_m),
+            spacing,
             flat,
             regions,
             points,

@@ -42,7 +42,9 @@ class EglSynthesis:
         """What draws, in the driver's words."""
         return atlas_on(self.device).renderer
 
-    def contours(self, scene: Scene, person: int | None = None, poses: Array | None = None) -> Contours:
+    def contours(
+        self, scene: Scene, person: int | None = None, poses: Array | None = None, coarse: bool = False
+    ) -> Contours:
         """Visible occluding contours, a sample a pixel; see `tracker.synthesis.Synthesis.contours`."""
         placements = scene.world_from_parts(person, poses)
         return contours_of(scene, placements, self._pictures(scene, placements), self.contact_m)
@@ -57,7 +59,7 @@ class EglSynthesis:
         return tuple(picture.whole(camera) for picture, camera in zip(pictures, scene.rig.cameras, strict=True))
 
     def directed_distances(
-        self, scene: Scene, person: int, poses: Array, observation: Observation, theta: float, reject: bool = False
+        self, scene: Scene, person: int, poses: Array, observation: Observation, theta: float, reject: bool
     ) -> Array:
         """Directed chamfer distances of poses, drawn and scored on the graphics card.
 
@@ -75,7 +77,7 @@ class EglSynthesis:
         if reject:
             return distances_of(self.contours(scene, person, poses), observation, theta, reject)
         atlas, placements = atlas_on(self.device), scene.world_from_parts(person, poses)
-        present = observation.packed[1][:, 3] > 0
+        present = observation.packed.regions[:, 3] > 0
         distances = np.full((len(placements), len(present), 2), np.nan)
         against = observation, theta, self.contact_m
         for meshes, batch in self._batches(atlas, scene, placements, present):

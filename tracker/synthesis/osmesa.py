@@ -33,7 +33,9 @@ class OsmesaSynthesis:
     n_omega: int = pydantic.Field(default=32, ge=8)
     """Longitudes of the parts' meshes."""
 
-    def contours(self, scene: Scene, person: int | None = None, poses: Array | None = None) -> Contours:
+    def contours(
+        self, scene: Scene, person: int | None = None, poses: Array | None = None, coarse: bool = False
+    ) -> Contours:
         """Visible occluding contours, a sample a pixel; see `tracker.synthesis.Synthesis.contours`."""
         placements = scene.world_from_parts(person, poses)
         pictures = [self._pictures(scene, placed) for placed in placements]
@@ -48,7 +50,7 @@ class OsmesaSynthesis:
         return tuple(picture.ids for picture in self._pictures(scene, scene.world_from_parts()[0]))
 
     def directed_distances(
-        self, scene: Scene, person: int, poses: Array, observation: Observation, theta: float, reject: bool = False
+        self, scene: Scene, person: int, poses: Array, observation: Observation, theta: float, reject: bool
     ) -> Array:
         """Directed chamfer distances (B, V, 2) of poses (B, dof), px: model to scene, scene to model.
 

@@ -1,0 +1,50 @@
+"""Normal equations of a linearized least squares problem in a pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tracker.arrays import Array
+
+
+@dataclass(frozen=True)
+class Equations:
+    """J^T W J dq = -J^T W r, with what is needed to judge the variance; several kinds of evidence add up."""
+
+    matrix: Array
+    """(dof, dof) J^T W J."""
+
+    vector: Array
+    """(dof,) J^T W r."""
+
+    squares: float
+    """Sum of w r^2, px^2."""
+
+    total: float
+    """Sum of w: the number of independent observations."""
+
+    @staticmethod
+    def of(residual: Array, jacobian: Array, weights: Array) -> Equations:
+        """The equations of residuals (N,) px with Jacobian (N, dof) and weights (N,)."""
+        weighted = weights[:, None] * jacobian
+        squares = float((weights * residual**2).sum())
+        return Equations(jacobian.T @ weighted, weighted.T @ residual, squares, float(weights.sum()))
+
+    @staticmethod
+    def nothing(dof: int) -> Equations:
+        """Equations that say nothing."""
+        return Equations(np.zeros((dof, dof)), np.zeros(dof), 0.0, 0.0)
+
+
+def combined(equations: Sequence[Equations], weights: Sequence[float]) -> Equations:
+    """The sum of equations of the same pose, each times its weight; at least one."""
+    pairs = list(zip(weights, equations, strict=True))
+    return Equations(
+        matrix=np.sum([weight * one.matrix for weight, one in pairs], axis=0),
+        vector=np.sum([weight * one.vector for weight, one in pairs], axis=0),
+        squares=sum(weight * one.squares for weight, one in pairs),
+        total=sum(weight * one.total for weight, one in pairs),
+    )

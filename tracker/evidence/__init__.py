@@ -1,0 +1,80 @@
+"""Evidence: what the images say, how well a pose explains it, and where to move next."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol, runtime_checkable
+
+from tracker.account import Account
+from tracker.arrays import Array, Mask
+from tracker.comparison import Comparison
+from tracker.contours import Contours
+from tracker.equations import Equations
+from tracker.scene import Scene
+from tracker.sight import Sight
+
+Observed = Any
+"""What one kind of evidence has observed in a frame: its own frozen value, which only it looks into."""
+
+Memory = Any
+"""What one kind of evidence has learned from the frames so far: its own frozen value; None at the start."""
+
+
+@runtime_checkable
+class Evidence(Protocol):
+    """A component that answers for one kind of evidence. Search and refinement know none of them by name.
+
+    One pose has one number: what `distances` ranks by is what `account` reports. Components derive from this class
+    and inherit the optional methods, `look` and `learned`.
+    """
+
+    def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Observed:
+        """Looks at a frame.
+
+        Args:
+            sight: the images, and the clean plates where there are some; missing views are None.
+            expected: contours of the prediction (several poses where there are several candidates); None to look
+                everywhere and accept everything.
+            memory: what was learned up to the frame before.
+
+        Returns:
+            What `asked.observed` is in the questions that follow.
+        """
+        ...
+
+    def distances(self, asked: Comparison, poses: Array) -> Array:
+        """How far each pose (B, dof) is from what was observed: (B,) px, lower is better; what a search ranks by."""
+        ...
+
+    def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
+        """What a refinement minimizes, linearized at a pose.
+
+        Args:
+            asked: person, scene and what was observed.
+            q: (dof,) rad and m.
+            gate_px: how far from the model the images are believed, px.
+        """
+        ...
+
+    def account(self, asked: Comparison, q: Array) -> Account:
+        """How well a pose (dof,) explains what was observed; its distance is the one that `distances` gives."""
+        ...
+
+    def look(self, sight: Sight, around: Contours) -> None:
+        """Does ahead what needs no exact prediction, and leaves it in the sight; by default nothing.
+
+        Args:
+            sight: the frame to come.
+            around: contours of all persons two frames before.
+        """
+
+    def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Memory:
+        """What is known after a frame; by default what was known before it.
+
+        Args:
+            memory: what was known before the frame.
+            sight: the frame.
+            scene: all persons at their estimated poses.
+            fitted: their contours.
+            trusted: (K,) persons whose poses can be learned from.
+        """
+        return memory
