@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tracker.analysis import Analysis
-from tracker.analysis._observe import expected_samples, region_around, thinned
+from tracker.analysis._observe import thinned
 from tracker.analysis.contours import ContourAnalysis
 from tracker.analysis.silhouettes import SilhouetteAnalysis
 from tracker.arrays import Array, Array32, Image, Mask
@@ -18,6 +18,7 @@ from tracker.camera import Camera
 from tracker.components import available, find
 from tracker.contours import Contours, joined
 from tracker.errors import SequenceError
+from tracker.expectation import expected_samples, region_around
 from tracker.frame import Frame
 from tracker.observation import Observation, ViewObservation
 from tracker.resources import model_path

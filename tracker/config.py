@@ -128,9 +128,17 @@ def _value(kind: Any, value: Any, where: str, folder: Path) -> Any:
         if isinstance(kind, type) and dataclasses.is_dataclass(kind):
             return build_class(kind, {key: v for key, v in value.items() if key != "use"}, where, folder)
         return build(stage, value, where, folder)
+    if (entries := _entries(kind)) is not None and isinstance(value, list):
+        return tuple(_value(entries, entry, f"{where} {k + 1}", folder) for k, entry in enumerate(value))
     if _is_path(kind) and isinstance(value, str):
         return str(folder / expanded(value, where))
     return _tuples(value)
+
+
+def _entries(kind: Any) -> Any:
+    """What a field typed `tuple[X, ...]` holds, if X is a component or a contract; else None."""
+    kinds = typing.get_args(kind) if typing.get_origin(kind) is tuple else ()
+    return kinds[0] if len(kinds) == 2 and kinds[1] is Ellipsis and component_stage(kinds[0]) else None
 
 
 def component_stage(kind: Any) -> str | None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
 from tracker.arrays import Array32, Mask
 from tracker.contours import Contours
+from tracker.imaging.background import Region
 from tracker.imaging.edges import EdgeSegments, canny, chamfer_image, gradient, segment_edges
 from tracker.observation import Observation, ViewObservation
 from tracker.scene import Scene
@@ -30,8 +33,11 @@ def outline_observation(masks: tuple[Mask | None, ...]) -> Observation:
 
 
 def _outlined(mask: Mask) -> ViewObservation:
-    gradients = gradient(mask.astype(np.uint8) * np.uint8(255), _SMOOTHING_PX)
+    x, y, width, height = _around(mask)
+    part = mask[y : y + height, x : x + width]
+    gradients = gradient(part.astype(np.uint8) * np.uint8(255), _SMOOTHING_PX)
     found = segment_edges(canny(gradients, 10.0, 20.0), gradients, (4, float(np.radians(20.0)), 8))
+    found = replace(found, points=found.points + np.array([x, y], dtype=np.float32))
     kept = _inside(found, mask)
     points, directions = found.points[kept], found.directions[kept]
     n = len(points)
@@ -44,11 +50,20 @@ def _outlined(mask: Mask) -> ViewObservation:
         accepted=np.ones(n, dtype=np.bool_),
         scene=scene,
         scene_weights=np.full(most, n / max(most, 1), dtype=np.float32),
-        origin=(0, 0),
-        distance=chamfer_image(points, (mask.shape[1], mask.shape[0]), _REACH_PX),
+        origin=(x, y),
+        distance=chamfer_image(points - np.array([x, y], dtype=np.float32), (width, height), _REACH_PX),
         reach=_REACH_PX,
         silhouette=mask,
     )
+
+
+def _around(mask: Mask) -> Region:
+    """The box that the mask fills with all that its outline can be near to, inside the image."""
+    x, y, width, height = cv2.boundingRect(mask.view(np.uint8))
+    margin = int(_REACH_PX) + 8
+    left, top = max(x - margin, 0), max(y - margin, 0)
+    right, bottom = min(x + width + margin, mask.shape[1]), min(y + height + margin, mask.shape[0])
+    return left, top, right - left, bottom - top
 
 
 def _inside(found: EdgeSegments, mask: Mask) -> Mask:

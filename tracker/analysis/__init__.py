@@ -35,3 +35,4 @@ class Analysis(Protocol):
             sight: the frame to come.
             around: contours of all persons some frames before.
         """
+        return

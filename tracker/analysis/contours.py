@@ -10,15 +10,11 @@ import numpy as np
 import pydantic
 
 from tracker.analysis import Analysis
-from tracker.analysis._observe import (
-    accepted_segments,
-    expected_samples,
-    region_around,
-    view_observation,
-)
+from tracker.analysis._observe import accepted_segments, view_observation
 from tracker.arrays import Array32, Image, Mask, frozen
 from tracker.components import component
 from tracker.contours import Contours
+from tracker.expectation import expected_samples, region_around
 from tracker.imaging.background import Region
 from tracker.imaging.edges import EdgeSegments, canny, gradient, segment_edges
 from tracker.kernels.acceptance import marked

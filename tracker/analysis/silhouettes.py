@@ -7,11 +7,12 @@ import numpy as np
 import pydantic
 
 from tracker.analysis import Analysis
-from tracker.analysis._observe import accepted_segments, expected_samples, region_around, view_observation
+from tracker.analysis._observe import accepted_segments, view_observation
 from tracker.arrays import Array32, Image
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.errors import SequenceError
+from tracker.expectation import expected_samples, region_around
 from tracker.imaging.edges import canny, gradient, segment_edges
 from tracker.observation import Observation, ViewObservation
 from tracker.sight import Sight

@@ -66,6 +66,7 @@ class Evidence(Protocol):
             sight: the frame to come.
             around: contours of all persons two frames before.
         """
+        return
 
     def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Memory:
         """What is known after a frame; by default what was known before it.

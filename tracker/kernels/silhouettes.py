@@ -10,7 +10,7 @@ from tracker.kernels.projection import project_point
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _widen(u0: float, v0: float, u1: float, v1: float, extents: Array) -> None:
+def widen(u0: float, v0: float, u1: float, v1: float, extents: Array) -> None:
     """Widens the extents (2, h) of the pixel rows that a line crosses to where it crosses them."""
     if v1 < v0:
         u0, v0, u1, v1 = u1, v1, u0, v0
@@ -54,10 +54,10 @@ def fill_parts(placements: Array, grids: Array32, layout: tuple[int, int], camer
             for c in range(n_columns):
                 i = r * n_columns + c
                 beside = r * n_columns + (c + 1 if c + 1 < n_columns else 0)
-                _widen(pixels[i, 0], pixels[i, 1], pixels[beside, 0], pixels[beside, 1], extents)
+                widen(pixels[i, 0], pixels[i, 1], pixels[beside, 0], pixels[beside, 1], extents)
                 if r + 1 < n_rows:
                     below = i + n_columns
-                    _widen(pixels[i, 0], pixels[i, 1], pixels[below, 0], pixels[below, 1], extents)
+                    widen(pixels[i, 0], pixels[i, 1], pixels[below, 0], pixels[below, 1], extents)
         for row in range(height):
             if extents[0, row] <= extents[1, row]:
                 first = max(int(np.ceil(extents[0, row])), 0)

@@ -1,0 +1,122 @@
+"""Foreground overlap against plain twins, and what it knows that edges do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from observations import off
+
+from tracker.arrays import Array, Mask
+from tracker.comparison import Comparison
+from tracker.evidence.silhouettes import Foregrounds, SilhouetteEvidence
+from tracker.evidence.together import TogetherEvidence
+from tracker.frame import Frame
+from tracker.scene import Scene
+from tracker.sight import Changes, Sight
+from tracker.synthesis.cpu import CpuSynthesis
+
+
+class Cut(Sight):
+    """A sight in which the foreground is known exactly."""
+
+    def __init__(self, masks: tuple[Mask | None, ...]) -> None:
+        images = tuple(None if mask is None else np.zeros((*mask.shape, 3), dtype=np.uint8) for mask in masks)
+        super().__init__(Frame(0, 0.0, images))
+        self.masks = masks
+
+    def changes(self, view: int, region: object) -> Changes | None:
+        mask = self.masks[view]
+        return None if mask is None else Changes(mask, mask)
+
+
+@pytest.fixture(scope="module")
+def masks(truth: Scene) -> tuple[Mask, ...]:
+    return CpuSynthesis().silhouettes(truth)
+
+
+def asked(scene: Scene, masks: tuple[Mask | None, ...], evidence: SilhouetteEvidence | None = None) -> Comparison:
+    observed = (evidence or SilhouetteEvidence()).observe(Cut(masks), None)
+    return Comparison(scene, 0, CpuSynthesis(), observed)
+
+
+def plain(seen: Foregrounds, scene: Scene, q: Array, scale_px: float) -> Array:
+    """(V,) distances from silhouettes filled by the synthesis in the small views, the twin of `covered_sums`."""
+    small = Scene(scene.with_pose(0, q).persons, scene.rig.downscaled(seen.factor))
+    found = []
+    for v, mask in enumerate(CpuSynthesis().silhouettes(small)):
+        start, width, height = seen.regions[v]
+        if width == 0:
+            found.append(np.nan)
+            continue
+        cost, worth = np.moveaxis(seen.pictures[start : start + width * height].reshape(height, width, 2), 2, 0)
+        found.append(scale_px * (cost[mask].sum() + worth[~mask].sum()) / worth.sum())
+    return np.array(found)
+
+
+def test_distances_equal_their_plain_twin(truth: Scene, masks: tuple[Mask, ...]) -> None:
+    body, q = truth.persons[0].body, truth.persons[0].q
+    question = asked(truth, (None, *masks[1:]))
+    poses = body.clamped(q + np.array([off(body, 15.0, 0.1, seed) for seed in range(6)]))
+    found = SilhouetteEvidence()._per_view(question, poses)
+    expected = [plain(question.observed, truth, pose, 10.0) for pose in poses]
+    assert np.isnan(found[:, 0]).all()
+    # The grid that is filled is coarser than that of the pictures. A person is 75 small pixels high here: a sixth of
+    # a pixel along the outline is 3 % of the area.
+    np.testing.assert_allclose(found, expected, atol=0.03 * 10.0)
+
+
+def test_a_limb_alone_is_the_whole_body_with_the_limb_moved(truth: Scene, masks: tuple[Mask, ...]) -> None:
+    body, q = truth.persons[0].body, truth.persons[0].q
+    poses = np.tile(q, (5, 1))
+    poses[:, body.group("left_arm")] += np.random.default_rng(1).normal(scale=0.4, size=(5, 4))
+    question, evidence = asked(truth, masks), SilhouetteEvidence()
+    together = evidence.distances(question, poses)
+    np.testing.assert_allclose(together, [evidence.distances(question, pose[None])[0] for pose in poses], rtol=1e-12)
+
+
+def test_the_truth_covers_the_foreground(truth: Scene, masks: tuple[Mask, ...]) -> None:
+    question, evidence = asked(truth, masks), SilhouetteEvidence()
+    body, q = truth.persons[0].body, truth.persons[0].q
+    around = body.clamped(q + np.array([off(body, 5.0, 0.03, seed) for seed in range(20)]))
+    account = evidence.account(question, q)
+    assert 2 * account.distance_px < evidence.distances(question, around).min()
+    assert account.explained > 0.95
+    assert account.missed_px.sum() < 0.02 * account.visible_px.sum()
+
+
+@pytest.mark.parametrize("limb", ["left_arm", "right_leg"])
+def test_a_displaced_limb_costs_and_is_told(truth: Scene, masks: tuple[Mask, ...], limb: str) -> None:
+    body, q = truth.persons[0].body, truth.persons[0].q
+    question, evidence = asked(truth, masks), SilhouetteEvidence()
+    turned = q + np.radians(50) * np.eye(body.dof)[body.index(f"{limb}_abduction")]
+    right, wrong = evidence.distances(question, np.stack([q, turned]))
+    assert wrong > right + 0.5
+    before, after = (evidence.account(question, pose).of(body.parts_of(limb)) for pose in (q, turned))
+    assert after.left_over > before.left_over + 0.5
+
+
+def test_refined_on_outlines_alone_the_pose_comes_back(truth: Scene, masks: tuple[Mask, ...]) -> None:
+    body, truth_q = truth.persons[0].body, truth.persons[0].q
+    q = body.clamped(truth_q + off(body, 2.0, 0.015, seed=3))
+    question, evidence = asked(truth, masks), SilhouetteEvidence()
+    prior = np.diag(np.where(body.rotates, np.radians(15), 0.15) ** -2.0)
+    gaps = []
+    for gate_px in (20.0, 14.0, 10.0, 8.0, 8.0):
+        found = evidence.equations(question, q, gate_px)
+        q = body.clamped(q - np.linalg.solve(found.matrix + prior, found.vector))
+        gaps.append(np.linalg.norm(np.subtract(*body.landmarks_in_world(np.stack([q, truth_q]))), axis=1).mean())
+    assert gaps[-1] < 0.01
+
+
+def test_together_is_the_weighted_sum(truth: Scene, masks: tuple[Mask, ...]) -> None:
+    one, other = SilhouetteEvidence(), SilhouetteEvidence(scale_px=3.0)
+    both = TogetherEvidence(of=(one, other), weights=(0.5, 2.0))
+    sight, q = Cut(masks), truth.persons[0].q
+    poses = q + 0.05 * np.eye(len(q))[:3]
+    question = Comparison(truth, 0, CpuSynthesis(), both.observe(sight, None))
+    parts = [Comparison(truth, 0, CpuSynthesis(), kind.observe(sight, None)) for kind in (one, other)]
+    expected = 0.5 * one.distances(parts[0], poses) + 2.0 * other.distances(parts[1], poses)
+    np.testing.assert_allclose(both.distances(question, poses), expected)
+    found, each = both.equations(question, poses[0], 20.0), one.equations(parts[0], poses[0], 20.0)
+    np.testing.assert_allclose(found.matrix, 2.5 * each.matrix, rtol=1e-9)
+    assert both.account(question, poses[0]).distance_px == pytest.approx(expected[0])

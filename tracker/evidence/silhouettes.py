@@ -1,0 +1,174 @@
+"""Evidence of silhouettes: the foreground that the model covers, and what it covers beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import cv2
+import numpy as np
+import pydantic
+
+from tracker.account import Account
+from tracker.arrays import Array, Array32, Integers, Mask, frozen
+from tracker.comparison import Comparison
+from tracker.components import component
+from tracker.contours import Contours
+from tracker.equations import Equations
+from tracker.evidence import Evidence, Memory
+from tracker.evidence._shares import over_views, shares
+from tracker.expectation import expected_samples, region_around
+from tracker.geometry.superquadrics import spread, surface
+from tracker.kernels.coverage import covered_sums
+from tracker.observation import Observation
+from tracker.outlines import on_outline, outline_observation
+from tracker.sight import Sight
+from tracker.similarity.chamfer import ChamferSimilarity
+
+# The longer side of an image is brought to about this for the overlap, px: a quarter of 720.
+_SMALL_PX = 180
+# Grid of a part when it is filled: chords of 5 x 8 points lie inside, 3 % more covers the same area.
+_GRID, _GROWN = (5, 8), 1.03
+
+
+@dataclass(frozen=True, eq=False)
+class Foregrounds:
+    """The moving foreground of all V views."""
+
+    masks: tuple[Mask | None, ...]
+    """(H, W) each; None where image or plate is missing."""
+
+    factor: int
+    """How many pixels of an image one of the small pictures stands for, along each side."""
+
+    regions: Integers
+    """(V, 3) start in `pictures`, width and height; width 0 where there is no foreground."""
+
+    pictures: Array32
+    """(N, 2) what it costs to cover a pixel, 0 to 1, and what covering it is worth, 0 to 1; all views end to end."""
+
+    worth: Array
+    """(V,) sum of the latter; 0 where there is no foreground."""
+
+    @cached_property
+    def outlines(self) -> Observation:
+        """The outlines of the foregrounds as edges."""
+        return outline_observation(self.masks)
+
+
+@component
+class SilhouetteEvidence(Evidence):
+    """How much of the foreground a pose leaves bare, and how far it reaches beyond it; needs background plates.
+
+    A displaced limb lies outside the foreground however many edges lie around it: in a search this term finds limbs
+    that edges alone lose. A refinement moves the model's outline to that of the foreground.
+    """
+
+    scale_px: float = pydantic.Field(default=10.0, gt=0)
+    """Distance of a pose that covers nothing of the foreground, px."""
+
+    reach_px: float = pydantic.Field(default=20.0, gt=0)
+    """What lies this far outside of the foreground, or farther, costs as much as its inside is worth, px."""
+
+    direction_deg: float = pydantic.Field(default=40.0, gt=0, le=90)
+    """Largest angle between the outlines of model and foreground in a refinement, degrees."""
+
+    explained_px: float = pydantic.Field(default=5.0, gt=0)
+    """A sample of the model's outline this close to the foreground's counts as explained, px."""
+
+    missed_px: float = pydantic.Field(default=10.0, gt=0)
+    """An outline of the foreground farther than this from all of the model's counts as missed, px."""
+
+    margin_px: float = pydantic.Field(default=48.0, ge=0)
+    """The foreground is looked for this far beyond the expected contours, px."""
+
+    def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Foregrounds:
+        """The foreground near what is expected; see `tracker.evidence.Evidence.observe`."""
+        masks = tuple(self._mask(sight, expected, v) for v in range(len(sight.plates)))
+        longest = max((max(mask.shape) for mask in masks if mask is not None), default=_SMALL_PX)
+        factor = max(1, round(longest / _SMALL_PX))
+        regions, pictures, worth, start = [], [np.zeros((0, 2), dtype=np.float32)], [], 0
+        for mask in masks:
+            picture = None if mask is None or not mask.any() else self._picture(mask, factor)
+            height, width = (0, 0) if picture is None else picture.shape[:2]
+            regions.append((start, width, height))
+            worth.append(0.0 if picture is None else float(picture[..., 1].sum()))
+            start += width * height
+            if picture is not None:
+                pictures.append(picture.reshape(-1, 2))
+        return Foregrounds(
+            masks, factor, frozen(regions, np.int64), frozen(np.concatenate(pictures), np.float32), frozen(worth)
+        )
+
+    def distances(self, asked: Comparison, poses: Array) -> Array:
+        """(B,) what is left bare and what is covered beside it, as shares of the foreground; mean over the views."""
+        return over_views(self._per_view(asked, poses), 0.0)
+
+    def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
+        """Outline against outline; see `tracker.evidence.Evidence.equations`."""
+        outlines = replace(asked, observed=asked.observed.outlines, _last={q.tobytes(): self._outer(asked, q)})
+        return ChamferSimilarity(direction_deg=self.direction_deg).equations(outlines, q, gate_px)
+
+    def account(self, asked: Comparison, q: Array) -> Account:
+        """What of the model's outline lies on the foreground's, and what of that it misses."""
+        per_view = self._per_view(asked, q[None])
+        near_px, distances = (self.explained_px, self.missed_px), (float(over_views(per_view, 0.0)[0]), per_view[0])
+        outer, n_parts = self._outer(asked, q), len(asked.scene.shapes)
+        return shares(outer, asked.observed.outlines, n_parts, near_px, distances).of(asked.own)
+
+    def _per_view(self, asked: Comparison, poses: Array) -> Array:
+        """(B, V) px; NaN for a view without a foreground."""
+        seen: Foregrounds = asked.observed
+        placements = asked.scene.world_from_parts(asked.person, poses)
+        grids, cameras = _grids(asked.scene.shapes.tobytes()), _small(asked.scene.rig.packed, seen.factor)
+        sums = covered_sums(placements, grids, _GRID, cameras, seen.regions, seen.pictures)
+        worth = np.where(seen.worth > 0, seen.worth, np.nan)
+        per_view: Array = self.scale_px * (sums[..., 0] + worth - sums[..., 1]) / worth
+        return per_view
+
+    def _outer(self, asked: Comparison, q: Array) -> Contours:
+        """The contours of a pose (dof,) without what lies before another part of the model."""
+        contours, scene = asked.fine(q), asked.scene.with_pose(asked.person, q)
+        positions = contours.positions.copy()
+        positions[0, ..., 4] = np.where(on_outline(contours, scene, asked.synthesis), positions[0, ..., 4], 0)
+        return replace(contours, positions=positions)
+
+    def _mask(self, sight: Sight, expected: Contours | None, v: int) -> Mask | None:
+        image = sight.frame.images[v]
+        if image is None:
+            return None
+        size = image.shape[1], image.shape[0]
+        near = None if expected is None else expected_samples(expected, v)
+        region = (0, 0, *size) if near is None else region_around(near, size, self.margin_px)
+        changes = sight.changes(v, region)
+        return None if changes is None else changes.silhouette
+
+    def _picture(self, mask: Mask, factor: int) -> Array32:
+        """(h, w, 2) cost and worth of covering each pixel of a small picture; the rim of the foreground counts less."""
+        height, width = (length // factor for length in mask.shape)
+        whole = mask[: height * factor, : width * factor].astype(np.float32)
+        inside = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA) >= 0.5
+        outwards = factor * cv2.distanceTransform((~inside).astype(np.uint8), cv2.DIST_L2, 3)
+        inwards = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 3)
+        cost = np.clip((outwards - 0.75 * factor) / self.reach_px, 0, 1)
+        worth = inside * np.minimum(inwards / 2, 1)
+        return np.stack([cost, worth], axis=-1).astype(np.float32)
+
+
+def _small(cameras: Array, factor: int) -> Array:
+    """Rows of `Rig.packed` (V, 25) as `Rig.downscaled` makes them."""
+    rows = cameras.copy()
+    rows[:, [15, 16, 24]] /= factor
+    rows[:, 17:19] = (rows[:, 17:19] + 0.5) / factor - 0.5
+    return rows
+
+
+@lru_cache(maxsize=8)
+def _grids(shapes: bytes) -> Array32:
+    """(P, R * C, 3) surface points of all parts, from their packed shapes."""
+    grids = []
+    for shape in np.frombuffer(shapes).reshape(-1, 7):
+        eta, omega = spread(shape, *_GRID)
+        points, _ = surface(shape, eta[:, None], omega[None, :])
+        grids.append(_GROWN * points.reshape(-1, 3))
+    return frozen(grids, np.float32)

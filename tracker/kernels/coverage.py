@@ -1,0 +1,106 @@
+"""What of weighted pictures a body covers, for many poses: the silhouettes are filled small and never kept.
+
+Parts that stand still in a batch are filled once for all poses.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from tracker.arrays import Array, Array32, Integers
+from tracker.kernels.contour_scoring import moving_parts
+from tracker.kernels.projection import project_point
+from tracker.kernels.silhouettes import widen
+
+_STILL = -1
+# A part nearer to a camera than this has no outline that could be filled, metres.
+_NEAREST_M = 0.05
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _extents(
+    placement: Array, grid: Array32, layout: tuple[int, int], camera: Array, pixels: Array, extents: Array
+) -> tuple[int, int]:
+    """Writes where a part's rows of pixels begin and end (2, h); its first row and the one after its last."""
+    n_rows, n_columns = layout
+    low, high = np.inf, -np.inf
+    for i in range(n_rows * n_columns):
+        x, y, z = grid[i, 0], grid[i, 1], grid[i, 2]
+        u, v, depth = project_point(
+            camera,
+            placement[0, 0] * x + placement[0, 1] * y + placement[0, 2] * z + placement[0, 3],
+            placement[1, 0] * x + placement[1, 1] * y + placement[1, 2] * z + placement[1, 3],
+            placement[2, 0] * x + placement[2, 1] * y + placement[2, 2] * z + placement[2, 3],
+        )
+        if depth <= _NEAREST_M:
+            return 0, 0
+        pixels[i, 0], pixels[i, 1] = u, v
+        low, high = min(low, v), max(high, v)
+    height = extents.shape[1]
+    first, last = max(int(np.ceil(low)), 0), min(int(np.floor(high)), height - 1)
+    for row in range(first, last + 1):
+        extents[0, row], extents[1, row] = np.inf, -np.inf
+    for r in range(n_rows):
+        for c in range(n_columns):
+            i, beside = r * n_columns + c, r * n_columns + (c + 1) % n_columns
+            widen(pixels[i, 0], pixels[i, 1], pixels[beside, 0], pixels[beside, 1], extents)
+            if r + 1 < n_rows:
+                below = i + n_columns
+                widen(pixels[i, 0], pixels[i, 1], pixels[below, 0], pixels[below, 1], extents)
+    return first, last + 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def covered_sums(
+    placements: Array,
+    grids: Array32,
+    layout: tuple[int, int],
+    cameras: Array,
+    regions: Integers,
+    pictures: Array32,
+) -> Array:
+    """Sums of two pictures over what a body covers; the twin is `fill_parts` and a sum.
+
+    Args:
+        placements: (B, P, 4, 4) world_from_part, metres.
+        grids: (P, R * C, 3) surface points of each part, ring by ring.
+        layout: R, C of the grids.
+        cameras: (V, 25) from `Rig.packed`, of the small pictures.
+        regions: (V, 3) start in `pictures`, width, height; width 0 for a view that does not count.
+        pictures: (N, 2) both pictures of all views end to end.
+
+    Returns:
+        (B, V, 2) sums; 0 for views that do not count.
+    """
+    n_poses, n_parts = placements.shape[:2]
+    sums = np.zeros((n_poses, len(regions), 2))
+    moving = moving_parts(placements)
+    pixels = np.zeros((layout[0] * layout[1], 2))
+    for v in range(len(regions)):
+        start, width, height = regions[v]
+        if width == 0:
+            continue
+        marks, extents = np.full((height, width), -2, dtype=np.int64), np.zeros((2, height))
+        base = np.zeros(2)
+        for turn in range(-1, n_poses):
+            if turn >= 0:
+                sums[turn, v, 0], sums[turn, v, 1] = base[0], base[1]
+            for p in range(n_parts):
+                if moving[p] != (turn >= 0):
+                    continue
+                first, end = _extents(placements[max(turn, 0), p], grids[p], layout, cameras[v], pixels, extents)
+                for row in range(first, end):
+                    left = max(int(np.ceil(extents[0, row])), 0)
+                    for column in range(left, min(int(np.floor(extents[1, row])), width - 1) + 1):
+                        if marks[row, column] == _STILL or marks[row, column] == turn:
+                            continue
+                        marks[row, column] = turn
+                        at = start + row * width + column
+                        if turn < 0:
+                            base[0] += pictures[at, 0]
+                            base[1] += pictures[at, 1]
+                        else:
+                            sums[turn, v, 0] += pictures[at, 0]
+                            sums[turn, v, 1] += pictures[at, 1]
+    return sums
