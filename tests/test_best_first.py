@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from observations import bent, joint_errors_mm, objective_of, off
 
+from tracker.account import Account
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.estimate import Estimate
@@ -34,9 +35,8 @@ class Landscape:
 
     def estimate(self, q: Array, covariance: Array, evaluations: int) -> Estimate:
         nothing = np.zeros(0)
-        return Estimate(
-            q, covariance, float(self.height(q[None])[0]), nothing, nothing, nothing, nothing, 1.0, evaluations
-        )
+        account = Account(float(self.height(q[None])[0]), nothing, nothing, nothing, nothing, nothing)
+        return Estimate(q, covariance, account, 0.0, evaluations)
 
     @property
     def poses(self) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tracker.account import Account
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.body_files import load_body
@@ -122,7 +123,8 @@ def test_constant_acceleration_amplifies_noise_as_theory_says(body: BodyModel) -
 
 def estimate(q: Array, status: Status) -> Estimate:
     nothing = np.zeros(0)
-    return Estimate(q, np.zeros((len(q), len(q))), 1.0, nothing, nothing, nothing, nothing, 1.0, 1, status=status)
+    account = Account(1.0, nothing, nothing, nothing, nothing, nothing)
+    return Estimate(q, np.zeros((len(q), len(q))), account, 0.0, 1, status=status)
 
 
 def test_history_grows_with_what_is_tracked_and_forgets_the_oldest() -> None:

@@ -78,7 +78,7 @@ def test_missing_views_are_left_out(missing):
     for step in steps[2:]:
         assert step.frame.missing == missing
         assert not step.estimates[0].lost
-        assert np.isnan(step.estimates[0].per_view_px[list(missing)]).all()
+        assert np.isnan(step.estimates[0].account.per_view_px[list(missing)]).all()
         assert joint_errors_mm(simulation, 0, step.frame.index, step.estimates[0].q).mean() < 3 * TRACKED_MM
 
 
