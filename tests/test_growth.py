@@ -10,7 +10,7 @@ from textures import Waves, deformed, pixels_of, sensed
 
 from tracker.arrays import frozen
 from tracker.kernels.patch_growth import stretch
-from tracker.kernels.patch_matching import MATCHED
+from tracker.kernels.patch_matching import HALF_PATCH, MATCHED
 from tracker.lsm.curvature import corrected_for_curvature
 from tracker.lsm.filters import NeighbourhoodFilter, voxel_members
 from tracker.lsm.growth import Growth, MatchField
@@ -163,6 +163,21 @@ def test_large_patches_are_corrected_for_the_curvature_of_the_shift():
     assert inner.sum() > 50
     assert before == pytest.approx(0.5 * bend * 15 * 16 / 3, rel=0.2)
     assert abs(after) < 0.25 * before
+    assert abs(np.mean(corrected_for_curvature(field, where_consistent=False).found[inner, 0] - true)) < 0.25 * before
+
+
+def test_what_neighbours_do_not_agree_on_is_hardly_corrected():
+    # A plane: the only slopes of the affine terms are noise
+    rng = np.random.default_rng(0)
+    field = MatchField.empty((200, 200), 4)
+    found = np.array(field.found)
+    found[:, :2], found[:, 2:6], found[:, HALF_PATCH] = field.at, (1, 0, 0, 1), 6
+    found[:, 2:6] += 0.01 * rng.normal(size=(len(found), 4))
+    field = MatchField(4, field.shape, found, np.zeros_like(field.ended))
+    always, weighted = (
+        np.sqrt(np.mean((corrected_for_curvature(field, how).found[:, :2] - field.at) ** 2)) for how in (False, True)
+    )
+    assert 0 < weighted < 0.6 * always
 
 
 def test_voxels_hold_what_lies_in_them():

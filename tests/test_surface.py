@@ -19,6 +19,7 @@ from tracker.cli import app
 from tracker.errors import ConfigError, MatchingError, SequenceError, TrackerError
 from tracker.frame import Frame
 from tracker.imaging.local_contrast import wallis_filter
+from tracker.lsm.filters import NeighbourhoodFilter
 from tracker.lsm.growth import Growth
 from tracker.lsm.points import voxel_filtered
 from tracker.lsm.seeds import Seeds
@@ -138,6 +139,33 @@ def test_local_contrast_is_brought_up_where_it_is_poor(frame):
     assert 0.7 < spread[0] / spread[1] < 1.3
     plain = (100 + np.random.default_rng(0).normal(size=(200, 200))).astype(np.float32)
     assert np.std(wallis_filter(plain, 41, 40.0, 0.8)) == pytest.approx(0.8 * 40 / (0.8 + 0.2 * 40), rel=0.05)
+
+
+def test_enhanced_contrast_adds_points_and_takes_none(frame, rig):
+    fades = np.where(np.arange(SIZE[0]) < 120, 0.03, 1.0)[:, None]
+    poor = tuple((100 + (image.astype(float) - 128) * fades).clip(0, 255).astype(np.uint8) for image in frame.images)
+    poor = Frame(0, 0.0, poor)
+    plain = measured(poor, rig).points
+    enhanced = measured(poor, rig, preparation=Preparation(enhance_contrast=True)).points
+    assert len(enhanced) >= len(plain) > 200
+    assert np.sqrt(np.mean(enhanced.points[:, 2] ** 2)) < 5e-4
+
+
+def test_a_surface_that_hardly_grew_is_warned_of(frame, rig, surface):
+    assert surface.warnings == ()
+    assert all(coverage is None or coverage.share > 0.8 for coverage in surface.coverages)
+    noise = np.random.default_rng(0).normal(scale=15, size=(3, *SIZE[::-1], 1))
+    noisy = (np.stack(frame.images) + noise).clip(0, 255).astype(np.uint8)
+    grainy = Frame(0, 0.0, tuple(noisy))
+    poor = measured(grainy, rig, neighbourhood=NeighbourhoodFilter(min_island=1, min_neighbours=1))
+    assert len(poor.warnings) == 2
+    assert "places that both views are known to show" in poor.warnings[0]
+    assert "not precise enough (max_sigma_px)" in poor.warnings[0]
+
+
+def test_why_seeds_fail_is_said(frame, rig):
+    with pytest.raises(MatchingError, match=r"could be matched \(patches agree too little \(min_correlation\)\)"):
+        measured(frame, rig, growth=Growth(step_px=6, min_correlation=1.0))
 
 
 def test_voxels_replace_points_by_their_centre_of_gravity(surface):

@@ -31,18 +31,22 @@ def measure(
     if output is None:
         link_latest(folder)
     console.print(_table(run.name, summaries))
+    for summary in summaries:
+        for warning in summary.warnings:
+            console.print(f"[yellow]warning:[/] frame {summary.frame}: {warning}", soft_wrap=True, highlight=False)
     console.print(f"results in {folder} ({', '.join(summaries[-1].files)}, surface.json)", highlight=False)
 
 
 def _table(name: str, summaries: list[SurfaceSummary]) -> Table:
     table = Table(title=f"{name}: measured surfaces", title_justify="left")
-    for column in ("frame", "seeds", "matches", "points", "rays RMS px", "s0", "median sigma mm", "s"):
+    for column in ("frame", "seeds", "matches", "covered", "points", "rays RMS px", "s0", "median sigma mm", "s"):
         table.add_column(column, justify="right")
     for summary in summaries:
         table.add_row(
             str(summary.frame),
             " ".join(map(str, summary.n_seeds.values())),
             " ".join(map(str, summary.n_matches.values())),
+            " ".join(f"{100 * share:.0f} %" for share in summary.coverage.values()),
             str(summary.n_points),
             f"{summary.residual_px:.3f}",
             f"{summary.s0:.2f}",

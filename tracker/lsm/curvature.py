@@ -15,7 +15,7 @@ _LARGEST_PX = 0.5
 _MIN_NEIGHBOURS = 9
 
 
-def corrected_for_curvature(field: MatchField) -> MatchField:
+def corrected_for_curvature(field: MatchField, where_consistent: bool = True) -> MatchField:
     """Shifts every match from the mean of its patch to the patch's centre.
 
     The least squares shift is the mean over the patch of the true shift s, which on a curved surface is not that
@@ -24,8 +24,14 @@ def corrected_for_curvature(field: MatchField) -> MatchField:
     within a patch's reach (after Schreier and Sutton 2002, systematic errors due to undermatched shape functions).
     Corrections above half a pixel are steps between surfaces and not made.
 
+    A smooth surface asks for nearly one correction all over a patch; noise and rough surfaces ask for others at every
+    cell. Where consistency counts, each correction is multiplied by the Wiener weight ``|mean c|^2 / mean |c|^2`` over
+    the patch's reach. Measured against truth, never / always / weighted: a back at 13 px patches 0.195 / 0.167 /
+    0.162 mm and at 21 px 0.334 / 0.129 / 0.130 mm; rays of the rough temple 0.055 / 0.062 / 0.057 px.
+
     Args:
         field: filtered matches.
+        where_consistent: weigh the corrections so; otherwise all are made in full.
 
     Returns:
         The same matches with corrected positions.
@@ -41,6 +47,8 @@ def corrected_for_curvature(field: MatchField) -> MatchField:
     mean_square = half * (half + 1) / 3
     shift = 0.5 * mean_square[..., None] * slopes
     usable = matched & (n >= _MIN_NEIGHBOURS) & (np.abs(shift).max(axis=-1) <= _LARGEST_PX)
+    if where_consistent:
+        shift = shift * _consistency(usable, shift, window)[..., None]
     found = np.array(field.found)
     found[:, :2] -= np.where(usable[..., None], shift, 0.0).reshape(-1, 2)
     return replace(field, found=frozen(found))
@@ -63,6 +71,18 @@ def _slopes(valid: Mask, affine: Array, axes: tuple[Array, Array], window: int) 
 
 
 _NO_SPREAD = 0.25
+
+
+def _consistency(usable: Mask, shift: Array, window: int) -> Array:
+    """(rows, columns) weights 0 to 1: how far the shifts (rows, columns, 2) around a cell are one and the same."""
+    count = np.maximum(_summed(usable, np.ones(usable.shape), window), 1)
+    mean = np.stack([_summed(usable, shift[..., k], window) / count for k in range(2)], axis=-1)
+    square = _summed(usable, (shift**2).sum(axis=-1), window) / count
+    weights: Array = np.clip((mean**2).sum(axis=-1) / np.maximum(square, _NO_SHIFT_PX2), 0.0, 1.0)
+    return weights
+
+
+_NO_SHIFT_PX2 = 1e-12
 
 
 def _summed(valid: Mask, values: Array, window: int) -> Array:

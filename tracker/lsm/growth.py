@@ -14,7 +14,7 @@ from tracker.arrays import Array, Integers, Mask, frozen
 from tracker.components import component
 from tracker.kernels.patch_growth import UNTRIED, Grid, Heap, grow, push_all
 from tracker.kernels.patch_matching import MATCHED, N_FOUND
-from tracker.lsm.matching import LeastSquaresMatching, Matches, PatchImage
+from tracker.lsm.matching import FAILURES, LeastSquaresMatching, Matches, PatchImage
 
 _ATTEMPTS_A_CALL = 20_000
 _OUTSIDE_REGION = -2
@@ -128,12 +128,26 @@ class Growth:
         good: Mask = matches.good & precise & alike & (matches.stretch <= self.max_stretch) & self.inside(matches.at)
         return good
 
+    def faults(self, matches: Matches) -> list[str]:
+        """(N,) what is wrong with each match, in words; empty for good ones."""
+        limits = (
+            (~self.inside(matches.at), "outside growth.region"),
+            (matches.correlation < self.min_correlation, "patches agree too little (min_correlation)"),
+            (matches.stretch > self.max_stretch, "stretched too much (max_stretch)"),
+            (matches.sigma0 > self.max_sigma0_grey, "grey levels differ too much (max_sigma0_grey)"),
+            ((matches.sigmas > self.max_sigma_px).any(axis=1), "not precise enough (max_sigma_px)"),
+        )
+        faults = np.select([bad for bad, _ in limits], [words for _, words in limits], "")
+        ended = (FAILURES.get(int(code), "") for code in matches.ended)
+        return [failure or str(fault) for failure, fault in zip(ended, faults, strict=True)]
+
     def grown(
         self,
         matching: LeastSquaresMatching,
         images: tuple[PatchImage, PatchImage],
         seeds: Matches,
         told: Told = lambda n_matched: None,
+        measured: MatchField | None = None,
     ) -> MatchField:
         """Grows from seeds, then closes holes from all directions.
 
@@ -142,13 +156,15 @@ class Growth:
             images: template and search image.
             seeds: good matches at cells of the grid.
             told: of the progress.
+            measured: what is matched already and stays so.
         """
-        field = MatchField.empty(images[0].size, self.step_px)
+        field = measured or MatchField.empty(images[0].size, self.step_px)
         found, ended = np.array(field.found), np.array(field.ended)
+        seeds = seeds.select(~field.matched[field.cells_of(seeds.at)])
         cells = field.cells_of(seeds.at)
         found[cells], ended[cells] = seeds.found, MATCHED
         field = MatchField(self.step_px, field.shape, frozen(found), frozen(ended, np.int64))
-        if self.order == "rows":
+        if self.order == "rows" and len(cells):
             _, nearest = cKDTree(field.at[cells]).query(field.at)
             field = self._spread(matching, images, field, cells[nearest], told)
         return self.continued(matching, images, field, told)

@@ -19,14 +19,26 @@ from tracker.kernels.patch_equations import Noise, Rule
 from tracker.kernels.patch_matching import (
     CORRELATION,
     COVARIANCE,
+    DRIFTED,
     MATCHED,
     N_FOUND,
+    NOT_CONVERGED,
+    OUTSIDE,
     SIGMA0,
     WARP,
+    WEAK,
     match_patches,
 )
 from tracker.kernels.splines import SplineImage
 from tracker.lsm._noise import NoisePowers, gaussian_taps, noise_powers
+
+FAILURES = {
+    NOT_CONVERGED: "did not converge",
+    DRIFTED: "drifted farther than max_shift_px",
+    OUTSIDE: "reached out of an image",
+    WEAK: "too little texture",
+}
+"""Why a match ended without a result, in words."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +115,10 @@ class Matches:
     def correlation(self) -> Array:
         """(N,) of the two patches after matching."""
         return self.found[:, CORRELATION]
+
+    def select(self, which: Mask | Integers) -> Matches:
+        """The chosen ones."""
+        return Matches(self.at[which], self.found[which], self.ended[which])
 
 
 @component

@@ -220,10 +220,24 @@ def _best_correlation(
     return np.array([u - reach + column, v - reach + row], dtype=np.float64)
 
 
+@dataclass(frozen=True)
+class MatchedSeeds:
+    """What became of the candidates."""
+
+    matches: Matches
+    """Good ones, at cells of the growth grid."""
+
+    failed: Candidates
+    """The others."""
+
+    faults: tuple[str, ...]
+    """Why they failed, a text for each."""
+
+
 def matched_seeds(
     candidates: Candidates, matching: LeastSquaresMatching, growth: Growth, images: tuple[PatchImage, PatchImage]
-) -> Matches:
-    """Candidates moved to the growth grid and matched; only good ones.
+) -> MatchedSeeds:
+    """Candidates moved to the growth grid and matched.
 
     Each is tried with all its affine transformations; the best one counts.
     """
@@ -235,8 +249,11 @@ def matched_seeds(
         rounds.append(patient.match(*images, at, start, affine))
     good = np.stack([growth.good(matches) for matches in rounds])
     correlation = np.where(good, [matches.correlation for matches in rounds], -1.0)
-    best = correlation.argmax(axis=0)
-    found = np.stack([matches.found for matches in rounds])[best, np.arange(len(at))]
-    _, first = np.unique(at, axis=0, return_index=True)
-    kept = first[correlation.max(axis=0)[first] >= 0]
-    return Matches(at[kept], found[kept], np.zeros(len(kept), dtype=np.int64))
+    best = correlation.argmax(axis=0), np.arange(len(at))
+    found = np.stack([matches.found for matches in rounds])[best]
+    ended = np.stack([matches.ended for matches in rounds])[best]
+    kept = correlation.max(axis=0) >= 0
+    faults = growth.faults(Matches(at[~kept], found[~kept], ended[~kept]))
+    _, first = np.unique(at[kept], axis=0, return_index=True)
+    chosen = np.flatnonzero(kept)[first]
+    return MatchedSeeds(Matches(at[chosen], found[chosen], ended[chosen]), candidates.select(~kept), tuple(faults))

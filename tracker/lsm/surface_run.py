@@ -44,6 +44,10 @@ class SurfaceSummary:
     """Matches of each search image after filtering."""
 
     n_seeds: dict[str, int]
+    coverage: dict[str, float]
+    """Share of the places that template and search image are known to have in common, 0 to 1."""
+
+    warnings: tuple[str, ...]
     residual_px: float
     """RMS of the reprojection, px."""
 
@@ -140,7 +144,9 @@ def _summary(surface: Surface, frame: int, seconds: float, files: tuple[str, ...
         frame=frame,
         n_points=len(surface.points),
         n_matches={names[v]: int(field.matched.sum()) for v in searched if (field := surface.fields[v])},
-        n_seeds={names[v]: surface.n_seeds[v] for v in searched},
+        n_seeds={names[v]: coverage.n_seeds for v in searched if (coverage := surface.coverages[v])},
+        coverage={names[v]: coverage.share for v in searched if (coverage := surface.coverages[v])},
+        warnings=surface.warnings,
         residual_px=residual_rms_px(surface.points),
         s0=surface.points.s0,
         median_sigma_mm=1000 * float(np.median(surface.points.sigma_m)),
