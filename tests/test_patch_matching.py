@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import gaussian_filter1d, map_coordinates, spline_filter
 from scipy.optimize import least_squares
 from textures import Waves, deformed
 
@@ -39,6 +39,18 @@ def matched(matching, images, at, start, affine=None):
 
 def started(at, affine=AFFINE, shift=SHIFT, off=0.4):
     return at @ affine.T + shift + np.random.default_rng(0).uniform(-off, off, at.shape)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.8])
+def test_prepared_images_are_the_recursive_filters_spline_coefficients(sigma):
+    image = np.random.default_rng(0).integers(0, 256, (60, 90)).astype(np.uint8)
+    smooth = image.astype(float)
+    for axis in range(2 if sigma else 0):
+        smooth = gaussian_filter1d(smooth, sigma, axis, mode="mirror", radius=round(4 * sigma))
+    expected = spline_filter(smooth, order=3, output=np.float64, mode="mirror")
+    found = LeastSquaresMatching(smoothing_px=sigma).prepared(image)
+    # single precision of values of up to a few hundred
+    np.testing.assert_allclose(found.coefficients.reshape(60, 90), expected, atol=1e-3)
 
 
 WARP = np.array([61.3, 70.8, 1.05, 0.04, -0.06, 0.93])

@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 import pydantic
 from numpy.typing import ArrayLike
-from scipy.ndimage import spline_filter
 
 from tracker.arrays import Array, Array32, Image, Integers, Mask, frozen
 from tracker.components import component
@@ -30,7 +29,7 @@ from tracker.kernels.patch_matching import (
     match_patches,
 )
 from tracker.kernels.splines import SplineImage
-from tracker.lsm._noise import NoisePowers, gaussian_taps, noise_powers
+from tracker.lsm._noise import NoisePowers, gaussian_taps, noise_powers, spline_taps
 
 FAILURES = {
     NOT_CONVERGED: "did not converge",
@@ -158,10 +157,7 @@ class LeastSquaresMatching:
     def prepared(self, image: Image | Array32) -> PatchImage:
         """An image (h, w), grey, smoothed and turned into spline coefficients."""
         grey = np.ascontiguousarray(image, dtype=np.float32)
-        if self.smoothing_px > 0:
-            taps = gaussian_taps(self.smoothing_px)
-            grey = cv2.sepFilter2D(grey, -1, taps, taps, borderType=cv2.BORDER_REFLECT_101)
-        splines = spline_filter(grey, order=3, output=np.float32, mode="mirror")
+        splines = cv2.sepFilter2D(grey, -1, self._taps, self._taps, borderType=cv2.BORDER_REFLECT_101)
         return PatchImage(frozen(splines.ravel(), np.float32), (grey.shape[1], grey.shape[0]))
 
     def with_patch(self, patch_px: int) -> LeastSquaresMatching:
@@ -211,6 +207,11 @@ class LeastSquaresMatching:
         powers = self._powers
         of_gradient = powers.gradient_of_search if self.form == "classical" else powers.gradient_of_template
         return powers.residual, of_gradient, frozen(gaussian_taps(self.smoothing_px), np.float32)
+
+    @cached_property
+    def _taps(self) -> Array:
+        """Smoothing and spline prefilter in one, symmetric (n,)."""
+        return np.convolve(gaussian_taps(self.smoothing_px), spline_taps())
 
     @cached_property
     def _powers(self) -> NoisePowers:
