@@ -66,11 +66,11 @@ def test_tables_hold_the_estimates_in_degrees_and_metres(recorded, tmp_path):
     scene, steps = recorded
     body = scene.persons[0].body
     rows, sigmas = rows_of(tmp_path / "poses.csv"), rows_of(tmp_path / "sigmas.csv")
-    assert list(rows[0])[:6] == ["frame", "time_s", "person", "status", "distance_px", "torso_x_m"]
+    assert list(rows[0])[:7] == ["frame", "time_s", "person", "status", "ambiguous", "distance_px", "torso_x_m"]
     assert list(rows[0]) == list(sigmas[0])
     for row, sigma, step in zip(rows, sigmas, steps, strict=True):
         estimate = step.estimates[0]
-        assert (row["frame"], row["status"]) == (str(step.frame.index), str(estimate.status))
+        assert (row["frame"], row["status"]) == (str(step.frame.index), str(estimate.verdict))
         cells = [row[parameter.column] for parameter in body.parameters]
         if estimate.lost:
             assert set(cells) == {""}
@@ -81,7 +81,7 @@ def test_tables_hold_the_estimates_in_degrees_and_metres(recorded, tmp_path):
         np.testing.assert_allclose(values, estimate.q, atol=1e-5)
         assert float(sigma["torso_x_m"]) == pytest.approx(np.sqrt(estimate.covariance[0, 0]), abs=1e-5)
     joints = rows_of(tmp_path / "joints.csv")
-    assert list(joints[0]) == ["frame", "time_s", "person", "joint", "x_m", "y_m", "z_m"]
+    assert list(joints[0]) == ["frame", "time_s", "person", "joint", "x_m", "y_m", "z_m", "status"]
     first = np.array([[float(row[axis]) for axis in ("x_m", "y_m", "z_m")] for row in joints if row["frame"] == "0"])
     np.testing.assert_allclose(first, body.landmarks_in_world(steps[0].estimates[0].q), atol=1e-5)
     assert {row["x_m"] for row in joints if row["frame"] == "2"} == {""}

@@ -209,12 +209,20 @@ class BodyModel:
 
     def parts_of(self, group: str) -> Mask:
         """(P,) parts that a fine group moves and no finer chain hanging on it does: an arm's, not the body's."""
-        moved = self.moves[:, self.part_parameters]
+        return self._hanging_on(group, self.part_parameters)
+
+    def landmarks_of(self, group: str) -> Mask:
+        """(L,) landmarks that a fine group moves and no finer chain hanging on it does: an arm's, not the body's."""
+        return self._hanging_on(group, np.array([mark.parameter for mark in self.landmarks]))
+
+    def _hanging_on(self, group: str, ends: Integers) -> Mask:
+        """Which of the ends of chains a fine group moves, and no finer chain hanging on it does."""
+        moved, parts = self.moves[:, ends], self.moves[:, self.part_parameters]
         mine = self.group(group)
         own: Mask = np.asarray(moved[mine].any(axis=0))
         for other in self.fine_groups:
             theirs = self.group(other)
-            if other != group and moved[mine].any(axis=0).sum() > moved[theirs].any(axis=0).sum():
+            if other != group and parts[mine].any(axis=0).sum() > parts[theirs].any(axis=0).sum():
                 own = own & ~moved[theirs].any(axis=0)
         return own
 

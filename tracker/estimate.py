@@ -21,6 +21,9 @@ class Status(StrEnum):
     RECOVERED = "recovered"
     """Found without a prediction, after a loss."""
 
+    DOUBTFUL = "doubtful"
+    """Found, but the images do not support it as they should: to be looked at before it is used."""
+
     LOST = "lost"
     """Not found: the pose is the last prediction and not to be used."""
 
@@ -48,6 +51,18 @@ class Estimate:
     """Time spent searching, seconds; the rest of the estimation is refinement."""
 
     status: Status = Status.TRACKED
+    """How the pose came about."""
+
+    doubtful: bool = False
+    """Whether the images do not support the pose as they should."""
+
+    ambiguous: tuple[str, ...] = ()
+    """Parameter groups of limbs that may be elsewhere, for instance `left_arm`."""
+
+    @property
+    def verdict(self) -> Status:
+        """What users are told: how the pose came about, unless it is doubtful."""
+        return Status.DOUBTFUL if self.doubtful and not self.lost else self.status
 
     @property
     def distance_px(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 
 from tracker.components import component
 from tracker.recording import RunContext
@@ -35,5 +36,6 @@ class ProcessorRecorder:
             file.write(f"{step.frame.index},{spent:.6f}\n")
         self._before = time.process_time()
 
-    def finish(self) -> None:
-        """Nothing is left to do."""
+    def finish(self) -> tuple[Path, ...]:
+        """The file is complete."""
+        return (self._path,)

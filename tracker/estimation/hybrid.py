@@ -51,7 +51,10 @@ class HybridEstimation:
     """The same, by how much the share must be less than is usual for the group: a model that does not quite fit leaves
     something unexplained in every frame."""
 
-    again_every: int = pydantic.Field(default=25, ge=1)
+    most_usual: float = pydantic.Field(default=0.15, ge=0, le=1)
+    """Largest share that can become usual: a limb in the wrong place for long is searched in every frame."""
+
+    again_every: int = pydantic.Field(default=10, ge=1)
     """Frames after which a group is searched even if its poor state is usual."""
 
     min_visible_px: float = pydantic.Field(default=100.0, ge=0)
@@ -152,7 +155,8 @@ class HybridEstimation:
             parts = body.parts_of(group)
             allowed = 1 - self.search_below
             if usual_px is not None:
-                allowed = max(allowed, self.unusual + self._share(usual_px[0], usual_px[1], parts))
+                usual = min(self._share(usual_px[0], usual_px[1], parts), self.most_usual)
+                allowed = max(allowed, self.unusual + usual)
             if self._share(estimate.account.visible_px, estimate.account.left_over_px, parts) > allowed:
                 weak.append(group)
         return tuple(weak)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from tracker.arrays import Array, Image
+from tracker.arrays import Array, Image, Mask
 from tracker.contours import ViewContours
 from tracker.estimate import Status
 from tracker.scene import Scene
@@ -13,6 +13,7 @@ from tracker.start import AxisFit
 from tracker.trajectory import Step
 
 _WHITE, _GREY, _RED, _CYAN = (255, 255, 255), (150, 150, 150), (40, 40, 230), (230, 200, 60)
+_ORANGE = (40, 140, 255)
 _SUBPIXEL = 4
 _BETWEEN_PX = 4.0
 
@@ -35,7 +36,10 @@ def draw_step(step: Step, scene: Scene, width_px: int, stick_figure: bool = Fals
         pictures = [_close_up(picture, step.fitted.of(v)) for v, picture in enumerate(pictures)]
     picture = tile(pictures, width_px, scene.rig.names)
     lost = [p.name for p, e in zip(step.scene.persons, step.estimates, strict=True) if e.lost]
-    states = sorted({str(e.status) for e in step.estimates})
+    states = sorted({str(e.verdict) for e in step.estimates})
+    limbs = sorted({limb.replace("_", " ") for e in step.estimates for limb in e.ambiguous})
+    if limbs:
+        states.append("ambiguous: " + ", ".join(limbs))
     _label(picture, f"frame {step.frame.index}   {step.frame.time_s:.2f} s   {', '.join(states)}", (10, 24), _WHITE)
     if lost:
         height, width = picture.shape[:2]
@@ -77,7 +81,7 @@ def _draw_view(step: Step, scene: Scene, v: int, stick_figure: bool) -> Image:
         _label(picture, "no image", (20, camera.size[1] // 2), _GREY, 1.0)
     else:
         picture = image.copy()
-    draw_contours(picture, step.fitted.of(v))
+    draw_contours(picture, step.fitted.of(v), doubted=doubted_parts(step))
     if stick_figure:
         _draw_bones(picture, step, scene, v)
     return picture
@@ -95,16 +99,42 @@ def _close_up(picture: Image, contours: ViewContours) -> Image:
     return picture[y : y + size[1], x : x + size[0]]
 
 
-def draw_contours(picture: Image, contours: ViewContours, colour: tuple[int, int, int] = _WHITE) -> None:
-    """Draws each sample as a short piece of its contour; edges between parts in grey (paper, section 5)."""
+def doubted_parts(step: Step) -> Mask:
+    """(P,) parts of the scene that may be elsewhere: limbs that are ambiguous, persons who are doubtful or lost."""
+    doubted = []
+    for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+        own = np.full(len(person.body.parts), estimate.doubtful or estimate.lost)
+        for group in estimate.ambiguous:
+            own |= person.body.parts_of(group)
+        doubted.append(own)
+    parts: Mask = np.concatenate(doubted)
+    return parts
+
+
+def draw_contours(
+    picture: Image,
+    contours: ViewContours,
+    colour: tuple[int, int, int] = _WHITE,
+    doubted: Mask | None = None,
+) -> None:
+    """Draws each sample as a short piece of its contour; edges between parts in grey (paper, section 5).
+
+    Args:
+        picture: drawn into.
+        contours: of a view.
+        colour: of the contours.
+        doubted: (P,) parts drawn in orange.
+    """
+    unsure = np.zeros(len(contours.parts), dtype=np.bool_) if doubted is None else doubted[contours.parts]
     along = np.stack([-contours.normals[:, 1], contours.normals[:, 0]], axis=1)
     half = np.where(contours.between, _BETWEEN_PX, contours.weights)[:, None] / 2
     scale = 2**_SUBPIXEL
     starts = np.round((contours.pixels - half * along) * scale).astype(int)
     ends = np.round((contours.pixels + half * along) * scale).astype(int)
     thick = max(1, round(max(picture.shape[:2]) / 700))
-    for start, end, between in zip(starts.tolist(), ends.tolist(), contours.between.tolist(), strict=True):
-        shade = _GREY if between else colour
+    pieces = zip(starts.tolist(), ends.tolist(), contours.between.tolist(), unsure.tolist(), strict=True)
+    for start, end, between, doubt in pieces:
+        shade = _GREY if between else _ORANGE if doubt else colour
         cv2.line(picture, tuple(start), tuple(end), shade, thick, cv2.LINE_AA, _SUBPIXEL)
 
 
@@ -153,7 +183,8 @@ def encoded(picture: Image, kind: str = ".jpg") -> bytes:
 STATUS_COLOURS = {
     Status.TRACKED: "#4a90a4",
     Status.BOOTSTRAPPED: "#7a5ea8",
-    Status.RECOVERED: "#d08b28",
+    Status.RECOVERED: "#2e8b57",
+    Status.DOUBTFUL: "#e67e22",
     Status.LOST: "#c0392b",
 }
 """Colours of the frames' states in plots and tables."""

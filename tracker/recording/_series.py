@@ -34,6 +34,7 @@ class Series:
     distances: list[list[float]] = field(default_factory=list)
     explained: list[list[float]] = field(default_factory=list)
     statuses: list[list[str]] = field(default_factory=list)
+    ambiguous: list[list[tuple[str, ...]]] = field(default_factory=list)
     overlaps: list[Array] = field(default_factory=list)
     seconds: list[dict[str, float]] = field(default_factory=list)
     missing: Counter[str] = field(default_factory=Counter)
@@ -46,7 +47,8 @@ class Series:
         self.sigmas.append([np.sqrt(np.maximum(np.diag(e.covariance), 0)) for e in step.estimates])
         self.distances.append([estimate.distance_px for estimate in step.estimates])
         self.explained.append([estimate.account.explained for estimate in step.estimates])
-        self.statuses.append([str(estimate.status) for estimate in step.estimates])
+        self.statuses.append([str(estimate.verdict) for estimate in step.estimates])
+        self.ambiguous.append([estimate.ambiguous for estimate in step.estimates])
         missing = np.full(len(self.scene.rig), np.nan)
         self.overlaps.append(missing if step.overlap is None else step.overlap)
         self.seconds.append(step.seconds)
@@ -91,6 +93,7 @@ class Series:
             "frames": len(self.frames),
             "persons": len(self.scene.persons),
             "by_status": dict(counts),
+            "ambiguous_limbs": dict(Counter(limb for frame in self.ambiguous for limbs in frame for limb in limbs)),
             "mean_distance_px": float(np.mean(self.distances)),
             "mean_explained": float(np.mean(self.explained)),
             "frames_per_second": len(self.frames) / total if total else 0.0,

@@ -13,13 +13,13 @@ import pydantic
 
 from tracker.arrays import Array
 from tracker.components import component
-from tracker.estimate import Estimate
+from tracker.estimate import Estimate, Status
 from tracker.recording import RunContext
 from tracker.scene import Person
 from tracker.trajectory import Step
 
-_JOINT_COLUMNS = ("frame", "time_s", "person", "joint", "x_m", "y_m", "z_m")
-_POSE_COLUMNS = ("frame", "time_s", "person", "status", "distance_px")
+_JOINT_COLUMNS = ("frame", "time_s", "person", "joint", "x_m", "y_m", "z_m", "status")
+_POSE_COLUMNS = ("frame", "time_s", "person", "status", "ambiguous", "distance_px")
 
 
 @component
@@ -57,13 +57,16 @@ class CsvRecorder:
         """Adds the rows of one frame."""
         for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
             start = [step.frame.index, f"{step.frame.time_s:.6f}", person.name]
-            head = [*start, str(estimate.status), f"{estimate.distance_px:.4f}"]
+            head = [*start, str(estimate.verdict), " ".join(estimate.ambiguous), f"{estimate.distance_px:.4f}"]
             sigma = np.sqrt(np.maximum(np.diag(estimate.covariance), 0.0))
             csv.writer(self._poses).writerow([*head, *self._values(person, estimate, estimate.q)])
             csv.writer(self._sigmas).writerow([*head, *self._values(person, estimate, sigma)])
-            for name, point in zip(person.body.landmark_names, person.body.landmarks_in_world(estimate.q), strict=True):
+            points = person.body.landmarks_in_world(estimate.q)
+            for name, point, status in zip(
+                person.body.landmark_names, points, joint_statuses(person, estimate), strict=True
+            ):
                 where = ["", "", ""] if estimate.lost else [self._text(value) for value in point]
-                csv.writer(self._joints).writerow([*start, name, *where])
+                csv.writer(self._joints).writerow([*start, name, *where, status])
         for file in (self._poses, self._sigmas, self._joints):
             file.flush()
 
@@ -78,6 +81,15 @@ class CsvRecorder:
         """Closes the tables."""
         self._stack.close()
         return tuple(self._written)
+
+
+def joint_statuses(person: Person, estimate: Estimate) -> list[str]:
+    """What is known of each landmark: the frame's verdict, `ambiguous` on a limb that may be elsewhere."""
+    statuses = np.full(len(person.body.landmarks), str(estimate.verdict), dtype=object)
+    if estimate.verdict in (Status.TRACKED, Status.BOOTSTRAPPED, Status.RECOVERED):
+        for group in estimate.ambiguous:
+            statuses[person.body.landmarks_of(group)] = "ambiguous"
+    return statuses.tolist()
 
 
 def parameter_columns(persons: Sequence[Person]) -> tuple[str, ...]:

@@ -97,6 +97,8 @@ def _to_json(estimate: Estimate) -> dict[str, Any]:
         "evaluations": estimate.evaluations,
         "search_s": estimate.search_s,
         "status": str(estimate.status),
+        "doubtful": estimate.doubtful,
+        "ambiguous": list(estimate.ambiguous),
     }
 
 
@@ -122,6 +124,8 @@ def _estimate(values: dict[str, Any]) -> Estimate:
         evaluations=int(values["evaluations"]),
         search_s=float(values["search_s"]),
         status=Status(values["status"]),
+        doubtful=bool(values["doubtful"]),
+        ambiguous=tuple(str(group) for group in values["ambiguous"]),
     )
 
 

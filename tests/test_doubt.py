@@ -1,0 +1,94 @@
+"""What a run knows of its own doubt, it says: frames that the images do not support, limbs that may be elsewhere."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from observations import objective_of
+from recordings import TrueStart, cycle_for, small_simulation
+
+from tracker.cycle import LossRule, judged
+from tracker.estimate import Estimate, Status
+from tracker.frame import Frame
+from tracker.observation import Observation
+from tracker.recording import RunContext
+from tracker.recording.csv_table import CsvTable
+from tracker.scene import Scene
+from tracker.tracking import track
+from tracker.trajectory import Step
+
+
+def estimate_of(truth: Scene, observation: Observation, **off_deg: float) -> Estimate:
+    """A pose off the truth in some angles, judged as a run does."""
+    body, q = truth.persons[0].body, truth.persons[0].q.copy()
+    for name, angle_deg in off_deg.items():
+        q[body.index(name)] += np.radians(angle_deg)
+    found = objective_of(truth, observation).estimate(q, np.zeros((body.dof, body.dof)), 1)
+    return judged(body, found, LossRule())
+
+
+def test_the_truth_is_not_doubted(truth: Scene, observation: Observation) -> None:
+    found = estimate_of(truth, observation)
+    assert found.verdict is Status.TRACKED
+    assert found.ambiguous == ()
+
+
+@pytest.mark.parametrize("limb", ["left_arm", "right_arm", "left_leg", "right_leg"])
+def test_a_limb_elsewhere_is_named(truth: Scene, observation: Observation, limb: str) -> None:
+    found = estimate_of(truth, observation, **{f"{limb}_abduction": 60.0})
+    assert limb in found.ambiguous
+    # what a leg has left behind lies nearest to the other leg, which is then in doubt, too
+    kind = limb.partition("_")[2]
+    assert all(group.endswith(kind) for group in found.ambiguous)
+
+
+def test_a_body_elsewhere_is_doubtful(truth: Scene, observation: Observation) -> None:
+    limbs = {f"{side}_{limb}_abduction": 50.0 for side in ("left", "right") for limb in ("arm", "leg")}
+    found = estimate_of(truth, observation, **limbs)
+    assert found.doubtful
+    assert found.verdict in (Status.DOUBTFUL, Status.LOST)
+    assert replace(found, status=Status.LOST).verdict is Status.LOST
+
+
+def test_nothing_is_learned_from_a_doubtful_frame() -> None:
+    """Evidence is told whom it may trust; histories go on, for the next frame's prediction needs them."""
+    simulation = small_simulation(n_frames=3)
+    told: list[list[bool]] = []
+
+    class Listening(type(cycle_for(simulation).evidence)):  # type: ignore[misc]
+        def learned(self, memory, sight, scene, fitted, trusted):  # type: ignore[no-untyped-def]
+            told.append(trusted.tolist())
+            return memory
+
+    for above, trusted in ((5.0, True), (0.0, False)):
+        told.clear()
+        cycle = cycle_for(simulation, TrueStart(simulation), evidence=Listening(), loss=LossRule(doubtful_above=above))
+        steps = list(track(simulation.frames(), simulation.scene, cycle))
+        assert told == [[trusted]] * 3
+        verdicts = {Status.TRACKED, Status.BOOTSTRAPPED} if trusted else {Status.DOUBTFUL}
+        assert {step.estimates[0].verdict for step in steps} == verdicts
+        assert steps[-1].estimates[0].status is Status.TRACKED
+
+
+def test_doubt_is_written_to_the_tables(truth: Scene, observation: Observation, tmp_path: Path) -> None:
+    found = estimate_of(truth, observation, left_arm_abduction=60.0)
+    found = replace(found, doubtful=False, ambiguous=("left_arm",))
+    doubtful = replace(found, doubtful=True)
+    context = RunContext("test", tmp_path, truth, fps=25.0, n_frames=2, interval_s=0.04)
+    recorder = CsvTable().begin(context)
+    fitted = objective_of(truth, observation).asked.fine(truth.persons[0].q)
+    for k, estimate in enumerate((found, doubtful)):
+        recorder.write(Step(Frame(k, 0.04 * k, (None,) * 4), truth, (estimate,), fitted))
+    recorder.finish()
+    with (tmp_path / "poses.csv").open(newline="") as file:
+        poses = list(csv.DictReader(file))
+    assert [(row["status"], row["ambiguous"]) for row in poses] == [("tracked", "left_arm"), ("doubtful", "left_arm")]
+    with (tmp_path / "joints.csv").open(newline="") as file:
+        joints = {(row["frame"], row["joint"]): row["status"] for row in csv.DictReader(file)}
+    assert joints["0", "left_elbow"] == "ambiguous"
+    assert joints["0", "right_elbow"] == "tracked"
+    assert joints["1", "left_elbow"] == joints["1", "right_elbow"] == "doubtful"
