@@ -19,7 +19,7 @@ ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
     "errors arrays components config resources geometry imaging kernels",
-    "camera rig rig_files rig_formats middlebury frame shape segments mirror "
+    "camera rig rig_layouts frame shape segments mirror "
     "body_sections body body_defaults body_facts body_description body_files scene contours expectation observation "
     "account equations sight estimate start trajectory triangulation",
     "reading calibration prediction synthesis analysis recording",

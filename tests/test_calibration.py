@@ -24,7 +24,7 @@ from tracker.calibration.reference_bar import BarImages
 from tracker.cli import app
 from tracker.errors import CalibrationError, ConfigError, TrackerError
 from tracker.rig import Rig
-from tracker.rig_files import load_rig
+from tracker.rig_layouts import load_rig
 from tracker.simulation.bars import SIZE, Faults
 
 

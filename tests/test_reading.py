@@ -22,7 +22,7 @@ from tracker.errors import CalibrationError, SequenceError
 from tracker.reading.images import ImageReading
 from tracker.reading.video import VideoReading, VideoView
 from tracker.rig import Rig
-from tracker.rig_files import load_rig, save_rig
+from tracker.rig_layouts import load_rig, save_rig
 
 Recording = VideoReading | ImageReading
 WIDTH, HEIGHT, N_FRAMES, FPS = 64, 48, 20, 25
@@ -206,6 +206,24 @@ def test_images_of_another_size_than_calibrated(folder: Path, kind: Callable[...
     for policy in ("error", "skip"):
         with pytest.raises(CalibrationError, match=r"64x48 px, the rig was calibrated at 32x24"):
             list(kind(folder, on_missing=policy).open().frames())
+
+
+@both
+def test_images_turned_against_their_calibration(folder: Path, kind: Callable[..., Recording]) -> None:
+    rig = load_rig(folder / "rig.toml")
+    save_rig(Rig(tuple(camera.turned(1) for camera in rig.cameras)), folder / "rig.toml")
+    with pytest.raises(CalibrationError, match=r"64x48 px, .* 48x64 px: are the images turned upright.*--upright"):
+        list(kind(folder).open().frames())
+
+
+@both
+@pytest.mark.parametrize("name", ["rig.qca.txt", "rig.json", "opencv", "easymocap"])
+def test_a_rig_in_any_layout_is_read(folder: Path, kind: Callable[..., Recording], name: str) -> None:
+    before = load_rig(folder / "rig.toml")
+    save_rig(before, folder / name, name if "." not in name else None)
+    sequence = dataclasses.replace(kind(folder), rig=folder / name, views=VIEWS[::-1]).open()
+    assert sequence.rig.names == VIEWS[::-1]
+    np.testing.assert_allclose(sequence.rig.cameras[0].matrix, before.cameras[-1].matrix, atol=1e-9)
 
 
 @both

@@ -12,7 +12,7 @@ from recordings import small_simulation
 from tracker.body_files import load_body
 from tracker.errors import ConfigError, SequenceError
 from tracker.resources import model_path
-from tracker.rig_files import load_rig
+from tracker.rig_layouts import load_rig
 from tracker.simulation.movements import MOVEMENTS, poses_of
 from tracker.simulation.rendering import draw_persons, mesh_of
 from tracker.simulation.sequence import Recipe, simulate, write_sequence

@@ -28,7 +28,7 @@ from tracker.lsm.surface_run import load_surface_run
 from tracker.lsm.views import Preparation, blur_px, field_camera
 from tracker.reading.stills import StillReading
 from tracker.rig import Rig
-from tracker.rig_files import load_rig, save_rig
+from tracker.rig_layouts import load_rig, save_rig
 
 SIZE = (240, 180)
 NOISE = 1.0

@@ -21,7 +21,7 @@ from tracker.errors import ConfigError, SequenceError, nearest
 from tracker.frame import Frame
 from tracker.reading.images import intact_image, numbered_files
 from tracker.reading.video import open_clip
-from tracker.rig_files import save_rig
+from tracker.rig_layouts import save_rig
 from tracker.run import dated_folder, link_latest
 
 _SECTIONS = ("name", "views", "calibration")

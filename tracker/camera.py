@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import rq
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, frozen, shape_fault
 from tracker.errors import CalibrationError
+
+_PLUMB = 0.2
+"""Length of the vertical in the image plane below which no side of the image is the upper one: 12 degrees off it."""
 
 
 @dataclass(frozen=True)
@@ -140,6 +144,24 @@ class Camera:
         matrix[:2, 2] += (1 / factor - 1) / 2
         return replace(self, matrix=matrix, size=(self.size[0] // factor, self.size[1] // factor))
 
+    def turned(self, quarters: int) -> Camera:
+        """The camera of the images turned clockwise by so many quarter turns."""
+        camera = self
+        for _ in range(quarters % 4):
+            width, height = camera.size
+            clockwise = np.array([[0.0, -1, height - 1], [1, 0, 0], [0, 0, 1]])
+            orientation = upper_triangular(clockwise @ camera.matrix, camera.distortion, camera.camera_from_world)
+            camera = Camera(camera.name, (height, width), *orientation)
+        return camera
+
+    @property
+    def quarters_to_upright(self) -> int:
+        """Clockwise quarter turns after which the images stand upright; 0 if the camera looks straight up or down."""
+        right, down = self.camera_from_world[:2, 2]
+        if np.hypot(right, down) < _PLUMB:
+            return 0
+        return int(np.argmax([-down, -right, down, right]))
+
     @staticmethod
     def looking_at(
         name: str, size: tuple[int, int], focal_px: float, position: tuple[float, float, float], target: Array
@@ -160,6 +182,30 @@ class Camera:
         """(3,) Rodrigues vector of the exterior orientation."""
         # cv2.Rodrigues loses up to 1e-5 rad near 0 and 180 degrees
         return np.asarray(Rotation.from_matrix(self.camera_from_world[:3, :3]).as_rotvec(), dtype=np.float64)
+
+
+def upper_triangular(matrix: Array, distortion: Array, motion: Array) -> tuple[Array, Array, Array]:
+    """The same imaging with an intrinsic matrix [[fx, s, cx], [0, fy, cy], [0, 0, 1]].
+
+    What is left of the matrix is a turn about the optical axis, which goes to the exterior orientation; decentring
+    displaces a point x by |x|^2 d + 2 (d.x) x with d = (p2, p1), so that d turns with the plane.
+
+    Args:
+        matrix: (3, 3) with last row 0 0 1.
+        distortion: (5,) k1 k2 p1 p2 k3.
+        motion: (4, 4) camera_from_world.
+
+    Returns:
+        Matrix, distortion and camera_from_world.
+    """
+    upper, turn = rq(matrix)
+    signs = np.diag(np.sign(np.diag(upper)))
+    upper, turn = upper @ signs, signs @ turn
+    p2, p1 = turn[:2, :2] @ distortion[[3, 2]]
+    turned = np.array(motion)
+    turned[:3] = turn @ motion[:3]
+    k1, k2, _, _, k3 = distortion
+    return np.asarray(upper / upper[2, 2]), np.array([k1, k2, p1, p2, k3]), turned
 
 
 def _distort(plane: Array, distortion: Array) -> tuple[Array, Array]:

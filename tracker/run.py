@@ -357,6 +357,7 @@ def _input_hashes(run: Run, views: tuple[str, ...]) -> dict[str, str]:
     files = [subject.model for subject in run.persons]
     for pattern in patterns:
         files += [Path(str(pattern).replace("{view}", view)) for view in views] if pattern else []
+    files = [inner for file in files for inner in (sorted(file.iterdir()) if file.is_dir() else [file])]
     unique = dict.fromkeys(file for file in files if file.is_file())
     return {str(file): _sha256(file) for file in unique}
 

@@ -19,7 +19,7 @@ from tracker.arrays import Array
 from tracker.camera import Camera
 from tracker.errors import SequenceError
 from tracker.rig import Rig
-from tracker.rig_files import save_rig
+from tracker.rig_layouts import save_rig
 
 SUBJECTS = ("dan", "nils", "omar")
 BONES = (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"))

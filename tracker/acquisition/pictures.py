@@ -15,7 +15,7 @@ from tracker.components import FilePath, component
 from tracker.errors import CalibrationError, ConfigError, SequenceError
 from tracker.imaging.background import foreground
 from tracker.outlines import largest_region
-from tracker.rig_files import load_rig
+from tracker.rig_layouts import load_rig
 
 # An orthographic picture is one from very far: over the depth of a body its scale changes by less than 0.1 %.
 _FAR_M = 1000.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -11,6 +11,12 @@ from rich.table import Table
 
 from tracker.arrays import Image
 from tracker.errors import CalibrationError, ConfigError
+
+if TYPE_CHECKING:
+    from tracker.rig_layouts import RigFile
+
+# Written out, for the folder's import takes longer than `--help` should; a test compares.
+LAYOUTS = "anipose, caliscope, easymocap, json, middlebury, opencv, pose2sim, qualisys"
 
 rig_app = typer.Typer(no_args_is_help=True, help="Checks and converts calibrations.")
 console = Console()
@@ -26,9 +32,11 @@ def rig_check(
     """Looks a rig over: geometry, who sees whom, reprojection, scale, and epipolar lines over the views."""
     from tracker.calibration import read_points
     from tracker.rig_check import check_points, check_rig, epipolar_picture, write_picture
-    from tracker.rig_formats import import_rig
+    from tracker.rig_layouts import read_rig
 
-    loaded = import_rig(rig)
+    opened = read_rig(rig)
+    _tell(opened)
+    loaded = opened.rig
     found = check_rig(loaded)
     cameras = Table("camera", "position m", "field deg", "tilt deg", "distortion px", title="cameras")
     for check in found.cameras:
@@ -74,13 +82,15 @@ def _pictures(pattern: str, names: tuple[str, ...]) -> tuple[Image, ...]:
 
 @rig_app.command("convert")
 def rig_convert(
-    source: Annotated[Path, typer.Argument(help=".toml, .json, .qca.txt, or a folder (EasyMocap, OpenCV YAML).")],
-    target: Annotated[Path, typer.Argument(help="File, or folder for opencv and easymocap.")],
-    layout: Annotated[str, typer.Option(help="toml anipose pose2sim caliscope qualisys opencv easymocap")] = "toml",
+    source: Annotated[Path, typer.Argument(help=f"File or folder; its layout is found out: {LAYOUTS}.")],
+    target: Annotated[Path, typer.Argument(help="File; or folder, for opencv and easymocap.")],
+    layout: Annotated[str | None, typer.Option(help="Layout of the target; default: as its name tells.")] = None,
     size: Annotated[str | None, typer.Option(help="Image size WxH, where the source does not tell it.")] = None,
+    upright: Annotated[bool, typer.Option("--upright", help="For images turned by quarters until up is up.")] = False,
 ) -> None:
     """Converts a calibration from and for other programs."""
-    from tracker.rig_formats import export_rig, import_rig
+    from tracker.rig import Rig
+    from tracker.rig_layouts import read_rig, save_rig
 
     pixels = None
     if size is not None:
@@ -88,6 +98,20 @@ def rig_convert(
         if not (cross and width.isdigit() and height.isdigit()):
             raise ConfigError(f"--size {size}: expected for instance 1920x1080")
         pixels = int(width), int(height)
-    rig = import_rig(source, pixels)
-    export_rig(rig, target, layout)
+    opened = read_rig(source, pixels)
+    _tell(opened)
+    rig = opened.rig
+    if upright:
+        rig = Rig(tuple(camera.turned(camera.quarters_to_upright) for camera in rig.cameras))
+        for before, after in zip(opened.rig.cameras, rig.cameras, strict=True):
+            if before.quarters_to_upright:
+                turn = f"turned clockwise by {90 * before.quarters_to_upright} degrees"
+                console.print(f"{after.name}: for images {turn}, {after.size[0]}x{after.size[1]} px", highlight=False)
+    save_rig(rig, target, layout)
     console.print(f"{len(rig)} cameras written to {target}", highlight=False)
+
+
+def _tell(opened: RigFile) -> None:
+    """What whoever uses the rig must know of its file."""
+    for line in opened.told():
+        console.print(f"[yellow]look:[/] {line}", highlight=False, soft_wrap=True)

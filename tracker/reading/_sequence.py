@@ -16,7 +16,7 @@ from tracker.errors import CalibrationError, SequenceError, nearest
 from tracker.frame import Frame
 from tracker.imaging.plate_alignment import LEAST_INLIERS, aligned
 from tracker.rig import Rig
-from tracker.rig_files import load_rig
+from tracker.rig_layouts import load_rig
 
 OnMissing = Literal["error", "skip"]
 _View = TypeVar("_View")
@@ -184,9 +184,14 @@ def check_size(name: str, image: Image, expected: tuple[int, int]) -> None:
     """
     height, width = image.shape[:2]
     if (width, height) != tuple(expected):
+        mended = "take the calibration of these images"
+        if (height, width) == tuple(expected):
+            mended = (
+                "are the images turned upright? `bodytrack rig convert RIG rig.toml --upright` makes the rig of those"
+            )
         raise CalibrationError(
             f'view "{name}": the images have {width}x{height} px, the rig was calibrated at '
-            f"{expected[0]}x{expected[1]} px: take the calibration of these images"
+            f"{expected[0]}x{expected[1]} px: {mended}"
         )
 
 
@@ -232,8 +237,7 @@ def opened(settings: Settings, recording: Recording) -> OpenSequence:
 
 def chosen_rig(path: Path, views: tuple[str, ...]) -> Rig:
     """The rig of a file, restricted to the named views in their order."""
-    rig = load_rig(path)
-    return rig.select(views) if views else rig
+    return load_rig(path, views)
 
 
 def chosen_offsets(rig: Rig, offsets: dict[str, int]) -> tuple[int, ...]:

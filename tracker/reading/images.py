@@ -32,7 +32,7 @@ class ImageReading:
     """Image files, for instance `images/{view}/{frame}.png`; numbers need not start at 0."""
 
     rig: FilePath
-    """Calibration, TOML or JSON."""
+    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads."""
 
     fps: float = pydantic.Field(gt=0)
     """Frames per second."""

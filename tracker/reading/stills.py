@@ -31,7 +31,7 @@ class StillReading:
     """Image files, for instance `images/{view}.png`; `{view}` stands for the camera's name."""
 
     rig: FilePath
-    """Calibration, TOML or JSON."""
+    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads."""
 
     views: tuple[str, ...] = ()
     """Cameras to use, in this order; empty for all of the rig."""

@@ -35,7 +35,7 @@ class VideoReading:
     """Video files, for instance `videos/{view}.mp4`."""
 
     rig: FilePath
-    """Calibration, TOML or JSON."""
+    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads."""
 
     views: tuple[str, ...] = ()
     """Cameras to use, in this order; empty for all of the rig."""

@@ -21,7 +21,7 @@ from tracker.body_files import load_body
 from tracker.errors import SequenceError
 from tracker.frame import Frame
 from tracker.resources import model_path
-from tracker.rig_files import save_rig
+from tracker.rig_layouts import save_rig
 from tracker.scene import Person, Scene
 from tracker.simulation.movements import poses_of
 from tracker.simulation.rendering import draw_persons, mesh_of

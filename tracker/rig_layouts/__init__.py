@@ -1,0 +1,191 @@
+"""Rig layouts: calibrations as files of this and of other programs, read and written by one reader and one writer."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from tracker.camera import Camera
+from tracker.components import available, find
+from tracker.errors import CalibrationError, ConfigError, nearest
+from tracker.rig import Rig
+
+_FARTHEST_M = 200.0
+"""A room is metres across: cameras hundreds of units from one another were calibrated in millimetres."""
+_NAMED = 4
+"""Cameras left out that are named, before the rest is counted."""
+
+log = logging.getLogger("tracker")
+
+
+@dataclass(frozen=True)
+class Listing:
+    """The cameras that a file lists."""
+
+    cameras: tuple[Camera, ...]
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """Cameras that cannot be used, by name, and why."""
+
+    remarks: tuple[str, ...] = ()
+    """What whoever uses the rig must know."""
+
+
+class Layout(Protocol):
+    """A component that knows one way to write a rig down."""
+
+    endings: ClassVar[tuple[str, ...]]
+    """Endings of the file it is written to; none if it is a folder."""
+
+    shape: ClassVar[str]
+    """How to recognize it, for messages."""
+
+    def detects(self, path: Path) -> bool:
+        """Whether an existing file or folder is of this layout; each is of one at most."""
+        ...
+
+    def read(self, path: Path, size: tuple[int, int] | None) -> Listing:
+        """Reads the cameras, lengths in metres.
+
+        Args:
+            path: what `detects` has accepted.
+            size: width and height of the images, px, where the layout does not tell them.
+
+        Raises:
+            CalibrationError: names the camera, what was found and what was expected.
+        """
+        ...
+
+    def contents(self, rig: Rig) -> dict[str, bytes]:
+        """What is to be written: content by file name in the folder; of a single file, under the name "".
+
+        Raises:
+            CalibrationError: the layout cannot hold this rig.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class RigFile:
+    """A rig as read, and what to know of its file."""
+
+    rig: Rig
+    layout: str
+    left_out: Mapping[str, str]
+    remarks: tuple[str, ...]
+
+    def told(self) -> tuple[str, ...]:
+        """What whoever uses the rig must know, line by line; cameras left out for one reason are named together."""
+        return (*_reasons(self.left_out), *self.remarks)
+
+
+def _reasons(left_out: Mapping[str, str]) -> list[str]:
+    lines = []
+    for why in dict.fromkeys(left_out.values()):
+        names = [name for name, reason in left_out.items() if reason == why]
+        more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+        named = ", ".join(f'"{name}"' for name in names[:_NAMED])
+        lines.append(f"left out: {named}{more}: {why}")
+    return lines
+
+
+def read_rig(path: Path, size: tuple[int, int] | None = None) -> RigFile:
+    """Reads a rig in any layout; which one, the path and the content tell.
+
+    Args:
+        path: a file or a folder; `bodytrack rig convert --help` lists the layouts.
+        size: width and height of the images, px, where the layout does not tell them (EasyMocap).
+
+    Raises:
+        CalibrationError: it is missing, of no known layout or wrong, or such a rig cannot be; path and camera are
+            named.
+    """
+    layouts = {use: _layout(use) for use in available("rig_layouts")}
+    if not path.exists():
+        raise CalibrationError(f"{path}: no such file or folder")
+    use = next((use for use, layout in layouts.items() if layout.detects(path)), None)
+    if use is None:
+        shapes = "; ".join(layout.shape for layout in layouts.values())
+        raise CalibrationError(f"{path}: not a calibration that is known, expected {shapes}")
+    try:
+        listing = layouts[use].read(path, size)
+        if not listing.cameras and listing.left_out:
+            raise CalibrationError(f"no camera can be used; {'; '.join(_reasons(listing.left_out))}")
+        rig = Rig(listing.cameras)
+        _check_units(rig)
+    except CalibrationError as error:
+        raise CalibrationError(f"{path}: {error}") from error
+    return RigFile(rig, use, listing.left_out, listing.remarks)
+
+
+def load_rig(path: Path, views: tuple[str, ...] = ()) -> Rig:
+    """The rig of a file in any layout; cameras that are left out, and what else is to be known, are logged.
+
+    Args:
+        path: as for `read_rig`.
+        views: cameras to take, in this order; empty for all.
+
+    Raises:
+        CalibrationError: as of `read_rig`, or a view is not in the file or cannot be used.
+    """
+    found = read_rig(path)
+    for name in views:
+        if name in found.left_out:
+            raise CalibrationError(f'{path}: camera "{name}" {found.left_out[name]}')
+    for line in found.remarks if views else found.told():
+        log.warning("%s: %s", path, line)
+    return found.rig.select(views) if views else found.rig
+
+
+def save_rig(rig: Rig, path: Path, layout: str | None = None) -> None:
+    """Writes a rig; every file is replaced as a whole, so that nothing half-written stays.
+
+    Args:
+        rig: the cameras.
+        path: a file, or a folder for layouts that are one.
+        layout: name of the layout; None for the first one that is written to such a file, `.toml` as Anipose does.
+
+    Raises:
+        ConfigError: there is no such layout, or it is not written to such a file.
+        CalibrationError: the layout cannot hold this rig.
+    """
+    chosen = _layout(layout or _layout_of(path))
+    if chosen.endings and not path.name.lower().endswith(chosen.endings):
+        raise ConfigError(f"{path}: this layout is written to a file that ends in {' or '.join(chosen.endings)}")
+    if not chosen.endings and path.is_file():
+        raise ConfigError(f"{path}: this layout is a folder, and a file is there: choose another name")
+    for name, content in chosen.contents(rig).items():
+        file = path / name if name else path
+        file.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = file.with_name(file.name + ".part")
+        unfinished.write_bytes(content)
+        unfinished.replace(file)
+
+
+def _layout(use: str) -> Layout:
+    if ":" not in use and use not in available("rig_layouts"):
+        raise ConfigError(f'no layout "{use}"; {nearest(use, available("rig_layouts"))}')
+    layout: Layout = find("rig_layouts", use)()
+    return layout
+
+
+def _layout_of(target: Path) -> str:
+    names = available("rig_layouts")
+    for use in names:
+        if _layout(use).endings and target.name.lower().endswith(_layout(use).endings):
+            return use
+    raise ConfigError(f"{target}: its name does not tell the layout; name it: {', '.join(names)}")
+
+
+def _check_units(rig: Rig) -> None:
+    centres = [camera.centre for camera in rig.cameras]
+    farthest = max(float(np.linalg.norm(a - b)) for a in centres for b in centres)
+    if farthest > _FARTHEST_M:
+        raise CalibrationError(
+            f"two cameras are {farthest:.0f} m apart, expected a room: if the file is in millimetres, say so in it "
+            '(units = "mm" under [metadata] of a .toml, at the top of a .json)'
+        )

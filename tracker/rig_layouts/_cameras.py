@@ -1,0 +1,141 @@
+"""Cameras from the numbers of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tracker.arrays import Array
+from tracker.camera import Camera, upper_triangular
+from tracker.errors import CalibrationError, nearest
+
+_METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+"""Units a file may state."""
+
+_LARGEST_SIZE_PX = 10**6
+"""Width or height beyond any image: a number that large is something else."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One camera as its file has it; messages name the entries as the file does."""
+
+    name: str
+    table: Mapping[str, Any]
+    matrix: str = "matrix"
+    distortion: str = "distortions"
+    rotation: str = "rotation"
+    translation: str = "translation"
+
+    @property
+    def posed(self) -> bool:
+        """Whether the file has an exterior orientation of it."""
+        return self.rotation in self.table or self.translation in self.table
+
+    def numbers(self, key: str) -> Array:
+        """The numbers under a key, in the shape that the file has them in.
+
+        Raises:
+            CalibrationError: there are none, they are no numbers, or not finite.
+        """
+        if key not in self.table:
+            raise CalibrationError(f'camera "{self.name}": no entry "{key}"; {nearest(key, self.table)}')
+        value = self.table[key]
+        found = _array(value)
+        if found is None:
+            raise CalibrationError(f'camera "{self.name}": {key}: expected numbers, found {_short(value)}')
+        if not np.isfinite(found).all():
+            raise CalibrationError(f'camera "{self.name}": {key}: expected finite numbers, found {_short(value)}')
+        return found
+
+    def camera(self) -> Camera:
+        """The camera; `size` stands under that key, or as width and height."""
+        if "width" in self.table:
+            size = np.concatenate([self.numbers("width").ravel(), self.numbers("height").ravel()])
+        else:
+            size = self.numbers("size")
+        rotation, translation = self.numbers(self.rotation), self.numbers(self.translation)
+        matrix, lens = self.numbers(self.matrix), self.numbers(self.distortion)
+        if matrix.size != 9 or rotation.size not in (3, 9) or translation.size != 3:
+            raise CalibrationError(
+                f'camera "{self.name}": {self.matrix} has {matrix.size}, {self.rotation} {rotation.size} and '
+                f"{self.translation} {translation.size} numbers, expected 9, 9 (or a Rodrigues vector of 3) and 3"
+            )
+        if lens.size not in (4, 5):
+            raise CalibrationError(
+                f'camera "{self.name}": {self.distortion}: {lens.size} numbers found, expected k1 k2 p1 p2 or '
+                "k1 k2 p1 p2 k3"
+            )
+        return camera_of(self.name, whole(self.name, size), (matrix, lens), (rotation, translation))
+
+
+def _array(value: Any) -> Array | None:
+    """The numbers of a value; None if it is something else, ragged, or has numbers too long."""
+    if not _plain(value):
+        return None
+    try:
+        return np.array(value, dtype=np.float64)
+    except (ValueError, OverflowError):
+        return None
+
+
+def _plain(value: Any) -> bool:
+    """Whether a value is a number or lists of numbers; words and truth values, which numpy would convert, are not."""
+    if isinstance(value, list):
+        return all(_plain(entry) for entry in value)
+    return isinstance(value, int | float | np.ndarray) and not isinstance(value, bool)
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def whole(name: str, size: Array) -> tuple[int, int]:
+    """Width and height in px.
+
+    Raises:
+        CalibrationError: not two whole numbers that an image can have.
+    """
+    if size.size != 2 or (size != np.round(size)).any() or not (np.abs(size) < _LARGEST_SIZE_PX).all():
+        raise CalibrationError(f'camera "{name}": size: {size.tolist()} found, expected width and height in whole px')
+    width, height = size.ravel().tolist()
+    return int(width), int(height)
+
+
+def camera_of(name: str, size: tuple[int, int], interior: tuple[Array, Array], exterior: tuple[Array, Array]) -> Camera:
+    """A camera of its interior and exterior orientation.
+
+    Args:
+        name: of the camera.
+        size: image width and height, px.
+        interior: intrinsic matrix (9 numbers) and distortion (4 or 5).
+        exterior: rotation, a matrix (9) or a Rodrigues vector (3), and translation (3), metres.
+    """
+    (matrix, lens), (rotation, translation) = interior, exterior
+    turn = Rotation.from_rotvec(rotation.ravel()).as_matrix() if rotation.size == 3 else rotation.reshape(3, 3)
+    motion = np.eye(4)
+    motion[:3, :3], motion[:3, 3] = turn, translation.ravel()
+    matrix, distortion = matrix.reshape(3, 3), np.pad(lens.ravel(), (0, 5 - lens.size))
+    # Affine corrections folded into K leave small entries below the diagonal; larger ones the camera refuses.
+    if 0 < abs(matrix[1, 0]) <= 0.01 * abs(matrix[1, 1]):
+        matrix, distortion, motion = upper_triangular(matrix, distortion, motion)
+    return Camera(name, size, matrix, distortion, motion)
+
+
+def in_metres(found: Camera, stated: Mapping[str, Any]) -> Camera:
+    """The camera with its place in metres, where its file states other `units`.
+
+    Raises:
+        CalibrationError: units that are not known.
+    """
+    unit = stated.get("units", "m")
+    if not isinstance(unit, str) or unit not in _METRES:
+        raise CalibrationError(f'units = "{unit}": {nearest(str(unit), _METRES)}')
+    motion = np.array(found.camera_from_world)
+    motion[:3, 3] *= _METRES[unit]
+    return replace(found, camera_from_world=motion)

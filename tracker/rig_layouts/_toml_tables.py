@@ -1,0 +1,41 @@
+"""TOML tables of cameras, one a camera: what Anipose, Pose2Sim and Caliscope have in common."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tracker.camera import Camera
+from tracker.errors import CalibrationError
+from tracker.rig_layouts._cameras import Entry
+
+NO_POSE = "has no pose: neither rotation nor translation, only its lens was calibrated"
+
+
+def table_camera(name: str, table: dict[str, Any]) -> Camera | str:
+    """The camera of a table, or why there is none to be had of it.
+
+    Raises:
+        CalibrationError: what is there is wrong.
+    """
+    entry = Entry(name, table)
+    if not entry.posed:
+        return NO_POSE
+    if table.get("fisheye"):
+        raise CalibrationError(
+            f'camera "{name}": a fisheye lens model, expected the pinhole model with k1 k2 p1 p2 k3: '
+            "undistort the images first"
+        )
+    return entry.camera()
+
+
+def camera_table(camera: Camera) -> dict[str, Any]:
+    """The table of a camera."""
+    return {
+        "name": camera.name,
+        "size": list(camera.size),
+        "matrix": camera.matrix.tolist(),
+        "distortions": camera.distortion.tolist(),
+        "rotation": camera.rotation_vector().tolist(),
+        "translation": camera.camera_from_world[:3, 3].tolist(),
+        "fisheye": False,
+    }

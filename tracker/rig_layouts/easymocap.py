@@ -1,0 +1,77 @@
+"""EasyMocap's pairs of intrinsic and extrinsic files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from tracker.arrays import Array
+from tracker.camera import Camera
+from tracker.components import component
+from tracker.errors import CalibrationError
+from tracker.rig import Rig
+from tracker.rig_layouts import Listing
+from tracker.rig_layouts._cameras import Entry
+from tracker.rig_layouts._opencv_yaml import OpenCvFile, opened, written
+
+_FILES = ("intri.yml", "extri.yml")
+
+
+@component
+class EasyMocapLayout:
+    """A folder with `intri.yml` (names, K_, dist_, and W_ and H_ where known) and `extri.yml` (R_, Rot_, T_), metres.
+
+    Files without W_ and H_ do not tell the image size.
+    """
+
+    endings: ClassVar[tuple[str, ...]] = ()
+    shape: ClassVar[str] = "a folder with intri.yml and extri.yml (EasyMocap)"
+
+    def detects(self, path: Path) -> bool:
+        """A folder with one of the files, or one of the files."""
+        return any((_folder(path) / name).is_file() for name in _FILES)
+
+    def read(self, path: Path, size: tuple[int, int] | None) -> Listing:
+        """Reads both files."""
+        intri, extri = (opened(_folder(path) / name) for name in _FILES)
+        names = [name for name in intri.names("names") if name not in ("", "none")]
+        if not names:
+            raise CalibrationError("intri.yml: no list `names`")
+        return Listing(tuple(_camera(name, intri, extri, size) for name in names))
+
+    def contents(self, rig: Rig) -> dict[str, bytes]:
+        """Both files, with the image sizes."""
+        names: dict[str, Array | float | list[str]] = {"names": list(rig.names)}
+        intri, extri = dict(names), dict(names)
+        for camera in rig.cameras:
+            name = camera.name
+            intri |= {f"K_{name}": camera.matrix, f"dist_{name}": camera.distortion.reshape(1, 5)}
+            intri |= {f"W_{name}": camera.size[0], f"H_{name}": camera.size[1]}
+            motion = camera.camera_from_world
+            extri |= {f"R_{name}": camera.rotation_vector().reshape(3, 1), f"Rot_{name}": motion[:3, :3]}
+            extri |= {f"T_{name}": motion[:3, 3:]}
+        return {"intri.yml": written(intri), "extri.yml": written(extri)}
+
+
+def _folder(path: Path) -> Path:
+    return path.parent if path.name in _FILES and path.is_file() else path
+
+
+def _camera(name: str, intri: OpenCvFile, extri: OpenCvFile, size: tuple[int, int] | None) -> Camera:
+    told = intri.number(f"W_{name}"), intri.number(f"H_{name}")
+    if min(told) <= 0 and size is None:
+        raise CalibrationError(
+            f'camera "{name}": the file does not tell the image size: '
+            "`bodytrack rig convert FOLDER rig.toml --size WxH` makes a rig that does"
+        )
+    table = {
+        "size": np.array(told if min(told) > 0 else size),
+        "K": intri.matrix(f"K_{name}"),
+        "dist": intri.matrix(f"dist_{name}", f"D_{name}"),
+        # EasyMocap itself reads the vector and leaves the matrix aside.
+        "R": extri.matrix(f"R_{name}", f"Rot_{name}"),
+        "T": extri.matrix(f"T_{name}"),
+    }
+    return Entry(name, table, "K", "dist", "R", "T").camera()

@@ -1,0 +1,82 @@
+"""OpenCV YAML, one file a camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from tracker.camera import Camera
+from tracker.components import component
+from tracker.errors import CalibrationError
+from tracker.rig import Rig
+from tracker.rig_layouts import Listing
+from tracker.rig_layouts._cameras import Entry
+from tracker.rig_layouts._opencv_yaml import opened, written
+from tracker.rig_layouts.easymocap import EasyMocapLayout
+
+_LENS, _POSE = ("camera_matrix", "distortion_coefficients"), ("rotation", "translation")
+
+
+@component
+class OpenCvLayout:
+    """A folder of `CAMERA.yml`, as OpenCV's calibration samples write them, with rotation and translation added.
+
+    Entries: image_width, image_height, camera_matrix, distortion_coefficients, rotation (matrix or Rodrigues vector)
+    and translation, metres. A file without the last two is left out.
+    """
+
+    endings: ClassVar[tuple[str, ...]] = ()
+    shape: ClassVar[str] = "a folder with one OpenCV .yml a camera"
+
+    def detects(self, path: Path) -> bool:
+        """A folder with such files that is not EasyMocap's."""
+        return path.is_dir() and bool(_files(path)) and not EasyMocapLayout().detects(path)
+
+    def read(self, path: Path, size: tuple[int, int] | None) -> Listing:
+        """Reads all the files, in the order of their names."""
+        cameras: list[Camera] = []
+        left_out: dict[str, str] = {}
+        for file in _files(path):
+            found = _camera(file)
+            if found is None:
+                left_out[file.stem] = "has no pose: neither rotation nor translation, only its lens was calibrated"
+            else:
+                cameras.append(found)
+        return Listing(tuple(cameras), left_out)
+
+    def contents(self, rig: Rig) -> dict[str, bytes]:
+        """One file a camera, called after it."""
+        unfit = [name for name in rig.names if Path(name).name != name or name.startswith(".")]
+        if unfit:
+            raise CalibrationError(f'camera "{unfit[0]}": a name that no file can have')
+        return {
+            f"{camera.name}.yml": written(
+                {
+                    "image_width": camera.size[0],
+                    "image_height": camera.size[1],
+                    "camera_matrix": camera.matrix,
+                    "distortion_coefficients": camera.distortion.reshape(5, 1),
+                    "rotation": camera.camera_from_world[:3, :3],
+                    "translation": camera.camera_from_world[:3, 3:],
+                }
+            )
+            for camera in rig.cameras
+        }
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(file for file in folder.iterdir() if file.suffix.lower() in (".yml", ".yaml") and file.is_file())
+
+
+def _camera(path: Path) -> Camera | None:
+    file = opened(path)
+    size = file.number("image_width"), file.number("image_height")
+    if min(size) <= 0:
+        raise CalibrationError(f"{path.name}: no image_width and image_height")
+    lens = {key: file.matrix(key) for key in _LENS}
+    if all(file.storage.getNode(key).empty() for key in _POSE):
+        return None
+    table = {"size": np.array(size), **lens, **{key: file.matrix(key) for key in _POSE}}
+    return Entry(path.stem, table, *_LENS, *_POSE).camera()

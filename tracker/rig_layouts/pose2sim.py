@@ -1,0 +1,38 @@
+"""Calibrations for Pose2Sim."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+from tracker.components import component
+from tracker.errors import CalibrationError
+from tracker.rig import Rig
+from tracker.rig_layouts import Listing
+from tracker.rig_layouts.anipose import AniposeLayout, tables_of
+
+
+@component
+class Pose2SimLayout:
+    """`Calib.toml`: Anipose's tables with the four distortion coefficients k1 k2 p1 p2."""
+
+    endings: ClassVar[tuple[str, ...]] = (".toml",)
+    shape: ClassVar[str] = "Pose2Sim's Calib.toml"
+
+    def detects(self, path: Path) -> bool:
+        """Never: what Pose2Sim writes are Anipose's tables, and read as such."""
+        return False
+
+    def read(self, path: Path, size: tuple[int, int] | None) -> Listing:
+        """Reads Anipose's tables."""
+        return AniposeLayout().read(path, size)
+
+    def contents(self, rig: Rig) -> dict[str, bytes]:
+        """Anipose's tables without k3."""
+        lost = [camera.name for camera in rig.cameras if camera.distortion[4] != 0]
+        if lost:
+            raise CalibrationError(
+                f"k3 of {', '.join(lost)} is not 0, which the four distortion coefficients of Pose2Sim cannot hold: "
+                'choose another layout, or calibrate without "radial"'
+            )
+        return {"": tables_of(rig, n_distortion=4)}
