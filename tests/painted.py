@@ -11,7 +11,7 @@ from tracker.kernels.region_lines import Looks, Rule, Samples
 from tracker.scene import Scene
 from tracker.synthesis.cpu import CpuSynthesis
 
-RULE = Rule(step_m=0.005, reach=7, slack=0.07, floor=2e-4, coarse=1.0)
+RULE = Rule(step_m=0.005, reach=7, slack=0.07, floor=2e-4, gate_px=8.0, widest=1.0)
 
 
 def painted(scene: Scene, colours: Array, noise: float = 0.0, seed: int = 0) -> tuple[Image, ...]:

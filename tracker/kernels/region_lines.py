@@ -88,8 +88,11 @@ class Rule(NamedTuple):
     floor: float
     """Share that a colour never seen has."""
 
-    coarse: float
-    """Factor on the steps while the pose is still far off."""
+    gate_px: float
+    """How far the contour may be off, px: lines reach so far, with wider steps."""
+
+    widest: float
+    """Most that steps are widened for it, a factor."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -199,15 +202,17 @@ def find_shifts(
             (1.0 - rule.slack) * k / 254.0 + rule.slack * (254 - k) / 254.0
         )
     for v in range(len(samples.counts)):
+        seen = picture.layout[v, 3] > 0
         for m in range(samples.counts[v]):
             shifts[v, m, 0] = shifts[v, m, 1] = shifts[v, m, 2] = 0.0
             p = samples.parts[v, m]
-            if samples.positions[v, m, 4] <= 0.0 or not wanted[p] or not looks.known[v, p]:
+            if not seen or samples.positions[v, m, 4] <= 0.0 or not wanted[p] or not looks.known[v, p]:
                 continue
             size = pixels_per_metre(
                 cameras[v], samples.points[v, m, 0], samples.points[v, m, 1], samples.points[v, m, 2]
             )
-            step = max(size * rule.step_m, 1.0) * rule.coarse
+            step = max(size * rule.step_m, 1.0)
+            step = min(max(step, rule.gate_px / rule.reach), rule.widest * step)
             position = samples.positions[v, m]
             place = (v, p, position[0], position[1], position[2], position[3])
             spacing = (step, _DEEPEST * size * looks.half_extents[p], rule.floor)
@@ -252,6 +257,8 @@ def score_lines(
     """
     for b in range(len(counts)):
         for v in range(counts.shape[1]):
+            if picture.layout[v, 3] == 0:
+                continue
             for m in range(counts[b, v]):
                 p = parts[b, v, m]
                 length = float(positions[b, v, m, 4])

@@ -1,0 +1,147 @@
+"""Region evidence: what it remembers, what it says before it knows anything, and whom it learns from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from observations import bent, four_views
+from painted import painted
+
+from tracker.arrays import Array
+from tracker.body import BodyModel
+from tracker.comparison import Comparison
+from tracker.evidence._colours import Colours, corrected
+from tracker.evidence.regions import RegionEvidence
+from tracker.frame import Frame
+from tracker.kernels.region_colours import N_COLOURS
+from tracker.scene import Person, Scene
+from tracker.sight import Sight
+from tracker.synthesis.cpu import CpuSynthesis
+
+EVIDENCE, SYNTHESIS = RegionEvidence(), CpuSynthesis()
+TRUSTED, DOUBTED = np.array([True]), np.array([False])
+
+
+@pytest.fixture(scope="module")
+def scene(body: BodyModel) -> Scene:
+    return Scene((Person("one", body, bent(body)),), four_views((720, 576)))
+
+
+@pytest.fixture(scope="module")
+def sight(scene: Scene) -> Sight:
+    colours = np.random.default_rng(5).integers(20, 236, (len(scene.shapes) + 1, 3)).astype(np.float64)
+    return Sight(Frame(0, 0.0, painted(scene, colours, noise=6.0)))
+
+
+@pytest.fixture(scope="module")
+def memory(scene: Scene, sight: Sight) -> Colours:
+    learned = EVIDENCE.learned(None, sight, scene, SYNTHESIS.contours(scene), TRUSTED)
+    assert learned is not None
+    return learned
+
+
+def asked(scene: Scene, sight: Sight, memory: Colours | None, near: Scene | None = None) -> Comparison:
+    return Comparison(scene, 0, SYNTHESIS, EVIDENCE.observe(sight, SYNTHESIS.contours(near or scene), memory))
+
+
+def test_before_anything_is_learnt_it_is_silent(scene: Scene, sight: Sight) -> None:
+    question, q = asked(scene, sight, None), scene.persons[0].q
+    assert not EVIDENCE.distances(question, np.stack([q, q + 0.1])).any()
+    assert EVIDENCE.equations(question, q, 10.0).total == 0
+    account = EVIDENCE.account(question, q)
+    assert account.distance_px == 0
+    assert not account.visible_px.any()
+
+
+def test_at_the_truth_nearly_all_contours_are_explained(scene: Scene, sight: Sight, memory: Colours) -> None:
+    account = EVIDENCE.account(asked(scene, sight, memory), scene.persons[0].q)
+    assert account.explained > 0.9
+    assert account.distance_px < 3
+
+
+def test_a_refinement_finds_the_way_back(scene: Scene, sight: Sight, memory: Colours, body: BodyModel) -> None:
+    """From an arm 12 degrees off, up to 6 cm at the hand, with the colours of the frame before."""
+    truth = scene.persons[0].q
+    q = truth.copy()
+    columns = body.group("left_arm")
+    q[columns] += np.radians([8.0, -8.0, 0.0, 12.0])
+    off = np.linalg.norm(body.landmarks_in_world(q) - body.landmarks_in_world(truth), axis=1).max()
+    question = asked(scene, sight, memory)
+    for gate_px in np.geomspace(30, 8, 6):
+        found = EVIDENCE.equations(question, q, float(gate_px))
+        matrix = found.matrix + np.diag(1 / np.where(body.rotates, np.radians(15), 0.15) ** 2)
+        q = q - np.linalg.solve(matrix, found.vector)
+    left = np.linalg.norm(body.landmarks_in_world(q) - body.landmarks_in_world(truth), axis=1).max()
+    assert off > 0.05
+    # a pixel is 6 mm there
+    assert left < 0.012
+
+
+def test_memory_is_a_frozen_value(scene: Scene, sight: Sight, memory: Colours) -> None:
+    before = [values.copy() for values in (*memory.tables, memory.posteriors, memory.known)]
+    other = Sight(Frame(1, 0.04, tuple(255 - image for image in sight.frame.images if image is not None)))
+    later = EVIDENCE.learned(memory, other, scene, SYNTHESIS.contours(scene), TRUSTED)
+    assert later is not None
+    assert (later.tables.inside != memory.tables.inside).any()
+    for values, kept in zip((*memory.tables, memory.posteriors, memory.known), before, strict=True):
+        np.testing.assert_array_equal(values, kept)
+    for values in (*later.tables, later.posteriors, later.known):
+        assert not values.flags.writeable
+
+
+def test_nothing_is_learnt_from_who_is_doubted(scene: Scene, sight: Sight, memory: Colours) -> None:
+    contours = SYNTHESIS.contours(scene)
+    assert EVIDENCE.learned(None, sight, scene, contours, DOUBTED) is None
+    assert EVIDENCE.learned(memory, sight, scene, contours, DOUBTED) is memory
+
+
+def test_of_two_persons_the_trusted_one_is_learnt(body: BodyModel, sight: Sight, scene: Scene) -> None:
+    q = scene.persons[0].q.copy()
+    q[0] += 0.8
+    both = Scene((*scene.persons, Person("two", body, q)), scene.rig)
+    learned = EVIDENCE.learned(None, sight, both, SYNTHESIS.contours(both), np.array([False, True]))
+    assert learned is not None
+    n_parts = len(body.parts)
+    assert not learned.known[:, :n_parts].any()
+    assert learned.known[:, n_parts:].any()
+
+
+def test_a_missing_view_teaches_and_says_nothing(scene: Scene, sight: Sight) -> None:
+    images = (None, *sight.frame.images[1:])
+    blind = Sight(replace(sight.frame, images=images))
+    learned = EVIDENCE.learned(None, blind, scene, SYNTHESIS.contours(scene), TRUSTED)
+    assert learned is not None
+    assert not learned.known[0].any()
+    assert learned.known[1:].any()
+    account = EVIDENCE.account(asked(scene, blind, learned), scene.persons[0].q)
+    np.testing.assert_array_equal(np.isnan(account.per_view_px), [True, False, False, False])
+
+
+def spikes(*colours: int) -> Array:
+    """A table of a few colours."""
+    table = np.zeros(N_COLOURS, dtype=np.float32)
+    table[list(colours)] = 1 / len(colours)
+    return table
+
+
+def test_what_hides_a_part_at_the_start_is_told_by_the_other_views() -> None:
+    inside = np.zeros((4, 2, N_COLOURS), dtype=np.float32)
+    inside[:, 0] = spikes(1, 2), spikes(1, 2, 3), spikes(1, 2), spikes(70, 71)
+    inside[:, 1] = spikes(1), spikes(50), spikes(100), spikes(150)
+    before = inside.copy()
+    known = np.ones((4, 2), dtype=np.bool_)
+    replaced = corrected(inside, known, known)
+    np.testing.assert_array_equal(replaced, [[False, False], [False, False], [False, False], [True, False]])
+    np.testing.assert_allclose(inside[3, 0], before[:3, 0].mean(axis=0))
+    np.testing.assert_array_equal(inside[:3], before[:3])
+    # what was learnt long ago is believed
+    inside = before.copy()
+    assert not corrected(inside, np.zeros_like(known), known).any()
+
+
+def test_of_two_views_that_differ_nobody_knows_which_is_right() -> None:
+    inside = np.stack([spikes(1), spikes(70)])[:, None]
+    known = np.ones((2, 1), dtype=np.bool_)
+    assert not corrected(inside, known, known).any()

@@ -1,0 +1,108 @@
+"""What region evidence remembers: the colours inside and outside of every part, in every view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tracker.arrays import Array, Array32, Image, Integers, Mask, frozen
+from tracker.kernels.region_colours import EVEN, N_COLOURS, Picture, Tables, tabulate_posteriors
+from tracker.kernels.region_lines import Looks, Samples, learn_lines
+
+FLOOR = 2e-4
+"""Share that a colour never seen has: one of 4096 bins by chance."""
+
+_MOST_ODDS = 4.0
+"""Bound on the logarithm of the odds of one pixel: no single one proves anything."""
+
+_STRANGE, _ALIKE = 0.4, 0.5
+"""A view's colours of a part are those of something else if their likeness to those in other views is below the first,
+and below the second times that of the view most alike. A part hidden at the start: 60 mm without, 44 mm with."""
+
+
+@dataclass(frozen=True)
+class Colours:
+    """Tables of a scene's parts; a frozen value."""
+
+    tables: Tables
+    posteriors: Image
+    """(V, P, 4096) see `tabulate_posteriors`."""
+
+    known: Mask
+    """(V, P) parts whose inside was learnt in a view."""
+
+    half_extents: Array
+    """(P,) smaller half extent of each part across its axis, metres."""
+
+    @staticmethod
+    def none(n_views: int, shapes: Array) -> Colours:
+        """Nothing learnt yet of parts with packed shapes (P, 7)."""
+        layout = (n_views, len(shapes), N_COLOURS)
+        inside, outside = (frozen(np.zeros(layout), np.float32) for _ in range(2))
+        known: Mask = frozen(np.zeros(layout[:2]), np.bool_)
+        posteriors: Image = frozen(np.full(layout, EVEN), np.uint8)
+        return Colours(Tables(inside, outside), posteriors, known, frozen(shapes[:, :2].min(axis=1)))
+
+    @property
+    def looks(self) -> Looks:
+        """For the kernels."""
+        return Looks(self.tables, self.posteriors, self.known, self.half_extents)
+
+    def after(
+        self,
+        picture: Picture,
+        samples: Samples,
+        beside: Integers,
+        cameras: Array,
+        useful: Mask,
+        spans: tuple[float, float],
+    ) -> Colours:
+        """The colours one frame on.
+
+        Args:
+            picture: colours seen.
+            samples: contours of the scene at its estimated poses.
+            beside: (V, M, 2) parts seen beside them.
+            cameras: (V, 25) from `Rig.packed`.
+            useful: (V, M) samples to learn from.
+            spans: distance of places on a line, metres; weight of the frame in the running mean.
+        """
+        tables = Tables(self.tables.inside.copy(), self.tables.outside.copy())
+        changed = learn_lines(picture, samples, beside, cameras, self.half_extents, useful, *spans, tables)
+        known = self.known | tables.inside.any(axis=2)
+        changed |= corrected(tables.inside, known & ~self.known, known)
+        posteriors = self.posteriors.copy()
+        tabulate_posteriors(tables, (FLOOR, _MOST_ODDS), changed, posteriors)
+        for values in (*tables, posteriors, known):
+            values.setflags(write=False)
+        return Colours(tables, posteriors, known, self.half_extents)
+
+
+def corrected(inside: Array32, fresh: Mask, known: Mask) -> Mask:
+    """Replaces tables learnt for the first time that show something else than the part, by the mean of other views.
+
+    A part hidden at the start teaches the colours of what hides it, and they are unlike those in all other views.
+
+    Args:
+        inside: (V, P, 4096) in and out.
+        fresh: (V, P) learnt in this frame for the first time.
+        known: (V, P) learnt at all.
+
+    Returns:
+        (V, P) what was replaced.
+    """
+    replaced: Mask = np.zeros_like(fresh)
+    for p in np.flatnonzero(fresh.any(axis=0)):
+        views = np.flatnonzero(known[:, p])
+        if len(views) < 3:
+            # Of two that differ nobody knows which is right.
+            continue
+        roots = np.sqrt(inside[views, p])
+        coefficients = roots @ roots.T
+        alike = (coefficients.sum(axis=1) - np.diag(coefficients)) / (len(views) - 1)
+        strange = (alike < _STRANGE) & (alike < _ALIKE * alike.max()) & fresh[views, p]
+        if strange.any():
+            inside[views[strange], p] = inside[views[~strange], p].mean(axis=0)
+            replaced[views[strange], p] = True
+    return replaced

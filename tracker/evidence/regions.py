@@ -1,0 +1,195 @@
+"""Evidence of regions: the colours of the body's parts and of what is beside them, on lines across the contours.
+
+Needs no clean plates. After M. Stoiber et al., A Sparse Gaussian Approach to Region-Based 6DoF Object Tracking, ACCV
+2020, with a pair of colour tables for each part and view.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pydantic
+
+from tracker.account import Account
+from tracker.arrays import Array, Image, Integers, Mask, Numbers16, frozen
+from tracker.comparison import Comparison
+from tracker.components import component
+from tracker.contours import Contours
+from tracker.equations import Equations
+from tracker.evidence import Evidence
+from tracker.evidence._colours import FLOOR, Colours
+from tracker.evidence._shares import over_views
+from tracker.expectation import expected_samples, region_around
+from tracker.imaging.background import Region
+from tracker.kernels.region_colours import Picture, encode
+from tracker.kernels.region_equations import shift_equations
+from tracker.kernels.region_lines import Rule, Samples, find_shifts, score_lines
+from tracker.kernels.region_sides import parts_beside
+from tracker.scene import Scene
+from tracker.sight import Sight
+
+# As for contours: a sample and its neighbours share one line of pixels and one interpolation.
+_PX_PER_OBSERVATION = 16.0
+
+# Distance where nothing can be compared, px: half of a line on the wrong side, as in a picture of one colour.
+_NOTHING_PX = 8.0
+
+
+@dataclass(frozen=True)
+class ObservedRegions:
+    """The colours around the persons, and what is known of them."""
+
+    picture: Picture
+    colours: Colours | None
+    """None before anything was learnt."""
+
+
+@component
+class RegionEvidence(Evidence):
+    """Colour of the parts on lines across their contours; silent until a first pose has taught it the colours."""
+
+    step_m: float = pydantic.Field(default=0.005, gt=0)
+    """Distance of the places on a line on the body, metres; never less than a pixel."""
+
+    reach: int = pydantic.Field(default=7, ge=2)
+    """Largest shift of a contour that a line can tell, steps."""
+
+    widest: float = pydantic.Field(default=2.0, ge=1)
+    """How much wider the steps are while the pose may still be far off, at most; a factor."""
+
+    slack: float = pydantic.Field(default=0.07, gt=0, lt=0.5)
+    """Probability that a place on a line belongs to the other side in spite of its colour."""
+
+    news: float = pydantic.Field(default=0.15, gt=0, le=1)
+    """Weight of a new frame in the colour tables: half of what was known is forgotten in four frames."""
+
+    around_px: float = pydantic.Field(default=60.0, ge=0)
+    """Colours are read so far around the prediction, px; beyond it they tell nothing."""
+
+    def look(self, sight: Sight, around: Contours) -> None:
+        """Reads the colours around the persons ahead."""
+        self._picture(sight, around, 2 * self.around_px)
+
+    def observe(self, sight: Sight, expected: Contours | None, memory: Colours | None = None) -> ObservedRegions:
+        """Colours around the persons; see `tracker.evidence.Evidence.observe`."""
+        return ObservedRegions(self._picture(sight, expected, self.around_px), memory)
+
+    def distances(self, asked: Comparison, poses: Array) -> Array:
+        """(B,) how much of a line across the contour lies on the wrong side, averaged over contour and views, px."""
+        if asked.observed.colours is None:
+            return np.zeros(len(poses))
+        misfits = self._misfits(asked, poses).sum(axis=2)
+        return over_views(_mean_px(misfits), _NOTHING_PX)
+
+    def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
+        """Moves the contours to where the colours change; see `find_shifts`."""
+        body, colours = asked.body, asked.observed.colours
+        if colours is None:
+            return Equations.nothing(body.dof)
+        samples, cameras = _samples_of(asked.fine(q)), asked.scene.rig.packed
+        beside = _seen_beside(asked.scene, asked.scene.world_from_parts(asked.person, q[None]), samples, self.step_m)
+        shifts = np.empty((*samples.parts.shape, 3), dtype=np.float32)
+        wanted = asked.ends > -2
+        find_shifts(
+            asked.observed.picture, colours.looks, samples, beside, cameras, wanted, self._rule(gate_px), shifts
+        )
+        found = shift_equations(shifts, samples, asked.ends, cameras, body.twists(q), body.moves, _PX_PER_OBSERVATION)
+        return Equations(*found)
+
+    def account(self, asked: Comparison, q: Array) -> Account:
+        """Contour with the right colours on both sides is explained; a region misses nothing of the images."""
+        n_views, n_parts = len(asked.scene.rig), len(asked.body.parts)
+        if asked.observed.colours is None:
+            nothing = np.zeros(n_parts)
+            return Account(0.0, np.full(n_views, np.nan), np.full(n_parts, np.nan), nothing, nothing, nothing)
+        misfits = self._misfits(asked, q[None])[0]
+        per_view, per_part = (_mean_px(misfits.sum(axis=axis)) for axis in (1, 0))
+        visible, _, explained = misfits.sum(axis=0)[asked.own].T
+        distance_px = float(over_views(per_view[None], _NOTHING_PX)[0])
+        return Account(distance_px, per_view, per_part[asked.own], visible, explained, np.zeros(n_parts))
+
+    def learned(
+        self, memory: Colours | None, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask
+    ) -> Colours | None:
+        """The colours beside the contours of trusted persons; see `Colours.after`."""
+        if not trusted.any():
+            return memory
+        memory = memory or Colours.none(len(scene.rig), scene.shapes)
+        samples = _samples_of(fitted)
+        beside = _seen_beside(scene, scene.world_from_parts(), samples, self.step_m)
+        there = np.arange(samples.parts.shape[1]) < samples.counts[:, None]
+        useful = (
+            there & trusted[scene.part_persons[np.where(there, samples.parts, 0)]] & (samples.positions[..., 4] > 0)
+        )
+        picture = self._picture(sight, fitted, self.around_px)
+        return memory.after(picture, samples, beside, scene.rig.packed, useful, (self.step_m, self.news))
+
+    def _rule(self, gate_px: float = 0.0) -> Rule:
+        return Rule(self.step_m, self.reach, self.slack, FLOOR, gate_px, self.widest)
+
+    def _misfits(self, asked: Comparison, poses: Array) -> Array:
+        """(B, V, P, 3) see `score_lines`."""
+        contours = asked.contours(poses, coarse=True)
+        misfits = np.zeros((len(poses), len(asked.scene.rig), len(asked.scene.shapes), 3))
+        score_lines(
+            asked.observed.picture,
+            asked.observed.colours.looks,
+            contours.positions,
+            contours.points,
+            contours.parts,
+            contours.counts,
+            asked.scene.rig.packed,
+            asked.ends > -2,
+            self._rule(),
+            misfits,
+        )
+        return misfits
+
+    def _picture(self, sight: Sight, around: Contours | None, margin_px: float) -> Picture:
+        """Colour numbers of all views near some contours, or everywhere."""
+        codes, layout, start = [], [], 0
+        for v, image in enumerate(sight.frame.images):
+            if image is None:
+                layout.append((start, 0, 0, 0, 0))
+                continue
+            near = np.zeros((0, 4), dtype=np.float32) if around is None else expected_samples(around, v)
+            region = region_around(near, (image.shape[1], image.shape[0]), margin_px)
+            seen, numbers = sight.once(RegionEvidence, v, region, partial(_encoded, image))
+            layout.append((start, *seen))
+            codes.append(numbers)
+            start += len(numbers)
+        flat = np.concatenate(codes) if codes else np.zeros(0, dtype=np.uint16)
+        return Picture(frozen(flat, np.uint16), frozen(layout, np.int64))
+
+
+def _encoded(image: Image, region: Region) -> tuple[Region, Numbers16]:
+    codes = np.empty(region[2] * region[3], dtype=np.uint16)
+    encode(image, region, codes)
+    return region, codes
+
+
+def _samples_of(contours: Contours) -> Samples:
+    """The samples of the first pose."""
+    return Samples(contours.positions[0], contours.points[0], contours.parts[0], contours.counts[0])
+
+
+def _seen_beside(scene: Scene, placements: Array, samples: Samples, step_m: float) -> Integers:
+    """(V, M, 2) the part seen beside each contour sample of parts at placements (1, P, 4, 4)."""
+    found = np.empty((*samples.parts.shape, 2), dtype=np.int64)
+    parts_beside(placements, scene.shapes, _bounds(scene.shapes), scene.rig.packed, samples, step_m, found)
+    return found
+
+
+def _bounds(shapes: Array) -> Array:
+    """(3, P) bounds of tapered superquadrics as `place_solids` wants them: those of the boxes around them."""
+    size, growth = shapes[:, :3], 1 + np.abs(shapes[:, 5:7])
+    across = np.linalg.norm(size[:, :2] * growth, axis=1)
+    return frozen([np.hypot(across, size[:, 2]), (growth**2).sum(axis=1) + 1, across])
+
+
+def _mean_px(misfits: Array) -> Array:
+    """(...,) misfit per contour of sums (..., 3) from `score_lines`; NaN without contour."""
+    mean: Array = misfits[..., 1] / np.where(misfits[..., 0] > 0, misfits[..., 0], np.nan)
+    return mean
