@@ -21,7 +21,7 @@ LAYERS = (
     "errors arrays components config resources geometry imaging kernels",
     "camera rig rig_layouts frame shape segments mirror "
     "body_sections body body_defaults body_facts body_description body_files scene contours expectation observation "
-    "account equations sight estimate start trajectory triangulation",
+    "keypoints keypoint_layouts account equations sight estimate start trajectory triangulation",
     "reading calibration prediction synthesis analysis recording",
     "comparison outlines correspondences",
     "similarity evidence objective",

@@ -1,0 +1,161 @@
+"""Files of keypoints: OpenPose's JSON, tables of DeepLabCut and SLEAP, and what is said of malformed ones."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tracker.errors import SequenceError
+from tracker.keypoint_layouts import open_keypoints
+from tracker.keypoints import LAYOUTS, plain_name, swapped_sides
+from tracker.mirror import Mirror
+
+
+def written(folder: Path, frame: int, people: list[list[float]]) -> None:
+    folder.mkdir(exist_ok=True)
+    content = {"version": 1.3, "people": [{"person_id": [-1], "pose_keypoints_2d": values} for values in people]}
+    (folder / f"cam01_{frame:012d}_keypoints.json").write_text(json.dumps(content))
+
+
+def one_person(n: int, seed: int = 0) -> list[float]:
+    return np.random.default_rng(seed).uniform(1, 100, 3 * n).tolist()
+
+
+@pytest.mark.parametrize(("layout", "n"), [("coco_17", 17), ("body_25", 25), ("halpe_26", 26)])
+def test_the_layout_is_told_by_the_number_of_keypoints(tmp_path: Path, layout: str, n: int) -> None:
+    assert len(LAYOUTS[layout]) == len(set(LAYOUTS[layout])) == n
+    written(tmp_path / "cam", 3, [])
+    values = one_person(n)
+    values[5] = 0.0
+    written(tmp_path / "cam", 4, [values, one_person(n, 1)])
+    source = open_keypoints(tmp_path / "cam")
+    assert source.at(3).found.shape == source.at(9).found.shape == (0, n, 3)
+    found = source.at(4)
+    assert found.names == LAYOUTS[layout]
+    assert found.found.shape == (2, n, 3)
+    assert np.isnan(found.found[0, 1]).all()
+    np.testing.assert_array_equal(found.found[1].ravel(), one_person(n, 1))
+
+
+def test_both_sides_of_every_layout_have_partners() -> None:
+    for names in LAYOUTS.values():
+        other = swapped_sides(names, Mirror())
+        np.testing.assert_array_equal(other[other], np.arange(len(names)))
+        for k, name in enumerate(names):
+            assert (other[k] == k) == (not name.startswith(("left_", "right_")))
+
+
+@pytest.mark.parametrize(
+    ("name", "plain"),
+    [
+        ("RShoulder", "right_shoulder"),
+        ("Right Shoulder", "right_shoulder"),
+        ("shoulder_r", "right_shoulder"),
+        ("left-big-toe", "left_toe"),
+        ("LBigToe", "left_toe"),
+        ("MidHip", "pelvis"),
+        ("left_ankle", "left_ankle"),
+        ("NOSE", "nose"),
+        ("Head", "head_top"),
+    ],
+)
+def test_names_are_spelt_our_way(name: str, plain: str) -> None:
+    assert plain_name(name) == plain
+
+
+def test_a_table_of_deeplabcut_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "cam.csv"
+    path.write_text(
+        "scorer,net,net,net,net,net,net\n"
+        "bodyparts,nose,nose,nose,hip_l,hip_l,hip_l\n"
+        "coords,x,y,likelihood,x,y,likelihood\n"
+        "0,1,2,0.9,3,4,0.8\n"
+        "labeled-data/cam/img0007.png,5,6,0.7,,,\n"
+    )
+    source = open_keypoints(path)
+    assert source.at(0).names == ("nose", "left_hip")
+    np.testing.assert_array_equal(source.at(0).found, [[[1, 2, 0.9], [3, 4, 0.8]]])
+    np.testing.assert_array_equal(source.at(7).found, [[[5, 6, 0.7], [np.nan] * 3]])
+    assert len(source.at(1).found) == 0
+
+
+def test_a_table_of_several_individuals_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "cam.csv"
+    path.write_text(
+        "scorer,net,net,net,net,net,net\n"
+        "individuals,a,a,a,b,b,b\n"
+        "bodyparts,nose,nose,nose,nose,nose,nose\n"
+        "coords,x,y,likelihood,x,y,likelihood\n"
+        "2,1,2,0.9,3,4,0.8\n"
+    )
+    np.testing.assert_array_equal(open_keypoints(path).at(2).found, [[[1, 2, 0.9]], [[3, 4, 0.8]]])
+
+
+def test_a_table_of_sleap_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "cam.csv"
+    path.write_text(
+        "track,frame_idx,instance.score,nose.x,nose.y,nose.score,tail.x,tail.y,tail.score\n"
+        "track_0,0,1.9,1,2,0.9,3,4,0.8\n"
+        "track_1,0,1.9,5,6,0.7,,,\n"
+        "track_0,3,1.9,7,8,0.6,9,10,0.5\n"
+    )
+    source = open_keypoints(path)
+    np.testing.assert_array_equal(source.at(0).found[0], [[1, 2, 0.9], [3, 4, 0.8]])
+    np.testing.assert_array_equal(source.at(0).found[1], [[5, 6, 0.7], [np.nan] * 3])
+    np.testing.assert_array_equal(source.at(3).found, [[[7, 8, 0.6], [9, 10, 0.5]]])
+
+
+MALFORMED = {
+    "not json": ("a_0.json", "{", "not a JSON file"),
+    "other json": ("a_0.json", '{"persons": []}', "not as OpenPose writes it"),
+    "no numbers": ("a_0.json", '{"people": [{"pose_keypoints_2d": ["x", 1, 2]}]}', "no number"),
+    "two thirds": ("a_0.json", '{"people": [{"pose_keypoints_2d": [1, 2, 0.5, 3]}]}', "expected finite x, y"),
+    "layout": ("a_0.json", '{"people": [{"pose_keypoints_2d": [1, 2, 0.5]}]}', "17 (coco_17)"),
+    "number": ("a.json", "{}", "no number in the file's name"),
+    "empty": ("a.txt", "", "no .json file"),
+}
+
+
+@pytest.mark.parametrize("name", MALFORMED)
+def test_a_malformed_folder_is_one_clear_line(name: str, tmp_path: Path) -> None:
+    file, content, told = MALFORMED[name]
+    (tmp_path / file).write_text(content)
+    with pytest.raises(SequenceError) as caught:
+        open_keypoints(tmp_path).at(0)
+    assert told in str(caught.value)
+    assert str(tmp_path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+TABLES = {
+    "empty": ("", "neither a table of DeepLabCut"),
+    "other": ("a,b\n1,2\n", "neither a table of DeepLabCut"),
+    "headless": ("scorer,net\n0,1\n", "bodyparts"),
+    "short": ("scorer,n,n,n\nbodyparts,a,a,a\ncoords,x,y,likelihood\n0,1,2\n", "3 cells in the row of 0, expected 4"),
+    "words": ("scorer,n,n,n\nbodyparts,a,a,a\ncoords,x,y,likelihood\n0,1,two,0.5\n", '"two" found'),
+    "no frame": ("scorer,n,n,n\nbodyparts,a,a,a\ncoords,x,y,likelihood\n", "no frame"),
+    "sleap": ("track,frame_idx\n0,0\n", 'no column like "nose.x"'),
+    "sleap frame": ("track,frame_idx,a.x,a.y,a.score\n0,,1,2,0.5\n", "without frame_idx"),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_malformed_table_is_one_clear_line(name: str, tmp_path: Path) -> None:
+    content, told = TABLES[name]
+    path = tmp_path / "cam.csv"
+    path.write_text(content)
+    with pytest.raises(SequenceError) as caught:
+        open_keypoints(path)
+    assert told in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["absent", "video.mp4"])
+def test_what_is_no_file_of_keypoints_is_one_clear_line(name: str, tmp_path: Path) -> None:
+    (tmp_path / "video.mp4").touch()
+    with pytest.raises(SequenceError, match="expected a folder of OpenPose's JSON files"):
+        open_keypoints(tmp_path / name)

@@ -1,0 +1,115 @@
+"""CSV tables of keypoints: DeepLabCut's, and the analysis export of SLEAP."""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+
+from tracker.arrays import Array
+from tracker.errors import SequenceError
+from tracker.keypoints import Detections, plain_name
+
+_NUMBER = re.compile(r"\d+")
+_Rows = list[list[str]]
+
+
+def read_table(path: Path) -> dict[int, Detections]:
+    """Keypoints of one view by frame.
+
+    Args:
+        path: a table of DeepLabCut (header rows `scorer`, perhaps `individuals`, `bodyparts`, `coords`) or of SLEAP
+            (columns `track`, `frame_idx`, `nose.x`, `nose.y`, `nose.score`, ...).
+
+    Raises:
+        SequenceError: it cannot be read or is neither.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = [row for row in csv.reader(file) if row]
+    except OSError as error:
+        raise SequenceError(f"{path}: cannot read the keypoints: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise SequenceError(f"{path}: not a CSV table: {error}") from error
+    if rows and "frame_idx" in rows[0]:
+        found = _sleap(rows, path)
+    elif rows and rows[0][0].strip().lower() == "scorer":
+        found = _deeplabcut(rows, path)
+    else:
+        raise SequenceError(
+            f'{path}: neither a table of DeepLabCut (first cell "scorer") nor of SLEAP (a column "frame_idx")'
+        )
+    if not found:
+        raise SequenceError(f"{path}: no frame in it")
+    return found
+
+
+def _deeplabcut(rows: _Rows, path: Path) -> dict[int, Detections]:
+    """Three or four header rows; then the frame's number or image, and x, y, likelihood of every body part."""
+    heads: dict[str, list[str]] = {}
+    while rows and rows[0][0].strip().lower() in ("scorer", "individuals", "bodyparts", "coords"):
+        heads[rows[0][0].strip().lower()] = rows[0][1:]
+        rows = rows[1:]
+    if not {"bodyparts", "coords"} <= heads.keys():
+        raise SequenceError(f'{path}: no header rows "bodyparts" and "coords", as DeepLabCut writes them')
+    n_columns = len(heads["bodyparts"])
+    people = heads.get("individuals", ["one"] * n_columns)
+    columns = {
+        (person, plain_name(part), axis): k
+        for k, (person, part, axis) in enumerate(zip(people, heads["bodyparts"], heads["coords"], strict=True))
+    }
+    names = tuple(dict.fromkeys(part for _, part, _ in columns))
+    persons = tuple(dict.fromkeys(person for person, _, _ in columns))
+    places = [
+        [[columns.get((person, name, axis), -1) for axis in ("x", "y", "likelihood")] for name in names]
+        for person in persons
+    ]
+    found = {}
+    for n, row in enumerate(rows):
+        if len(row) != n_columns + 1:
+            raise SequenceError(f"{path}: {len(row)} cells in the row of {row[0]}, expected {n_columns + 1}")
+        numbers = _NUMBER.findall(row[-1 - n_columns])
+        values = np.array([*(_number(cell, path) for cell in row[1:]), np.nan])
+        found[int(numbers[-1]) if numbers else n] = Detections(names, _present(values[np.array(places)]))
+    return found
+
+
+def _sleap(rows: _Rows, path: Path) -> dict[int, Detections]:
+    """A row for each animal and frame: its columns are named `nose.x`, `nose.y`, `nose.score`."""
+    head = rows[0]
+    parts = [cell.rpartition(".")[0] for cell in head if cell.endswith(".x")]
+    if not parts:
+        raise SequenceError(f'{path}: no column like "nose.x", as SLEAP writes them')
+    names = tuple(plain_name(part) for part in parts)
+    columns = {cell: k for k, cell in enumerate(head)}
+    places = np.array([[columns.get(f"{part}.{axis}", -1) for axis in ("x", "y", "score")] for part in parts])
+    grouped: dict[int, list[Array]] = {}
+    for row in rows[1:]:
+        if len(row) != len(head):
+            raise SequenceError(f"{path}: {len(row)} cells in a row, expected {len(head)}")
+        # tracks have names
+        known = [_number(cell, path) if k in places else np.nan for k, cell in enumerate(row)]
+        frame = _number(row[columns["frame_idx"]], path)
+        if not np.isfinite(frame):
+            raise SequenceError(f"{path}: a row without frame_idx")
+        grouped.setdefault(int(frame), []).append(np.array([*known, np.nan])[places])
+    return {frame: Detections(names, _present(np.array(found))) for frame, found in grouped.items()}
+
+
+def _present(found: Array) -> Array:
+    """(N, K, 3) with NaN throughout where a keypoint lacks a coordinate or confidence, 1 where none is told at all."""
+    if np.isnan(found[..., 2]).all():
+        found[..., 2] = np.where(np.isnan(found[..., 0]), np.nan, 1.0)
+    found[~np.isfinite(found).all(axis=-1) | (found[..., 2] <= 0)] = np.nan
+    return found
+
+
+def _number(cell: str, path: Path) -> float:
+    if not cell.strip():
+        return np.nan
+    try:
+        return float(cell)
+    except ValueError as error:
+        raise SequenceError(f'{path}: "{cell}" found, expected a number') from error

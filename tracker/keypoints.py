@@ -1,0 +1,108 @@
+"""Keypoints that a detector found in images, and what they are called."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tracker.arrays import Array, Integers, shape_fault
+from tracker.body import BodyModel
+from tracker.errors import SequenceError
+from tracker.mirror import Mirror
+
+_COCO = (
+    *("nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder", "left_elbow"),
+    *("right_elbow", "left_wrist", "right_wrist", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle"),
+    "right_ankle",
+)
+_BODY_25 = (
+    *("nose", "neck", "right_shoulder", "right_elbow", "right_wrist", "left_shoulder", "left_elbow", "left_wrist"),
+    *("pelvis", "right_hip", "right_knee", "right_ankle", "left_hip", "left_knee", "left_ankle", "right_eye"),
+    *("left_eye", "right_ear", "left_ear", "left_toe", "left_small_toe", "left_heel", "right_toe", "right_small_toe"),
+    "right_heel",
+)
+_HALPE = (
+    *("head_top", "neck", "pelvis", "left_toe", "right_toe", "left_small_toe", "right_small_toe", "left_heel"),
+    "right_heel",
+)
+LAYOUTS: dict[str, tuple[str, ...]] = {"coco_17": _COCO, "body_25": _BODY_25, "halpe_26": (*_COCO, *_HALPE)}
+"""Names of the keypoints that common detectors give without names, in their order; `toe` is the big toe."""
+
+
+@dataclass(frozen=True)
+class Detections:
+    """What a detector found in one image: any number of persons, some of which may be none.
+
+    Raises:
+        SequenceError: the array does not fit the names.
+    """
+
+    names: tuple[str, ...]
+    """Of the K keypoints, as the body file knows them."""
+
+    found: Array
+    """(N, K, 3) pixel x, y and confidence 0 to 1 for each of N persons; NaN for a keypoint that was not found."""
+
+    def __post_init__(self) -> None:
+        if fault := shape_fault(self.found, None, len(self.names), 3):
+            raise SequenceError(f"keypoints: {fault}")
+
+    @staticmethod
+    def none(names: tuple[str, ...]) -> Detections:
+        """Nobody found."""
+        return Detections(names, np.zeros((0, len(names), 3)))
+
+
+def swapped_sides(names: tuple[str, ...], mirror: Mirror) -> Integers:
+    """(K,) for each keypoint the one of the other side; itself where there is none."""
+    places = {name: k for k, name in enumerate(names)}
+    return np.array([places.get(mirror.of(name), k) for k, name in enumerate(names)], dtype=np.int64)
+
+
+def limbs(names: tuple[str, ...], mirror: Mirror) -> list[Integers]:
+    """Keypoints whose sides a detector may exchange together, with their partners: the arms, the legs, the head.
+
+    Whose words are not in `_LIMBS` is exchanged with its partner alone.
+    """
+    other = swapped_sides(names, mirror)
+    sided = np.flatnonzero(other != np.arange(len(names)))
+    found: dict[str, list[int]] = {}
+    for k in sided:
+        words = set(names[k].split("_"))
+        limb = next((limb for limb, own in _LIMBS.items() if words & own), names[min(k, other[k])])
+        found.setdefault(limb, []).append(int(k))
+    return [np.array(members, dtype=np.int64) for members in found.values()]
+
+
+def landmarks_meant(names: tuple[str, ...], body: BodyModel) -> Integers:
+    """(K,) the body's landmark that each keypoint means, -1 where it has none: that of the same name."""
+    marks = {name: k for k, name in enumerate(body.landmark_names)}
+    return np.array([marks.get(name, -1) for name in names], dtype=np.int64)
+
+
+_LIMBS = {
+    "arms": {"shoulder", "elbow", "wrist", "hand"},
+    "legs": {"hip", "knee", "ankle", "heel", "toe", "foot"},
+    "head": {"eye", "ear"},
+}
+"""Detectors exchange the sides of a whole limb: its keypoints are told apart together. Others are so one by one."""
+
+
+def plain_name(name: str) -> str:
+    """A keypoint's name in our spelling: `RShoulder`, `Right Shoulder` and `shoulder_r` are right_shoulder."""
+    words = "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name)
+    parts = words.replace("-", " ").replace("_", " ").replace(".", " ").split()
+    # a name in capitals is one word
+    if name.isupper():
+        parts = name.lower().replace("-", " ").replace("_", " ").split()
+    sides = [_SIDES[part] for part in parts if part in _SIDES]
+    rest = [part for part in parts if part not in _SIDES]
+    plain = "_".join([*sides[:1], *rest])
+    return _WORDS.get(plain, plain)
+
+
+_SIDES = {"l": "left", "r": "right", "left": "left", "right": "right"}
+_WORDS = {"mid_hip": "pelvis", "hip_center": "pelvis", "hips": "pelvis", "head": "head_top"} | {
+    f"{side}_big_toe": f"{side}_toe" for side in ("left", "right")
+}
