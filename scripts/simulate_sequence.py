@@ -10,12 +10,11 @@ from rich.console import Console
 from rich.progress import Progress
 
 from tracker.errors import TrackerError
-from tracker.simulation.movements import MOVEMENTS
 from tracker.simulation.sequence import Recipe, write_sequence
 
 
 def main(
-    movement: Annotated[str, typer.Argument(help=f"One of {', '.join(MOVEMENTS)}.")] = "two_elbow_rotation",
+    movement: Annotated[str, typer.Argument(help="Movement of the model's file; none for its first one.")] = "",
     output: Annotated[Path, typer.Option(help="Folder to make.")] = Path("results/sequence"),
     seconds: Annotated[float, typer.Option(min=0.04, help="Length.")] = 3.0,
     fps: Annotated[float, typer.Option(min=1, help="Frames per second.")] = 25.0,
@@ -23,14 +22,14 @@ def main(
     heading_deg: Annotated[float, typer.Option(help="Direction faced at the start, degrees.")] = -40.0,
     persons: Annotated[int, typer.Option(min=1, max=2, help="Number of persons.")] = 1,
     noise_grey: Annotated[float, typer.Option(min=0, help="Sensor noise, grey levels.")] = 3.0,
-    model: Annotated[str, typer.Option(help="Bundled body model.")] = "gavrila22",
+    model: Annotated[str, typer.Option(help="Bundled body model, or a model file.")] = "gavrila22",
     seed: Annotated[int, typer.Option(help="Chooses the room and the noise.")] = 0,
 ) -> None:
-    """Simulates a clothed person in a cluttered room, seen by four cameras."""
+    """Simulates a clothed person, or an animal, in a cluttered room, seen by four cameras."""
     recipe = Recipe(movement, model, seconds, fps, size, heading_deg, persons, noise_grey, seed=seed)
     try:
         with Progress() as progress:
-            task = progress.add_task(movement, total=len(recipe.times))
+            task = progress.add_task(movement or "simulating", total=len(recipe.times))
             config = write_sequence(
                 recipe, output, lambda done, total: progress.update(task, completed=done, total=total)
             )

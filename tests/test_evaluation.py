@@ -10,11 +10,18 @@ import sys
 import numpy as np
 import pytest
 
+from tracker.body_files import load_body
 from tracker.errors import SequenceError
 from tracker.evaluation.comparison import error_figure, evaluate, flexion
-from tracker.evaluation.tables import JOINTS, joint_name
+from tracker.evaluation.joint_names import JointNames, names_of
+from tracker.resources import model_path
 
 N_FRAMES = 12
+NAMES = {
+    model: JointNames(body.joints, body.mirror)
+    for model, body in ((model, load_body(model_path(model))) for model in ("gavrila22", "quadruped"))
+}
+JOINTS = NAMES["gavrila22"].joints.evaluated
 
 
 def write_joints(path, persons, header=("frame", "person", "joint", "x_m", "y_m", "z_m"), names=None):
@@ -82,10 +89,31 @@ def test_pose_truth_is_compared_with_wrapped_angles(result, truth, tmp_path):
 
 @pytest.mark.parametrize(
     ("theirs", "ours"),
-    [("l_elbow", "left_elbow"), ("RKnee", "right_knee"), ("Head", "head_top"), ("Hip", "pelvis"), ("toe", "toe")],
+    [
+        ("l_elbow", "left_elbow"),
+        ("RKnee", "right_knee"),
+        ("Head", "head_top"),
+        ("Hip", "pelvis"),
+        ("toe", "toe"),
+        ("L_Wrist", "left_wrist"),
+    ],
 )
 def test_joints_are_known_by_other_names(theirs, ours):
-    assert joint_name(theirs) == ours
+    assert NAMES["gavrila22"].ours(theirs) == ours
+
+
+def test_what_is_compared_of_an_animal_is_told_by_its_run(result, tmp_path):
+    joints = NAMES["quadruped"].joints
+    entry = {"name": "rex", "joints": joints.model_dump(mode="json"), "sides": ["left", "right"]}
+    (result / "run.json").write_text(json.dumps({"persons": [entry]}))
+    names = names_of(result)["rex"]
+    assert names.joints.evaluated == joints.evaluated
+    assert names.ours("snout") == "nose"
+    assert names.joints.chains()["hind_left_knee"] == ("hind_left_shoulder", "hind_left_knee", "hind_left_paw")
+    assert names_of(result)["anna"].joints.evaluated == JOINTS
+    (result / "run.json").write_text(json.dumps({"persons": [entry | {"joints": {"evaluted": []}}]}))
+    with pytest.raises(SequenceError, match=r"run\.json: damaged"):
+        names_of(result)
 
 
 def test_flexion_is_the_angle_between_the_segments():
@@ -109,7 +137,7 @@ def test_the_figures_are_those_of_the_recordings_own_script(data, result, tmp_pa
     folder = data("room/D-TwoElbowRot")
     rng = np.random.default_rng(1)
     with (folder / "gt_joints.csv").open() as file:
-        rows = [row for row in csv.DictReader(file) if joint_name(row["joint"]) in JOINTS]
+        rows = [row for row in csv.DictReader(file) if NAMES["gavrila22"].ours(row["joint"]) in JOINTS]
     shifts = {row["joint"]: 0.05 * rng.normal(size=3) for row in rows}
     for row in rows:
         for k, axis in enumerate("xyz"):

@@ -24,7 +24,7 @@ class WrongFirst:
 
     def __init__(self, simulation: Simulation, sure: float) -> None:
         truth = simulation.poses[0][0]
-        wrong = turned_round(simulation.scene.persons[0].body, truth, "torso_twist")
+        wrong = turned_round(simulation.scene.persons[0].body, truth)
         ranking = tuple(Hypothesis(q, 3.0, 0.9, left, 0.0) for q, left in ((wrong, 0.30), (truth, 0.31)))
         self.found = Start((wrong,), (), (ranking,), (sure,))
 

@@ -13,7 +13,7 @@ from tracker.body_files import load_body
 from tracker.errors import ConfigError, SequenceError
 from tracker.resources import model_path
 from tracker.rig_layouts import load_rig
-from tracker.simulation.movements import MOVEMENTS, poses_of
+from tracker.simulation.movements import poses_of
 from tracker.simulation.rendering import draw_persons, mesh_of
 from tracker.simulation.sequence import Recipe, simulate, write_sequence
 from tracker.synthesis.cpu import CpuSynthesis
@@ -21,13 +21,14 @@ from tracker.synthesis.cpu import CpuSynthesis
 TIMES = np.arange(0, 4, 0.02)
 
 
-@pytest.fixture(scope="module")
-def body():
-    return load_body(model_path("gavrila22"))
+MODELS = {name: load_body(model_path(name)) for name in ("gavrila22", "human", "quadruped")}
 
 
-@pytest.mark.parametrize("movement", sorted(MOVEMENTS))
-def test_movements_are_smooth_within_the_limits_and_stand_on_the_floor(movement, body):
+@pytest.mark.parametrize(
+    ("model", "movement"), [(name, one) for name, body in MODELS.items() for one in body.movements]
+)
+def test_movements_are_smooth_within_the_limits_and_stand_on_the_floor(model, movement):
+    body = MODELS[model]
     poses = poses_of(movement, body, TIMES, heading_deg=30.0, place=(0.4, -0.2))
     low, high = body.limits.T
     assert ((poses >= low - 1e-12) & (poses <= high + 1e-12)).all()
@@ -44,14 +45,15 @@ def test_movements_are_smooth_within_the_limits_and_stand_on_the_floor(movement,
         assert min(heights) == pytest.approx(0, abs=2e-3)
 
 
-def test_a_squat_keeps_its_feet(body):
+def test_a_squat_keeps_its_feet():
+    body = MODELS["gavrila22"]
     marks = [body.landmark_names.index(f"{side}_ankle") for side in ("left", "right")]
     feet = body.landmarks_in_world(poses_of("squat", body, TIMES))[:, marks, :2].mean(axis=1)
     assert np.linalg.norm(feet - feet[0], axis=1).max() < 1e-9
 
 
 def test_an_unknown_movement_names_the_nearest():
-    with pytest.raises(ConfigError, match='no movement "sqat"; did you mean "squat"'):
+    with pytest.raises(ConfigError, match='no movement "sqat" of model "gavrila22"; did you mean "squat"'):
         simulate(Recipe("sqat"))
 
 

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
-from itertools import permutations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.optimize import linear_sum_assignment
 
 from tracker.arrays import Array
 from tracker.errors import SequenceError
-from tracker.evaluation.tables import JOINTS, JointTable, read_joints, read_rows
+from tracker.evaluation.joint_names import JointNames, names_of
+from tracker.evaluation.tables import Frames, JointTable, read_joints, read_rows
 
+# Persons who share no joint in no frame are matched last.
+_NOWHERE_M = 1e6
 _TRUTH_NAMES = ("truth_joints.csv", "gt_joints.csv", "joints.csv")
 
 
@@ -43,7 +46,7 @@ class PersonErrors:
     """Joint -> mean distance, raw and with the offset removed."""
 
     hinges_deg: dict[str, tuple[float, float]]
-    """Elbow and knee flexion -> RMS error, raw and with the constant offset removed."""
+    """Hinge of the model file -> RMS error of its flexion, raw and with the constant offset removed."""
 
     parameters: dict[str, float]
     """Pose parameter -> RMS error in degrees or metres; empty without a pose truth."""
@@ -89,13 +92,14 @@ def evaluate(result: Path, truth: Path) -> Evaluation:
     if not (result / "joints.csv").is_file():
         raise SequenceError(f"{result}: no joints.csv there, expected the result folder of a run")
     path = _truth_file(truth)
-    found, true = read_joints(result / "joints.csv"), read_joints(path)
-    pairs = _matched(found, true)
+    found, true, names = read_joints(result / "joints.csv"), read_joints(path), names_of(result)
+    pairs = _matched(found, true, names)
     frames_run = sorted({int(float(row["frame"])) for row in read_rows(result / "poses.csv")})
     poses = path.with_name(path.name.replace("joints", "poses"))
     errors, curves = [], []
     for person, other in pairs:
-        table, curve = _person(person, other, found, true, frames_run)
+        mine, theirs = _named(found.persons[person], names[person]), _named(true.persons[other], names[person])
+        table, curve = _person((person, other), (mine, theirs), names[person], frames_run)
         if poses.is_file() and poses != path:
             table = _with_parameters(table, result / "poses.csv", poses)
         errors.append(table)
@@ -114,30 +118,43 @@ def _truth_file(truth: Path) -> Path:
     return truth
 
 
-def _matched(found: JointTable, true: JointTable) -> list[tuple[str, str]]:
+def _named(frames: Frames, names: JointNames) -> Frames:
+    return {frame: names.of(joints) for frame, joints in frames.items()}
+
+
+def _matched(found: JointTable, true: JointTable, names: dict[str, JointNames]) -> list[tuple[str, str]]:
     """Pairs of persons with the least distance, each true person once."""
-    names, others = list(found.persons), list(true.persons)
-    if not names:
+    if not found.persons:
         raise SequenceError("the result has no pose that is not lost")
-    n = min(len(names), len(others))
-    orders = [list(zip(names, order, strict=False)) for order in permutations(others, n)][:5000]
-
-    def cost(pairs: list[tuple[str, str]]) -> float:
-        gaps = [
-            float(np.linalg.norm(joints["pelvis"] - true.persons[b][frame]["pelvis"]))
-            for a, b in pairs
-            for frame, joints in found.persons[a].items()
-            if "pelvis" in joints and "pelvis" in true.persons[b].get(frame, {})
+    costs = np.array(
+        [
+            [
+                _distance_m(_named(mine, names[person]), _named(theirs, names[person]))
+                for theirs in true.persons.values()
+            ]
+            for person, mine in found.persons.items()
         ]
-        return float(np.mean(gaps)) if gaps else np.inf
+    )
+    rows, columns = linear_sum_assignment(costs)
+    others = list(true.persons)
+    return [(list(found.persons)[row], others[column]) for row, column in zip(rows, columns, strict=True)]
 
-    return min(orders, key=cost)
+
+def _distance_m(mine: Frames, theirs: Frames) -> float:
+    """Mean distance of the joints that two persons have in common."""
+    gaps = [
+        float(np.linalg.norm(point - theirs[frame][name]))
+        for frame, joints in mine.items()
+        for name, point in joints.items()
+        if name in theirs.get(frame, {})
+    ]
+    return float(np.mean(gaps)) if gaps else _NOWHERE_M
 
 
 def _person(
-    person: str, other: str, found: JointTable, true: JointTable, frames_run: list[int]
+    who: tuple[str, str], tables: tuple[Frames, Frames], names: JointNames, frames_run: list[int]
 ) -> tuple[PersonErrors, dict[str, Array]]:
-    mine, theirs = found.persons[person], true.persons[other]
+    mine, theirs = tables
     frames = [frame for frame in frames_run if frame in theirs]
     common = [frame for frame in frames if frame in mine]
     if not common:
@@ -145,7 +162,8 @@ def _person(
             f"no frame in common: the run has {frames_run[0]} to {frames_run[-1]}, "
             f"the truth {min(theirs)} to {max(theirs)}"
         )
-    joints = [name for name in JOINTS if all(name in mine[frame] and name in theirs[frame] for frame in common)]
+    compared = names.joints.evaluated
+    joints = [name for name in compared if all(name in mine[frame] and name in theirs[frame] for frame in common)]
     if not joints:
         raise SequenceError(
             f"no joint in common: the run has {', '.join(mine[common[0]])}; the truth {', '.join(theirs[common[0]])}"
@@ -155,8 +173,8 @@ def _person(
     gap = 1000 * np.linalg.norm(p - g, axis=-1)
     removed = 1000 * np.linalg.norm(p - g - (p - g).mean(axis=0), axis=-1)
     table = PersonErrors(
-        person=person,
-        truth=other,
+        person=who[0],
+        truth=who[1],
         n_frames=len(frames),
         n_missing=len(frames) - len(common),
         mean_mm=float(gap.mean()),
@@ -165,7 +183,7 @@ def _person(
         mean_offset_removed_mm=float(removed.mean()),
         median_offset_removed_mm=float(np.median(removed)),
         joints_mm={n: (float(a), float(b)) for n, a, b in zip(joints, gap.mean(0), removed.mean(0), strict=True)},
-        hinges_deg=_hinges(p, g, joints),
+        hinges_deg=_hinges(p, g, joints, names.joints.chains()),
         parameters={},
     )
     curve: dict[str, Array] = {"frame": np.array(common, dtype=np.float64)}
@@ -181,16 +199,16 @@ def flexion(joints: Array) -> Array:
     return degrees
 
 
-def _hinges(p: Array, g: Array, joints: list[str]) -> dict[str, tuple[float, float]]:
-    chains = {"elbow": ("shoulder", "elbow", "wrist"), "knee": ("hip", "knee", "ankle")}
+def _hinges(
+    p: Array, g: Array, joints: list[str], chains: dict[str, tuple[str, str, str]]
+) -> dict[str, tuple[float, float]]:
+    """RMS error of each hinge's flexion, raw and with its mean removed, degrees."""
     errors = {}
-    for side in ("left", "right"):
-        for hinge, chain in chains.items():
-            names = [f"{side}_{joint}" for joint in chain]
-            if set(names) <= set(joints):
-                columns = [joints.index(name) for name in names]
-                gap = flexion(p[:, columns]) - flexion(g[:, columns])
-                errors[f"{side}_{hinge}"] = float(np.sqrt((gap**2).mean())), float(gap.std())
+    for hinge, chain in chains.items():
+        if set(chain) <= set(joints):
+            columns = [joints.index(name) for name in chain]
+            gap = flexion(p[:, columns]) - flexion(g[:, columns])
+            errors[hinge] = float(np.sqrt((gap**2).mean())), float(gap.std())
     return errors
 
 

@@ -11,36 +11,16 @@ import numpy as np
 from tracker.arrays import Array
 from tracker.errors import SequenceError, nearest
 
-_SIDES = {"l_": "left_", "r_": "right_", "L": "left_", "R": "right_"}
-_WORDS = {"Head": "head_top", "Neck": "neck", "Hip": "pelvis", "HeadTop": "head_top", "C7": "neck"}
-JOINTS = (
-    "head_top",
-    "neck",
-    "pelvis",
-    *(f"{s}_{j}" for s in ("left", "right") for j in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")),
-)
-"""Joint names compared, as in joints.csv."""
+Frames = dict[int, dict[str, Array]]
+"""Frame -> joint -> (3,) metres."""
 
 
 @dataclass(frozen=True)
 class JointTable:
     """Joint centres of several persons."""
 
-    persons: dict[str, dict[int, dict[str, Array]]]
-    """Person -> frame -> joint -> (3,) metres."""
-
-
-def joint_name(name: str) -> str:
-    """Our name of a joint called otherwise: `l_elbow`, `RKnee`, `Head`."""
-    if name in JOINTS:
-        return name
-    if name in _WORDS:
-        return _WORDS[name]
-    for prefix, side in _SIDES.items():
-        rest = name[len(prefix) :]
-        if name.startswith(prefix) and rest and (prefix.endswith("_") or rest[0].isupper()):
-            return side + rest.lower()
-    return name
+    persons: dict[str, Frames]
+    """Joints are called as the table calls them."""
 
 
 def read_joints(path: Path) -> JointTable:
@@ -54,22 +34,14 @@ def read_joints(path: Path) -> JointTable:
     for column in ("frame", "joint", *axes):
         if column not in rows[0]:
             raise SequenceError(f'{path}: no column "{column}"; {nearest(column, rows[0])}')
-    persons: dict[str, dict[int, dict[str, Array]]] = {}
+    persons: dict[str, Frames] = {}
     for row in rows:
         if any(row[axis] == "" for axis in axes):
             continue
         frames = persons.setdefault(row.get("person") or "1", {})
         point = np.array([float(row[axis]) for axis in axes])
-        frames.setdefault(int(float(row["frame"])), {})[joint_name(row["joint"])] = point
-    for frames in persons.values():
-        for joints in frames.values():
-            _add_pelvis(joints)
+        frames.setdefault(int(float(row["frame"])), {})[row["joint"]] = point
     return JointTable(persons)
-
-
-def _add_pelvis(joints: dict[str, Array]) -> None:
-    if "pelvis" not in joints and {"left_hip", "right_hip"} <= joints.keys():
-        joints["pelvis"] = (joints["left_hip"] + joints["right_hip"]) / 2
 
 
 def read_rows(path: Path) -> list[dict[str, str]]:

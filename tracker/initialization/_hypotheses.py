@@ -18,27 +18,32 @@ CoarseValues = dict[str, tuple[float, ...]]
 """Parameter -> values tried, degrees."""
 
 
-def coarse_poses(body: BodyModel, starts: list[Array], turn: str, step_deg: float, values: CoarseValues) -> Array:
-    """(N, dof) all combinations of the start poses (dof,), the turn over the full circle and further values.
+def coarse_poses(body: BodyModel, starts: list[Array], turns_deg: Array, values: CoarseValues) -> Array:
+    """(N, dof) all combinations of the start poses (dof,), turned, and further values.
 
     Args:
         body: whose joint limits the poses respect.
-        starts: upright poses (dof,).
-        turn: parameter of the turn about the body's axis.
-        step_deg: step of the turn, degrees.
-        values: parameter -> values, degrees.
+        starts: poses (dof,) that the body's axis gives.
+        turns_deg: (M,) turns relative to them, degrees.
+        values: parameter -> values, degrees; a name without the word of the side means each side for itself.
     """
-    turns = np.radians(np.arange(-180.0, 180.0, step_deg))
-    columns = [body.index(turn), *(body.index(name) for name in values)]
-    combinations = np.array(list(product(turns, *(np.radians(tried) for tried in values.values()))))
+    tried = {column: np.radians(degrees) for name, degrees in values.items() for column in body.columns(name)}
+    combinations = np.array(list(product(np.radians(turns_deg), *tried.values())))
     poses = np.repeat(np.array(starts), len(combinations), axis=0)
-    poses[:, columns] = np.tile(combinations, (len(starts), 1))
+    tiled = np.tile(combinations, (len(starts), 1))
+    poses[:, list(tried)] = tiled[:, 1:]
+    poses[:, turn_of(body)] += tiled[:, 0]
     return body.clamped(poses)
 
 
-def apart(body: BodyModel, poses: Array, distances: Array, turn: str, rule: tuple[int, float]) -> list[Array]:
+def turn_of(body: BodyModel) -> int:
+    """Column of the turn that the body's axis does not show."""
+    return body.index(body.start.turn)
+
+
+def apart(body: BodyModel, poses: Array, distances: Array, rule: tuple[int, float]) -> list[Array]:
     """The best of poses (N, dof) whose turns differ; `rule` is how many, and the least difference in degrees."""
-    column = body.index(turn)
+    column = turn_of(body)
     chosen: list[Array] = []
     for i in np.argsort(distances, kind="stable"):
         gaps = [abs(_wrapped(poses[i, column] - q[column])) for q in chosen]
@@ -49,19 +54,19 @@ def apart(body: BodyModel, poses: Array, distances: Array, turn: str, rule: tupl
     return chosen
 
 
-def turned_round(body: BodyModel, q: Array, turn: str) -> Array:
+def turned_round(body: BodyModel, q: Array) -> Array:
     """The pose (dof,) that faces the other way with left and right exchanged: its silhouettes are much the same."""
-    flipped = q.copy()
-    flipped[body.index(turn)] += np.pi if q[body.index(turn)] <= 0 else -np.pi
+    flipped, turn = q.copy(), turn_of(body)
+    flipped[turn] += np.pi if q[turn] <= 0 else -np.pi
     for group in body.fine_groups:
         if other := body.partner_of(group):
             flipped[body.group(group)] = q[body.group(other)]
     return body.clamped(flipped)
 
 
-def hypothesis(body: BodyModel, estimate: Estimate, turn: str) -> Hypothesis:
-    """The hypothesis that an estimate makes; `turn` is the parameter of the turn about the body's axis."""
-    turn_deg = float(np.degrees(_wrapped(estimate.q[body.index(turn)])))
+def hypothesis(body: BodyModel, estimate: Estimate) -> Hypothesis:
+    """The hypothesis that an estimate makes."""
+    turn_deg = float(np.degrees(_wrapped(estimate.q[turn_of(body)])))
     return Hypothesis(
         estimate.q, estimate.distance_px, estimate.account.explained, estimate.account.left_over, turn_deg
     )

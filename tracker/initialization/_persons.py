@@ -23,6 +23,8 @@ _OWN = 0.25
 _CONTESTED = 0.2
 _HELD_M = 0.2
 _REACH, _FEW = 0.6, 50
+# Of a body that lies in its reference pose, in lengths from its middle to its farthest landmark.
+_LYING_REACH = 1.2
 _MARGIN_M = 0.03
 _EROSIONS = 4
 # Heights of a standing person, arms hanging or raised, in statures.
@@ -63,12 +65,13 @@ def find_persons(
         InitializationError: fewer than K.
     """
     statures = sorted((_upright_height(person) for person in persons), reverse=True)
+    reach_m = max(_reach(person) for person in persons)
     most = 1 if sum(mask is not None for mask in masks) > 2 else 0
     masks = tuple(None if mask is None else _cleaned(mask) for mask in masks)
     hull = visual_hull(rig, masks, most)
     hull = hull.part(~_taken(hull.points, held))
     erosions = range(_EROSIONS + 1 if len(persons) + len(held) > 1 else 1)
-    trials = [_pieces(hull.part(hull.lacking <= n), m, statures) for n in range(most + 1) for m in erosions]
+    trials = [_pieces(hull.part(hull.lacking <= n), m, statures, reach_m) for n in range(most + 1) for m in erosions]
     trials = [_showing(pieces, masks, rig) for pieces in trials]
     enough = [pieces[: len(persons)] for pieces in trials if len(pieces) >= len(persons)]
     if enough:
@@ -86,12 +89,12 @@ def _height(points: Array) -> float:
     return float(high - low) + STEP_M
 
 
-def _pieces(hull: Hull, erosions: int, statures: list[float]) -> list[Hull]:
+def _pieces(hull: Hull, erosions: int, statures: list[float], reach_m: float) -> list[Hull]:
     """Pieces of a hull that can be persons, the likeliest first."""
     pieces = []
     for whole in connected(hull, erosions):
         if len(whole.points) > _FEW:
-            piece = _within_reach(whole, max(statures))
+            piece = _within_reach(whole, reach_m)
             if _like_a_person(piece, min(statures)):
                 pieces.append(piece)
     return sorted(pieces, key=lambda piece: _misfit([piece], [float(np.mean(statures))]))
@@ -112,10 +115,10 @@ def _showing(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) -> li
     return kept
 
 
-def _within_reach(piece: Hull, stature_m: float) -> Hull:
+def _within_reach(piece: Hull, reach_m: float) -> Hull:
     """Without what is farther from the upright axis than a hand can be."""
     lateral = piece.points[:, :2] - np.median(piece.points[:, :2], axis=0)
-    return piece.part(np.linalg.norm(lateral, axis=1) < _REACH * stature_m)
+    return piece.part(np.linalg.norm(lateral, axis=1) < reach_m)
 
 
 def _misfit(pieces: list[Hull], statures: list[float]) -> float:
@@ -177,6 +180,13 @@ def _cleaned(mask: Mask) -> Mask:
 def _upright_height(person: Person) -> float:
     marks = person.body.landmarks_in_world(person.body.rest())
     return person.body.stature_m or float(np.ptp(marks[:, 2]))
+
+
+def _reach(person: Person) -> float:
+    """How far from a vertical line through its middle a body can be: hands of a person, head and tail of an animal."""
+    marks = person.body.landmarks_in_world(person.body.rest())[:, :2]
+    length = float(np.linalg.norm(marks - np.median(marks, axis=0), axis=1).max(initial=0.0))
+    return max(_REACH * _upright_height(person), _LYING_REACH * length)
 
 
 def _taken(points: Array, held: tuple[Person, ...]) -> Mask:

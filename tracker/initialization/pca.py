@@ -7,12 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pydantic
-from scipy.optimize import least_squares
 
 from tracker.arrays import Array, Image, Mask
-from tracker.body import BodyModel
 from tracker.components import component
-from tracker.errors import InitializationError, ModelError
+from tracker.errors import InitializationError
 from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
@@ -20,6 +18,7 @@ from tracker.imaging.background import difference, threshold_level
 from tracker.initialization import Stages
 from tracker.initialization._hypotheses import apart, coarse_poses, hypothesis, ranked, turned_round
 from tracker.initialization._persons import Found, find_persons, in_order
+from tracker.initialization._placement import placements, without_legs
 from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
 from tracker.initialization._visual_hull import shadow
 from tracker.objective import Objective
@@ -37,29 +36,21 @@ _AROUND_M = 0.15
 
 @component
 class PcaInitialization:
-    """Background subtraction, iterated PCA in every view, the torso's axis in space, then a coarse-to-fine search.
+    """Background subtraction, iterated PCA in every view, the body's axis in space, then a coarse-to-fine search.
 
-    Persons must not overlap in the images and stand upright before a known background.
+    Persons must not overlap in the images and stand upright before a known background. The axis of a body that lies in
+    its model file, an animal's trunk, is followed both ways.
     """
 
     min_area: float = pydantic.Field(default=0.002, gt=0, lt=1)
     """Least share of an image that a person's region covers in a view that counts."""
 
-    turn: str = "torso_twist"
-    """Parameter of the turn about the body's axis, which the axis alone does not show."""
-
     turn_step_deg: float = pydantic.Field(default=15.0, gt=0, le=90)
     """Step of the turn over the full circle in the coarse search, degrees."""
 
-    coarse_deg: dict[str, tuple[float, ...]] = pydantic.Field(
-        default={
-            "left_arm_abduction": (10.0, 45.0, 90.0),
-            "right_arm_abduction": (10.0, 45.0, 90.0),
-            "left_arm_elevation": (0.0, 50.0),
-            "right_arm_elevation": (0.0, 50.0),
-        }
-    )
-    """Values of further parameters tried with every turn in the coarse search, degrees."""
+    coarse_deg: dict[str, tuple[float, ...]] | None = None
+    """Values of further parameters tried with every turn in the coarse search, degrees. None takes those of the body's
+    file; say here how persons hold their arms when a recording begins in another way."""
 
     hypotheses: int = pydantic.Field(default=4, ge=1)
     """Coarse poses that are searched finely; their turns are at least `apart_deg` apart."""
@@ -78,12 +69,6 @@ class PcaInitialization:
     finalists: int = pydantic.Field(default=3, ge=1)
     """Refined hypotheses, different from one another, that the run's own estimation decides between."""
 
-    head: str = "head_top"
-    """Landmark at the upper end of the axis."""
-
-    base: str = "pelvis"
-    """Landmark on the axis that the torso turns about."""
-
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
         masks = _foregrounds(frame, stages, scene)
@@ -95,7 +80,7 @@ class PcaInitialization:
         hypotheses: list[tuple[Hypothesis, ...]] = [()] * len(scene.persons)
         ordered = in_order(found, persons, scene.rig, stages.seen_before)
         for k, person in zip(sought, ordered, strict=True):
-            axes, evidence[k] = self._axes(person, scene.rig)
+            axes, evidence[k] = self._axes(without_legs(person, scene.persons[k].body, scene.rig), scene.rig)
             hypotheses[k] = self._search(frame, _without(scene, k, stages.held), stages, person, axes)
             scene = scene.with_pose(k, hypotheses[k][0].q)
         hypotheses = self._together(frame, scene, stages, ordered, hypotheses)
@@ -119,31 +104,6 @@ class PcaInitialization:
             candidates.insert(0, torso_axis(rig, person.regions, axes))
         return candidates, fits
 
-    def _upright(self, body: BodyModel, axis: TorsoAxis) -> Array:
-        """The rest pose with head and pelvis on the axis."""
-        for name in (self.head, self.base):
-            if name not in body.landmark_names:
-                raise ModelError(f'bootstrapping needs the landmark "{name}", model "{body.name}" has none')
-        marks = [body.landmark_names.index(self.head), body.landmark_names.index(self.base)]
-        # Of the first group those that move the whole of the axis, and not the spine alone.
-        ends = [body.landmarks[mark].parameter for mark in marks]
-        columns = np.array([i for i in body.group(body.coarse_groups[0]) if body.moves[i, ends].all()])
-        rest = body.rest()
-        length = float(np.linalg.norm(np.subtract(*body.landmarks_in_world(rest)[marks])))
-        targets = np.array([axis.head_top, axis.head_top - length * axis.direction])
-
-        def residual(values: Array) -> Array:
-            q = rest.copy()
-            q[columns] = values
-            gap: Array = (body.landmarks_in_world(q)[marks] - targets).ravel()
-            return gap
-
-        start = rest[columns]
-        start[~body.rotates[columns]] = 0.0
-        q = rest.copy()
-        q[columns] = least_squares(residual, start).x
-        return body.clamped(q)
-
     def _search(
         self, frame: Frame, scene: Scene, stages: Stages, found: Found, axes: list[TorsoAxis]
     ) -> tuple[Hypothesis, ...]:
@@ -152,23 +112,25 @@ class PcaInitialization:
         cleared = _cleared(frame, scene, stages, [found])
         objective = stages.objective(cleared, scene, len(scene.persons) - 1)
         stages.progress("bootstrapping: coarse search of the turn and the limbs")
-        starts = [self._upright(body, axis) for axis in axes]
-        coarse = coarse_poses(body, starts, self.turn, self.turn_step_deg, self.coarse_deg)
+        points = without_legs(found, body, scene.rig).points
+        starts = [q for axis in axes for q in placements(body, axis, points)]
+        values = body.start.coarse_deg if self.coarse_deg is None else self.coarse_deg
+        coarse = coarse_poses(body, starts, np.arange(-180.0, 180.0, self.turn_step_deg), values)
         distances = np.concatenate([objective(coarse[i : i + _BATCH]) for i in range(0, len(coarse), _BATCH)])
-        tried = apart(body, coarse, distances, self.turn, (self.hypotheses, self.apart_deg))
+        tried = apart(body, coarse, distances, (self.hypotheses, self.apart_deg))
         refined = []
         for n, q in enumerate(tried, start=1):
             stages.progress(f"bootstrapping: hypothesis {n} of {self.hypotheses}")
             refined.append(self._refined(objective, q))
         stages.progress("bootstrapping: the best hypothesis turned round")
         best = ranked(body, refined)[0].q
-        refined.append(self._refined(objective, turned_round(body, best, self.turn)))
+        refined.append(self._refined(objective, turned_round(body, best)))
         return ranked(body, refined)[: self.finalists]
 
     def _refined(self, objective: Objective, q: Array) -> Hypothesis:
         """What the fine search and the refinement make of a pose."""
         searched = self.fine.estimate(objective, q[None])
-        return hypothesis(objective.body, self.refinement.estimate(objective, searched.q[None]), self.turn)
+        return hypothesis(objective.body, self.refinement.estimate(objective, searched.q[None]))
 
     def _together(
         self,
@@ -189,7 +151,7 @@ class PcaInitialization:
             ranking = again[k]
             objective = objective.about(scene, k)
             estimates = [stages.estimation.estimate(objective, one.q[None]) for one in ranking]
-            again[k] = ranked(objective.body, [hypothesis(objective.body, one, self.turn) for one in estimates])
+            again[k] = ranked(objective.body, [hypothesis(objective.body, one) for one in estimates])
             scene = scene.with_pose(k, again[k][0].q)
         return again
 

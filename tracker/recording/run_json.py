@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 from tracker.components import component
 from tracker.recording import RunContext
 from tracker.recording._series import Series
+from tracker.scene import Person
 from tracker.trajectory import Step
 
 
@@ -44,10 +46,7 @@ class RunJsonRecorder:
             "fps": self._run.fps,
             "interval_s": self._run.interval_s,
             "views": list(self._run.scene.rig.names),
-            "persons": [
-                {"name": person.name, "model": person.body.name, "stature_m": person.body.stature_m}
-                for person in self._run.scene.persons
-            ],
+            "persons": [_described(person) for person in self._run.scene.persons],
             "summary": self._series.summary(),
             **self._run.details,
         }
@@ -56,3 +55,15 @@ class RunJsonRecorder:
         unfinished.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
         unfinished.replace(path)
         return path
+
+
+def _described(person: Person) -> dict[str, Any]:
+    """The person with what an evaluation compares."""
+    body = person.body
+    return {
+        "name": person.name,
+        "model": body.name,
+        "stature_m": body.stature_m,
+        "sides": body.mirror.sides,
+        "joints": body.joints.model_dump(mode="json"),
+    }

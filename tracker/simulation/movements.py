@@ -1,4 +1,4 @@
-"""Movements as functions of time, by parameter names of gavrila22-like bodies."""
+"""Movements as functions of time, as the body's model file describes them."""
 
 from __future__ import annotations
 
@@ -8,93 +8,72 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
+from tracker.body_sections import Movement, Term
 from tracker.errors import ConfigError, nearest
 
-Curves = dict[str, Array]
-"""Parameter name -> (T,) values, degrees."""
 
-
-def _ease(times: Array, start_s: float, end_s: float) -> Array:
+def _ease(times: Array, term: Term) -> Array:
     """Minimum-jerk blend from 0 to 1 between two times."""
-    s = np.clip((times - start_s) / (end_s - start_s), 0, 1)
+    return _blend(times, term.from_s, term.to_s)
+
+
+def _blend(times: Array, from_s: float, to_s: float) -> Array:
+    s = np.clip((times - from_s) / (to_s - from_s), 0, 1)
     blend: Array = s**3 * (10 - 15 * s + 6 * s**2)
     return blend
 
 
-def _swing(times: Array, period_s: float, phase: float = 0.0) -> Array:
+def _swing(times: Array, term: Term) -> Array:
     """Sine that fades in over the first half second."""
-    wave: Array = np.sin(2 * np.pi * (times / period_s + phase)) * _ease(times, 0, 0.5)
+    wave: Array = np.sin(2 * np.pi * (times / term.period_s + term.phase)) * _blend(times, 0.0, 0.5)
     return wave
 
 
-def two_elbow_rotation(times: Array) -> Curves:
-    """Arms raised sideways to 90 degrees, then both elbows rotated forward, the torso balancing (paper, section 5)."""
-    raised = _ease(times, 0.2, 1.2)
-    bend = _ease(times, 1.3, 2.0) - _ease(times, 2.2, 3.0) + _ease(times, 3.2, 3.9)
-    curves = {"torso_elevation": -4 * bend + 2 * raised, "torso_abduction": 1.5 * _swing(times, 2.6)}
-    for side in ("left", "right"):
-        # With the arm level, a twist of 90 degrees lets the elbow bend forward in the horizontal plane.
-        curves[f"{side}_arm_abduction"] = 8 + 80 * raised
-        curves[f"{side}_arm_elevation"] = 4 + 0 * times
-        curves[f"{side}_arm_twist"] = 15 * raised
-        curves[f"{side}_arm_extension"] = 12 + 78 * bend
-    return curves
+def _lift(times: Array, term: Term) -> Array:
+    """The positive half of a swing, to a power."""
+    lift: Array = np.maximum(_swing(times, term), 0) ** term.power
+    return lift
 
 
-def walking_on_the_spot(times: Array) -> Curves:
-    """Knees lifted in turn, arms swinging against the legs."""
-    curves = {"torso_twist": 5 * _swing(times, 1.1), "torso_elevation": 3 * _ease(times, 0, 0.6)}
-    for side, phase in (("left", 0.0), ("right", 0.5)):
-        lift = np.maximum(_swing(times, 1.1, phase), 0) ** 1.5
-        arm = _swing(times, 1.1, phase + 0.5)
-        curves[f"{side}_leg_elevation"] = 50 * lift + 2
-        curves[f"{side}_leg_extension"] = 75 * lift + 5
-        curves[f"{side}_arm_elevation"] = 25 * arm
-        curves[f"{side}_arm_extension"] = 20 + 15 * np.maximum(arm, 0)
-        curves[f"{side}_arm_abduction"] = 10 + 0 * times
-    return curves
+def _dip(times: Array, term: Term) -> Array:
+    """There and back once a period."""
+    depth: Array = 0.5 - 0.5 * np.cos(2 * np.pi * times / term.period_s)
+    return depth
 
 
-def arm_swing(times: Array) -> Curves:
-    """Both arms swung forward and back, then in turn sideways."""
-    curves = {"torso_elevation": 4 * _swing(times, 1.6)}
-    for side, phase in (("left", 0.0), ("right", 0.5)):
-        curves[f"{side}_arm_elevation"] = 40 * _swing(times, 1.6) + 5
-        curves[f"{side}_arm_abduction"] = 20 + 30 * np.maximum(_swing(times, 3.2, phase), 0)
-        curves[f"{side}_arm_extension"] = 15 + 10 * _swing(times, 1.6, phase)
-    return curves
+def _pace(times: Array, term: Term) -> Array:
+    """Seconds at full pace, which is reached exponentially."""
+    since = np.maximum(times - term.from_s, 0)
+    run: Array = since - term.run_up_s * (1 - np.exp(-since / term.run_up_s))
+    return run
 
 
-def squat(times: Array) -> Curves:
-    """Knees bent and stretched again, arms raised forward for balance."""
-    depth = 0.5 - 0.5 * np.cos(2 * np.pi * times / 2.6)
-    curves = {"torso_elevation": 28 * depth}
-    for side in ("left", "right"):
-        curves[f"{side}_leg_elevation"] = 75 * depth + 28 * depth
-        curves[f"{side}_leg_extension"] = 105 * depth + 3
-        curves[f"{side}_leg_abduction"] = 10 + 6 * depth
-        curves[f"{side}_arm_elevation"] = 65 * depth
-        curves[f"{side}_arm_abduction"] = 12 + 0 * times
-        curves[f"{side}_arm_extension"] = 15 + 0 * times
-    return curves
-
-
-def turn(times: Array) -> Curves:
-    """A turn on the spot with small steps, 70 degrees a second."""
-    curves = walking_on_the_spot(times)
-    curves = {name: 0.5 * values for name, values in curves.items()}
-    curves["torso_twist"] = 70 * (np.maximum(times - 0.3, 0) - 0.25 * (1 - np.exp(-np.maximum(times - 0.3, 0) / 0.25)))
-    for side in ("left", "right"):
-        curves[f"{side}_arm_abduction"] = 25 + 0 * times
-    return curves
-
-
-MOVEMENTS: dict[str, Callable[[Array], Curves]] = {
-    function.__name__: function for function in (two_elbow_rotation, walking_on_the_spot, arm_swing, squat, turn)
+_COURSES: dict[str, Callable[[Array, Term], Array]] = {
+    "at": lambda times, term: np.ones_like(times),
+    "ease": _ease,
+    "swing": _swing,
+    "lift": _lift,
+    "dip": _dip,
+    "pace": _pace,
 }
-"""All movements by name."""
 
-_FEET_STAY = ("squat",)
+
+def course(curve: tuple[Term, ...], times: Array) -> Array:
+    """(T,) values of a curve, degrees or metres, at times (T,) in seconds."""
+    values: Array = np.sum([term.amount * _COURSES[term.kind](times, term) for term in curve], axis=0)
+    return values
+
+
+def movement_of(name: str, body: BodyModel) -> tuple[str, Movement]:
+    """A movement of a body by its name, empty for the first one.
+
+    Raises:
+        ConfigError: no such movement.
+    """
+    name = name or next(iter(body.movements))
+    if name not in body.movements:
+        raise ConfigError(f'no movement "{name}" of model "{body.name}"; {nearest(name, body.movements)}')
+    return name, body.movements[name]
 
 
 def poses_of(
@@ -103,48 +82,65 @@ def poses_of(
     """Poses of a movement, the lowest part standing on the floor z = 0.
 
     Args:
-        movement: its name.
-        body: with the parameter names of gavrila22.
+        movement: its name in the body's file; empty for the first one.
+        body: with a root that moves along x, y and z and turns about z.
         times: (T,) seconds.
         heading_deg: direction faced at the start, degrees from the world's x axis.
-        place: x and y of the torso, metres.
+        place: x and y of the root, metres.
 
     Returns:
         (T, dof) rad and m, within the joint limits.
 
     Raises:
         ConfigError: no such movement.
+        ModelError: the body has no such root.
     """
-    if movement not in MOVEMENTS:
-        raise ConfigError(f'no movement "{movement}"; {nearest(movement, MOVEMENTS)}')
+    _, described = movement_of(movement, body)
     poses = np.zeros((len(times), body.dof))
-    for name, degrees in MOVEMENTS[movement](times).items():
-        poses[:, body.index(name)] = np.radians(degrees)
-    poses[:, body.index("torso_twist")] += np.radians(heading_deg)
-    _lean_towards_heading(body, poses)
+    for name, curve in described.curves.items():
+        values = course(curve, times)
+        poses[:, body.index(name)] = np.radians(values) if body.parameters[body.index(name)].rotates else values
+    _face(body, poses, np.radians(heading_deg))
     poses = body.clamped(poses)
-    across = [body.index("torso_x"), body.index("torso_y")]
+    across, upwards = body.root.shifts[:2], body.root.shifts[2]
     poses[:, across] = place
-    if movement in _FEET_STAY:
-        marks = [body.landmark_names.index(f"{side}_ankle") for side in ("left", "right")]
+    if described.planted:
+        marks = [body.landmark_names.index(name) for name in described.planted]
         feet = body.landmarks_in_world(poses)[:, marks, :2].mean(axis=1)
         poses[:, across] += feet[0] - feet
-    poses[:, body.index("torso_z")] -= _lowest(body, poses)
+    poses[:, upwards] -= _lowest(body, poses)
     return poses
 
 
-def _lean_towards_heading(body: BodyModel, poses: Array) -> None:
-    """Turns the lean of the curves, given relative to the heading, into the model's lean in world axes.
+def _face(body: BodyModel, poses: Array, heading: float) -> None:
+    """Turns the body by a heading, rad, and with it the lean that the curves mean relative to where it faces.
 
-    The twist is innermost in the model, so that its abduction and elevation name the axis in the world.
+    Tilts that are outside the turn in the body's chain name axes of the world: they have to change for the body to lean
+    as much to its front and side. Gauss-Newton on the direction of its upward axis.
     """
-    abduction, elevation = body.index("torso_abduction"), body.index("torso_elevation")
-    heading = poses[:, body.index("torso_twist")]
-    forward = np.sin(poses[:, elevation])
-    left = np.sin(poses[:, abduction]) * np.cos(poses[:, elevation])
-    up = np.cos(poses[:, abduction]) * np.cos(poses[:, elevation])
-    poses[:, elevation] = np.arcsin(forward * np.cos(heading) - left * np.sin(heading))
-    poses[:, abduction] = np.arctan2(forward * np.sin(heading) + left * np.cos(heading), up)
+    turn = body.root.turn
+    outer = [int(k) for k in body.root.columns if body.rotates[k] and body.moves[k, turn] and k != turn]
+    poses[:, turn] += heading
+    if not outer:
+        return
+    angle = np.sign(body.parameters[turn].axis[2]) * poses[:, turn]
+    leaning = body.world_from_parameters(poses)[:, outer[-1], :3, 2]
+    wanted = np.stack(
+        [
+            np.cos(angle) * leaning[:, 0] - np.sin(angle) * leaning[:, 1],
+            np.sin(angle) * leaning[:, 0] + np.cos(angle) * leaning[:, 1],
+            leaning[:, 2],
+        ],
+        axis=1,
+    )
+    for _ in range(_ITERATIONS):
+        up = body.world_from_parameters(poses)[:, outer[-1], :3, 2]
+        slopes = np.cross(body.twists(poses)[:, outer, 3:], up[:, None]).transpose(0, 2, 1)
+        poses[:, outer] += (np.linalg.pinv(slopes) @ (wanted - up)[..., None])[..., 0]
+
+
+# Quadratic convergence from leans of 30 degrees that turn round: 1e-15 rad after 8.
+_ITERATIONS = 12
 
 
 def _lowest(body: BodyModel, poses: Array) -> Array:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import cycle
 
 import cv2
 import numpy as np
 
 from tracker.arrays import Array, Array32, Image, Integers, Mask
+from tracker.body_sections import Clothes
 from tracker.camera import Camera
 from tracker.kernels.rasterization import rasterize
 from tracker.scene import Person, Scene
@@ -16,10 +18,11 @@ _N_ETA, _N_OMEGA = 25, 36
 _SUPERSAMPLE = 2
 _LIGHT = np.array([0.35, -0.2, 0.92]) / np.linalg.norm([0.35, -0.2, 0.92])
 
-# BGR; sleeves contrast with the torso as in the paper's recordings, so that arms before the body show.
-_WARDROBES: tuple[dict[str, tuple[int, int, int]], ...] = (
-    {"torso": (128, 60, 38), "arm": (70, 170, 215), "leg": (62, 58, 60), "foot": (28, 26, 30)},
-    {"torso": (52, 96, 46), "arm": (60, 60, 190), "leg": (120, 96, 70), "foot": (40, 44, 60)},
+# BGR of the garments in the order of the model file; a body with more of them wears the first ones again. Sleeves
+# contrast with the torso as in the paper's recordings, so that arms before the body show.
+_WARDROBES: tuple[tuple[tuple[int, int, int], ...], ...] = (
+    ((128, 60, 38), (70, 170, 215), (62, 58, 60), (28, 26, 30)),
+    ((52, 96, 46), (60, 60, 190), (120, 96, 70), (40, 44, 60)),
 )
 _SKIN, _HAIR = (132, 160, 205), (30, 34, 44)
 
@@ -45,21 +48,19 @@ def mesh_of(person: Person, wardrobe: int = 0) -> Mesh:
     surfaces = [part.shape.surface(eta, omega) for part in person.body.parts]
     points = np.array([found[0].reshape(-1, 3) for found in surfaces])
     normals = np.array([found[1].reshape(-1, 3) for found in surfaces])
-    colours = np.array([_clothes(part.name, p, wardrobe) for part, p in zip(person.body.parts, points, strict=True)])
+    body = person.body
+    colours = np.array(
+        [_dress(body.clothes, part.name, p, wardrobe) for part, p in zip(body.parts, points, strict=True)]
+    )
     return Mesh(points, normals, colours.astype(np.float32))
 
 
-def _clothes(part: str, points: Array, wardrobe: int) -> Array:
-    """Colours (N, 3) of a part's surface: clothes by the part's name, a weak weave, a hair cap."""
-    clothes = _WARDROBES[wardrobe % len(_WARDROBES)]
-    if part.endswith("upper_arm"):
-        colour = clothes["arm"]
-    elif part.endswith(("thigh", "shin")):
-        colour = clothes["leg"]
-    else:
-        colour = clothes.get(part.rpartition("_")[2], _SKIN)
-    colours = np.tile(np.array(colour, dtype=np.float64), (len(points), 1))
-    if part == "head":
+def _dress(clothes: Clothes, part: str, points: Array, wardrobe: int) -> Array:
+    """Colours (N, 3) of a part's surface: its garment's, a weak weave, perhaps a hair cap."""
+    palette = cycle(_WARDROBES[wardrobe % len(_WARDROBES)])
+    worn = {name: colour for parts, colour in zip(clothes.garments.values(), palette, strict=False) for name in parts}
+    colours = np.tile(np.array(worn.get(part, _SKIN), dtype=np.float64), (len(points), 1))
+    if part in clothes.hair:
         high = points[:, 2] / np.abs(points[:, 2]).max()
         colours[(high > 0.35) | ((points[:, 0] < -0.02) & (high > -0.3))] = _HAIR
     weave = 1 + 0.05 * np.sin(90 * points[:, :1]) * np.sin(70 * points[:, 2:])

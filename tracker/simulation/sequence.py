@@ -23,7 +23,7 @@ from tracker.frame import Frame
 from tracker.resources import model_path
 from tracker.rig_layouts import save_rig
 from tracker.scene import Person, Scene
-from tracker.simulation.movements import poses_of
+from tracker.simulation.movements import movement_of, poses_of
 from tracker.simulation.rendering import draw_persons, mesh_of
 from tracker.simulation.room import background_plates, default_rig
 
@@ -32,11 +32,11 @@ from tracker.simulation.room import background_plates, default_rig
 class Recipe:
     """What a simulated recording shows."""
 
-    movement: str = "two_elbow_rotation"
-    """Name in `tracker.simulation.movements.MOVEMENTS`."""
+    movement: str = ""
+    """Name in the model's file; empty for the first one there."""
 
     model: str = "gavrila22"
-    """Bundled body model."""
+    """Bundled body model, or the path of a model file."""
 
     seconds: float = 3.0
     fps: float = 25.0
@@ -99,7 +99,7 @@ def simulate(recipe: Recipe) -> Simulation:
         ConfigError: no such movement.
         ModelError: no such model.
     """
-    body = load_body(model_path(recipe.model))
+    body = load_body(_model(recipe))
     rig = default_rig(recipe.size)
     poses = tuple(
         poses_of(recipe.movement, body, recipe.times, recipe.heading_deg + 35 * k, _place(k, recipe.persons))
@@ -107,6 +107,10 @@ def simulate(recipe: Recipe) -> Simulation:
     )
     persons = tuple(Person(f"person{k + 1}", body, poses[k][0]) for k in range(recipe.persons))
     return Simulation(recipe, Scene(persons, rig), poses, background_plates(rig, recipe.seed))
+
+
+def _model(recipe: Recipe) -> Path:
+    return Path(recipe.model) if recipe.model.endswith(".toml") else model_path(recipe.model)
 
 
 def _place(k: int, n_persons: int) -> tuple[float, float]:
@@ -152,7 +156,7 @@ def write_sequence(
         _write_plates(simulation, unfinished / "background")
         _write_videos(simulation, unfinished, progress)
         save_rig(simulation.scene.rig, unfinished / "rig.toml")
-        shutil.copyfile(model_path(recipe.model), unfinished / "model.toml")
+        shutil.copyfile(_model(recipe), unfinished / "model.toml")
         _write_truth(simulation, unfinished)
         _write_config(simulation, unfinished / "config.toml")
         if folder.exists():
@@ -213,5 +217,6 @@ def _write_truth(simulation: Simulation, folder: Path) -> None:
 def _write_config(simulation: Simulation, path: Path) -> None:
     reading = {"use": "video", "path": "{view}.mp4", "rig": "rig.toml", "background": "background/{view}.png"}
     persons = [{"name": person.name, "model": "model.toml"} for person in simulation.scene.persons]
-    table = {"name": simulation.recipe.movement, "reading": reading, "persons": persons}
+    name, _ = movement_of(simulation.recipe.movement, simulation.scene.persons[0].body)
+    table = {"name": name, "reading": reading, "persons": persons}
     path.write_bytes(tomli_w.dumps(table).encode())

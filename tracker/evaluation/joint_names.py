@@ -1,0 +1,70 @@
+"""Which joints of a result are compared, and what a reference calls them: the body's model file says so."""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pydantic
+
+from tracker.arrays import Array
+from tracker.body_files import load_body
+from tracker.body_sections import Joints
+from tracker.errors import SequenceError
+from tracker.mirror import Mirror
+from tracker.resources import model_path
+
+
+@dataclass(frozen=True)
+class JointNames:
+    """The joints of one body that are compared."""
+
+    joints: Joints
+    mirror: Mirror
+
+    def ours(self, name: str) -> str:
+        """Our name of a joint that a reference calls `l_elbow`, `RKnee` or `Head`; the same name if it is none."""
+        for own, others in self.joints.aliases.items():
+            if name in others:
+                return own
+        for side in self.mirror.sides:
+            known = set(self.joints.evaluated)
+            if name[:2].lower() == f"{side[0].lower()}_" and (own := f"{side}_{name[2:].lower()}") in known:
+                return own
+            if name[:1] == side[0].upper() and name[1:2].isupper() and (own := f"{side}_{name[1:].lower()}") in known:
+                return own
+        return name
+
+    def of(self, found: dict[str, Array]) -> dict[str, Array]:
+        """Points (3,) of one frame by our names, with those midway between two others where they lack."""
+        named = {self.ours(name): point for name, point in found.items()}
+        for name, (one, other) in self.joints.middles.items():
+            if name not in named and one in named and other in named:
+                named[name] = (named[one] + named[other]) / 2
+        return named
+
+
+def names_of(result: Path) -> dict[str, JointNames]:
+    """Person -> the joints to compare, from the run.json of a result folder.
+
+    Persons whom it does not tell about have a person's joints, those of gavrila22: tables of other programs are
+    compared as well.
+
+    Raises:
+        SequenceError: run.json is damaged.
+    """
+    body = load_body(model_path("gavrila22"))
+    names = defaultdict(lambda: JointNames(body.joints, body.mirror))
+    path = result / "run.json"
+    if path.is_file():
+        try:
+            entries: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8")).get("persons", [])
+            for entry in (entry for entry in entries if "joints" in entry):
+                one, other = entry["sides"]
+                names[entry["name"]] = JointNames(Joints.model_validate(entry["joints"]), Mirror((one, other)))
+        except (ValueError, KeyError, AttributeError, pydantic.ValidationError) as error:
+            raise SequenceError(f"{path}: damaged, expected what a run writes there: {error}") from error
+    return names
