@@ -61,10 +61,13 @@ class _Names:
             raise ModelError(f'{where}: no {self.kind} "{name}"; {nearest(name, self.valid)}')
         return name
 
-    def abreast(self, names: Iterable[str], where: str) -> list[tuple[str, ...]]:
-        """Names that belong together, once a side: of elbow, shoulder, wrist the left and the right ones."""
+    def abreast(self, names: tuple[str, ...], where: str) -> list[tuple[str, ...]]:
+        """Names that belong together, once a side of the first: of elbow, shoulder, wrist the left and the right ones.
+
+        Those on the midline belong to both sides.
+        """
         found = [self.all(name, where) for name in names]
-        n = max(len(own) for own in found)
+        n = len(found[0])
         if any(len(own) not in (1, n) for own in found):
             raise ModelError(f"{where}: {', '.join(names)} do not have the same sides")
         return [tuple(own[k % len(own)] for own in found) for k in range(n)]
