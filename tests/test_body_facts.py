@@ -104,6 +104,21 @@ def test_a_name_without_its_side_means_both() -> None:
     assert mirror.of("front_left_bend") == "front_right_bend"
 
 
+def test_a_parameter_that_is_not_there_is_refused_with_the_nearest_name() -> None:
+    body = load_body(model_path("gavrila22"))
+    assert body.columns("torso_twist") == [body.index("torso_twist")]
+    with pytest.raises(ModelError, match=r'no parameter "arm_abdction"; did you mean'):
+        body.columns("arm_abdction")
+
+
+def test_joints_to_report_are_all_landmarks_or_those_named_in_their_order(tmp_path: Path) -> None:
+    body = load_body(model_path("gavrila22"))
+    assert body.reported == tuple(range(len(body.landmarks)))
+    path = changed(tmp_path, "gavrila22", lambda m: m["joints"].update(reported=["wrist", "neck"]))
+    few = load_body(path)
+    assert [few.landmark_names[k] for k in few.reported] == ["left_wrist", "right_wrist", "neck"]
+
+
 def test_lengths_of_movements_scale_with_the_body_and_angles_do_not(tmp_path: Path) -> None:
     path = model_path("quadruped")
     small, large = load_body(path), load_body(path, 2.0)

@@ -184,8 +184,18 @@ class BodyModel:
         return other if other != group and list(self.groups.get(other, ())) == names else None
 
     def columns(self, name: str) -> list[int]:
-        """Columns of the parameters called so, alone or on either side: `arm_abduction` is that of both arms."""
-        return [self.names.index(own) for own in self.mirror.meant(name, self.names)]
+        """Columns of the parameters called so, alone or on either side: `arm_abduction` is that of both arms.
+
+        Raises:
+            ModelError: no such parameter.
+        """
+        return [self.names.index(own) for own in self.mirror.meant(name, self.names)] or [self.index(name)]
+
+    @cached_property
+    def reported(self) -> tuple[int, ...]:
+        """Numbers of the landmarks that tables of joints hold."""
+        names = self.joints.reported or self.landmark_names
+        return tuple(self.landmark_names.index(name) for name in names)
 
     @cached_property
     def root(self) -> Root:

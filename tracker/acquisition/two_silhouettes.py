@@ -164,9 +164,9 @@ def _started(
     body = space.body(np.zeros(len(space.names)))
     root, looks, poses, links = body.root, [], [], []
     trial = {
-        tuple(columns): np.radians(values)
+        tuple(body.columns(name)): np.radians(values)
         for name, values in settings.coarse_deg.items()
-        if (columns := body.columns(name))
+        if body.mirror.meant(name, body.names)
     }
     first = 0
     for front, side in silhouettes:

@@ -62,11 +62,10 @@ class CsvRecorder:
             csv.writer(self._poses).writerow([*head, *self._values(person, estimate, estimate.q)])
             csv.writer(self._sigmas).writerow([*head, *self._values(person, estimate, sigma)])
             points = person.body.landmarks_in_world(estimate.q)
-            for name, point, status in zip(
-                person.body.landmark_names, points, joint_statuses(person, estimate), strict=True
-            ):
-                where = ["", "", ""] if estimate.lost else [self._text(value) for value in point]
-                csv.writer(self._joints).writerow([*start, name, *where, status])
+            statuses = joint_statuses(person, estimate)
+            for mark in person.body.reported:
+                where = ["", "", ""] if estimate.lost else [self._text(value) for value in points[mark]]
+                csv.writer(self._joints).writerow([*start, person.body.landmark_names[mark], *where, statuses[mark]])
         for file in (self._poses, self._sigmas, self._joints):
             file.flush()
 
