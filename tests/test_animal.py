@@ -68,7 +68,7 @@ def test_an_animal_needs_no_setting_outside_its_file(recording: Path, tmp_path: 
 
 @pytest.mark.parametrize("heading_deg", [35.0, 170.0])
 def test_an_animal_is_found_whichever_way_it_faces(heading_deg: float) -> None:
-    simulation = small_simulation("bow", n_frames=1, model="quadruped", heading_deg=heading_deg)
+    simulation = small_simulation("bow", n_frames=1, model="quadruped", heading_deg=heading_deg, size=SIZE)
     start = cycle_for(simulation).initialization.start(
         next(simulation.frames()), simulation.scene, cycle_for(simulation).stages
     )
