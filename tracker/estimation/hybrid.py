@@ -14,6 +14,7 @@ from tracker.body import BodyModel
 from tracker.components import component
 from tracker.estimate import Estimate
 from tracker.estimation import Estimation
+from tracker.estimation._exchange import exchanged, mirrored
 from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.objective import Objective
@@ -103,11 +104,11 @@ class HybridEstimation:
     def _exchanged(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
         """One of the groups and its partner on the other side have changed places; of several pairs the best."""
         body, q = objective.body, estimate.q
-        pairs = {tuple(sorted((group, other))) for group in groups if (other := body.partner_of(group))}
-        poses = np.tile(q, (len(pairs), 1))
-        for pose, (one, other) in zip(poses, sorted(pairs), strict=True):
-            pose[body.group(one)], pose[body.group(other)] = q[body.group(other)], q[body.group(one)]
-        return self.then.estimate(objective, poses) if len(poses) else estimate
+        pairs = sorted(
+            {(min(group, other), max(group, other)) for group in groups if (other := body.partner_of(group))}
+        )
+        poses = [place(body, q, *pair) for pair in pairs for place in (mirrored, exchanged)]
+        return self.then.estimate(objective, np.array(poses)) if poses else estimate
 
     def _searched_limbs(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
         """Each limb in turn searched from where it is and from the best of poses scattered over its joint limits."""

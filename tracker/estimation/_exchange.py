@@ -1,0 +1,44 @@
+"""Two limbs that have been taken for each other change places."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tracker.arrays import Array
+from tracker.body import BodyModel
+
+_STEPS = 12
+# Damping of the inverse kinematics, in the units of its normal equations, m^2: a twist that no joint shows stays.
+_DAMPING = 1e-4
+
+
+def mirrored(body: BodyModel, q: Array, one: str, other: str) -> Array:
+    """The pose (dof,) with the angles of two groups exchanged: limbs that were in symmetric places change places."""
+    pose: Array = q.copy()
+    pose[body.group(one)], pose[body.group(other)] = q[body.group(other)], q[body.group(one)]
+    return body.clamped(pose)
+
+
+def exchanged(body: BodyModel, q: Array, one: str, other: str) -> Array:
+    """The pose (dof,) in which the joints of two limbs are where those of the other one were, as near as they can be.
+
+    Legs that cross stay crossed when their angles are exchanged; here the knee goes to the other knee in the world.
+
+    Args:
+        body: the model.
+        q: (dof,) rad and m.
+        one, other: groups of mirrored limbs, `left_leg` and `right_leg`.
+    """
+    marks = np.flatnonzero(body.landmarks_of(one) | body.landmarks_of(other))
+    places = [body.landmark_names.index(body.mirror.of(body.landmark_names[mark])) for mark in marks]
+    targets = body.landmarks_in_world(q)[places]
+    ends = np.array([body.landmarks[mark].parameter for mark in marks])
+    columns = np.concatenate([body.group(one), body.group(other)])
+    pose = mirrored(body, q, one, other)
+    for _ in range(_STEPS):
+        points = body.landmarks_in_world(pose)[marks]
+        jacobian = body.point_jacobian(pose, points, ends)[:, :, columns].reshape(-1, len(columns))
+        normal = jacobian.T @ jacobian + _DAMPING * np.eye(len(columns))
+        pose[columns] -= np.linalg.solve(normal, jacobian.T @ (points - targets).ravel())
+        pose = body.clamped(pose)
+    return pose
