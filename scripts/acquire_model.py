@@ -8,11 +8,11 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from tracker.acquire import acquire_from
 from tracker.commands.acquire import print_acquisition
+from tracker.commands.terminal import ProgressBar
 from tracker.config import read_config
 from tracker.errors import TrackerError
-from tracker.progress import CountedProgress
+from tracker.jobs.acquire import acquire_to, acquisition_from
 
 
 def main(
@@ -35,8 +35,9 @@ def main(
             for view, mask in (("front", front), ("side", side))
         }
         table = {"name": output.stem, "model": model, "stature_m": stature_m, "pairs": [pair]}
-        with CountedProgress(console) as progress:
-            result = acquire_from(table, Path("command line"), output, progress.told)
+        table = {key: value for key, value in table.items() if value is not None}
+        with ProgressBar() as progress:
+            result = acquire_to(acquisition_from(table, "command line", Path.cwd(), output.stem), output, progress)
     except TrackerError as error:
         Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
         raise typer.Exit(2) from None

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import Progress
 
+from tracker.commands.terminal import ProgressBar
 from tracker.errors import TrackerError
 from tracker.simulation.sequence import Recipe, write_sequence
 
@@ -28,11 +28,8 @@ def main(
     """Simulates a clothed person, or an animal, in a cluttered room, seen by four cameras."""
     recipe = Recipe(movement, model, seconds, fps, size, heading_deg, persons, noise_grey, seed=seed)
     try:
-        with Progress() as progress:
-            task = progress.add_task(movement or "simulating", total=len(recipe.times))
-            config = write_sequence(
-                recipe, output, lambda done, total: progress.update(task, completed=done, total=total)
-            )
+        with ProgressBar() as progress:
+            config = write_sequence(recipe, output, progress)
     except TrackerError as error:
         Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
         raise typer.Exit(2) from None

@@ -13,7 +13,6 @@ from observations import bent, four_views, ideal
 from test_cli import bodytrack
 from test_shape_space import some_shape, space
 
-from tracker.acquire import acquire_from
 from tracker.acquisition.calibrated_views import (
     Seen,
     ViewSettings,
@@ -40,6 +39,7 @@ from tracker.evidence.contours import ContourEvidence
 from tracker.frame import Frame
 from tracker.geometry.superquadrics import surface
 from tracker.initialization import Stages
+from tracker.jobs.acquire import acquire_to, acquisition_from
 from tracker.outlines import outline_observation, overlap
 from tracker.resources import model_path
 from tracker.rig import Rig
@@ -301,14 +301,17 @@ def test_the_command_writes_model_picture_and_figures(person: BodyModel, tmp_pat
         ({"pairs": [{"front": {}}]}, r"\[pairs 1\]: the key .* is missing"),
         ({"pairs": [{"front": {"msk": "a"}, "side": {}}]}, r'unknown key "msk"; did you mean "mask"'),
         ({"pairs": [{"front": {}, "side": {}}]}, "front: give a mask, or an image and its background"),
-        ({"pairs": [{"front": {}, "side": {}}], "stature_m": 180}, "stature_m = 180, expected a height in metres"),
+        (
+            {"pairs": [{"front": {}, "side": {}}], "stature_m": 180},
+            "stature_m = 180: .* less than 5 .height of the person, metres",
+        ),
         ({"pairs": [{"front": {"mask": "no.png"}, "side": {}}]}, "front: no file"),
         ({"paris": [], "pairs": [{}]}, 'unknown key "paris"; did you mean "pairs"'),
     ],
 )
 def test_a_file_that_describes_no_acquisition_is_one_line(table: Table, message: str, tmp_path: Path) -> None:
     with pytest.raises(TrackerError, match=message) as caught:
-        acquire_from(table, tmp_path / "config.toml", tmp_path / "out" / "one.toml")
+        acquire_to(acquisition_from(table, "config.toml", tmp_path, "config"), tmp_path / "out" / "one.toml")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()
 
@@ -332,7 +335,7 @@ def test_the_acquisition_files_can_be_used(name: str, monkeypatch: pytest.Monkey
     config = Path(__file__).parents[1] / "configs" / "acquisition" / f"{name}.toml"
     # Everything is read and checked before the first picture or video is missed.
     with pytest.raises(TrackerError, match=r"no file|calibration"):
-        acquire_from(read_config(config), config, tmp_path / "one.toml")
+        acquire_to(acquisition_from(read_config(config), name, config.parent, name), tmp_path / "one.toml")
 
 
 def test_a_model_is_refined_over_the_frames_of_a_run(tmp_path: Path) -> None:
@@ -342,7 +345,8 @@ def test_a_model_is_refined_over_the_frames_of_a_run(tmp_path: Path) -> None:
     table["initialization"] = {"use": "given", "poses": str(folder / "truth_poses.csv")}
     table["acquisition"] = {"frames": 2, "rounds": 2, "fit": {"iterations": 4, "pose_deg": 8.0, "pose_m": 0.05}}
     said: list[str] = []
-    result = acquire_from(table, folder / "config.toml", tmp_path / "one.toml", lambda what, *_: said.append(what))
+    job = acquisition_from(table, "config.toml", folder, "one")
+    result = acquire_to(job, tmp_path / "one.toml", lambda what, *_: said.append(what))
     assert {"tracking", "fitting shape and pose"} == set(said)
     true = load_body(folder / "model.toml")
     places = {mark.name: mark.point for mark in true.landmarks}
@@ -352,4 +356,4 @@ def test_a_model_is_refined_over_the_frames_of_a_run(tmp_path: Path) -> None:
         assert bone.length_mm == pytest.approx(1000 * np.linalg.norm(places[one] - places[other]), abs=20)
     assert result.picture.is_file()
     with pytest.raises(TrackerError, match='no person "eva"'):
-        acquire_from(table | {"acquisition": {"person": "eva"}}, folder / "config.toml", tmp_path / "two.toml")
+        acquisition_from(table | {"acquisition": {"person": "eva"}}, "config.toml", folder, "two").open()

@@ -19,8 +19,8 @@ from tracker.cli import app
 from tracker.initialization._persons import Found
 from tracker.initialization._placement import placements, stands_upright, without_legs
 from tracker.initialization._torso_axis import TorsoAxis
+from tracker.jobs import execute, load_job
 from tracker.resources import model_path
-from tracker.run import execute, load_run
 from tracker.scene import Person
 
 SIZE, PIXEL_MM = (540, 432), 8.3
@@ -45,7 +45,7 @@ def test_an_animal_needs_no_setting_outside_its_file(recording: Path, tmp_path: 
 
     An error that is uniform within a pixel in each of three directions has an RMS of sqrt(3 / 12) pixels.
     """
-    result = execute(load_run(recording / "config.toml"), tmp_path / "result").folder
+    result = execute(load_job("track", recording / "config.toml"), tmp_path / "result").folder
     with (result / "poses.csv").open() as file:
         statuses = [row["status"] for row in csv.DictReader(file)]
     assert statuses == ["bootstrapped", *["tracked"] * 9]

@@ -18,18 +18,18 @@ import tracker.errors
 ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
-    "errors arrays components config resources geometry imaging kernels",
+    "errors arrays components config resources files progress geometry imaging kernels",
     "camera rig rig_layouts frame shape segments mirror "
     "body_sections body body_defaults body_facts body_description body_files scene contours expectation observation "
-    "keypoints keypoint_layouts account equations sight estimate start trajectory triangulation",
+    "keypoints keypoint_layouts account equations sight estimate start subject trajectory triangulation views",
     "reading calibration prediction synthesis analysis recording",
     "comparison outlines correspondences",
     "similarity evidence objective",
     "estimation initialization",
     "cycle rehearsal tracking",
     "acquisition lsm recognition evaluation simulation",
-    "run demo acquire calibrate rig_check batching",
-    "cli commands progress __main__ scripts",
+    "jobs rig_check batching",
+    "cli commands __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}
 
@@ -338,26 +338,26 @@ VIOLATIONS: tuple[tuple[Law, dict[str, str]], ...] = (
     (upward_imports, {"tracker.frame": "from tracker.tracking import track"}),
     (upward_imports, {"tracker.geometry.axes": "from tracker import camera", "tracker.camera": ""}),
     (upward_imports, {"tracker.rig": "def f():\n    import tracker.objective"}),
-    (upward_imports, {"tracker.rig": "if TYPE_CHECKING:\n    from tracker.run import Run"}),
-    (upward_imports, {"tracker.rig": "from .run import Run"}),
-    (upward_imports, {"tracker.run": "from scripts.benchmark import main"}),
+    (upward_imports, {"tracker.rig": "if TYPE_CHECKING:\n    from tracker.jobs import Job"}),
+    (upward_imports, {"tracker.rig": "from .jobs import Job"}),
+    (upward_imports, {"tracker.jobs": "from scripts.benchmark import main"}),
     (upward_imports, {"tracker.novelty": ""}),
-    (upward_imports, {"tracker.run": "import tracker.novelty"}),
+    (upward_imports, {"tracker.jobs": "import tracker.novelty"}),
     (sideways_imports, {"tracker.analysis.overlap": "from tracker.synthesis import Synthesis"}),
     (sideways_imports, {"tracker.evaluation.report": "from tracker import simulation", "tracker.simulation": ""}),
     (cycles, {"tracker.rig": "import tracker.camera", "tracker.camera": "from tracker.rig import Rig"}),
     (cycles, {"tracker.geometry.a": "import tracker.arrays", "tracker.arrays": "import tracker.geometry.b"}),
     (hidden_imports, {"tracker.rig": "def f():\n    import numpy"}),
-    (broken_privacy, {"tracker.run": "from tracker.reading._sequence import View"}),
-    (broken_privacy, {"tracker.run": "from tracker.reading.video import _header"}),
+    (broken_privacy, {"tracker.jobs": "from tracker.reading._sequence import View"}),
+    (broken_privacy, {"tracker.jobs": "from tracker.reading.video import _header"}),
     (oversize, {"tracker.rig": "x = 1\n" * 401}),
     (oversize, {"tracker.rig": "def f():\n" + "    x = 1\n" * 61}),
-    (printing_or_exiting, {"tracker.run": "print('done')"}),
-    (printing_or_exiting, {"tracker.run": "import sys\nsys.exit(1)"}),
-    (printing_or_exiting, {"tracker.run": "raise SystemExit(2)"}),
-    (foreign_errors, {"tracker.run": "raise ValueError('no')"}),
-    (poor_files, {"tracker.run": "from __future__ import annotations"}),
-    (poor_files, {"tracker.run": '"""Runs."""\ndef f() -> int: ...'}),
+    (printing_or_exiting, {"tracker.jobs": "print('done')"}),
+    (printing_or_exiting, {"tracker.jobs": "import sys\nsys.exit(1)"}),
+    (printing_or_exiting, {"tracker.jobs": "raise SystemExit(2)"}),
+    (foreign_errors, {"tracker.jobs": "raise ValueError('no')"}),
+    (poor_files, {"tracker.jobs": "from __future__ import annotations"}),
+    (poor_files, {"tracker.jobs": '"""Runs."""\ndef f() -> int: ...'}),
     (poor_files, {"tracker.imaging._helpers": '"""Helps."""'}),
     (unlike_kernels, {"tracker.kernels.x": "@njit(cache=True, nogil=True)\ndef f(): ..."}),
     (
@@ -367,7 +367,7 @@ VIOLATIONS: tuple[tuple[Law, dict[str, str]], ...] = (
     (stray_optional_imports, {"tracker.synthesis": "import moderngl"}),
     (
         stray_optional_imports,
-        {"tracker.synthesis.egl": "import moderngl", "tracker.run": "import tracker.synthesis.egl"},
+        {"tracker.synthesis.egl": "import moderngl", "tracker.jobs": "import tracker.synthesis.egl"},
     ),
 )
 

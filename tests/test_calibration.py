@@ -13,7 +13,6 @@ from bars import calibration, images_of, recorded
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from tracker.calibrate import calibrate, load_calibration
 from tracker.calibration import report_text
 from tracker.calibration._bar_images import follow
 from tracker.calibration._spheres import measure_sphere
@@ -23,6 +22,9 @@ from tracker.calibration.chessboard import BoardImages, ChessboardCalibration
 from tracker.calibration.reference_bar import BarImages
 from tracker.cli import app
 from tracker.errors import CalibrationError, ConfigError, TrackerError
+from tracker.jobs import execute
+from tracker.jobs.calibrate import load_calibration
+from tracker.progress import silent
 from tracker.rig import Rig
 from tracker.rig_layouts import load_rig
 from tracker.simulation.bars import SIZE, Faults
@@ -211,6 +213,9 @@ def test_a_world_from_given_points(tmp_path):
 # Whole runs
 
 
+VIDEO = '[reading]\nuse = "video"\npath = "{view}.mp4"\nviews = ["a", "b"]\n'
+
+
 def a_run(tmp_path: Path, rig: Rig, calibration_table: str) -> Path:
     """Blank pictures of every view and a configuration."""
     for name in rig.names:
@@ -220,7 +225,8 @@ def a_run(tmp_path: Path, rig: Rig, calibration_table: str) -> Path:
     names = ", ".join(f'"{name}"' for name in rig.names)
     config = tmp_path / "run.toml"
     config.write_text(
-        f'[views]\npath = "{{view}}/{{frame}}.png"\nnames = [{names}]\n[calibration]\n{calibration_table}'
+        f'[reading]\nuse = "images"\nfps = 25.0\npath = "{{view}}/{{frame}}.png"\nviews = [{names}]\n'
+        f"[calibration]\n{calibration_table}"
     )
     return config
 
@@ -234,7 +240,14 @@ def test_points_calibrate_a_rig_and_the_report_is_written(tmp_path):
     result = CliRunner().invoke(app, ["calibrate", "points", str(config), "--output", str(output)])
     assert result.exit_code == 0, result.output
     assert "what to do better" in result.output
-    assert sorted(p.name for p in output.iterdir()) == ["report.html", "report.txt", "residuals.csv", "rig.toml"]
+    assert sorted(p.name for p in output.iterdir()) == [
+        "config.toml",
+        "log.txt",
+        "report.html",
+        "report.txt",
+        "residuals.csv",
+        "rig.toml",
+    ]
     found = load_rig(output / "rig.toml")
     for one, other in zip(found.cameras, rig.cameras, strict=True):
         np.testing.assert_allclose(one.centre, other.centre, atol=0.03)
@@ -257,7 +270,7 @@ def test_blank_images_leave_nothing_half_written(tmp_path, kind, table, words):
     config = a_run(tmp_path, recorded(19, 4).rig, table)
     before = set(tmp_path.iterdir())
     with pytest.raises(TrackerError, match=words) as caught:
-        calibrate(load_calibration(config, kind), tmp_path / "out", lambda what, done, total: None)
+        execute(load_calibration(config, kind), tmp_path / "out")
     assert "\n" not in str(caught.value)
     assert set(tmp_path.iterdir()) == before
 
@@ -265,10 +278,11 @@ def test_blank_images_leave_nothing_half_written(tmp_path, kind, table, words):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[views]\n", r"section \[calibration\] is missing"),
-        ('[view]\npath = "x"\n', 'unknown section "view"; did you mean "views"'),
-        ('[views]\npath = "x"\nnames = ["a", "b"]\n[calibration]\nuse = "chessboard"\n', 'use = "chessboard"'),
-        ('[views]\npath = "x"\nnames = ["a"]\n[calibration]\nlenght_m = 1.0\n', "length_m"),
+        (VIDEO, 'the key "calibration" is missing, expected e.g. calibration = '),
+        (VIDEO + "[views]\n", 'unknown section "views"; valid: calibration, name, reading'),
+        (VIDEO + '[calibration]\nuse = "chessboard"\n', 'use = "chessboard"'),
+        (VIDEO + "[calibration]\nlenght_m = 1.0\n", "length_m"),
+        (VIDEO + 'rig = "x.toml"\n[calibration]\n', 'the key "rig" is of no use'),
     ],
 )
 def test_wrong_configurations_are_named(tmp_path, text, words):
@@ -284,8 +298,8 @@ def test_the_rendered_bar_recording(data):
     """Rig recovered from video: targets, labels, start values, adjustment."""
     folder = data("room/bar")
     config = Path(__file__).parents[1] / "configs" / "calibration" / "bar.toml"
-    run = load_calibration(config, "reference_bar", ["views.stride=2"])
-    result = run.calibration.calibrate(run.views.open(), lambda what, done, total: None)
+    run = load_calibration(config, "reference_bar", ["reading.stride=2"])
+    result = run.calibration.calibrate(run.open(), silent)
     rows = np.genfromtxt(folder / "gt_targets.csv", delimiter=",", names=True)
     images = np.stack([np.column_stack([rows[f"{name}_u"], rows[f"{name}_v"]]) for name in result.rig.names])
     truth = np.column_stack([rows["x"], rows["y"], rows["z"]])
@@ -327,7 +341,7 @@ def test_four_real_cameras_and_a_board(data):
 def test_four_real_videos_of_a_board_with_two_sides(data):
     data("calib4/cam_0.mp4")
     run = load_calibration(Path(__file__).parents[1] / "configs" / "calibration" / "charuco.toml", "chessboard")
-    result = run.calibration.calibrate(run.views.open(), lambda what, done, total: None)
+    result = run.calibration.calibrate(run.open(), silent)
     measures = {measure.name: measure.value for measure in result.measures}
     assert abs(measures["board distances, median"]) < 0.3  # per cent
     assert max(result.adjustment.rms_px(v) for v in range(4)) < 0.65
@@ -337,7 +351,7 @@ def test_stereo_pairs_of_a_chessboard(data):
     data("stereo_gt/opencv_chessboard")
     config = Path(__file__).parents[1] / "configs" / "calibration" / "chessboard.toml"
     run = load_calibration(config, "chessboard")
-    result = run.calibration.calibrate(run.views.open(), lambda what, done, total: None)
+    result = run.calibration.calibrate(run.open(), silent)
     for v in range(2):
         assert result.adjustment.rms_px(v) * np.sqrt(2) < 0.23  # cv2.stereoCalibrate: 0.22 px, of the distance
     baseline = np.linalg.norm(result.rig.cameras[0].centre - result.rig.cameras[1].centre) / 0.025

@@ -9,7 +9,7 @@ import pytest
 
 from tracker.config import build, describe, read_config
 from tracker.errors import ConfigError
-from tracker.run import load_run, run_from
+from tracker.jobs import described, job_from, load_job
 
 CONFIGS = sorted((Path(__file__).parents[1] / "configs").glob("*.toml"))
 GOOD = """
@@ -31,12 +31,12 @@ def written(tmp_path):
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_the_configurations_load_and_describe_themselves(path, monkeypatch, tmp_path):
     monkeypatch.setenv("BODYTRACK_DATA", str(tmp_path))
-    run = load_run(path)
-    assert run_from(run.described(), "run.json", Path("/"), "other") == run
+    job = load_job("track", path)
+    assert job_from("track", described(job), "config.toml", Path("/"), "other") == job
 
 
 def test_sections_have_defaults_and_paths_start_at_the_file(written, tmp_path):
-    run = load_run(written(GOOD))
+    run = load_job("track", written(GOOD))
     assert run.name == "run"
     assert run.reading.path == str(tmp_path / "videos/{view}.mp4")
     assert run.reading.rig == tmp_path / "rig.toml"
@@ -49,7 +49,7 @@ def test_overrides_reach_nested_components(written):
         "estimation.first.use=best_first",
         "estimation.first.step_deg=2.5",
     ]
-    run = load_run(written(GOOD), overrides)
+    run = load_job("track", written(GOOD), overrides)
     assert run.evidence.similarity.outlier_px == 15
     assert run.estimation.first.step_deg == 2.5
 
@@ -74,19 +74,29 @@ def test_overrides_reach_nested_components(written):
         (GOOD + "[estimation]\nfirst = 3\n", r"\[estimation\] first: expected a table like"),
         (GOOD + "[loss]\nlost = 1\n", r'\[loss\]: unknown key "lost"; did you mean "lost_below"'),
         (GOOD.replace("rig =", "rg ="), r'\[reading\]: unknown key "rg"; did you mean "rig"'),
-        (GOOD.replace(', rig = "rig.toml"', ""), r'the key "rig" is missing'),
+        (
+            GOOD.replace(', rig = "rig.toml"', ""),
+            r'\[reading\]: the key "rig" is missing, .* rig = "Calib.toml"',
+        ),
         (GOOD.replace("gavrila22", "gavrila2"), 'no body model "gavrila2"; did you mean "gavrila22"'),
         (GOOD.replace("stature_m", "statur_m"), 'unknown key "statur_m"; did you mean "stature_m"'),
-        (GOOD.replace("= 1.7", "= 170"), "stature_m = 170, expected a height in metres"),
+        (
+            GOOD.replace("= 1.7", "= 170"),
+            "stature_m = 170: input should be less than 5 .height the model",
+        ),
         ("reading = {", "not a TOML file"),
-        ('reading = { use = "video" }', r"the section \[persons\] is missing"),
+        (GOOD + 'job = "surface"', 'describes the job "surface", but "track" was asked for'),
+        (GOOD + 'job = "tarck"', 'no such job; did you mean "track"'),
+        (GOOD.replace("persons = [", 'persons = [{ name = "anna" }, '), r"\[persons\]: two persons are called .anna."),
+        (GOOD.splitlines()[2], r'the key "persons" is missing, expected e.g. persons = \[\{ name = "anna"'),
+        ("persons = []\n" + GOOD.splitlines()[2], "persons = .*at least 1 item"),
         (GOOD.replace("videos/", "${NO_SUCH_FOLDER}/"), "environment variable NO_SUCH_FOLDER is not set"),
     ],
 )
 def test_mistakes_are_named(written, text, message):
     assert "NO_SUCH_FOLDER" not in os.environ
     with pytest.raises(ConfigError, match=message) as caught:
-        load_run(written(text))
+        load_job("track", written(text))
     assert "\n" not in str(caught.value)
 
 

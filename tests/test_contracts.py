@@ -347,9 +347,21 @@ def test_with_nothing_to_go_by_no_start_is_made_up(use, scene, frame, cycle):
 @each("reading")
 def test_an_absent_recording_is_one_clear_line(use):
     with pytest.raises(TrackerError) as caught:
-        made("reading", use).open()
+        made("reading", use, rig="absent.toml").open()
     assert "/nowhere/absent" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@each("reading")
+def test_cameras_without_a_calibration_are_read_by_their_names(use):
+    with pytest.raises(TrackerError, match='key "rig" is missing'):
+        made("reading", use).open()
+    with pytest.raises(TrackerError, match="expected the names of the cameras"):
+        made("reading", use).open_uncalibrated()
+    with pytest.raises(TrackerError, match="expected different names"):
+        made("reading", use, views=["left", "left"]).open_uncalibrated()
+    with pytest.raises(TrackerError, match="/nowhere/absent/left"):
+        made("reading", use, views=["left", "right"]).open_uncalibrated()
 
 
 class BlankViews:

@@ -47,7 +47,9 @@ def errors_of(field):
 @pytest.mark.parametrize("step", [2, 5])
 def test_one_seed_covers_what_both_images_show(order, step):
     pair, told = images(), []
-    field = Growth(step_px=step, order=order).grown(MATCHING, pair, seeds(pair, (60, 60)), told.append)
+    field = Growth(step_px=step, order=order).grown(
+        MATCHING, pair, seeds(pair, (60, 60)), lambda what, n, total: told.append(n)
+    )
     at = field.at
     places = at @ AFFINE.T + SHIFT
     # A patch of 13 px, stretched, and the two pixels that the splines need

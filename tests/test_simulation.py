@@ -109,7 +109,7 @@ def test_a_recording_on_disk_holds_its_truth(tmp_path):
 
 
 def test_nothing_is_left_of_a_recording_that_fails(tmp_path):
-    def stop(done: int, total: int) -> None:
+    def stop(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
         raise RuntimeError("stop")
 
     with pytest.raises(RuntimeError, match="stop"):

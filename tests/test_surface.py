@@ -19,12 +19,12 @@ from tracker.cli import app
 from tracker.errors import ConfigError, MatchingError, SequenceError, TrackerError
 from tracker.frame import Frame
 from tracker.imaging.local_contrast import wallis_filter
+from tracker.jobs import described, load_job
 from tracker.lsm.filters import NeighbourhoodFilter
 from tracker.lsm.growth import Growth
 from tracker.lsm.points import voxel_filtered
 from tracker.lsm.seeds import Seeds
 from tracker.lsm.surface import SurfaceMeasurement, measure_surface, residual_rms_px
-from tracker.lsm.surface_run import load_surface_run
 from tracker.lsm.views import Preparation, blur_px, field_camera
 from tracker.reading.stills import StillReading
 from tracker.rig import Rig
@@ -284,7 +284,7 @@ def test_results_are_not_overwritten(folder):
     ("override", "message"),
     [
         ("matching.patch_pix=13", 'unknown key "patch_pix"; did you mean "patch_px"'),
-        ("groth.step_px=2", 'unknown key or section "groth"; did you mean "growth"'),
+        ("groth.step_px=2", 'unknown section "groth"; did you mean "growth"'),
         ("matching.patch_px=12", "expected an odd number"),
         ("growth.order=spiral", "best_first"),
         ("reading.path={view}.jpg", 'view "left": no file'),
@@ -297,17 +297,17 @@ def test_mistakes_in_the_configuration_are_named(folder, override, message):
 
 
 def test_a_described_run_loads_to_an_equal_one(folder, tmp_path):
-    run = load_surface_run(folder / "surface.toml")
-    (tmp_path / "again.toml").write_text(tomli_w.dumps(run.described()))
-    assert load_surface_run(tmp_path / "again.toml") == run
+    run = load_job("surface", folder / "surface.toml")
+    (tmp_path / "again.toml").write_text(tomli_w.dumps(described(run)))
+    assert load_job("surface", tmp_path / "again.toml") == run
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.toml")), ids=lambda path: path.stem)
 def test_the_configurations_load_to_what_they_describe(path, monkeypatch, tmp_path):
     monkeypatch.setenv("BODYTRACK_DATA", "/recordings")
-    run = load_surface_run(path)
-    (tmp_path / "again.toml").write_text(tomli_w.dumps(run.described()))
-    assert load_surface_run(tmp_path / "again.toml") == run
+    run = load_job("surface", path)
+    (tmp_path / "again.toml").write_text(tomli_w.dumps(described(run)))
+    assert load_job("surface", tmp_path / "again.toml") == run
     assert run.name == path.stem
 
 
@@ -338,18 +338,18 @@ def test_middlebury_cameras_are_read(folder, rig):
 
 def test_a_real_triplet_is_measured(data):
     data("temple")
-    run = load_surface_run(CONFIGS / "temple.toml", ("growth.step_px=4",))
+    run = load_job("surface", CONFIGS / "temple.toml", ("growth.step_px=4",))
     sequence = run.reading.open()
-    surface = measure_surface(run.measurement, next(iter(sequence.frames())), sequence.rig)
+    surface = measure_surface(run, next(iter(sequence.frames())), sequence.rig)
     assert len(surface.points) > 1000
     assert residual_rms_px(surface.points) < 0.08
 
 
 def test_a_real_pair_has_the_true_disparities(data):
     folder = data("stereo_gt/motorcycle")
-    run = load_surface_run(CONFIGS / "motorcycle.toml", ("growth.step_px=6",))
+    run = load_job("surface", CONFIGS / "motorcycle.toml", ("growth.step_px=6",))
     sequence = run.reading.open()
-    points = measure_surface(run.measurement, next(iter(sequence.frames())), sequence.rig).points
+    points = measure_surface(run, next(iter(sequence.frames())), sequence.rig).points
     left, right = points.pixels
     columns, rows = left.astype(int).T
     errors = (left - right)[:, 0] - np.load(folder / "motorcycle_disp.npz")["arr_0"][rows, columns]

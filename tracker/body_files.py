@@ -13,6 +13,7 @@ import tomli_w
 from tracker.body import BodyModel
 from tracker.body_description import BodyDescription
 from tracker.errors import ModelError
+from tracker.files import write_whole
 
 
 def read_description(path: Path) -> BodyDescription:
@@ -40,18 +41,19 @@ def _first_fault(error: pydantic.ValidationError) -> str:
     return f"{where}: {reason}" if where else reason
 
 
-def save_description(description: BodyDescription, path: Path) -> None:
+def save_description(description: BodyDescription, path: Path, decimals: int | None = 5) -> None:
     """Writes a model file; replaced as a whole, so that nothing half-written stays.
 
     Args:
-        description: lengths are written to a hundredth of a millimetre.
+        description: the body.
         path: file to write; its folder is made.
+        decimals: digits after the point, 5 for a hundredth of a millimetre; None for all, so that it loads again to
+            the same bits.
     """
-    content = _rounded(description.model_dump(mode="json", exclude_none=True, exclude_unset=True))
+    content = description.model_dump(mode="json", exclude_none=True, exclude_unset=True)
+    content = content if decimals is None else _rounded(content, decimals)
     path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(path.name + ".part")
-    unfinished.write_text(_INNER_ARRAY.sub(_on_one_line, tomli_w.dumps(content)), encoding="utf-8")
-    unfinished.replace(path)
+    write_whole(path, _INNER_ARRAY.sub(_on_one_line, tomli_w.dumps(content)))
 
 
 # An array without arrays in it, as tomli_w writes it: an entry a line.
@@ -62,14 +64,14 @@ def _on_one_line(array: re.Match[str]) -> str:
     return f"[{' '.join(array[1].split())}]"
 
 
-def _rounded(value: Any) -> Any:
-    """Numbers to five digits after the point, in tables and lists."""
+def _rounded(value: Any, decimals: int) -> Any:
+    """Numbers to so many digits after the point, in tables and lists."""
     if isinstance(value, float):
-        return round(value, 5)
+        return round(value, decimals)
     if isinstance(value, dict):
-        return {key: _rounded(entry) for key, entry in value.items()}
+        return {key: _rounded(entry, decimals) for key, entry in value.items()}
     if isinstance(value, list):
-        return [_rounded(entry) for entry in value]
+        return [_rounded(entry, decimals) for entry in value]
     return value
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import pkgutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast, dataclass_transform
 
@@ -12,11 +13,30 @@ import pydantic
 from pydantic.dataclasses import dataclass
 
 from tracker.errors import ConfigError, nearest
+from tracker.resources import model_path
 
 
 @dataclasses.dataclass(frozen=True)
 class RelativePath:
     """Marks a field whose relative paths start at the configuration file's folder."""
+
+    def resolved(self, text: str, folder: Path) -> str:
+        """The absolute path; links to folders are followed, so that it stays right when `latest` moves on."""
+        path = folder / text
+        return str(path.parent.resolve() / path.name)
+
+
+@dataclasses.dataclass(frozen=True)
+class ModelName(RelativePath):
+    """Marks a body model: the name of a bundled one, or a path that ends in .toml."""
+
+    def resolved(self, text: str, folder: Path) -> str:
+        """The absolute path.
+
+        Raises:
+            ModelError: no bundled model has the name.
+        """
+        return super().resolved(text, folder) if text.endswith(".toml") else str(model_path(text).resolve())
 
 
 FilePath = Annotated[Path, pydantic.Field(strict=False), RelativePath()]
@@ -24,6 +44,18 @@ FilePath = Annotated[Path, pydantic.Field(strict=False), RelativePath()]
 
 PathPattern = Annotated[str, RelativePath()]
 """A path with placeholders such as `{view}`; a relative one starts at the configuration file's folder."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ReadBy:
+    """Marks a field whose value a function makes of what a configuration says."""
+
+    function: Callable[[Any, str, Path], Any]
+    """Takes the value, file and section for messages, and the folder where relative paths start."""
+
+
+ModelFile = Annotated[Path, pydantic.Field(strict=False), ModelName()]
+"""A body model: the name of a bundled one, or a path that ends in .toml."""
 
 _Component = TypeVar("_Component")
 
@@ -35,7 +67,32 @@ def component(cls: type[_Component]) -> type[_Component]:
         extra="forbid", strict=True, use_attribute_docstrings=True, arbitrary_types_allowed=True
     )
     made: Any = dataclass(frozen=True, kw_only=True, config=settings)(cls)
+    for base in made.__mro__[1:]:  # pydantic reads the docstrings of the class itself only
+        for name, field in getattr(base, "__pydantic_fields__", {}).items():
+            made.__pydantic_fields__[name].description = made.__pydantic_fields__[name].description or field.description
     return cast("type[_Component]", made)
+
+
+def standard(stage: str, use: str) -> Any:
+    """A field's default: a component with its defaults, loaded when it is needed.
+
+    Args:
+        stage: folder of the package.
+        use: file name in that folder.
+    """
+    return pydantic.Field(default_factory=lambda: find(stage, use)())
+
+
+def stages() -> tuple[str, ...]:
+    """The folders whose files are components: those with a contract that is called like the folder."""
+    root = Path(__file__).parent
+    names = (module.name for module in pkgutil.iter_modules([str(root)]) if module.ispkg)
+    return tuple(name for name in names if contract(name) is not None)
+
+
+def contract(stage: str) -> Any:
+    """The protocol that a stage's components follow, None for a folder without one."""
+    return getattr(importlib.import_module(f"tracker.{stage}"), stage.capitalize(), None)
 
 
 def available(stage: str) -> tuple[str, ...]:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import os
 import re
 import tomllib
+import types
 import typing
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,8 +15,8 @@ from typing import Any
 
 import pydantic
 
-from tracker.components import RelativePath, available, find
-from tracker.errors import ConfigError, nearest
+from tracker.components import ReadBy, RelativePath, available, find
+from tracker.errors import ConfigError, ModelError, nearest
 
 Table = dict[str, Any]
 
@@ -80,24 +82,29 @@ def build(stage: str, table: Mapping[str, Any], where: str, folder: Path, defaul
 
 
 def build_class(cls: type[Any], table: Mapping[str, Any], where: str, folder: Path) -> Any:
-    """Makes a component of a known class from its fields; see `build`."""
-    types = typing.get_type_hints(cls, include_extras=True)
-    defaults = {field.name: _default(field) for field in dataclasses.fields(cls)}
-    names = list(defaults)
+    """Makes a component of a known class from its fields; see `build`.
+
+    This is the one place where keys are checked: sections of a job, fields of a component, entries of a list.
+    """
+    kinds = typing.get_type_hints(cls, include_extras=True)
+    defaults = {field.name: _default(cls, field.name) for field in dataclasses.fields(cls)}
     values: Table = {}
     for key, value in table.items():
-        if key not in names:
-            raise ConfigError(f'{where}: unknown key "{key}"; {nearest(key, names)}')
-        values[key] = _value(types[key], _over_default(value, defaults[key]), f"{where} {key}", folder)
+        if key not in defaults:
+            kind = "section" if isinstance(value, dict) else "key"
+            raise ConfigError(f'{where}: unknown {kind} "{key}"; {nearest(key, defaults)}')
+        inner = f"{where} {key}" if where.endswith("]") or "] " in where else f"{where} [{key}]"
+        values[key] = _value(kinds[key], _over_default(value, defaults[key]), inner, folder)
     try:
         return cls(**values)
     except pydantic.ValidationError as error:
-        raise ConfigError(f"{where}: {_first_fault(error)}") from error
+        raise ConfigError(f"{where}: {_first_fault(cls, error)}") from error
 
 
-def _default(field: dataclasses.Field[Any]) -> Any:
-    """The default of a component's field, MISSING if it has none."""
-    return getattr(field.default, "default", field.default)
+def _default(cls: type[Any], key: str) -> Any:
+    """The default of a component's field; something that is no component if it has none."""
+    field = getattr(cls, "__pydantic_fields__", {}).get(key)
+    return None if field is None else field.get_default(call_default_factory=True)
 
 
 def _over_default(value: Any, default: Any) -> Any:
@@ -111,34 +118,68 @@ def _over_default(value: Any, default: Any) -> Any:
     return {**usual, **value} if value.get("use", usual["use"]) == usual["use"] else value
 
 
-def _first_fault(error: pydantic.ValidationError) -> str:
+def _first_fault(cls: type[Any], error: pydantic.ValidationError) -> str:
     fault = error.errors()[0]
     key = ".".join(str(step) for step in fault["loc"])
+    if not key:
+        return fault["msg"].removeprefix("Value error, ")
+    field = getattr(cls, "__pydantic_fields__")[str(fault["loc"][0])]  # noqa: B009
     if fault["type"] in ("missing", "missing_argument", "missing_keyword_only_argument"):
-        return f'the key "{key}" is missing'
-    return f"{key} = {fault['input']!r}: {fault['msg'][0].lower()}{fault['msg'][1:]}"
+        return f'the key "{key}" is missing' + (
+            f", expected e.g. {key} = {field.examples[0]}" if field.examples else ""
+        )
+    if fault["type"] == "value_error":
+        return f"[{key}]: {fault['msg'].removeprefix('Value error, ')}"
+    meaning = (field.description or "").split("\n")[0]
+    message = f"{key} = {fault['input']!r}: {fault['msg'][0].lower()}{fault['msg'][1:]}"
+    return f"{message} ({meaning[0].lower()}{meaning[1:].rstrip('.')})" if meaning else message
 
 
 def _value(kind: Any, value: Any, where: str, folder: Path) -> Any:
     """A TOML value as the field's type wants it: components built, lists as tuples, paths made absolute."""
-    stage = component_stage(kind)
-    if stage is not None:
-        if not isinstance(value, dict):
-            raise ConfigError(f'{where}: expected a table like {{ use = "{available(stage)[0]}" }}, found {value!r}')
-        if isinstance(kind, type) and dataclasses.is_dataclass(kind):
-            return build_class(kind, {key: v for key, v in value.items() if key != "use"}, where, folder)
-        return build(stage, value, where, folder)
-    if (entries := _entries(kind)) is not None and isinstance(value, list):
-        return tuple(_value(entries, entry, f"{where} {k + 1}", folder) for k, entry in enumerate(value))
-    if _is_path(kind) and isinstance(value, str):
-        return str(folder / expanded(value, where))
+    for mark in getattr(kind, "__metadata__", ()):
+        if isinstance(mark, ReadBy):
+            return mark.function(value, where, folder)
+    entries = _entries(kind)
+    if entries is not None:
+        if not isinstance(value, list):
+            raise ConfigError(f"{where}: expected a list, found {value!r}")
+        numbered = (f"{where[:-1]} {k}]" if where.endswith("]") else f"{where} {k}" for k in itertools.count(1))
+        return tuple(_value(entries, entry, next(numbered), folder) for entry in value)
+    for option in _options(kind):
+        if component_stage(option) is not None:
+            return _component(option, value, where, folder)
+    path = _path_mark(kind)
+    if path is not None and isinstance(value, str):
+        try:
+            return path.resolved(expanded(value, where), folder)
+        except ModelError as error:
+            raise ConfigError(f"{where}: {error}") from error
     return _tuples(value)
 
 
+def _component(kind: type[Any], value: Any, where: str, folder: Path) -> Any:
+    """The component that a table, or only its name, describes."""
+    chosen, stage = not dataclasses.is_dataclass(kind), component_stage(kind) or ""
+    if chosen and isinstance(value, str):
+        value = {"use": value}
+    if not isinstance(value, dict):
+        hint = f'like {{ use = "{available(stage)[0]}" }}' if chosen else "of its fields"
+        raise ConfigError(f"{where}: expected a table {hint}, found {value!r}")
+    if chosen:
+        return build(stage, value, where, folder)
+    return build_class(kind, {key: v for key, v in value.items() if key != "use"}, where, folder)
+
+
 def _entries(kind: Any) -> Any:
-    """What a field typed `tuple[X, ...]` holds, if X is a component or a contract; else None."""
-    kinds = typing.get_args(kind) if typing.get_origin(kind) is tuple else ()
-    return kinds[0] if len(kinds) == 2 and kinds[1] is Ellipsis and component_stage(kinds[0]) else None
+    """X of tuple[X, ...]; None for other types."""
+    arguments = typing.get_args(kind)
+    return arguments[0] if typing.get_origin(kind) is tuple and arguments[1:] == (Ellipsis,) else None
+
+
+def _options(kind: Any) -> tuple[Any, ...]:
+    """The types of a union, or the type itself."""
+    return typing.get_args(kind) if typing.get_origin(kind) in (typing.Union, types.UnionType) else (kind,)
 
 
 def component_stage(kind: Any) -> str | None:
@@ -151,10 +192,10 @@ def component_stage(kind: Any) -> str | None:
     return None
 
 
-def _is_path(kind: Any) -> bool:
-    if any(isinstance(mark, RelativePath) for mark in getattr(kind, "__metadata__", ())):
-        return True
-    return any(_is_path(argument) for argument in typing.get_args(kind))
+def _path_mark(kind: Any) -> RelativePath | None:
+    marks = (mark for mark in getattr(kind, "__metadata__", ()) if isinstance(mark, RelativePath))
+    inner = (_path_mark(argument) for argument in typing.get_args(kind))
+    return next(marks, None) or next((mark for mark in inner if mark is not None), None)
 
 
 def _tuples(value: Any) -> Any:
@@ -181,26 +222,35 @@ def expanded(text: str, where: str) -> str:
     return re.sub(r"\$\{(\w+)\}", variable, text)
 
 
+def component_name(cls: type[Any]) -> str:
+    """What `use` calls a component: its file, or `package.module:Class` outside the package."""
+    inside = cls.__module__.startswith("tracker.")
+    return cls.__module__.rpartition(".")[2] if inside else f"{cls.__module__}:{cls.__qualname__}"
+
+
 def describe(component: Any) -> Table:
     """The resolved configuration of a component: `use` and all fields; `build` makes an equal one of it."""
-    cls = type(component)
-    inside = cls.__module__.startswith("tracker.")
-    use = cls.__module__.rpartition(".")[2] if inside else f"{cls.__module__}:{cls.__qualname__}"
-    table: Table = {"use": use}
-    for field in dataclasses.fields(component):
-        value = _described(getattr(component, field.name))
-        if value is not None:
-            table[field.name] = value
-    return table
+    return {"use": component_name(type(component)), **described_fields(component)}
 
 
-def _described(value: Any) -> Any:
+def described_fields(component: Any) -> Table:
+    """All fields of a component, without its name; None, which TOML lacks, is left out."""
+    kinds = typing.get_type_hints(type(component))
+    table = {
+        field.name: _described(getattr(component, field.name), kinds[field.name])
+        for field in dataclasses.fields(component)
+    }
+    return {key: value for key, value in table.items() if value is not None}
+
+
+def _described(value: Any, kind: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return describe(value)
+        # where the type is a class there is nothing to choose, and so nothing to name
+        return described_fields(value) if type(value) in _options(kind) else describe(value)
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, (tuple, list)):
-        return [_described(entry) for entry in value]
+        return [_described(entry, _entries(kind)) for entry in value]
     if isinstance(value, dict):
-        return {key: _described(entry) for key, entry in value.items()}
+        return {key: _described(entry, None) for key, entry in value.items()}
     return value

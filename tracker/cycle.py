@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pydantic
@@ -23,6 +23,7 @@ from tracker.evidence import Evidence, Memory, Observed
 from tracker.initialization import Initialization, Stages
 from tracker.objective import Objective
 from tracker.prediction import Prediction
+from tracker.progress import Progress, silent
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.start import Start
@@ -73,7 +74,7 @@ class Cycle:
     initialization: Initialization
     loss: LossRule
     backgrounds: tuple[Image | None, ...]
-    progress: Callable[[str], None] = field(default=lambda message: None)
+    progress: Progress = silent
 
     @property
     def stages(self) -> Stages:

@@ -14,10 +14,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from tracker.acquire import Acquisition, acquire_from
 from tracker.arrays import Array
 from tracker.camera import Camera
 from tracker.errors import SequenceError
+from tracker.jobs.acquire import AcquireOutcome, acquire_to, acquisition_from
 from tracker.rig import Rig
 from tracker.rig_layouts import save_rig
 
@@ -65,7 +65,7 @@ def compare(console: Console, poses: str, model: str, quick: bool) -> None:
         begin = time.perf_counter()
         with tempfile.TemporaryDirectory() as scratch:
             content = _content(trial, truth, folder / trial.subject, Path(scratch)) | {"model": model}
-            found = acquire_from(content, folder / "benchmark", Path(scratch) / "model.toml")
+            found = acquire_to(acquisition_from(content, "benchmark", folder, "model"), Path(scratch) / "model.toml")
         table.add_row(*_row(trial, truth, found), f"{time.perf_counter() - begin:.0f}")
     console.print(table)
     console.print("clicks: true joints with 3 px (10 mm) of noise, as if clicked; the other rows see silhouettes only")
@@ -109,7 +109,7 @@ def _clicks(joints: dict[str, Any], rng: np.random.Generator, view: str) -> dict
     return clicks
 
 
-def _row(trial: Trial, truth: dict[str, Any], found: Acquisition) -> tuple[str, str, str, str]:
+def _row(trial: Trial, truth: dict[str, Any], found: AcquireOutcome) -> tuple[str, str, str, str]:
     joints = truth["images"][f"{trial.projection}_{trial.poses[0]}_front"]["joints_3d"]
     lengths = {bone.bone: bone.length_mm for bone in found.bones}
     gaps = []

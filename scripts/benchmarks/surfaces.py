@@ -17,9 +17,10 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Mask
+from tracker.jobs import load_job
+from tracker.jobs.surface import SurfaceJob
 from tracker.lsm.matching import LeastSquaresMatching, PatchImage
 from tracker.lsm.surface import Surface, measure_surface, residual_rms_px
-from tracker.lsm.surface_run import SurfaceRun, load_surface_run
 from tracker.triangulation import triangulate
 
 CONFIGS = Path(__file__).parents[2] / "configs" / "surfaces"
@@ -40,13 +41,13 @@ def compare(console: Console, only: str, quick: bool) -> None:
             part(console, quick)
 
 
-def _measured(name: str, overrides: tuple[str, ...] = ()) -> tuple[SurfaceRun, Surface, float]:
+def _measured(name: str, overrides: tuple[str, ...] = ()) -> tuple[SurfaceJob, Surface, float]:
     """The surface of a configuration, and the seconds it took without reading the images."""
-    run = load_surface_run(CONFIGS / f"{name}.toml", overrides)
+    run = load_job("surface", CONFIGS / f"{name}.toml", overrides)
     sequence = run.reading.open()
     frame = next(iter(sequence.frames()))
     begin = time.perf_counter()
-    surface = measure_surface(run.measurement, frame, sequence.rig)
+    surface = measure_surface(run, frame, sequence.rig)
     return run, surface, time.perf_counter() - begin
 
 
@@ -150,10 +151,10 @@ def _fitted_cylinder(points: Array) -> tuple[float, Array]:
     return float(fit.x[4]), distances(fit.x)
 
 
-def _tracked(run: SurfaceRun, surface: Surface) -> list[Array]:
+def _tracked(run: SurfaceJob, surface: Surface) -> list[Array]:
     """The points of the first position in all (N, 3) m: least squares matching through time, NaN where lost."""
     pattern = str(vars(run.reading)["path"])
-    matching = replace(run.measurement.matching, max_shift_px=8.0)
+    matching = replace(run.matching, max_shift_px=8.0)
     names = [view.camera.name for view in surface.views]
     template = matching.prepared(surface.views[surface.template].grey)
     at = surface.points.pixels[surface.template]
@@ -167,7 +168,7 @@ def _tracked(run: SurfaceRun, surface: Surface) -> list[Array]:
         for v, name in enumerate(names):
             image = _prepared(pattern, name, k, matching)
             matches = matching.match(template, image, at, places[v] + velocity[v], affine[v])
-            good: Mask = run.measurement.growth.good(matches)
+            good: Mask = run.growth.good(matches)
             moved = np.where(good[:, None], matches.pixels, np.nan)
             velocity[v], places[v] = moved - places[v], moved
         cameras = [view.camera for view in surface.views]

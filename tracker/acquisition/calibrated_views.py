@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pydantic
 
-from tracker.acquisition.fitting import Fit, FitSettings, Report, Task, fit, silent
+from tracker.acquisition.fitting import Fit, FitSettings, Task, fit
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
 from tracker.acquisition.stance_search import StanceSearch
@@ -22,6 +22,7 @@ from tracker.frame import Frame
 from tracker.imaging.edges import distance_to
 from tracker.observation import Observation
 from tracker.outlines import outline_observation, overlap
+from tracker.progress import Progress, silent
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
@@ -92,7 +93,7 @@ def fit_to_views(
     seen: Sequence[Seen],
     watching: Watching,
     settings: ViewSettings,
-    report: Report = silent,
+    progress: Progress = silent,
 ) -> Fit:
     """Fits the shape of one person, and its pose in every frame.
 
@@ -102,7 +103,7 @@ def fit_to_views(
         seen: the frames.
         watching: rig and components.
         settings: priors and steps.
-        report: told of the progress.
+        progress: told how far it is.
 
     Raises:
         SequenceError: no frame to fit to.
@@ -112,7 +113,7 @@ def fit_to_views(
         raise SequenceError("the person was lost in every frame: there is nothing to acquire a model from")
     dof = space.description.build().dof
     looks = tuple(_look(one, person, k * dof + np.arange(dof, dtype=np.int64), watching) for k, one in enumerate(seen))
-    task = Task(space, looks, watching.synthesis, settings.fit, progress=report)
+    task = Task(space, looks, watching.synthesis, settings.fit, progress=progress)
     return fit(task, shape, np.concatenate([one.scene.persons[person].q for one in seen]))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,14 +16,8 @@ from tracker.acquisition.shape_space import ShapeSpace
 from tracker.arrays import Array, frozen
 from tracker.body import BodyModel
 from tracker.components import component
+from tracker.progress import Progress, silent
 from tracker.synthesis import Synthesis
-
-Report = Callable[[str, int, int], None]
-"""Told what is done, how much of it, and how much there is."""
-
-
-def silent(what: str, done: int, total: int) -> None:
-    """Reports nothing."""
 
 
 @component
@@ -113,7 +107,7 @@ class Task:
     stature_m: float | None = None
     """Height of the person, if it is known, metres."""
 
-    progress: Report = silent
+    progress: Progress = silent
 
 
 def fit(task: Task, shape: Array, poses: Array, free: Sequence[str] = ("pose", "size", "form")) -> Fit:

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from tracker.acquisition.fitting import Fit, Report, silent
+from tracker.acquisition.fitting import Fit
 from tracker.acquisition.pictures import Silhouette
 from tracker.acquisition.shape_space import ShapeSpace
 from tracker.acquisition.standing import scene_of
@@ -17,6 +17,7 @@ from tracker.contours import Contours
 from tracker.geometry.superquadrics import surface
 from tracker.kernels.oriented_matching import match_oriented
 from tracker.outlines import on_outline
+from tracker.progress import Progress, silent
 from tracker.synthesis import Synthesis
 
 # How far an image contour may be from the part's present one, metres, and their directions from each other.
@@ -34,7 +35,7 @@ _N_RINGS = 41
 
 
 def searched_parts(
-    found: Fit, silhouettes: Sequence[Silhouette], synthesis: Synthesis, report: Report = silent
+    found: Fit, silhouettes: Sequence[Silhouette], synthesis: Synthesis, progress: Progress = silent
 ) -> Array:
     """The shape (S,) with radii, taper and squareness of each part searched on the contours that belong to it.
 
@@ -42,16 +43,16 @@ def searched_parts(
         found: a fit whose poses and lengths are about right.
         silhouettes: one a look.
         synthesis: makes the model's contours.
-        report: told of the progress.
+        progress: told how far it is.
     """
     space, shape, body = found.space, np.array(found.shape), found.body
     seen = [_back_projected(found, k, one, synthesis) for k, one in enumerate(silhouettes)]
     parts = list(dict.fromkeys(parameter.part for parameter in space.parameters if parameter.part))
     for n, name in enumerate(parts):
-        report("searching the shape of each part", n, len(parts))
+        progress("searching the shape of each part", n, len(parts))
         for lateral, points in _sections(space, body, name, seen):
             _search(space, shape, name, (lateral, points))
-    report("searching the shape of each part", len(parts), len(parts))
+    progress("searching the shape of each part", len(parts), len(parts))
     return shape
 
 

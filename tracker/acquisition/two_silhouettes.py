@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pydantic
 
-from tracker.acquisition.fitting import Fit, FitSettings, Report, Task, fit, silent
+from tracker.acquisition.fitting import Fit, FitSettings, Task, fit
 from tracker.acquisition.looks import Look, Mark
 from tracker.acquisition.part_search import searched_parts
 from tracker.acquisition.pictures import Pair, Silhouette, read_silhouette
@@ -21,6 +21,7 @@ from tracker.components import component
 from tracker.errors import ModelError, SequenceError, nearest
 from tracker.observation import Observation
 from tracker.outlines import outline_observation, overlap
+from tracker.progress import Progress, silent
 from tracker.rig import Rig
 from tracker.synthesis import Synthesis
 from tracker.synthesis.cpu import CpuSynthesis
@@ -83,7 +84,7 @@ def acquire(
     pairs: Sequence[Pair],
     stature_m: float | None,
     settings: SilhouetteSettings | None = None,
-    report: Report = silent,
+    progress: Progress = silent,
 ) -> Acquired:
     """Acquires a body from one or several pairs of silhouettes.
 
@@ -92,7 +93,7 @@ def acquire(
         pairs: front and side of one posture each.
         stature_m: the person's height; None where every picture has a scale.
         settings: priors and limits.
-        report: told of the progress.
+        progress: told how far it is.
 
     Raises:
         SequenceError: a picture that cannot be used, with the reason.
@@ -112,12 +113,12 @@ def acquire(
         raise ModelError(f'model "{description.name}" does not tell its stature_m: it cannot be scaled')
     space = space_of(description.scaled(stature / description.stature_m), settings.prior)
     task, poses = _started(space, silhouettes, settings, synthesis)
-    task = replace(task, progress=report, stature_m=stature_m)
+    task = replace(task, progress=progress, stature_m=stature_m)
     flat = tuple(one for pair in silhouettes for one in pair)
     sized = fit(task, np.zeros(len(space.names)), poses, ("pose",))
     before = _overlaps(sized, flat, synthesis)
     sized = fit(task, sized.shape, sized.poses, ("pose", "size"))
-    searched = searched_parts(sized, flat, synthesis, report)
+    searched = searched_parts(sized, flat, synthesis, progress)
     found = fit(replace(task, settings=_narrow(settings.fit)), searched, sized.poses)
     turns = tuple(_turn_deg(space.body(found.shape), found, k) for k in range(len(pairs)))
     result = Acquired(found, flat, _overlaps(found, flat, synthesis), turns, before)

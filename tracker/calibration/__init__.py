@@ -6,22 +6,23 @@ from typing import Protocol, runtime_checkable
 
 from tracker.calibration._calibrated import Calibrated, Measure
 from tracker.calibration._report import report_html, report_text
-from tracker.calibration._views import Told, Views
 from tracker.calibration._world import read_points
+from tracker.progress import Progress
+from tracker.views import Views
 
-__all__ = ["Calibrated", "Calibration", "Measure", "Told", "Views", "read_points", "report_html", "report_text"]
+__all__ = ["Calibrated", "Calibration", "Measure", "Views", "read_points", "report_html", "report_text"]
 
 
 @runtime_checkable
 class Calibration(Protocol):
     """A component that calibrates cameras from their images."""
 
-    def calibrate(self, views: Views, told: Told) -> Calibrated:
+    def calibrate(self, views: Views, progress: Progress) -> Calibrated:
         """Measures the images and adjusts the rig.
 
         Args:
             views: the images.
-            told: told of the progress.
+            progress: told how far it is.
 
         Raises:
             CalibrationError: the images do not show what is needed, or do not fit together.

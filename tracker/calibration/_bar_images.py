@@ -13,8 +13,9 @@ from scipy.optimize import linear_sum_assignment
 from tracker.arrays import Array, Integers
 from tracker.calibration._spheres import measure_sphere
 from tracker.calibration._targets import Target, find_targets, grey, measure_target
-from tracker.calibration._views import Told, Views
 from tracker.errors import CalibrationError
+from tracker.progress import Progress
+from tracker.views import Views
 
 _BACKGROUND_FRAMES, _MOST_CANDIDATES = 31, 8
 _LOST_AFTER = 3
@@ -67,17 +68,17 @@ class TargetSettings(Protocol):
     def contrast(self) -> float: ...
 
 
-def measure_bar(views: Views, settings: TargetSettings, told: Told) -> BarImages:
+def measure_bar(views: Views, settings: TargetSettings, progress: Progress) -> BarImages:
     """Finds and follows both targets in every view.
 
     Raises:
         CalibrationError: a view shows no target at all.
     """
-    backgrounds = _backgrounds(views, told)
+    backgrounds = _backgrounds(views, progress)
     candidates: list[list[list[Target]]] = [[] for _ in views.names]
     frames = []
     for k, frame in enumerate(views.frames()):
-        told("finding targets", k + 1, views.n_frames)
+        progress("finding targets", k + 1, views.n_frames)
         frames.append(frame.index)
         for v, image in enumerate(frame.images):
             found = [] if image is None else _candidates(grey(image), backgrounds[v], settings)
@@ -94,12 +95,12 @@ def measure_bar(views: Views, settings: TargetSettings, told: Told) -> BarImages
     return BarImages(views.names, views.sizes, np.array(frames, dtype=np.int64), followed)
 
 
-def _backgrounds(views: Views, told: Told) -> list[Array]:
+def _backgrounds(views: Views, progress: Progress) -> list[Array]:
     """Median (h, w) over frames of each view: what does not move."""
     wanted = set(np.linspace(0, views.n_frames - 1, min(views.n_frames, _BACKGROUND_FRAMES)).astype(int).tolist())
     images: list[list[Array]] = [[] for _ in views.names]
     for k, frame in enumerate(views.frames()):
-        told("looking at the background", k + 1, views.n_frames)
+        progress("looking at the background", k + 1, views.n_frames)
         for v, image in enumerate(frame.images):
             if k in wanted and image is not None:
                 images[v].append(grey(image).astype(np.float32))

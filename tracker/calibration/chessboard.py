@@ -16,11 +16,12 @@ from tracker.calibration._boards import charuco_detector, find_charuco, find_cor
 from tracker.calibration._calibrated import Calibrated, Measure
 from tracker.calibration._objects import Boards
 from tracker.calibration._self_calibration import Adjustment, chosen_unknowns, self_calibrated
-from tracker.calibration._views import Told, Views
 from tracker.calibration._world import WorldFrame
 from tracker.components import component
 from tracker.errors import CalibrationError
+from tracker.progress import Progress
 from tracker.rig import Rig
+from tracker.views import Views
 
 __all__ = ["BoardImages", "ChessboardCalibration"]
 
@@ -72,13 +73,13 @@ class ChessboardCalibration:
     world: WorldFrame = pydantic.Field(default_factory=WorldFrame)
     """The world frame."""
 
-    def calibrate(self, views: Views, told: Told) -> Calibrated:
+    def calibrate(self, views: Views, progress: Progress) -> Calibrated:
         """Finds the board in the views and adjusts; see `tracker.calibration.Calibration.calibrate`."""
         find = self._finder()
         seen: Seen = {}
         pictures: dict[str, Image] = {}
         for k, frame in enumerate(views.frames()):
-            told("finding boards", k + 1, views.n_frames)
+            progress("finding boards", k + 1, views.n_frames)
             for v, image in enumerate(frame.images):
                 if image is None:
                     continue

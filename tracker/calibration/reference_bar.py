@@ -18,11 +18,12 @@ from tracker.calibration._self_calibration import Adjustment, chosen_unknowns, s
 from tracker.calibration._start import bar_observations, start_values
 from tracker.calibration._states import nominal_state
 from tracker.calibration._synchronization import check_synchronized, time_offsets
-from tracker.calibration._views import Told, Views
 from tracker.calibration._world import WorldFrame
 from tracker.components import component
 from tracker.errors import CalibrationError
+from tracker.progress import Progress
 from tracker.rig import Rig
+from tracker.views import Views
 
 __all__ = ["BarImages", "ReferenceBarCalibration"]
 
@@ -72,14 +73,14 @@ class ReferenceBarCalibration:
     world: WorldFrame = pydantic.Field(default_factory=WorldFrame)
     """The world frame."""
 
-    def calibrate(self, views: Views, told: Told) -> Calibrated:
+    def calibrate(self, views: Views, progress: Progress) -> Calibrated:
         """Measures the bar in the views and adjusts; see `tracker.calibration.Calibration.calibrate`."""
         self._length()
-        images = measure_bar(views, self, told)
-        told("adjusting", 0, 1)
+        images = measure_bar(views, self, progress)
+        progress("adjusting", 0, 1)
         result = self.calibrate_images(images)
         first = next(iter(views.frames()))
-        told("adjusting", 1, 1)
+        progress("adjusting", 1, 1)
         pictures = {name: image for name, image in zip(views.names, first.images, strict=True) if image is not None}
         return replace(result, pictures=pictures)
 

@@ -16,11 +16,12 @@ from tracker.calibration._calibrated import Calibrated, Measure
 from tracker.calibration._objects import MeasuredPoints
 from tracker.calibration._self_calibration import Adjustment, chosen_unknowns, self_calibrated
 from tracker.calibration._states import nominal_state
-from tracker.calibration._views import Told, Views
 from tracker.calibration._world import read_points
 from tracker.components import FilePath, component
 from tracker.errors import CalibrationError
+from tracker.progress import Progress
 from tracker.rig import Rig
+from tracker.views import Views
 
 __all__ = ["ScenePointsCalibration"]
 
@@ -49,13 +50,13 @@ class ScenePointsCalibration:
     estimated: tuple[Group, ...] = ("camera_constant", "principal_point", "radial")
     """Parameters to determine beside the exterior orientation; those that cannot be are named and held."""
 
-    def calibrate(self, views: Views, told: Told) -> Calibrated:
+    def calibrate(self, views: Views, progress: Progress) -> Calibrated:
         """Reads the points and adjusts; see `tracker.calibration.Calibration.calibrate`."""
         positions, pixels = read_points(self.points, views.names)
-        told("adjusting", 0, 1)
+        progress("adjusting", 0, 1)
         frame = next(iter(views.frames()))
         adjustment = self._adjusted(positions, pixels, views)
-        told("adjusting", 1, 1)
+        progress("adjusting", 1, 1)
         moved = adjustment.state.objects.points - positions
         seen: Mask = np.asarray(np.isfinite(pixels).all(axis=2).any(axis=0))
         rms = 1000 * float(np.sqrt(np.mean(moved[seen] ** 2)))

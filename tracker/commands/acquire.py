@@ -3,36 +3,45 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from tracker.acquire import Acquisition, acquire_model
-from tracker.commands.frames import frame_range
-from tracker.commands.warmup import prepare_kernels
-from tracker.progress import CountedProgress
+from tracker.commands.options import Overrides, done, with_range
+from tracker.commands.terminal import ProgressBar, console
+from tracker.errors import ConfigError
 
-console = Console()
+if TYPE_CHECKING:
+    from tracker.jobs.acquire import AcquireOutcome
 
 
 def acquire(
     config: Annotated[Path, typer.Argument(help="Pairs of front and side silhouettes, or a run's configuration.")],
-    output: Annotated[Path | None, typer.Option(help="Model to write; default models/NAME.toml.")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", help="Override: section.key=value; repeatable.")] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="Model to write, or a result folder; default models/NAME.toml.")
+    ] = None,
+    set_: Overrides = None,
     frames: Annotated[str | None, typer.Option(help="Range A:B of a run's frames to use.")] = None,
 ) -> None:
     """Makes a person's body model: from two silhouettes, or from a run's views while tracking them."""
-    start, stop = (None, None) if frames is None else frame_range(frames)
-    ends = [f"reading.{key}={end}" for key, end in (("start", start), ("stop", stop)) if end is not None]
-    prepare_kernels()
-    with CountedProgress(console) as progress:
-        result = acquire_model(config, output, [*(set_ or []), *ends], progress.told)
-    print_acquisition(console, result)
+    from tracker.config import read_config
+    from tracker.jobs.acquire import acquire_to, acquisition_from
+
+    if output is not None and output.suffix not in ("", ".toml"):
+        raise ConfigError(f"--output {output}: expected a .toml file, or a folder for all results")
+    table = read_config(config, with_range(set_, frames))
+    job = acquisition_from(table, config.name, config.parent, config.stem)
+    if output is not None and not output.suffix:
+        print_acquisition(console, done(job, output))
+        return
+    with ProgressBar() as progress:
+        outcome = acquire_to(job, output or Path("models") / f"{job.model_name}.toml", progress)
+    print_acquisition(console, outcome)
 
 
-def print_acquisition(console: Console, result: Acquisition) -> None:
+def print_acquisition(console: Console, result: AcquireOutcome) -> None:
     """Tables of the bones, the parts and the silhouettes."""
     console.print(_bones(result))
     console.print(_parts(result))
@@ -48,7 +57,7 @@ def print_acquisition(console: Console, result: Acquisition) -> None:
     console.print(f"model {result.model}, picture {result.picture}", highlight=False)
 
 
-def _bones(result: Acquisition) -> Table:
+def _bones(result: AcquireOutcome) -> Table:
     table = Table(title="lengths, mm", title_justify="left")
     for column in ("from - to", "acquired", "sigma", "before"):
         table.add_column(column, justify="left" if column == "from - to" else "right")
@@ -58,7 +67,7 @@ def _bones(result: Acquisition) -> Table:
     return table
 
 
-def _parts(result: Acquisition) -> Table:
+def _parts(result: AcquireOutcome) -> Table:
     table = Table(title="parts, mm", title_justify="left")
     for column in ("part", "residual RMS", "bias", "depth", "width", "length"):
         table.add_column(column, justify="left" if column == "part" else "right")

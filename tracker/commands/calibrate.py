@@ -6,19 +6,15 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
-from tracker.commands.warmup import prepare_kernels
-from tracker.progress import CountedProgress
+from tracker.commands.options import Output, Overrides, done
+from tracker.commands.terminal import console
 
 calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrates cameras: from a bar, a board, or measured points.")
-console = Console()
 
 Kind = Literal["reference_bar", "chessboard", "scene_points"]
 
 Config = Annotated[Path, typer.Argument(help="Configuration, TOML; see configs/calibration/.")]
-Output = Annotated[Path | None, typer.Option(help="Result folder; default results/NAME/TIME.")]
-Overrides = Annotated[list[str] | None, typer.Option("--set", help="Override: section.key=value; repeatable.")]
 
 
 @calibrate_app.command("bar")
@@ -40,13 +36,10 @@ def calibrate_points(config: Config, output: Output = None, set_: Overrides = No
 
 
 def _calibrate(config: Path, kind: Kind, output: Path | None, overrides: list[str] | None) -> None:
-    # figures and detectors take long to import, which `bodytrack --help` need not wait for
-    from tracker.calibrate import calibrate, load_calibration
     from tracker.calibration import report_text
+    from tracker.jobs.calibrate import load_calibration
 
-    run = load_calibration(config, kind, overrides or [])
-    prepare_kernels("calibration")
-    with CountedProgress(console) as progress:
-        result = calibrate(run, output, progress.told)
-    console.print(report_text(run.name, result.calibrated), highlight=False, markup=False)
-    console.print(f"rig: {result.folder / 'rig.toml'}, report: {result.folder / 'report.html'}", highlight=False)
+    job = load_calibration(config, kind, overrides or [])
+    outcome = done(job, output)
+    console.print(report_text(job.name, outcome.calibrated), highlight=False, markup=False)
+    console.print(f"rig: {outcome.folder / 'rig.toml'}, report: {outcome.folder / 'report.html'}", highlight=False)

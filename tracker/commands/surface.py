@@ -2,42 +2,33 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING
 
-import typer
-from rich.console import Console
 from rich.table import Table
 
-from tracker.commands.warmup import prepare_kernels
-from tracker.lsm.surface_run import SurfaceSummary, execute_surface_run, load_surface_run
-from tracker.progress import CountedProgress
-from tracker.run import dated_folder, link_latest
+from tracker.commands.options import Config, Frames, Output, Overrides, done, with_range
+from tracker.commands.terminal import console
 
-console = Console()
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tracker.jobs.surface import SurfaceSummary
 
 
-def measure(
-    config: Annotated[Path, typer.Argument(help="Configuration, TOML.")],
-    output: Annotated[Path | None, typer.Option(help="Result folder; default results/NAME/TIME.")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", help="Override: section.key=value; repeatable.")] = None,
-) -> None:
+def measure(config: Config, output: Output = None, set_: Overrides = None, frames: Frames = None) -> None:
     """Measures the surface that two or more views show: a point cloud with sigmas, pictures, CSV."""
-    run = load_surface_run(config, set_ or [])
-    prepare_kernels("matching")
-    folder = output or dated_folder(run.name)
-    with CountedProgress(console) as progress:
-        summaries = execute_surface_run(run, folder, progress.told)
-    if output is None:
-        link_latest(folder)
-    console.print(_table(run.name, summaries))
-    for summary in summaries:
+    from tracker.jobs import load_job
+
+    job = load_job("surface", config, with_range(set_, frames))
+    outcome = done(job, output)
+    console.print(_table(job.name, outcome.frames))
+    for summary in outcome.frames:
         for warning in summary.warnings:
             console.print(f"[yellow]warning:[/] frame {summary.frame}: {warning}", soft_wrap=True, highlight=False)
-    console.print(f"results in {folder} ({', '.join(summaries[-1].files)}, surface.json)", highlight=False)
+    console.print(f"results in {outcome.folder}: {', '.join(outcome.frames[-1].files)}, surface.json", highlight=False)
 
 
-def _table(name: str, summaries: list[SurfaceSummary]) -> Table:
+def _table(name: str, summaries: Sequence[SurfaceSummary]) -> Table:
     table = Table(title=f"{name}: measured surfaces", title_justify="left")
     for column in ("frame", "seeds", "matches", "covered", "points", "rays RMS px", "s0", "median sigma mm", "s"):
         table.add_column(column, justify="right")

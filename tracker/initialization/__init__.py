@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -13,6 +12,7 @@ from tracker.estimation import Estimation
 from tracker.evidence import Evidence
 from tracker.frame import Frame
 from tracker.objective import Objective
+from tracker.progress import Progress, silent
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.start import Start
@@ -27,7 +27,7 @@ class Stages:
     evidence: Evidence
     estimation: Estimation
     backgrounds: tuple[Image | None, ...]
-    progress: Callable[[str], None] = lambda message: None
+    progress: Progress = silent
     """Told what the search is doing."""
 
     held: tuple[int, ...] = ()

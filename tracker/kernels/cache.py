@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -25,6 +24,7 @@ from tracker.kernels.self_collision import count_collisions
 from tracker.kernels.shadows import MARGIN, without_shadows
 from tracker.kernels.silhouettes import fill_parts
 from tracker.kernels.slopes import strongest_slopes
+from tracker.progress import Progress, silent
 
 _F8, _F4, _I8, _B1 = np.float64, np.float32, np.int64, np.bool_
 _I4, _I2, _U1 = np.int32, np.int16, np.uint8
@@ -123,13 +123,15 @@ def all_cached(group: Group = "tracking") -> bool:
     )
 
 
-def warm_up(told: Callable[[str], None] = lambda name: None, group: Group = "tracking") -> None:
+def warm_up(progress: Progress = silent, group: Group = "tracking") -> None:
     """Compiles or loads every kernel of a group, by calls on empty data of the types the package uses.
 
     Args:
-        told: told the name of the kernel in work.
+        progress: told the kernel in work.
         group: what the kernels are for.
     """
-    for kernel, arguments in _CALLS[group]():
-        told(kernel.__name__.replace("_", " "))
+    calls = _CALLS[group]()
+    for k, (kernel, arguments) in enumerate(calls):
+        progress("compiling kernels once", k, len(calls), kernel.__name__.replace("_", " "))
         kernel(*arguments)
+    progress("compiling kernels once", len(calls), len(calls))

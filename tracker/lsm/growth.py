@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,12 +14,10 @@ from tracker.components import component
 from tracker.kernels.patch_growth import UNTRIED, Grid, Heap, grow, push_all
 from tracker.kernels.patch_matching import MATCHED, N_FOUND
 from tracker.lsm.matching import FAILURES, LeastSquaresMatching, Matches, PatchImage
+from tracker.progress import Progress, silent
 
 _ATTEMPTS_A_CALL = 20_000
 _OUTSIDE_REGION = -2
-
-Told = Callable[[int], None]
-"""Told the number of matched points from time to time."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +143,7 @@ class Growth:
         matching: LeastSquaresMatching,
         images: tuple[PatchImage, PatchImage],
         seeds: Matches,
-        told: Told = lambda n_matched: None,
+        progress: Progress = silent,
         measured: MatchField | None = None,
     ) -> MatchField:
         """Grows from seeds, then closes holes from all directions.
@@ -155,7 +152,7 @@ class Growth:
             matching: finds each point.
             images: template and search image.
             seeds: good matches at cells of the grid.
-            told: of the progress.
+            progress: told the number of matched points from time to time.
             measured: what is matched already and stays so.
         """
         field = measured or MatchField.empty(images[0].size, self.step_px)
@@ -166,18 +163,18 @@ class Growth:
         field = MatchField(self.step_px, field.shape, frozen(found), frozen(ended, np.int64))
         if self.order == "rows" and len(cells):
             _, nearest = cKDTree(field.at[cells]).query(field.at)
-            field = self._spread(matching, images, field, cells[nearest], told)
-        return self.continued(matching, images, field, told)
+            field = self._spread(matching, images, field, cells[nearest], progress)
+        return self.continued(matching, images, field, progress)
 
     def continued(
         self,
         matching: LeastSquaresMatching,
         images: tuple[PatchImage, PatchImage],
         field: MatchField,
-        told: Told = lambda n_matched: None,
+        progress: Progress = silent,
     ) -> MatchField:
         """Measures open cells beside matched ones, from all directions; see `grown`."""
-        return self._spread(matching, images, field, np.full(len(field.ended), -1), told)
+        return self._spread(matching, images, field, np.full(len(field.ended), -1), progress)
 
     def _spread(
         self,
@@ -185,7 +182,7 @@ class Growth:
         images: tuple[PatchImage, PatchImage],
         field: MatchField,
         regions: Integers,
-        told: Told,
+        progress: Progress,
     ) -> MatchField:
         rows, columns = field.shape
         grid: Grid = columns, rows, field.step_px
@@ -201,5 +198,5 @@ class Growth:
         packed, left = (images[0].packed, images[1].packed), 1
         while left:
             left = grow(packed, grid, state, heap, rules, judging, (_ATTEMPTS_A_CALL, self.max_tries))
-            told(int((ended == MATCHED).sum()))
+            progress("points matched", int((ended == MATCHED).sum()), len(ended))
         return MatchField(field.step_px, field.shape, frozen(found), frozen(ended, np.int64))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -22,10 +21,8 @@ from tracker.lsm.matching import LeastSquaresMatching, Matches, PatchImage
 from tracker.lsm.points import SurfacePoints, intersect, voxel_filtered
 from tracker.lsm.seeds import Candidates, Seeds, matched_seeds
 from tracker.lsm.views import Preparation, View
+from tracker.progress import Progress, silent, within
 from tracker.rig import Rig
-
-Told = Callable[[str, int, int], None]
-"""Told what is done, how much of it, and how much there is at most."""
 
 
 @dataclass(frozen=True)
@@ -82,10 +79,19 @@ class SurfaceMeasurement:
     """
 
     preparation: Preparation = pydantic.Field(default_factory=Preparation)
+    """What is done to the images first."""
+
     matching: LeastSquaresMatching = pydantic.Field(default_factory=LeastSquaresMatching)
+    """How a patch is found in another view."""
+
     seeds: Seeds = pydantic.Field(default_factory=Seeds)
+    """Where the first matches are looked for."""
+
     growth: Growth = pydantic.Field(default_factory=Growth)
+    """How matches spread from there."""
+
     neighbourhood: NeighbourhoodFilter = pydantic.Field(default_factory=NeighbourhoodFilter)
+    """Which matches contradict their neighbours."""
 
     def template_of(self, rig: Rig) -> int:
         """Index of the template view.
@@ -104,9 +110,7 @@ class SurfaceMeasurement:
         return rig.names.index(self.template)
 
 
-def measure_surface(
-    measurement: SurfaceMeasurement, frame: Frame, rig: Rig, told: Told = lambda what, done, total: None
-) -> Surface:
+def measure_surface(measurement: SurfaceMeasurement, frame: Frame, rig: Rig, progress: Progress = silent) -> Surface:
     """Measures the surface that the views of a frame show.
 
     Prepare the images; per search image: seeds, growth, neighbourhood filter, re-measurement; then merge,
@@ -116,7 +120,7 @@ def measure_surface(
         measurement: its parameters.
         frame: images of all cameras of the rig.
         rig: the cameras.
-        told: of the progress.
+        progress: told how far it is.
 
     Raises:
         SequenceError: a view has no image.
@@ -124,16 +128,16 @@ def measure_surface(
         ConfigError: the parameters do not fit the rig.
     """
     template = measurement.template_of(rig)
-    told("preparing the images", 0, 1)
+    progress("preparing the images", 0, 1)
     views = measurement.preparation.views(frame, rig)
     images = tuple(tuple(map(measurement.matching.prepared, view.greys)) for view in views)
-    told("preparing the images", 1, 1)
+    progress("preparing the images", 1, 1)
     fields: list[MatchField | None] = [None] * len(views)
     attempts: list[Attempt | None] = [None] * len(views)
     for v in range(len(views)):
         if v != template:
             pairs = tuple(zip(images[template], images[v], strict=True))
-            fields[v], attempts[v] = _matched(measurement, (views[template], views[v]), pairs, told)
+            fields[v], attempts[v] = _matched(measurement, (views[template], views[v]), pairs, progress)
     cameras = tuple(view.camera for view in views)
     min_views = measurement.min_views or len(views)
     points = intersect(cameras, template, fields, min_views, measurement.max_residual_px)
@@ -153,13 +157,13 @@ _Pairs = tuple[tuple[PatchImage, PatchImage], ...]
 
 
 def _matched(
-    measurement: SurfaceMeasurement, views: tuple[View, View], pairs: _Pairs, told: Told
+    measurement: SurfaceMeasurement, views: tuple[View, View], pairs: _Pairs, progress: Progress
 ) -> tuple[MatchField, Attempt]:
     """Seeds, growth and neighbourhood filter for one search image."""
     growth, neighbourhood = measurement.growth, measurement.neighbourhood
     label = f"{views[0].camera.name} - {views[1].camera.name}"
-    n_cells = len(MatchField.empty(pairs[0][0].size, growth.step_px).ended)
-    told(f"{label}: seeds", 0, n_cells)
+    progress = within(progress, label)
+    progress("seeds", 0, len(MatchField.empty(pairs[0][0].size, growth.step_px).ended))
     cameras = views[0].camera, views[1].camera
     candidates = measurement.seeds.candidates((views[0].grey8, views[1].grey8), cameras)
     seeds, faults = _seeds(measurement, candidates, pairs)
@@ -171,15 +175,11 @@ def _matched(
         )
     field = MatchField.empty(pairs[0][0].size, growth.step_px)
     for own, images in zip(seeds, pairs, strict=True):
-        field = growth.grown(
-            measurement.matching, images, own, lambda n: told(f"{label}: points matched", n, n_cells), field
-        )
+        field = growth.grown(measurement.matching, images, own, progress, field)
     for _ in range(neighbourhood.rounds):
         field = field.without(neighbourhood.doubtful(field))
         for images in pairs:
-            field = growth.continued(
-                measurement.matching, images, field, lambda n: told(f"{label}: points matched again", n, n_cells)
-            )
+            field = growth.continued(measurement.matching, images, field, within(progress, "again"))
     field = field.without(neighbourhood.doubtful(field))
     if measurement.correct_curvature:
         field = corrected_for_curvature(field, where_consistent=measurement.correct_curvature == "auto")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tracker.files import write_whole
 from tracker.lsm.points import SurfacePoints
 
 _COLUMNS = ("x", "y", "z", "sigma_x", "sigma_y", "sigma_z", "sigma", "residual_px", "red", "green", "blue")
@@ -25,7 +26,7 @@ def write_ply(surface: SurfacePoints, path: Path) -> None:
     kinds = {"<f4": "float", "u1": "uchar"}
     header = ["ply", "format binary_little_endian 1.0", "comment metres; sigma: point error, metres"]
     header += [f"element vertex {len(surface)}", *(f"property {kinds[kind]} {name}" for name, kind in fields)]
-    _replaced(path, ("\n".join([*header, "end_header"]) + "\n").encode("ascii") + vertices.tobytes())
+    write_whole(path, ("\n".join([*header, "end_header"]) + "\n").encode("ascii") + vertices.tobytes())
 
 
 def write_csv(surface: SurfacePoints, views: Sequence[str], path: Path) -> None:
@@ -39,10 +40,4 @@ def write_csv(surface: SurfacePoints, views: Sequence[str], path: Path) -> None:
         metres = [f"{value:.7f}" for value in row[:7]]
         places = ["" if value != value else f"{value:.3f}" for value in seen]
         lines.append(",".join([*metres, f"{row[7]:.4f}", *map(str, colour), *places]))
-    _replaced(path, ("\n".join(lines) + "\n").encode("utf-8"))
-
-
-def _replaced(path: Path, content: bytes) -> None:
-    unfinished = path.with_name(path.name + ".part")
-    unfinished.write_bytes(content)
-    unfinished.replace(path)
+    write_whole(path, ("\n".join(lines) + "\n").encode("utf-8"))

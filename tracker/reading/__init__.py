@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 from tracker.arrays import Image
 from tracker.frame import Frame
 from tracker.rig import Rig
+from tracker.views import Views
 
 
 @runtime_checkable
@@ -54,5 +55,13 @@ class Reading(Protocol):
         Raises:
             SequenceError: files are missing, corrupt or do not belong together.
             CalibrationError: the rig cannot be right or does not fit the images.
+        """
+        ...
+
+    def open_uncalibrated(self) -> Views:
+        """Opens the views of cameras that are to be calibrated: no rig is needed, `views` names them.
+
+        Raises:
+            SequenceError: files are missing, corrupt or do not belong together.
         """
         ...

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import cv2
 import numpy as np
 
 from tracker.arrays import Image, frozen
-from tracker.errors import CalibrationError, SequenceError, nearest
+from tracker.errors import CalibrationError, SequenceError
 from tracker.frame import Frame
 from tracker.imaging.plate_alignment import LEAST_INLIERS, aligned
+from tracker.reading._selection import OnMissing, Selection, chosen_offsets, common_length, selected, view_paths
 from tracker.rig import Rig
-from tracker.rig_layouts import load_rig
 
-OnMissing = Literal["error", "skip"]
 _View = TypeVar("_View")
 
 
@@ -59,8 +58,8 @@ class Settings(Protocol):
 class Recording:
     """What a reading component has found on disk."""
 
-    rig: Rig
-    """The cameras of the images as on disk."""
+    names: tuple[str, ...]
+    """The views in order."""
 
     fps: float
     lengths: tuple[int, ...]
@@ -99,36 +98,24 @@ def opened_views(names: tuple[str, ...], opened: Callable[[str], _View], on_miss
 
 
 @dataclass(frozen=True)
-class Selection:
-    """Which frames of a recording are delivered."""
+class OpenViews:
+    """Opened views of cameras that need no calibration; see `tracker.views.Views`."""
 
-    start: int
-    stop: int
-    stride: int
-
-    @property
-    def indices(self) -> range:
-        """Frame numbers in order."""
-        return range(self.start, self.stop, self.stride)
-
-
-@dataclass(frozen=True)
-class OpenSequence:
-    """An opened recording; see `tracker.reading.Sequence`."""
-
-    rig: Rig
-    """The cameras of the images as delivered (after downscaling)."""
-
+    names: tuple[str, ...]
     source_sizes: tuple[tuple[int, int], ...]
     """Image sizes as on disk, px."""
 
     fps: float
     selection: Selection
-    backgrounds: tuple[Image | None, ...]
     offsets: tuple[int, ...]
     downscale: int
     on_missing: OnMissing
     open_views: Callable[[], tuple[View, ...]]
+
+    @property
+    def sizes(self) -> tuple[tuple[int, int], ...]:
+        """Image widths and heights as delivered, px."""
+        return tuple((width // self.downscale, height // self.downscale) for width, height in self.source_sizes)
 
     @property
     def n_frames(self) -> int:
@@ -157,7 +144,7 @@ class OpenSequence:
                 yield Frame(index, index / self.fps, images)
 
     def _read(self, v: int, view: View, index: int) -> Image | None:
-        name = self.rig.names[v]
+        name = self.names[v]
         try:
             number = index + self.offsets[v]
             image = view.read(number) if number >= 0 else None
@@ -174,6 +161,16 @@ class OpenSequence:
             )
         check_size(name, image, self.source_sizes[v])
         return downscaled(image, self.downscale)
+
+
+@dataclass(frozen=True)
+class OpenSequence(OpenViews):
+    """An opened recording; see `tracker.reading.Sequence`."""
+
+    rig: Rig
+    """The cameras of the images as delivered (after downscaling)."""
+
+    backgrounds: tuple[Image | None, ...]
 
 
 def check_size(name: str, image: Image, expected: tuple[int, int]) -> None:
@@ -205,62 +202,55 @@ def downscaled(image: Image, factor: int) -> Image:
     return smaller
 
 
-def opened(settings: Settings, recording: Recording) -> OpenSequence:
+def opened(settings: Settings, recording: Recording, rig: Rig) -> OpenSequence:
     """The sequence that the settings choose from a recording.
 
     Raises:
         SequenceError: lengths, range or backgrounds do not fit.
     """
-    rig, downscale = recording.rig, settings.downscale
-    offsets = chosen_offsets(rig, settings.offsets)
-    length = common_length(rig, recording.lengths, offsets, settings.on_missing, settings.stop)
-    sizes = tuple(camera.size for camera in rig.cameras)
-    selection = selected(settings.start, settings.stop, settings.stride, length)
-    firsts: tuple[Image | None, ...] | None = None
-    if settings.align_background:
-        firsts = tuple(
-            view.read(max(selection.start + offset, 0))
-            for view, offset in zip(recording.open_views(), offsets, strict=True)
-        )
+    views = _chosen_views(settings, recording, tuple(camera.size for camera in rig.cameras))
+    firsts = _first_images(views) if settings.align_background else None
     return OpenSequence(
-        rig=rig if downscale == 1 else rig.downscaled(downscale),
+        **vars(views),
+        rig=rig if settings.downscale == 1 else rig.downscaled(settings.downscale),
+        backgrounds=load_backgrounds(rig, settings.background, settings.downscale, recording.plate_of_clip, firsts),
+    )
+
+
+def opened_uncalibrated(settings: Settings, recording: Recording) -> OpenViews:
+    """The views that the settings choose from a recording of cameras without a calibration.
+
+    Raises:
+        SequenceError: lengths or range do not fit, or a view lacks the first image, which tells its size.
+    """
+    views = _chosen_views(settings, recording, ())
+    sizes = []
+    for name, image in zip(views.names, _first_images(views), strict=True):
+        if image is None:
+            raise SequenceError(f'view "{name}": no image for the first frame, {views.selection.start}: mend start')
+        sizes.append((image.shape[1], image.shape[0]))
+    return replace(views, source_sizes=tuple(sizes))
+
+
+def _chosen_views(settings: Settings, recording: Recording, sizes: tuple[tuple[int, int], ...]) -> OpenViews:
+    offsets = chosen_offsets(recording.names, settings.offsets)
+    length = common_length(recording.names, recording.lengths, offsets, settings.on_missing, settings.stop)
+    return OpenViews(
+        names=recording.names,
         source_sizes=sizes,
         fps=recording.fps,
-        selection=selection,
-        backgrounds=load_backgrounds(rig, settings.background, downscale, recording.plate_of_clip, firsts),
+        selection=selected(settings.start, settings.stop, settings.stride, length),
         offsets=offsets,
-        downscale=downscale,
+        downscale=settings.downscale,
         on_missing=settings.on_missing,
         open_views=recording.open_views,
     )
 
 
-def chosen_rig(path: Path, views: tuple[str, ...]) -> Rig:
-    """The rig of a file, restricted to the named views in their order."""
-    return load_rig(path, views)
-
-
-def chosen_offsets(rig: Rig, offsets: dict[str, int]) -> tuple[int, ...]:
-    """Frame offsets in the rig's order.
-
-    Raises:
-        SequenceError: an offset for a view that is not there.
-    """
-    for name in offsets:
-        if name not in rig.names:
-            raise SequenceError(f'offsets: no view "{name}"; {nearest(name, rig.names)}')
-    return tuple(offsets.get(name, 0) for name in rig.names)
-
-
-def view_paths(pattern: str, rig: Rig) -> tuple[Path, ...]:
-    """The path of every view.
-
-    Raises:
-        SequenceError: the pattern gives all views the same path.
-    """
-    if "{view}" not in pattern and len(rig) > 1:
-        raise SequenceError(f'"{pattern}": no {{view}} in it, so all {len(rig)} views would show the same')
-    return tuple(Path(pattern.replace("{view}", name)) for name in rig.names)
+def _first_images(views: OpenViews) -> tuple[Image | None, ...]:
+    """An image of each view as on disk: that of the first frame."""
+    opened = zip(views.open_views(), views.offsets, strict=True)
+    return tuple(view.read(max(views.selection.start + offset, 0)) for view, offset in opened)
 
 
 def read_image(path: Path) -> Image | None:
@@ -272,37 +262,6 @@ def read_image(path: Path) -> Image | None:
         return None
     image: Image | None = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)
     return image
-
-
-def common_length(
-    rig: Rig, lengths: tuple[int, ...], offsets: tuple[int, ...], on_missing: OnMissing, stop: int | None
-) -> int:
-    """Number of frames that all views have; the longest view's where views may be missing or end after `stop`.
-
-    Raises:
-        SequenceError: the views have different numbers of frames, some too few, and none may be missing.
-    """
-    usable = [length - offset for length, offset in zip(lengths, offsets, strict=True)]
-    enough = stop is not None and stop <= min(usable)
-    if on_missing == "error" and len(set(usable)) > 1 and not enough:
-        table = ", ".join(f"{name} {length}" for name, length in zip(rig.names, usable, strict=True))
-        raise SequenceError(
-            f"the views have different numbers of frames ({table}): give offsets or stop, or set "
-            'on_missing = "skip" to leave a view out of the frames it lacks'
-        )
-    return max(usable)
-
-
-def selected(start: int, stop: int | None, stride: int, length: int) -> Selection:
-    """The range of frames, checked against the recording's length.
-
-    Raises:
-        SequenceError: the range is empty or ends beyond the recording.
-    """
-    end = length if stop is None else stop
-    if not 0 <= start < end <= length:
-        raise SequenceError(f"frames {start} to {end} asked for, the recording has {length}: mend start and stop")
-    return Selection(start, end, stride)
 
 
 def load_backgrounds(
@@ -327,7 +286,7 @@ def load_backgrounds(
     if pattern is None:
         return (None,) * len(rig)
     plates: list[Image | None] = []
-    for v, (camera, path) in enumerate(zip(rig.cameras, view_paths(pattern, rig), strict=True)):
+    for v, (camera, path) in enumerate(zip(rig.cameras, view_paths(pattern, rig.names), strict=True)):
         plate = _read_plate(camera.name, path, clip)
         if fit_to is not None:
             plate = _fitted_plate(camera.name, plate, path, fit_to[v])

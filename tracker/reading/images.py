@@ -11,15 +11,15 @@ import pydantic
 from tracker.arrays import Image
 from tracker.components import FilePath, PathPattern, component
 from tracker.errors import SequenceError
+from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
 from tracker.reading._sequence import (
-    OnMissing,
     OpenSequence,
+    OpenViews,
     Recording,
-    chosen_rig,
     opened,
+    opened_uncalibrated,
     opened_views,
     read_image,
-    view_paths,
 )
 from tracker.reading.video import plate_of_clip
 
@@ -31,8 +31,8 @@ class ImageReading:
     path: PathPattern
     """Image files, for instance `images/{view}/{frame}.png`; numbers need not start at 0."""
 
-    rig: FilePath
-    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads."""
+    rig: FilePath | None = None
+    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads; none in a calibration job."""
 
     fps: float = pydantic.Field(gt=0)
     """Frames per second."""
@@ -68,13 +68,20 @@ class ImageReading:
     def open(self) -> OpenSequence:
         """Opens all views; see `tracker.reading.Reading.open`."""
         rig = chosen_rig(self.rig, self.views)
-        paths = dict(zip(rig.names, view_paths(self.path, rig), strict=True))
-        found = opened_views(rig.names, lambda name: numbered_files(name, paths[name]), self.on_missing)
+        return opened(self, self._recording(rig.names), rig)
+
+    def open_uncalibrated(self) -> OpenViews:
+        """Opens all views; see `tracker.reading.Reading.open_uncalibrated`."""
+        return opened_uncalibrated(self, self._recording(chosen_names(self.views)))
+
+    def _recording(self, names: tuple[str, ...]) -> Recording:
+        paths = dict(zip(names, view_paths(self.path, names), strict=True))
+        found = opened_views(names, lambda name: numbered_files(name, paths[name]), self.on_missing)
         # one origin for all views: one that lacks its first images must not be shifted against the others
         first = min(min(numbered) for numbered in found if numbered)
         views = tuple(_ImageView(numbered or {}, first) for numbered in found)
         lengths = tuple(max(view.files, default=first - 1) - first + 1 for view in views)
-        return opened(self, Recording(rig, self.fps, lengths, lambda: views, plate_of_clip))
+        return Recording(names, self.fps, lengths, lambda: views, plate_of_clip)
 
 
 def numbered_files(name: str, pattern: Path) -> dict[int, Path]:

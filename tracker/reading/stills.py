@@ -10,15 +10,15 @@ import pydantic
 from tracker.arrays import Image
 from tracker.components import FilePath, PathPattern, component
 from tracker.errors import SequenceError
+from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
 from tracker.reading._sequence import (
-    OnMissing,
     OpenSequence,
+    OpenViews,
     Recording,
-    chosen_rig,
     opened,
+    opened_uncalibrated,
     opened_views,
     read_image,
-    view_paths,
 )
 from tracker.reading.video import plate_of_clip
 
@@ -30,8 +30,8 @@ class StillReading:
     path: PathPattern
     """Image files, for instance `images/{view}.png`; `{view}` stands for the camera's name."""
 
-    rig: FilePath
-    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads."""
+    rig: FilePath | None = None
+    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads; none in a calibration job."""
 
     views: tuple[str, ...] = ()
     """Cameras to use, in this order; empty for all of the rig."""
@@ -45,10 +45,20 @@ class StillReading:
     def open(self) -> OpenSequence:
         """Opens all views; see `tracker.reading.Reading.open`."""
         rig = chosen_rig(self.rig, self.views)
-        paths = dict(zip(rig.names, view_paths(self.path, rig), strict=True))
-        views = tuple(view for view in opened_views(rig.names, lambda name: _still(name, paths[name]), "error") if view)
-        settings = _OneFrame(self.background, self.downscale)
-        return opened(settings, Recording(rig, 1.0, (1,) * len(rig), lambda: views, plate_of_clip))
+        return opened(self._settings, self._recording(rig.names), rig)
+
+    def open_uncalibrated(self) -> OpenViews:
+        """Opens all views; see `tracker.reading.Reading.open_uncalibrated`."""
+        return opened_uncalibrated(self._settings, self._recording(chosen_names(self.views)))
+
+    @property
+    def _settings(self) -> _OneFrame:
+        return _OneFrame(self.background, self.downscale)
+
+    def _recording(self, names: tuple[str, ...]) -> Recording:
+        paths = dict(zip(names, view_paths(self.path, names), strict=True))
+        views = tuple(view for view in opened_views(names, lambda name: _still(name, paths[name]), "error") if view)
+        return Recording(names, 1.0, (1,) * len(names), lambda: views, plate_of_clip)
 
 
 def _still(name: str, path: Path) -> _Still:

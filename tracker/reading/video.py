@@ -11,16 +11,16 @@ import pydantic
 from tracker.arrays import Image
 from tracker.components import FilePath, PathPattern, component
 from tracker.errors import SequenceError
+from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
 from tracker.reading._sequence import (
     AbsentView,
-    OnMissing,
     OpenSequence,
+    OpenViews,
     Recording,
     View,
-    chosen_rig,
     opened,
+    opened_uncalibrated,
     opened_views,
-    view_paths,
 )
 
 # Frames of a background clip that its median is taken over.
@@ -34,8 +34,8 @@ class VideoReading:
     path: PathPattern
     """Video files, for instance `videos/{view}.mp4`."""
 
-    rig: FilePath
-    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads."""
+    rig: FilePath | None = None
+    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads; none in a calibration job."""
 
     views: tuple[str, ...] = ()
     """Cameras to use, in this order; empty for all of the rig."""
@@ -71,16 +71,23 @@ class VideoReading:
     def open(self) -> OpenSequence:
         """Opens all views; see `tracker.reading.Reading.open`."""
         rig = chosen_rig(self.rig, self.views)
-        paths = dict(zip(rig.names, view_paths(self.path, rig), strict=True))
-        headers = opened_views(rig.names, lambda name: _header(paths[name], name, self.on_missing), self.on_missing)
-        rates = [(name, header[1]) for name, header in zip(rig.names, headers, strict=True) if header]
+        return opened(self, self._recording(rig.names), rig)
+
+    def open_uncalibrated(self) -> OpenViews:
+        """Opens all views; see `tracker.reading.Reading.open_uncalibrated`."""
+        return opened_uncalibrated(self, self._recording(chosen_names(self.views)))
+
+    def _recording(self, names: tuple[str, ...]) -> Recording:
+        paths = dict(zip(names, view_paths(self.path, names), strict=True))
+        headers = opened_views(names, lambda name: _header(paths[name], name, self.on_missing), self.on_missing)
+        rates = [(name, header[1]) for name, header in zip(names, headers, strict=True) if header]
 
         def views() -> tuple[View, ...]:
             files = zip(paths.values(), headers, strict=True)
             return tuple(VideoView(path) if header else AbsentView() for path, header in files)
 
         lengths = tuple(header[0] if header else 0 for header in headers)
-        return opened(self, Recording(rig, self.fps or _common_fps(rates), lengths, views, plate_of_clip))
+        return Recording(names, self.fps or _common_fps(rates), lengths, views, plate_of_clip)
 
 
 class VideoView(View):

@@ -13,6 +13,7 @@ from tracker.arrays import Array
 from tracker.components import component
 from tracker.errors import SequenceError
 from tracker.estimate import Estimate, Status
+from tracker.files import write_whole
 from tracker.recording import RunContext
 from tracker.trajectory import Replay, Step
 
@@ -29,9 +30,7 @@ class Journal:
         path = run.folder / FILE
         if run.resumed:
             lines = path.read_text(encoding="utf-8").splitlines()[: len(run.resumed)]
-            unfinished = path.with_suffix(".part")
-            unfinished.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
-            unfinished.replace(path)
+            write_whole(path, "".join(f"{line}\n" for line in lines))
         return JournalRecorder(path, run.resumed)
 
 

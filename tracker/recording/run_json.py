@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from tracker.components import component
+from tracker.files import write_json
 from tracker.recording import RunContext
 from tracker.recording._series import Series
 from tracker.scene import Person
@@ -51,9 +51,7 @@ class RunJsonRecorder:
             **self._run.details,
         }
         path = self._run.folder / "run.json"
-        unfinished = path.with_suffix(".json.part")
-        unfinished.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        unfinished.replace(path)
+        write_json(path, content)
         return path
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from tracker.camera import Camera
 from tracker.components import available, find
 from tracker.errors import CalibrationError, ConfigError, nearest
+from tracker.files import write_whole
 from tracker.rig import Rig
 
 _FARTHEST_M = 200.0
@@ -161,9 +162,7 @@ def save_rig(rig: Rig, path: Path, layout: str | None = None) -> None:
     for name, content in chosen.contents(rig).items():
         file = path / name if name else path
         file.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = file.with_name(file.name + ".part")
-        unfinished.write_bytes(content)
-        unfinished.replace(file)
+        write_whole(file, content)
 
 
 def _layout(use: str) -> Layout:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from fractions import Fraction
@@ -20,6 +20,7 @@ from tracker.arrays import Array, Image
 from tracker.body_files import load_body
 from tracker.errors import SequenceError
 from tracker.frame import Frame
+from tracker.progress import Progress, silent
 from tracker.resources import model_path
 from tracker.rig_layouts import save_rig
 from tracker.scene import Person, Scene
@@ -128,9 +129,7 @@ def _sensed(picture: Image, recipe: Recipe, key: tuple[int, int]) -> Image:
     return picture
 
 
-def write_sequence(
-    recipe: Recipe, folder: Path, progress: Callable[[int, int], None] = lambda done, total: None
-) -> Path:
+def write_sequence(recipe: Recipe, folder: Path, progress: Progress = silent) -> Path:
     """Writes a recording to a folder, complete or not at all.
 
     The folder holds `{view}.mp4`, `background/{view}.png`, `rig.toml`, `model.toml`, `truth_poses.csv`,
@@ -139,7 +138,7 @@ def write_sequence(
     Args:
         recipe: what to simulate.
         folder: must not exist, or be empty.
-        progress: told the number of frames done and of all.
+        progress: told how far it is.
 
     Returns:
         The path of `config.toml`.
@@ -174,7 +173,7 @@ def _write_plates(simulation: Simulation, folder: Path) -> None:
         cv2.imwrite(str(folder / f"{name}.png"), _sensed(plate, simulation.recipe, (1_000_000, v)))
 
 
-def _write_videos(simulation: Simulation, folder: Path, progress: Callable[[int, int], None]) -> None:
+def _write_videos(simulation: Simulation, folder: Path, progress: Progress) -> None:
     recipe, total = simulation.recipe, len(simulation.recipe.times)
     containers = [av.open(str(folder / f"{name}.mp4"), "w") for name in simulation.scene.rig.names]
     streams = []
@@ -188,7 +187,7 @@ def _write_videos(simulation: Simulation, folder: Path, progress: Callable[[int,
             for container, stream, image in zip(containers, streams, frame.images, strict=True):
                 if image is not None:
                     container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
-            progress(frame.index + 1, total)
+            progress("simulating", frame.index + 1, total)
         for container, stream in zip(containers, streams, strict=True):
             container.mux(stream.encode(None))
     finally:

@@ -1,19 +1,16 @@
-"""What a calibration is made from: synchronized views without a rig yet."""
+"""Synchronized views of cameras that have no calibration yet."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Protocol, runtime_checkable
 
 from tracker.frame import Frame
 
-Told = Callable[[str, int, int], None]
-"""Told what is being done, how much of it is done, and how much there is."""
-
 
 @runtime_checkable
 class Views(Protocol):
-    """Synchronized images of cameras that are not calibrated."""
+    """Opened views: what a calibration is made from."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -31,5 +28,5 @@ class Views(Protocol):
         ...
 
     def frames(self) -> Iterator[Frame]:
-        """All frames in order; it can be asked for more than once."""
+        """All frames of the chosen range in order; it can be asked for more than once."""
         ...

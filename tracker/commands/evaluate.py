@@ -1,0 +1,71 @@
+"""`bodytrack evaluate`, and the table of errors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from tracker.commands.terminal import console
+
+if TYPE_CHECKING:
+    from tracker.evaluation.comparison import Evaluation, PersonErrors
+
+
+def evaluate(
+    result: Annotated[Path, typer.Argument(help="Result folder of a run.")],
+    truth: Annotated[Path, typer.Option(help="Table of true joints, or the folder it is in.")],
+) -> None:
+    """Compares a result with a truth: joint distances, angles, silhouettes; writes evaluation.json and .png."""
+    from tracker.evaluation.comparison import error_figure
+    from tracker.evaluation.comparison import evaluate as compared
+    from tracker.files import replacing, write_json
+
+    evaluation = compared(result, truth)
+    write_json(result / "evaluation.json", evaluation.as_dict())
+    with replacing(result / "evaluation.png") as picture:
+        error_figure(evaluation).savefig(picture, dpi=110)
+    print_evaluation(evaluation)
+
+
+def print_evaluation(evaluation: Evaluation) -> None:
+    """A table of the errors of each person, and the silhouettes' overlap."""
+    table = Table(title="errors against the truth", title_justify="left")
+    table.add_column("")
+    for person in evaluation.persons:
+        table.add_column(person.person, justify="right")
+    rows: list[tuple[str, list[str]]] = [
+        ("frames compared", [str(p.n_frames - p.n_missing) for p in evaluation.persons]),
+        ("frames lost", [str(p.n_missing) for p in evaluation.persons]),
+        ("joint distance, mean", [f"{p.mean_mm:.1f} mm" for p in evaluation.persons]),
+        ("joint distance, median", [f"{p.median_mm:.1f} mm" for p in evaluation.persons]),
+        ("joint distance, 95 %", [f"{p.p95_mm:.1f} mm" for p in evaluation.persons]),
+        ("mean, joint offsets removed", [f"{p.mean_offset_removed_mm:.1f} mm" for p in evaluation.persons]),
+    ]
+    if any(person.parameters for person in evaluation.persons):
+        rows.append(("joint angles, RMS", [f"{p.angles_rms_deg:.2f} deg" for p in evaluation.persons]))
+    for hinge in evaluation.persons[0].hinges_deg:
+        rows.append(
+            (f"{hinge.replace('_', ' ')}, RMS (offset removed)", [_hinge(p, hinge) for p in evaluation.persons])
+        )
+    for joint, _ in sorted(evaluation.persons[0].joints_mm.items()):
+        rows.append((f"{joint.replace('_', ' ')} (offset removed)", [_joint(p, joint) for p in evaluation.persons]))
+    for name, values in rows:
+        table.add_row(name, *values)
+    console.print(table)
+    if evaluation.silhouette_iou:
+        views = ", ".join(f"{view} {value:.3f}" for view, value in evaluation.silhouette_iou.items())
+        mean = sum(evaluation.silhouette_iou.values()) / len(evaluation.silhouette_iou)
+        console.print(f"silhouette IoU {mean:.3f} ({views})", highlight=False)
+
+
+def _hinge(person: PersonErrors, hinge: str) -> str:
+    raw, removed = person.hinges_deg.get(hinge, (float("nan"),) * 2)
+    return f"{raw:.2f} deg ({removed:.2f})"
+
+
+def _joint(person: PersonErrors, joint: str) -> str:
+    raw, removed = person.joints_mm.get(joint, (float("nan"),) * 2)
+    return f"{raw:.1f} mm ({removed:.1f})"

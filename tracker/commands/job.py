@@ -1,0 +1,49 @@
+"""A command for every job that has none of its own: the file in `tracker/jobs/` is all that it needs."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import pkgutil
+from collections.abc import Callable
+from pathlib import Path
+
+import typer
+
+from tracker.commands.options import Config, Frames, Output, Overrides, done, with_range
+from tracker.commands.terminal import console
+
+_JOBS = Path(__file__).parents[1] / "jobs"
+_WITH_A_COMMAND = {"track": "run", "calibrate": "calibrate", "acquire": "acquire", "surface": "surface", "demo": "demo"}
+"""Jobs whose command has options or a report of its own, and what it is called."""
+
+_PART_OF_ANOTHER = {"acquire_from_pictures"}
+"""Jobs that another one's command chooses."""
+
+
+def add_jobs(app: typer.Typer) -> None:
+    """Adds `bodytrack NAME config.toml` for each job without a command of its own."""
+    names = [module.name for module in pkgutil.iter_modules([str(_JOBS)]) if not module.name.startswith("_")]
+    for name in sorted({*names} - {*_WITH_A_COMMAND} - _PART_OF_ANOTHER):
+        # the source is read, not imported: what computes takes long to load
+        source = (_JOBS / f"{name}.py").read_text(encoding="utf-8")
+        app.command(name.replace("_", "-"), help=ast.get_docstring(ast.parse(source)))(_command(name))
+
+
+def _command(use: str) -> Callable[..., None]:
+    def command(
+        config: Config,
+        output: Output = None,
+        set_: Overrides = None,
+        frames: Frames = None,
+        resume: bool = typer.Option(False, help="Continue an interrupted one in --output, or the latest one."),
+    ) -> None:
+        from tracker.jobs import load_job
+
+        outcome = done(load_job(use, config, with_range(set_, frames)), output, resume)
+        for field in dataclasses.fields(outcome):
+            value = getattr(outcome, field.name)
+            if isinstance(value, (str, int, float, Path)):
+                console.print(f"{field.name.replace('_', ' ')}: {value}", highlight=False)
+
+    return command

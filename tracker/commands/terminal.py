@@ -1,0 +1,57 @@
+"""The terminal: where messages go, and how progress is shown."""
+
+from __future__ import annotations
+
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+
+console = Console()
+
+
+class ProgressBar:
+    """A bar for each thing that is counted; a `tracker.progress.Progress`.
+
+    A message is a line of its own before anything is counted, and stands beside the bar meanwhile.
+    """
+
+    def __init__(self, shown_on: Console = console) -> None:
+        self._console = shown_on
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[detail]}"),
+            TimeElapsedColumn(),
+            console=shown_on,
+        )
+        self._task: TaskID | None = None
+
+    def __enter__(self) -> ProgressBar:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def __call__(self, what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
+        """Shows how far a step is; one that begins again gets a bar of its own."""
+        if total == 0:
+            self._message(what)
+            return
+        task = None if self._task is None else self._bar.tasks[self._task]
+        if self._task is None or task is None or task.description != what or done < task.completed:
+            if self._task is not None:
+                self._bar.stop_task(self._task)
+            self._task = self._bar.add_task(what, total=total, detail=detail)
+        self._bar.update(self._task, completed=done, total=total, detail=detail)
+
+    def _message(self, text: str) -> None:
+        task = None if self._task is None else self._bar.tasks[self._task]
+        if self._task is None or task is None or task.finished:
+            self._console.print(text, highlight=False, markup=False)
+        else:
+            self._bar.update(self._task, detail=text)

@@ -1,0 +1,185 @@
+"""Jobs: what a configuration describes, and its execution into a folder; one file a job."""
+
+from __future__ import annotations
+
+import logging
+import platform
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+import tomli_w
+
+from tracker.components import available, find
+from tracker.config import Table, build_class, component_name, described_fields, read_config
+from tracker.errors import ConfigError, nearest
+from tracker.files import write_whole
+from tracker.jobs._folder import CONFIG, ResultFolder, check_output, interrupted_folder, link_latest, logged
+from tracker.jobs._folder import result_folder as _result_folder
+from tracker.kernels.cache import Group, all_cached, warm_up
+from tracker.progress import Progress, silent
+
+__all__ = ["Job", "ResultFolder", "described", "execute", "job_from", "link_latest", "load_job", "versions"]
+
+log = logging.getLogger("tracker")
+
+
+@runtime_checkable
+class Job(Protocol):
+    """A component whose fields are the sections of its configuration."""
+
+    kernels: ClassVar[Group | None]
+    """The kernels that it needs, compiled before the folder is made."""
+
+    resumable: ClassVar[bool]
+    """Whether an interrupted one can be continued."""
+
+    @property
+    def name(self) -> str:
+        """Of the results."""
+        ...
+
+    def open(self, earlier: Path | None = None) -> Any:
+        """Opens and checks all inputs; takes seconds at most.
+
+        Args:
+            earlier: result folder of an interrupted job that is continued.
+
+        Returns:
+            What `execute` needs of them.
+
+        Raises:
+            TrackerError: an input cannot be used.
+        """
+        ...
+
+    def execute(self, opened: Any, folder: ResultFolder, progress: Progress) -> Any:
+        """Computes and writes the results.
+
+        Args:
+            opened: what `open` has returned.
+            folder: where they go; `keep()` is called with the first one.
+            progress: told how far it is.
+
+        Returns:
+            What was found, in numbers.
+
+        Raises:
+            TrackerError: what was computed before it stays.
+        """
+        ...
+
+
+def load_job(use: str, path: Path, overrides: Sequence[str] = ()) -> Any:
+    """Reads the configuration of a job.
+
+    Args:
+        use: the job, a file in `tracker/jobs/`.
+        path: TOML file; relative paths in it start at its folder.
+        overrides: `section.key=value`.
+
+    Raises:
+        ConfigError: names file, section, key and the nearest valid one.
+    """
+    return job_from(use, read_config(path, overrides), path.name, path.parent, path.stem)
+
+
+def job_from(use: str, table: Table, source: str, folder: Path, name: str) -> Any:
+    """A job from the content of its configuration.
+
+    Args:
+        use: the job.
+        table: its sections; `job`, if it is there, must be the same.
+        source: of the table, for messages.
+        folder: where relative paths start.
+        name: of the job if the table has none.
+
+    Raises:
+        ConfigError: names section, key and the nearest valid one.
+    """
+    told = table.get("job", use)
+    if told not in available("jobs"):
+        raise ConfigError(f'{source}: job = "{told}": no such job; {nearest(str(told), available("jobs"))}')
+    if told != use:
+        raise ConfigError(f'{source}: describes the job "{told}", but "{use}" was asked for')
+    sections = {key: value for key, value in table.items() if key != "job"}
+    return build_class(find("jobs", use), {"name": name} | sections, source, folder)
+
+
+def described(job: Job) -> Table:
+    """The resolved configuration; `job_from` makes an equal job of it, from anywhere."""
+    return {"job": component_name(type(job)), **described_fields(job)}
+
+
+def execute(job: Job, output: Path | None = None, resume: bool = False, progress: Progress = silent) -> Any:
+    """Does a job: opens its inputs, compiles its kernels, makes its folder, and writes its results there.
+
+    Args:
+        job: what to do.
+        output: result folder; None for `results/<name>/<time>`, with the link `latest`.
+        resume: continue an interrupted job in `output`, or in the latest folder, to the same result.
+        progress: told how far it is.
+
+    Returns:
+        What the job found, in numbers.
+
+    Raises:
+        TrackerError: nothing is left then if nothing was computed before.
+    """
+    if resume:
+        return _resumed(job, interrupted_folder(job.name, output), progress)
+    check_output(job.name, output)
+    opened = job.open()
+    _compile(job, progress)
+    with _result_folder(job.name, output) as folder:
+        write_whole(folder.path / CONFIG, tomli_w.dumps(described(job)))
+        return job.execute(opened, folder, progress)
+
+
+def _resumed(job: Job, folder: Path, progress: Progress) -> Any:
+    if not job.resumable:
+        raise ConfigError(f"a job of the kind {component_name(type(job))} cannot be resumed: do it anew")
+    _check_same(job, folder)
+    opened = job.open(folder)
+    _compile(job, progress)
+    with logged(folder):
+        return job.execute(opened, ResultFolder(folder, latest=False, kept=True), progress)
+
+
+def _check_same(job: Job, folder: Path) -> None:
+    """Half a result of one configuration and half of another would be neither's."""
+    if not (folder / CONFIG).is_file():
+        raise ConfigError(f"{folder}: no {CONFIG} there that tells how it was made; run without --resume")
+    before, now = _flat(read_config(folder / CONFIG)), _flat(described(job))
+    for key in sorted(before.keys() | now.keys()):
+        if before.get(key) != now.get(key):
+            raise ConfigError(
+                f"{folder / CONFIG}: {key} = {before.get(key)!r}, but {now.get(key)!r} is asked for: resume with what "
+                "it was made with, or run anew without --resume"
+            )
+
+
+def _flat(value: Any, key: str = "") -> dict[str, Any]:
+    """The values of nested tables and lists by their dotted keys."""
+    if isinstance(value, dict) and value:
+        return {name: leaf for k, entry in value.items() for name, leaf in _flat(entry, f"{key}.{k}").items()}
+    if isinstance(value, list) and value:
+        return {name: leaf for k, entry in enumerate(value) for name, leaf in _flat(entry, f"{key}.{k}").items()}
+    return {key.removeprefix("."): value}
+
+
+def _compile(job: Job, progress: Progress) -> None:
+    if job.kernels is not None and not all_cached(job.kernels):
+        warm_up(progress, job.kernels)
+
+
+def versions() -> dict[str, str]:
+    """What a result was made with."""
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in ("bodytrack", "numpy", "scipy", "numba", "opencv-python-headless", "av"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,200 @@
+"""Acquisition from views: a person's model, refined over frames of a run while it is tracked with it."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from tracker.acquisition.calibrated_views import (
+    Seen,
+    ViewSettings,
+    Watching,
+    check_overlaps,
+    chosen,
+    fit_to_views,
+    view_overlaps,
+)
+from tracker.acquisition.figures import Panel
+from tracker.acquisition.fitting import Fit
+from tracker.acquisition.shape_space import ShapeSpace, space_of
+from tracker.arrays import Array
+from tracker.components import component
+from tracker.config import Table
+from tracker.errors import ConfigError, nearest
+from tracker.files import write_json, write_whole
+from tracker.frame import Frame
+from tracker.initialization import Stages
+from tracker.initialization.pca import PcaInitialization
+from tracker.jobs import ResultFolder, described, execute, job_from
+from tracker.jobs._acquired import Acquired, AcquireOutcome
+from tracker.jobs.track import OpenedTrack, TrackJob
+from tracker.progress import Progress, silent
+from tracker.scene import Person, Scene
+from tracker.start import Start
+from tracker.tracking import track
+
+__all__ = ["AcquireJob", "AcquireOutcome", "acquire_to", "acquisition_from"]
+
+
+@component
+class AcquireJob(TrackJob):
+    """Makes a person's model from the views of a run: `model.toml`, a picture and the figures of the fit."""
+
+    resumable: ClassVar[bool] = False
+
+    acquisition: ViewSettings = ViewSettings()
+    """Which frames are fitted, and how."""
+
+    def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> AcquireOutcome:  # type: ignore[override]
+        """Tracks and fits in turn; see `tracker.jobs.Job.execute`."""
+        settings, person = self.acquisition, self._person()
+        name = self.persons[person].name
+        space = space_of(opened.models[name], settings.prior)
+        found: Fit | None = None
+        known: Start | None = None
+        before: Array = np.full(0, np.nan)
+        for _ in range(settings.rounds):
+            shape = np.zeros(len(space.names)) if found is None else found.shape
+            seen, watching, known = _tracked(self, opened, _Sought(space, shape, person), known, progress)
+            fitted = fit_to_views(space, (shape, person), seen, watching, settings, progress)
+            if found is None:
+                poses = np.concatenate([one.scene.persons[person].q for one in seen])
+                before = view_overlaps(replace(fitted, shape=shape, poses=poses), seen, watching)
+            found = fitted
+        assert found is not None
+        overlaps = view_overlaps(found, seen, watching)
+        views = watching.rig.names
+        check_overlaps(overlaps, views, settings)
+        about = f"acquired from {len(seen)} frame(s) of {len(views)} views, from {space.description.name}"
+        panels = _panels(found, seen[0], watching, overlaps)
+        acquired = Acquired(name, about, found, panels, _known(views, overlaps), _known(views, before))
+        return acquired.written(folder.path, described(self))
+
+    @property
+    def model_name(self) -> str:
+        """What the model is called: as the person is."""
+        return self.persons[self._person()].name
+
+    def open(self, earlier: Path | None = None) -> OpenedTrack:
+        """As a tracking job, and checks who is meant; see `tracker.jobs.Job.open`."""
+        self._person()
+        return super().open(earlier)
+
+    def _person(self) -> int:
+        """Index of the person whose model is made.
+
+        Raises:
+            ConfigError: it is not told, or not there.
+        """
+        names, name = [subject.name for subject in self.persons], self.acquisition.person
+        if name is None and len(names) > 1:
+            raise ConfigError(f"several persons, name one: --set acquisition.person={names[0]}")
+        if name is not None and name not in names:
+            raise ConfigError(f'[acquisition]: no person "{name}"; {nearest(name, names)}')
+        return 0 if name is None else names.index(name)
+
+
+@dataclass(frozen=True)
+class _Sought:
+    """The person whose model is made, and its present shape."""
+
+    space: ShapeSpace
+    shape: Array
+    person: int
+
+
+def _known(names: tuple[str, ...], shares: Array) -> dict[str, float]:
+    return {name: float(share) for name, share in zip(names, shares, strict=True) if np.isfinite(share)}
+
+
+def _panels(found: Fit, seen: Seen, watching: Watching, overlaps: Array) -> list[Panel]:
+    """The first frame's views."""
+    outlines, panels = found.looks[0].outlines, []
+    for v, (camera, image) in enumerate(zip(watching.rig.cameras, seen.frame.images, strict=True)):
+        view = None if outlines is None else outlines.views[v]
+        title = camera.name if np.isnan(overlaps[v]) else f"{camera.name}: IoU {overlaps[v]:.3f}"
+        if image is not None:
+            panels.append(Panel(title, image, None if view is None else view.silhouette, camera, found.pose(0)))
+    return panels
+
+
+@dataclass(frozen=True)
+class _KnownStart:
+    """Starts where an earlier pass has started."""
+
+    found: Start
+
+    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        """The poses of then."""
+        return self.found
+
+
+def _tracked(
+    job: AcquireJob, opened: OpenedTrack, sought: _Sought, known: Start | None, progress: Progress
+) -> tuple[list[Seen], Watching, Start | None]:
+    """The chosen frames at the poses that tracking with the present shape gives, and the poses it started at."""
+    sequence, body = opened.sequence, sought.space.body(sought.shape)
+    persons = list(opened.scene.persons)
+    persons[sought.person] = Person(persons[sought.person].name, body, body.rest())
+    cycle = job.cycle(sequence.backgrounds)
+    if known is not None:
+        cycle = replace(cycle, initialization=_KnownStart(known))
+    elif sum(plate is not None for plate in sequence.backgrounds) < 2 and isinstance(
+        job.initialization, PcaInitialization
+    ):
+        cycle = replace(cycle, initialization=job.acquisition.stance)
+    wanted, seen, start = chosen(sequence.n_frames, job.acquisition.frames), [], known
+    steps = track(sequence.frames(), Scene(tuple(persons), sequence.rig), cycle, reopen=sequence.frames)
+    for k, step in enumerate(steps):
+        progress("tracking", k + 1, sequence.n_frames)
+        lost = [estimate.lost for estimate in step.estimates]
+        if k == 0 and not any(lost):
+            start = Start(tuple(one.q for one in step.scene.persons))
+        if k in wanted and not lost[sought.person]:
+            seen.append(Seen(step.frame, step.scene))
+    return seen, Watching(sequence.rig, job.synthesis, job.acquisition.analysis, sequence.backgrounds), start
+
+
+def acquisition_from(table: Table, source: str, folder: Path, name: str) -> Any:
+    """The job that a table describes: pairs of silhouettes, or the sections of a tracking job.
+
+    Args:
+        table: its sections.
+        source: of the table, for messages.
+        folder: where relative paths start.
+        name: of the job if the table has none.
+
+    Raises:
+        ConfigError: it is neither or both; else see `tracker.jobs.job_from`.
+    """
+    if ("pairs" in table) == ("reading" in table):
+        raise ConfigError(
+            f"{source}: expected either [[pairs]] of front and side silhouettes, or the [reading] and persons of a run"
+        )
+    use = "acquire_from_pictures" if "pairs" in table else "acquire"
+    return job_from(use, {key: value for key, value in table.items() if key != "job"}, source, folder, name)
+
+
+def acquire_to(job: Any, path: Path, progress: Progress = silent) -> AcquireOutcome:
+    """Acquires a model to a file; the picture and the figures go beside it, each replaced as a whole.
+
+    Args:
+        job: an acquisition.
+        path: model file to write; its folder is made.
+        progress: told how far it is.
+
+    Raises:
+        TrackerError: nothing is written then.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        found: AcquireOutcome = execute(job, Path(scratch) / "result", progress=progress)
+        outcome = replace(found, model=path, picture=path.with_suffix(".png"))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(outcome.picture, found.picture.read_bytes())
+        write_json(path.with_suffix(".json"), {**outcome.as_dict(), "config": described(job)})
+        write_whole(path, found.model.read_bytes())
+    return outcome

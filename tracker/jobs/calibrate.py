@@ -1,0 +1,110 @@
+"""Calibration: a rig from a recording of a bar, a board or measured points, with a report."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Literal
+
+import pydantic
+
+from tracker.calibration import Calibrated, Calibration, report_html, report_text
+from tracker.components import component
+from tracker.config import read_config
+from tracker.errors import ConfigError
+from tracker.files import write_whole
+from tracker.jobs import ResultFolder, job_from
+from tracker.kernels.cache import Group
+from tracker.progress import Progress
+from tracker.reading import Reading
+from tracker.rig_layouts import save_rig
+from tracker.views import Views
+
+
+@component
+class CalibrateJob:
+    """Calibrates cameras: `rig.toml`, a report of what is weak in it, and the residuals."""
+
+    kernels: ClassVar[Group | None] = "calibration"
+    resumable: ClassVar[bool] = False
+
+    name: str = "calibrate"
+    """Of the results: they go to `results/NAME/TIME`."""
+
+    reading: Reading = pydantic.Field(
+        examples=['{ use = "video", path = "{view}.mp4", views = ["left", "right"] }; see configs/calibration/bar.toml']
+    )
+    """The recording; it has no `rig`, and `views` names the cameras."""
+
+    calibration: Calibration = pydantic.Field(
+        examples=['{ use = "reference_bar", length_m = 1.0 }; see configs/calibration/bar.toml']
+    )
+    """What the cameras have seen."""
+
+    @pydantic.field_validator("reading")
+    @classmethod
+    def _is_not_calibrated(cls, reading: Reading) -> Reading:
+        if getattr(reading, "rig", None) is not None:
+            raise ValueError('the key "rig" is of no use: the cameras are to be calibrated, and `views` names them')
+        return reading
+
+    def open(self, earlier: Path | None = None) -> Views:
+        """Opens the views; see `tracker.jobs.Job.open`."""
+        return self.reading.open_uncalibrated()
+
+    def execute(self, opened: Views, folder: ResultFolder, progress: Progress) -> CalibrateOutcome:
+        """Calibrates; see `tracker.jobs.Job.execute`."""
+        calibrated = self.calibration.calibrate(opened, progress)
+        save_rig(calibrated.rig, folder.path / "rig.toml")
+        write_whole(folder.path / "report.txt", report_text(self.name, calibrated))
+        write_whole(folder.path / "report.html", report_html(self.name, calibrated))
+        write_whole(folder.path / "residuals.csv", _residuals(calibrated))
+        return CalibrateOutcome(folder.path, calibrated)
+
+
+@dataclass(frozen=True)
+class CalibrateOutcome:
+    """What a calibration left."""
+
+    folder: Path
+    calibrated: Calibrated
+
+
+def _residuals(calibrated: Calibrated) -> str:
+    """A CSV table of the image points that were adjusted."""
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(["view", "point", "u", "v", "residual_u", "residual_v", "used"])
+    adjustment = calibrated.adjustment
+    rows = adjustment.observations
+    for k, (view, point, pixel) in enumerate(zip(rows.views, rows.points, rows.pixels, strict=True)):
+        numbers = [f"{value:.4f}" for value in (*pixel, *adjustment.errors[k])]
+        writer.writerow([adjustment.names[view], point, *numbers, int(adjustment.used[k])])
+    return text.getvalue()
+
+
+Kind = Literal["reference_bar", "chessboard", "scene_points"]
+
+
+def load_calibration(path: Path, kind: Kind, overrides: Sequence[str] = ()) -> CalibrateJob:
+    """Reads the configuration of a calibration of a kind, which it need not name.
+
+    Args:
+        path: TOML file; relative paths in it start at its folder.
+        kind: the component that `[calibration]` must describe.
+        overrides: `section.key=value`.
+
+    Raises:
+        ConfigError: names file, section, key and the nearest valid one.
+    """
+    table = read_config(path, overrides)
+    section = table.get("calibration")
+    if isinstance(section, dict):
+        use = section.setdefault("use", kind)
+        if use != kind and ":" not in str(use):
+            raise ConfigError(f'{path.name} [calibration]: use = "{use}", but "{kind}" was asked for')
+    job: CalibrateJob = job_from("calibrate", table, path.name, path.parent, path.stem)
+    return job

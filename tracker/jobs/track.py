@@ -1,0 +1,269 @@
+"""Tracking: persons followed through a recording, each frame written as soon as it is done."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import logging
+import time
+from collections import Counter, deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import pydantic
+
+from tracker.arrays import Image
+from tracker.body_description import BodyDescription
+from tracker.body_files import save_description
+from tracker.components import ReadBy, component, find, standard
+from tracker.cycle import Cycle, LossRule
+from tracker.errors import TrackerError
+from tracker.estimation import Estimation
+from tracker.evidence import Evidence
+from tracker.initialization import Initialization
+from tracker.jobs import ResultFolder, described, versions
+from tracker.kernels.cache import Group
+from tracker.prediction import Prediction
+from tracker.progress import Progress, silent
+from tracker.reading import Reading, Sequence
+from tracker.recording import DEFAULTS, Recorder, Recording, RunContext, chosen_recordings
+from tracker.recording.journal import read_journal
+from tracker.rig_layouts import save_rig
+from tracker.scene import Person, Scene
+from tracker.subject import Subject
+from tracker.synthesis import Synthesis
+from tracker.tracking import track
+from tracker.trajectory import Replay, Step
+
+log = logging.getLogger("tracker")
+
+
+@component
+class TrackJob:
+    """Follows persons through a recording: poses, sigmas, joints, pictures and a report."""
+
+    kernels: ClassVar[Group | None] = "tracking"
+    resumable: ClassVar[bool] = True
+
+    name: str = "track"
+    """Of the results: they go to `results/NAME/TIME`."""
+
+    reading: Reading = pydantic.Field(
+        examples=['{ use = "video", path = "videos/{view}.mp4", rig = "Calib.toml" }; see configs/minimal.toml']
+    )
+    """The recording."""
+
+    persons: tuple[Subject, ...] = pydantic.Field(
+        min_length=1, examples=['[{ name = "anna", model = "human", stature_m = 1.68 }]; see configs/minimal.toml']
+    )
+    """Who is followed."""
+
+    synthesis: Synthesis = standard("synthesis", "cpu")
+    """What the images should show."""
+
+    evidence: Evidence = standard("evidence", "contours")
+    """What they do show, and how well a pose explains it."""
+
+    prediction: Prediction = standard("prediction", "polynomial")
+    """Where a pose is looked for."""
+
+    estimation: Estimation = standard("estimation", "hybrid")
+    """How it is found."""
+
+    initialization: Initialization = standard("initialization", "pca")
+    """How it is found without a prediction."""
+
+    loss: LossRule = LossRule()
+    """When a person counts as lost."""
+
+    recordings: Annotated[tuple[Recording, ...], ReadBy(chosen_recordings)] = pydantic.Field(
+        default_factory=lambda: tuple(find("recording", use)() for use in DEFAULTS)
+    )
+    """What is written: a table changes the defaults (`overlay = false`, `c3d = true`), a list replaces them."""
+
+    @pydantic.field_validator("reading")
+    @classmethod
+    def _is_calibrated(cls, reading: Reading) -> Reading:
+        if getattr(reading, "rig", reading) is None:
+            raise ValueError('the key "rig" is missing, expected the cameras\' calibration, e.g. rig = "Calib.toml"')
+        return reading
+
+    @pydantic.field_validator("persons")
+    @classmethod
+    def _are_named(cls, persons: tuple[Subject, ...]) -> tuple[Subject, ...]:
+        named = tuple(replace(one, name=one.name or f"person{k}") for k, one in enumerate(persons, start=1))
+        for name, n_times in Counter(one.name for one in named).items():
+            if n_times > 1:
+                raise ValueError(f'two persons are called "{name}"')
+        return named
+
+    def open(self, earlier: Path | None = None) -> OpenedTrack:
+        """Opens the recording, reads the models and what an interrupted run has left; see `tracker.jobs.Job.open`."""
+        done = tuple(read_journal(earlier)) if earlier is not None else ()
+        models = {subject.name: subject.description() for subject in self.persons}
+        persons = tuple(Person(one.name, body, body.rest()) for one, body in ((p, p.body()) for p in self.persons))
+        sequence = self.reading.open()
+        return OpenedTrack(sequence, Scene(persons, sequence.rig), models, done)
+
+    def cycle(self, backgrounds: tuple[Image | None, ...], progress: Progress = silent) -> Cycle:
+        """The tracking cycle of these components; a field of the cycle is one of the job, called the same.
+
+        Args:
+            backgrounds: the clean plates of the views.
+            progress: told of what takes long.
+        """
+        names = {field.name for field in dataclasses.fields(self)} & {field.name for field in dataclasses.fields(Cycle)}
+        parts = {name: getattr(self, name) for name in names}
+        return Cycle(**parts, backgrounds=backgrounds, progress=progress)
+
+    def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> TrackOutcome:
+        """Tracks, and writes each frame as soon as it is done; see `tracker.jobs.Job.execute`."""
+        sequence = opened.sequence
+        _save_inputs(opened, folder.path)
+        if choice := getattr(self.synthesis, "choice", ""):
+            log.info("synthesis: %s", choice)
+            progress(f"synthesis: {choice}")
+        details = {"config": described(self), "versions": versions(), "inputs": self._input_hashes(sequence.rig.names)}
+        context = RunContext(
+            name=self.name,
+            folder=folder.path,
+            scene=opened.scene,
+            fps=sequence.fps,
+            interval_s=sequence.interval_s,
+            n_frames=sequence.n_frames,
+            details=details,
+            resumed=frozenset(replay.index for replay in opened.done),
+        )
+        cycle = self.cycle(sequence.backgrounds, progress)
+        steps = track(sequence.frames(), opened.scene, cycle, opened.done, sequence.frames)
+        return _recorded(self.recordings, context, steps, folder, progress)
+
+    def _input_hashes(self, views: tuple[str, ...]) -> dict[str, str]:
+        """SHA-256 of every input file."""
+        patterns = [getattr(self.reading, name, None) for name in ("rig", "path", "background")]
+        files = [subject.model for subject in self.persons]
+        for pattern in patterns:
+            files += [Path(str(pattern).replace("{view}", view)) for view in views] if pattern else []
+        files = [inner for file in files for inner in (sorted(file.iterdir()) if file.is_dir() else [file])]
+        return {str(file): _sha256(file) for file in dict.fromkeys(files) if file.is_file()}
+
+
+@dataclass(frozen=True)
+class OpenedTrack:
+    """The inputs of a tracking job, opened."""
+
+    sequence: Sequence
+    scene: Scene
+    """The persons at rest, and the rig of the images as they are delivered."""
+
+    models: Mapping[str, BodyDescription]
+    """The scaled model of each person."""
+
+    done: tuple[Replay, ...] = ()
+    """Frames of an interrupted run."""
+
+
+@dataclass(frozen=True)
+class TrackOutcome:
+    """What a tracking job left."""
+
+    folder: Path
+    n_frames: int
+    n_lost: int
+    seconds: float
+    interrupted: bool = False
+    files: tuple[Path, ...] = ()
+    """What the recordings have left in the folder."""
+
+
+def _save_inputs(opened: OpenedTrack, folder: Path) -> None:
+    """The cameras as tracked with and the models as scaled: a result can be read without the files it was made from."""
+    save_rig(opened.sequence.rig, folder / "rig.toml")
+    for name, model in opened.models.items():
+        save_description(model, folder / "models" / f"{name}.toml", decimals=None)
+
+
+def _recorded(
+    recordings: Iterable[Recording],
+    context: RunContext,
+    steps: Iterable[Step],
+    folder: ResultFolder,
+    progress: Progress,
+) -> TrackOutcome:
+    """Feeds every recorder; they are finished whatever happens."""
+    begin, n_lost, n_frames, interrupted, pace = time.perf_counter(), 0, 0, False, _Pace()
+    files: list[Path] = []
+    with contextlib.ExitStack() as finishing:
+        recorders: list[Recorder] = []
+        for recording in recordings:
+            recorders.append(recording.begin(context))
+            finishing.callback(_finish, recorders[-1], files)
+        finishing.callback(progress, "writing the results")
+        try:
+            progress("tracking", 0, context.n_frames)
+            for n_frames, step in enumerate(steps, start=1):
+                for recorder in recorders:
+                    recorder.write(step)
+                folder.keep()
+                n_lost += any(estimate.lost for estimate in step.estimates)
+                _log_step(step)
+                progress("tracking", n_frames, context.n_frames, pace.after(step, n_lost))
+        except KeyboardInterrupt:
+            if not folder.kept:
+                raise
+            interrupted = True
+            log.warning("interrupted after %d frames", n_frames)
+        except TrackerError as error:
+            log.error("%s", error)
+            raise
+    seconds = time.perf_counter() - begin
+    return TrackOutcome(context.folder, n_frames, n_lost, seconds, interrupted, tuple(files))
+
+
+def _finish(recorder: Recorder, files: list[Path]) -> None:
+    """Closes a recorder and puts its files before those of the recorders finished before it: the last ends first."""
+    files[:0] = recorder.finish()
+
+
+class _Pace:
+    """Frames per second and the stages that take longest, over the last second of a usual recording."""
+
+    def __init__(self) -> None:
+        self._recent: deque[dict[str, float]] = deque(maxlen=25)
+
+    def after(self, step: Step, n_lost: int) -> str:
+        """What is shown after a frame."""
+        self._recent.append(step.seconds)
+        total = Counter[str]()
+        for seconds in self._recent:
+            total.update(seconds)
+        n = len(self._recent)
+        stages = " ".join(f"{stage} {1000 * value / n:.0f}" for stage, value in total.most_common(3))
+        lost = f", {n_lost} lost" if n_lost else ""
+        return f"{n / max(sum(total.values()), 1e-9):.1f} frames/s ({stages} ms){lost}"
+
+
+def _log_step(step: Step) -> None:
+    for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+        log.info(
+            "frame %d %s %s %.2f px, %.0f %% explained, %.0f ms",
+            step.frame.index,
+            person.name,
+            estimate.status,
+            estimate.distance_px,
+            100 * estimate.account.explained,
+            1000 * sum(step.seconds.values()),
+        )
+    if step.start is not None:
+        for person, sure in zip(step.scene.persons, step.start.confidence, strict=False):
+            log.info("frame %d %s start pose of confidence %.2f", step.frame.index, person.name, sure)
+    if step.frame.missing:
+        log.warning("frame %d: views %s are missing", step.frame.index, step.frame.missing)
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

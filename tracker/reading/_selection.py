@@ -1,0 +1,108 @@
+"""Which views and which frames of a recording are read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from tracker.errors import ConfigError, SequenceError, nearest
+from tracker.rig import Rig
+from tracker.rig_layouts import load_rig
+
+OnMissing = Literal["error", "skip"]
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which frames of a recording are delivered."""
+
+    start: int
+    stop: int
+    stride: int
+
+    @property
+    def indices(self) -> range:
+        """Frame numbers in order."""
+        return range(self.start, self.stop, self.stride)
+
+
+def chosen_rig(path: Path | None, views: tuple[str, ...]) -> Rig:
+    """The rig of a file, restricted to the named views in their order.
+
+    Raises:
+        ConfigError: no file is given.
+    """
+    if path is None:
+        raise ConfigError('[reading]: the key "rig" is missing, expected the calibration, e.g. rig = "Calib.toml"')
+    return load_rig(path, views)
+
+
+def chosen_names(views: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of cameras that no rig tells.
+
+    Raises:
+        ConfigError: there are none, or one is given twice.
+    """
+    if not views:
+        raise ConfigError(
+            "[reading] views: expected the names of the cameras, which stand for {view} in the path, e.g. "
+            'views = ["left", "right"]'
+        )
+    if len(set(views)) < len(views):
+        raise ConfigError(f"[reading] views = {list(views)}: expected different names, one a camera")
+    return views
+
+
+def chosen_offsets(names: tuple[str, ...], offsets: dict[str, int]) -> tuple[int, ...]:
+    """Frame offsets in the order of the views.
+
+    Raises:
+        SequenceError: an offset for a view that is not there.
+    """
+    for name in offsets:
+        if name not in names:
+            raise SequenceError(f'offsets: no view "{name}"; {nearest(name, names)}')
+    return tuple(offsets.get(name, 0) for name in names)
+
+
+def view_paths(pattern: str, names: tuple[str, ...]) -> tuple[Path, ...]:
+    """The path of every view.
+
+    Raises:
+        SequenceError: the pattern gives all views the same path.
+    """
+    if "{view}" not in pattern and len(names) > 1:
+        raise SequenceError(f'"{pattern}": no {{view}} in it, so all {len(names)} views would show the same')
+    return tuple(Path(pattern.replace("{view}", name)) for name in names)
+
+
+def common_length(
+    names: tuple[str, ...], lengths: tuple[int, ...], offsets: tuple[int, ...], on_missing: OnMissing, stop: int | None
+) -> int:
+    """Number of frames that all views have; the longest view's where views may be missing or end after `stop`.
+
+    Raises:
+        SequenceError: the views have different numbers of frames, some too few, and none may be missing.
+    """
+    usable = [length - offset for length, offset in zip(lengths, offsets, strict=True)]
+    enough = stop is not None and stop <= min(usable)
+    if on_missing == "error" and len(set(usable)) > 1 and not enough:
+        table = ", ".join(f"{name} {length}" for name, length in zip(names, usable, strict=True))
+        raise SequenceError(
+            f"the views have different numbers of frames ({table}): give offsets or stop, or set "
+            'on_missing = "skip" to leave a view out of the frames it lacks'
+        )
+    return max(usable)
+
+
+def selected(start: int, stop: int | None, stride: int, length: int) -> Selection:
+    """The range of frames, checked against the recording's length.
+
+    Raises:
+        SequenceError: the range is empty or ends beyond the recording.
+    """
+    end = length if stop is None else stop
+    if not 0 <= start < end <= length:
+        raise SequenceError(f"frames {start} to {end} asked for, the recording has {length}: mend start and stop")
+    return Selection(start, end, stride)

@@ -1,0 +1,58 @@
+"""A person as a configuration describes it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import pydantic
+
+from tracker.body import BodyModel
+from tracker.body_description import BodyDescription
+from tracker.body_files import read_description
+from tracker.components import ModelFile, component
+from tracker.errors import ConfigError, ModelError
+from tracker.resources import model_path
+
+Stature = Annotated[float, pydantic.Field(gt=0.2, lt=5)]
+"""Height of a person, metres."""
+
+
+@component
+class Subject:
+    """A person: a name and a body model."""
+
+    name: str = ""
+    """What the person is called in the results; `person1`, `person2`, ... if not given."""
+
+    model: ModelFile = pydantic.Field(default_factory=lambda: model_path("gavrila22").resolve())
+    """The body: the name of a bundled model, or a path that ends in .toml."""
+
+    stature_m: Stature | None = None
+    """Height the model is scaled to, metres; None leaves it as it is."""
+
+    def description(self) -> BodyDescription:
+        """The content of the model file, scaled.
+
+        Raises:
+            ModelError: the model file is wrong.
+            ConfigError: a stature is given for a model that does not tell its own.
+        """
+        description = read_description(self.model)
+        if self.stature_m is None:
+            return description
+        if description.stature_m <= 0:
+            raise ConfigError(f'person "{self.name}": stature_m given, but {self.model} does not tell its own')
+        return description.scaled(self.stature_m / description.stature_m)
+
+    def body(self) -> BodyModel:
+        """The body model, scaled.
+
+        Raises:
+            ModelError: the model file is wrong.
+            ConfigError: a stature is given for a model that does not tell its own.
+        """
+        description = self.description()
+        try:
+            return description.build()
+        except ModelError as error:
+            raise ModelError(f"{self.model}: {error}") from error
