@@ -11,11 +11,15 @@ from typing import Any, ClassVar
 
 import pytest
 import tomli_w
+import typer
+from typer.testing import CliRunner
 
+import tracker.jobs
+from tracker.commands.job import add_jobs
 from tracker.components import available, component, find
 from tracker.config import read_config
 from tracker.errors import ConfigError, SequenceError, TrackerError
-from tracker.files import replacing, write_json, write_whole
+from tracker.files import replacing, whole_folder, write_json, write_whole
 from tracker.jobs import Job, ResultFolder, described, execute, job_from, load_job
 from tracker.jobs._folder import result_folder
 from tracker.kernels.cache import Group, all_cached, warm_up
@@ -286,3 +290,99 @@ def test_compiling_is_told_to_its_end() -> None:
     warm_up(lambda what, done=0, total=0, detail="": said.append((done, total)), "calibration")
     assert all_cached("calibration")
     assert [done for done, _ in said] == list(range(said[0][1] + 1))
+
+
+# A new job
+
+
+COUNTING = '''
+"""Counting: the frames of a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from tracker.components import component
+from tracker.files import write_whole
+from tracker.jobs import ResultFolder
+from tracker.kernels.cache import Group
+from tracker.progress import Progress
+
+
+@component
+class CountJob:
+    """Counts."""
+
+    kernels: ClassVar[Group | None] = None
+    resumable: ClassVar[bool] = False
+
+    name: str = "count"
+    """Of the results."""
+
+    to: int = 3
+    """Where counting ends."""
+
+    def open(self, earlier: Path | None = None) -> range:
+        """Nothing to open."""
+        return range(self.to)
+
+    def execute(self, opened: range, folder: ResultFolder, progress: Progress) -> CountOutcome:
+        """Counts."""
+        for k in opened:
+            progress("counting", k + 1, len(opened))
+        write_whole(folder.path / "count.txt", str(len(opened)))
+        return CountOutcome(folder.path, len(opened))
+
+
+@dataclass(frozen=True)
+class CountOutcome:
+    """What was counted."""
+
+    folder: Path
+    n_counted: int
+'''
+
+
+def test_adding_a_job_is_adding_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file in the folder is a job, a command with the usual options, and listed with its sections."""
+    (tmp_path / "jobs").mkdir()
+    (tmp_path / "jobs" / "count.py").write_text(COUNTING)
+    (tmp_path / "count.toml").write_text('job = "count"\nname = "mine"\n')
+    monkeypatch.setattr("tracker.jobs.__path__", [*tracker.jobs.__path__, str(tmp_path / "jobs")])
+    monkeypatch.setattr("tracker.commands.job._JOBS", tmp_path / "jobs")
+    monkeypatch.chdir(tmp_path)
+    app = typer.Typer()
+    app.command("other")(lambda: None)
+    add_jobs(app)
+    assert "Counting: the frames of a recording." in CliRunner().invoke(app, ["--help"]).output
+    done = CliRunner().invoke(app, ["count", "count.toml", "--set", "to=5"], catch_exceptions=False)
+    assert "n counted: 5" in done.output
+    assert (tmp_path / "results" / "mine" / "latest" / "count.txt").read_text() == "5"
+    wrong = CliRunner().invoke(app, ["count", "count.toml", "--set", "too=5"])
+    assert isinstance(wrong.exception, ConfigError)
+    assert 'did you mean "to"' in str(wrong.exception)
+    sys.modules.pop("tracker.jobs.count", None)
+
+
+def test_two_processes_do_not_write_to_one_folder(tmp_path: Path) -> None:
+    """A run that is still at work is not resumed beside itself."""
+    with result_folder("one", tmp_path / "out") as folder:
+        script = "import sys; from pathlib import Path; from tracker.jobs._folder import logged\n"
+        script += "with logged(Path(sys.argv[1])): pass"
+        command = [sys.executable, "-c", script, str(folder.path)]
+        other = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert "a job is at work there" in other.stderr
+
+
+def test_a_folder_is_moved_into_place_as_a_whole(tmp_path: Path) -> None:
+    with whole_folder(tmp_path / "a" / "b") as unfinished:
+        (unfinished / "x").write_text("1")
+        assert not (tmp_path / "a" / "b").exists()
+    assert [path.name for path in (tmp_path / "a").rglob("*")] == ["b", "x"]
+    with pytest.raises(ConfigError, match="not empty"), whole_folder(tmp_path / "a" / "b"):
+        pass
+    with pytest.raises(SequenceError), whole_folder(tmp_path / "a" / "c"):
+        raise SequenceError("stopped")
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["b"]

@@ -10,7 +10,7 @@ import pytest
 from recordings import small_simulation
 
 from tracker.body_files import load_body
-from tracker.errors import ConfigError, SequenceError
+from tracker.errors import ConfigError
 from tracker.resources import model_path
 from tracker.rig_layouts import load_rig
 from tracker.simulation.movements import poses_of
@@ -104,7 +104,7 @@ def test_a_recording_on_disk_holds_its_truth(tmp_path):
         joints = [[float(row[axis]) for axis in ("x_m", "y_m", "z_m")] for row in csv.DictReader(file)]
     expected = body.landmarks_in_world(simulation.poses[0]).reshape(-1, 3)
     np.testing.assert_allclose(joints, expected, atol=1e-6)
-    with pytest.raises(SequenceError, match="not empty"):
+    with pytest.raises(ConfigError, match="not empty"):
         write_sequence(recipe, folder)
 
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+from tracker.errors import ConfigError
 
 
 @contextlib.contextmanager
@@ -38,9 +41,44 @@ def _usual_mode(path: Path) -> int:
     """What the file at the path has, or what a new one gets: `mkstemp` makes files that only their owner reads."""
     if path.exists():
         return path.stat().st_mode & 0o777
+    return 0o666 & ~_mask()
+
+
+def _mask() -> int:
     mask = os.umask(0)
     os.umask(mask)
-    return 0o666 & ~mask
+    return mask
+
+
+def check_empty(folder: Path) -> None:
+    """Refuses a folder for results that holds something.
+
+    Raises:
+        ConfigError: it does, or it is a file.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ConfigError(f"{folder} is not empty: choose another --output")
+
+
+@contextlib.contextmanager
+def whole_folder(folder: Path) -> Iterator[Path]:
+    """A folder beside another one, moved to its place if the block ends without an error and deleted otherwise.
+
+    Args:
+        folder: must not exist, or be empty.
+
+    Raises:
+        ConfigError: it holds something.
+    """
+    check_empty(folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    try:
+        yield unfinished
+        unfinished.chmod(0o777 & ~_mask())
+        unfinished.replace(folder)
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)
 
 
 def write_whole(path: Path, content: str | bytes) -> None:

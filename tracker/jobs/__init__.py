@@ -133,6 +133,7 @@ def execute(job: Job, output: Path | None = None, resume: bool = False, progress
     opened = job.open()
     _compile(job, progress)
     with _result_folder(job.name, output) as folder:
+        progress(f"{job.name}: results in {folder.path}")
         write_whole(folder.path / CONFIG, tomli_w.dumps(described(job)))
         return job.execute(opened, folder, progress)
 
@@ -144,6 +145,7 @@ def _resumed(job: Job, folder: Path, progress: Progress) -> Any:
     opened = job.open(folder)
     _compile(job, progress)
     with logged(folder):
+        progress(f"{job.name}: continued in {folder}")
         return job.execute(opened, ResultFolder(folder, latest=False, kept=True), progress)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import logging
 import os
 import shutil
@@ -11,8 +12,10 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TextIO
 
 from tracker.errors import ConfigError, SequenceError
+from tracker.files import check_empty
 
 CONFIG = "config.toml"
 """The resolved configuration in a result folder; whoever creates it owns the folder."""
@@ -52,8 +55,8 @@ def check_output(name: str, output: Path | None) -> None:
     """
     if output is None and (not name or name in (".", "..") or Path(name).name != name):
         raise ConfigError(f'name = "{name}": results go to results/NAME/TIME, so a name that a folder can have')
-    if output is not None and output.exists() and (not output.is_dir() or any(output.iterdir())):
-        raise ConfigError(f"{output} is not empty: choose another --output, or continue a run with --resume")
+    if output is not None:
+        check_empty(output)
 
 
 def interrupted_folder(name: str, output: Path | None) -> Path:
@@ -144,13 +147,28 @@ def link_latest(folder: Path) -> None:
 
 @contextlib.contextmanager
 def logged(folder: Path) -> Iterator[None]:
-    """Writes the log to `log.txt` in a folder."""
-    handler = logging.FileHandler(folder / LOG, encoding="utf-8")
-    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
-    log.addHandler(handler)
-    log.setLevel(logging.INFO)
+    """Writes the log to `log.txt` in a folder, and keeps other jobs from writing there meanwhile.
+
+    Raises:
+        ConfigError: another job is at work there.
+    """
+    with (folder / LOG).open("a", encoding="utf-8") as file:
+        _lock(file, folder)
+        handler = logging.StreamHandler(file)
+        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+        log.addHandler(handler)
+        log.setLevel(logging.INFO)
+        try:
+            yield
+        finally:
+            log.removeHandler(handler)
+
+
+def _lock(file: TextIO, folder: Path) -> None:
+    """Locks a file until it is closed, at the latest when the process ends, however it ends."""
     try:
-        yield
-    finally:
-        log.removeHandler(handler)
-        handler.close()
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise ConfigError(f"{folder}: a job is at work there; wait for it, or choose another --output") from error
+    except OSError:  # a file system without locks
+        return

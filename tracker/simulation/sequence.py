@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import shutil
-import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ import tomli_w
 
 from tracker.arrays import Array, Image
 from tracker.body_files import load_body
-from tracker.errors import SequenceError
+from tracker.files import whole_folder
 from tracker.frame import Frame
 from tracker.progress import Progress, silent
 from tracker.resources import model_path
@@ -144,26 +143,16 @@ def write_sequence(recipe: Recipe, folder: Path, progress: Progress = silent) ->
         The path of `config.toml`.
 
     Raises:
-        SequenceError: the folder holds something.
+        ConfigError: the folder holds something.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise SequenceError(f"{folder} is not empty: choose another folder")
-    simulation = simulate(recipe)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = Path(tempfile.mkdtemp(prefix=".simulation-", dir=folder.parent))
-    try:
+    with whole_folder(folder) as unfinished:
+        simulation = simulate(recipe)
         _write_plates(simulation, unfinished / "background")
         _write_videos(simulation, unfinished, progress)
         save_rig(simulation.scene.rig, unfinished / "rig.toml")
         shutil.copyfile(_model(recipe), unfinished / "model.toml")
         _write_truth(simulation, unfinished)
         _write_config(simulation, unfinished / "config.toml")
-        if folder.exists():
-            folder.rmdir()
-        unfinished.chmod(0o755)
-        unfinished.rename(folder)
-    finally:
-        shutil.rmtree(unfinished, ignore_errors=True)
     return folder / "config.toml"
 
 
