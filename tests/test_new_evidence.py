@@ -153,5 +153,5 @@ def test_a_kind_of_evidence_is_one_file(
     table = {"use": "somebodys_lab.markers:Markers", "points": str(tmp_path / "markers.npy")}
     # three coordinates of 2 mm noise, less what the rigid segments between the landmarks average out
     assert max(errors_mm(simulation, table)) < 2 * np.sqrt(3)
-    both = {"use": "together", "of": [{"use": "contours"}, table], "weights": [1.0, 1.0]}
+    both = {"use": "together", "of": [{"use": "contours"}, table], "ranking": [1.0, 1.0], "refining": [1.0, 1.0]}
     assert max(errors_mm(simulation, both)) < 12.5

@@ -8,6 +8,7 @@ from observations import off
 
 from tracker.arrays import Array, Mask
 from tracker.comparison import Comparison
+from tracker.errors import ConfigError
 from tracker.evidence.silhouettes import Foregrounds, SilhouetteEvidence
 from tracker.evidence.together import TogetherEvidence
 from tracker.frame import Frame
@@ -110,7 +111,7 @@ def test_refined_on_outlines_alone_the_pose_comes_back(truth: Scene, masks: tupl
 
 def test_together_is_the_weighted_sum(truth: Scene, masks: tuple[Mask, ...]) -> None:
     one, other = SilhouetteEvidence(), SilhouetteEvidence(scale_px=3.0)
-    both = TogetherEvidence(of=(one, other), weights=(0.5, 2.0))
+    both = TogetherEvidence(of=(one, other), ranking=(0.5, 2.0), refining=(0.5, 2.0))
     sight, q = Cut(masks), truth.persons[0].q
     poses = q + 0.05 * np.eye(len(q))[:3]
     question = Comparison(truth, 0, CpuSynthesis(), both.observe(sight, None))
@@ -120,3 +121,21 @@ def test_together_is_the_weighted_sum(truth: Scene, masks: tuple[Mask, ...]) -> 
     found, each = both.equations(question, poses[0], 20.0), one.equations(parts[0], poses[0], 20.0)
     np.testing.assert_allclose(found.matrix, 2.5 * each.matrix, rtol=1e-9)
     assert both.account(question, poses[0]).distance_px == pytest.approx(expected[0])
+
+
+def test_what_ranks_need_not_refine(truth: Scene, masks: tuple[Mask, ...]) -> None:
+    """The distance is that of both; equations and shares are those of the one that refines."""
+    one, other = SilhouetteEvidence(), SilhouetteEvidence(scale_px=3.0)
+    both, sight, q = TogetherEvidence(of=(one, other), refining=(1.0, 0.0)), Cut(masks), truth.persons[0].q
+    question = Comparison(truth, 0, CpuSynthesis(), both.observe(sight, None))
+    alone = Comparison(truth, 0, CpuSynthesis(), one.observe(sight, None))
+    account = both.account(question, q)
+    assert account.distance_px == pytest.approx(1.3 * one.distances(alone, q[None])[0])
+    np.testing.assert_array_equal(account.explained_px, one.account(alone, q).explained_px)
+    np.testing.assert_array_equal(both.equations(question, q, 20.0).matrix, one.equations(alone, q, 20.0).matrix)
+
+
+@pytest.mark.parametrize("weights", [{"ranking": (1.0,)}, {"refining": (0.0, 0.0)}, {"ranking": (1.0, 1.0, 1.0)}])
+def test_every_kind_has_its_weights(weights: dict[str, tuple[float, ...]]) -> None:
+    with pytest.raises(ConfigError, match="together: "):
+        TogetherEvidence(of=(SilhouetteEvidence(), SilhouetteEvidence()), **weights)
