@@ -16,6 +16,7 @@ GOOD = """
 persons = [{ name = "anna", model = "gavrila22", stature_m = 1.7 }]
 reading = { use = "video", path = "videos/{view}.mp4", rig = "rig.toml" }
 """
+CONTOURS = '[evidence]\nuse = "contours"\n'
 
 
 @pytest.fixture
@@ -45,6 +46,7 @@ def test_sections_have_defaults_and_paths_start_at_the_file(written, tmp_path):
 
 def test_overrides_reach_nested_components(written):
     overrides = [
+        "evidence.use=contours",
         "evidence.similarity.outlier_px=15",
         "estimation.first.use=best_first",
         "estimation.first.step_deg=2.5",
@@ -59,18 +61,21 @@ def test_overrides_reach_nested_components(written):
     [
         (GOOD + "[evidnce]\n", 'run.toml: unknown section "evidnce"; did you mean "evidence"'),
         (
-            GOOD + "[evidence.similarity]\noutlier = 3\n",
+            GOOD + CONTOURS + "[evidence.similarity]\noutlier = 3\n",
             r'\[evidence\] similarity: unknown key "outlier"; did you mean "outlier',
         ),
         (
-            GOOD + '[evidence.similarity]\nuse = "chamfr"\n',
+            GOOD + CONTOURS + '[evidence.similarity]\nuse = "chamfr"\n',
             r'use = "chamfr": no such component; did you mean "chamfer"',
         ),
         (
-            GOOD + '[evidence.similarity]\noutlier_px = "far"\n',
+            GOOD + CONTOURS + '[evidence.similarity]\noutlier_px = "far"\n',
             r"\[evidence\] similarity: outlier_px = 'far': input should be",
         ),
-        (GOOD + "[evidence.similarity]\noutlier_px = -1\n", r"outlier_px = -1: input should be greater than 0"),
+        (
+            GOOD + CONTOURS + "[evidence.similarity]\noutlier_px = -1\n",
+            r"outlier_px = -1: input should be greater than 0",
+        ),
         (GOOD + "[estimation]\nfirst = 3\n", r"\[estimation\] first: expected a table like"),
         (GOOD + "[loss]\nlost = 1\n", r'\[loss\]: unknown key "lost"; did you mean "lost_below"'),
         (GOOD.replace("rig =", "rg ="), r'\[reading\]: unknown key "rg"; did you mean "rig"'),

@@ -115,7 +115,7 @@ def test_the_best_first_search_of_the_paper_runs_alone(run, tmp_path):
     folder = run.persons[0].model.parent
     table = described(run)
     table["estimation"] = {"use": "best_first"}
-    table["evidence"] = {"similarity": {"use": "chamfer", "outliers": "reject"}}
+    table["evidence"] = {"use": "contours", "similarity": {"use": "chamfer", "outliers": "reject"}}
     paper = job_from("track", table, "paper", folder, "paper")
     result = execute(part_of(paper, 0, 2, run.recordings[:1]), tmp_path / "out")
     assert result.n_lost == 0

@@ -64,7 +64,7 @@ class TrackJob:
     synthesis: Synthesis = standard("synthesis", "cpu")
     """What the images should show."""
 
-    evidence: Evidence = standard("evidence", "contours")
+    evidence: Evidence = standard("evidence", "together")
     """What they do show, and how well a pose explains it."""
 
     prediction: Prediction = standard("prediction", "polynomial")
