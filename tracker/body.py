@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -15,7 +13,7 @@ from tracker.errors import ModelError, nearest
 from tracker.kernels.kinematics import chain_transforms, twists_in_world
 from tracker.kernels.self_collision import count_collisions
 from tracker.mirror import Mirror
-from tracker.segments import Landmark, Parameter, Part, Root, Segment
+from tracker.segments import Landmark, Parameter, Part, Root, Segment, unjoined
 from tracker.shape import TaperedSuperquadric
 
 
@@ -126,14 +124,7 @@ class BodyModel:
         Left out are parts of one segment, of segments next to each other, and parts that overlap in the reference pose.
         """
         chains = [frozenset(np.flatnonzero(self.moves[:, end]).tolist()) for end in self.part_parameters]
-        pairs = np.array(
-            [
-                (p, q)
-                for p, q in itertools.combinations(range(len(self.parts)), 2)
-                if not _joined(chains[p], chains[q], chains)
-            ],
-            dtype=np.int64,
-        ).reshape(-1, 2)
+        pairs = np.array(unjoined(chains), dtype=np.int64).reshape(-1, 2)
         rest = self.world_from_part(self.rest()[None])
         clear = [count_collisions(rest, self.shapes, pair[None])[0] == 0 for pair in pairs]
         kept: Integers = frozen(pairs[np.array(clear, dtype=np.bool_)], dtype=np.int64)
@@ -295,9 +286,3 @@ class BodyModel:
         """The same skeleton with other part shapes, in the order of `parts`."""
         parts = tuple(replace(part, shape=shape) for part, shape in zip(self.parts, shapes, strict=True))
         return replace(self, parts=parts)
-
-
-def _joined(one: frozenset[int], other: frozenset[int], chains: Sequence[frozenset[int]]) -> bool:
-    """Whether what two chains of parameters move is one segment or two that hang on each other."""
-    inner, outer = sorted((one, other), key=len)
-    return inner <= outer and not any(inner < chain < outer for chain in chains)

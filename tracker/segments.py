@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 from tracker.arrays import Array, Integers
 from tracker.shape import TaperedSuperquadric
@@ -99,3 +101,18 @@ class Root:
 
     turn: int
     """Rotation about the vertical."""
+
+
+def unjoined(chains: Sequence[frozenset[int]]) -> list[tuple[int, int]]:
+    """Pairs of parts that are neither on one segment nor on two that hang on each other.
+
+    Args:
+        chains: the parameters that move each part.
+    """
+    return [(p, q) for p, q in combinations(range(len(chains)), 2) if not _joined(chains[p], chains[q], chains)]
+
+
+def _joined(one: frozenset[int], other: frozenset[int], chains: Sequence[frozenset[int]]) -> bool:
+    """Whether what two chains of parameters move is one segment or two that hang on each other."""
+    inner, outer = sorted((one, other), key=len)
+    return inner <= outer and not any(inner < chain < outer for chain in chains)
