@@ -21,7 +21,7 @@ LAYERS = (
     "errors arrays components config resources files progress geometry imaging kernels",
     "camera rig rig_layouts frame shape segments mirror "
     "body_sections body body_defaults body_facts body_description body_files scene contours expectation observation "
-    "keypoints keypoint_layouts account equations sight estimate start subject trajectory triangulation views",
+    "keypoints keypoint_layouts account equations sight estimate start subject trajectory doubts triangulation views",
     "reading calibration prediction synthesis analysis recording",
     "comparison outlines correspondences",
     "similarity evidence objective",

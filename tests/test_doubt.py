@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import csv
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from observations import objective_of
 from recordings import TrueStart, cycle_for, small_simulation
 
 from tracker.cycle import LossRule, judged
+from tracker.doubts import Doubts, ranges
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
 from tracker.observation import Observation
@@ -72,6 +76,28 @@ def test_nothing_is_learned_from_a_doubtful_frame() -> None:
         verdicts = {Status.TRACKED, Status.BOOTSTRAPPED} if trusted else {Status.DOUBTFUL}
         assert {step.estimates[0].verdict for step in steps} == verdicts
         assert steps[-1].estimates[0].status is Status.TRACKED
+
+
+def test_one_line_says_where_to_look(truth: Scene, observation: Observation) -> None:
+    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=())
+    unsure, arm = replace(sure, doubtful=True), replace(sure, ambiguous=("left_arm",))
+    lost = replace(unsure, status=Status.LOST, ambiguous=("right_leg",))
+    fitted = objective_of(truth, observation).asked.fine(truth.persons[0].q)
+    doubts = Doubts()
+    assert doubts.none
+    for k, estimate in enumerate((sure, unsure, unsure, arm, lost, arm)):
+        doubts = doubts.after(Step(Frame(10 + k, 0.04 * k, (None,) * 4), truth, (estimate,), fitted))
+    assert doubts.sentence() == (
+        "of 6 frames 1 lost (frames 14), 2 doubtful (frames 11-12), left arm ambiguous in 2 (frames 13, 15)"
+    )
+    assert Doubts(3).sentence() == "no frame of 3 lost, doubtful or with an ambiguous limb"
+
+
+@given(st.sets(st.integers(0, 60)))
+def test_ranges_are_the_numbers_in_few_words(numbers: set[int]) -> None:
+    found = ranges(numbers)
+    assert {n for first, last in found for n in range(first, last + 1)} == numbers
+    assert all(one[1] + 1 < other[0] for one, other in pairwise(found))
 
 
 def test_doubt_is_written_to_the_tables(truth: Scene, observation: Observation, tmp_path: Path) -> None:

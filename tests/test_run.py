@@ -67,7 +67,7 @@ def poses(folder: Path) -> list[dict[str, str]]:
 def test_a_run_leaves_all_its_results(run, tmp_path):
     result = execute(run, tmp_path / "out")
     assert sorted(path.name for path in result.folder.iterdir()) == sorted(RESULTS)
-    assert (result.n_frames, result.n_lost, result.interrupted) == (6, 0, False)
+    assert (result.n_frames, result.doubts.lost, result.interrupted) == (6, (), False)
     assert {path.name for path in result.files} == set(RESULTS) - {"log.txt", "config.toml", "rig.toml", "models"}
     assert result.files[0].name == "poses.csv"
     saved = json.loads((result.folder / "run.json").read_text())
@@ -118,7 +118,7 @@ def test_the_best_first_search_of_the_paper_runs_alone(run, tmp_path):
     table["evidence"] = {"use": "contours", "similarity": {"use": "chamfer", "outliers": "reject"}}
     paper = job_from("track", table, "paper", folder, "paper")
     result = execute(part_of(paper, 0, 2, run.recordings[:1]), tmp_path / "out")
-    assert result.n_lost == 0
+    assert result.doubts.lost == ()
 
 
 def test_a_result_is_self_contained_and_its_configuration_runs_again(run, tmp_path, monkeypatch):

@@ -51,8 +51,7 @@ def demo(
 def _print_tracked(outcome: TrackOutcome) -> None:
     rate = outcome.n_frames / outcome.seconds if outcome.seconds else 0.0
     state = "interrupted after" if outcome.interrupted else "tracked"
-    console.print(
-        f"{state} {outcome.n_frames} frames, {outcome.n_lost} lost, {rate:.1f} frames/s all included", highlight=False
-    )
+    console.print(f"{state} {outcome.n_frames} frames, {rate:.1f} frames/s all included", highlight=False)
     files = ", ".join(path.name for path in outcome.files) or "no recordings chosen"
     console.print(f"results in {outcome.folder}: {files}", highlight=False)
+    console.print(outcome.doubts.sentence(), style="" if outcome.doubts.none else "yellow", highlight=False)

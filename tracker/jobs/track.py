@@ -20,6 +20,7 @@ from tracker.body_description import BodyDescription
 from tracker.body_files import save_description
 from tracker.components import ReadBy, component, find, standard
 from tracker.cycle import Cycle, LossRule
+from tracker.doubts import Doubts
 from tracker.errors import TrackerError
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence
@@ -172,7 +173,9 @@ class TrackOutcome:
 
     folder: Path
     n_frames: int
-    n_lost: int
+    doubts: Doubts
+    """Where to look before the result is used."""
+
     seconds: float
     interrupted: bool = False
     files: tuple[Path, ...] = ()
@@ -194,7 +197,7 @@ def _recorded(
     progress: Progress,
 ) -> TrackOutcome:
     """Feeds every recorder; they are finished whatever happens."""
-    begin, n_lost, n_frames, interrupted, pace = time.perf_counter(), 0, 0, False, _Pace()
+    begin, doubts, n_frames, interrupted, pace = time.perf_counter(), Doubts(), 0, False, _Pace()
     files: list[Path] = []
     with contextlib.ExitStack() as finishing:
         recorders: list[Recorder] = []
@@ -208,9 +211,9 @@ def _recorded(
                 for recorder in recorders:
                     recorder.write(step)
                 folder.keep()
-                n_lost += any(estimate.lost for estimate in step.estimates)
+                doubts = doubts.after(step)
                 _log_step(step)
-                progress("tracking", n_frames, context.n_frames, pace.after(step, n_lost))
+                progress("tracking", n_frames, context.n_frames, pace.after(step, doubts))
         except KeyboardInterrupt:
             if not folder.kept:
                 raise
@@ -220,7 +223,7 @@ def _recorded(
             log.error("%s", error)
             raise
     seconds = time.perf_counter() - begin
-    return TrackOutcome(context.folder, n_frames, n_lost, seconds, interrupted, tuple(files))
+    return TrackOutcome(context.folder, n_frames, doubts, seconds, interrupted, tuple(files))
 
 
 def _finish(recorder: Recorder, files: list[Path]) -> None:
@@ -234,7 +237,7 @@ class _Pace:
     def __init__(self) -> None:
         self._recent: deque[dict[str, float]] = deque(maxlen=25)
 
-    def after(self, step: Step, n_lost: int) -> str:
+    def after(self, step: Step, doubts: Doubts) -> str:
         """What is shown after a frame."""
         self._recent.append(step.seconds)
         total = Counter[str]()
@@ -242,7 +245,8 @@ class _Pace:
             total.update(seconds)
         n = len(self._recent)
         stages = " ".join(f"{stage} {1000 * value / n:.0f}" for stage, value in total.most_common(3))
-        lost = f", {n_lost} lost" if n_lost else ""
+        lost = f", {len(doubts.lost)} lost" if doubts.lost else ""
+        lost += f", {len(doubts.doubtful)} doubtful" if doubts.doubtful else ""
         return f"{n / max(sum(total.values()), 1e-9):.1f} frames/s ({stages} ms){lost}"
 
 
@@ -252,7 +256,7 @@ def _log_step(step: Step) -> None:
             "frame %d %s %s %.2f px, %.0f %% explained, %.0f ms",
             step.frame.index,
             person.name,
-            estimate.status,
+            estimate.verdict,
             estimate.distance_px,
             100 * estimate.account.explained,
             1000 * sum(step.seconds.values()),

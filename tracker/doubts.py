@@ -1,0 +1,77 @@
+"""What a run doubts of its own result: in which frames, and where to look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from tracker.estimate import Status
+from tracker.trajectory import Step
+
+# More ranges than this in one line are not read.
+_MOST_RANGES = 4
+
+
+@dataclass(frozen=True)
+class Doubts:
+    """Frames that are not to be used as they are."""
+
+    n_frames: int = 0
+    lost: tuple[int, ...] = ()
+    """Numbers of the frames in which a person is lost."""
+
+    doubtful: tuple[int, ...] = ()
+    """Numbers of the frames in which a person is doubtful, and none is lost."""
+
+    ambiguous: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """Limb, with the person's name where there are several -> frames in which it may be elsewhere."""
+
+    def after(self, step: Step) -> Doubts:
+        """The doubts one frame on."""
+        verdicts, frame = {estimate.verdict for estimate in step.estimates}, step.frame.index
+        ambiguous = dict(self.ambiguous)
+        for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+            whose = f"{person.name}'s " if len(step.scene.persons) > 1 else ""
+            for group in () if estimate.lost else estimate.ambiguous:
+                limb = whose + group.replace("_", " ")
+                ambiguous[limb] = (*ambiguous.get(limb, ()), frame)
+        lost, doubtful = Status.LOST in verdicts, Status.DOUBTFUL in verdicts and Status.LOST not in verdicts
+        return Doubts(
+            self.n_frames + 1,
+            (*self.lost, frame) if lost else self.lost,
+            (*self.doubtful, frame) if doubtful else self.doubtful,
+            ambiguous,
+        )
+
+    @property
+    def none(self) -> bool:
+        """Whether there is nothing to look at."""
+        return not (self.lost or self.doubtful or self.ambiguous)
+
+    def sentence(self) -> str:
+        """One line for the terminal: how many frames, which limbs, where to look."""
+        if self.none:
+            return f"no frame of {self.n_frames} lost, doubtful or with an ambiguous limb"
+        found = [f"of {self.n_frames} frames {len(self.lost)} lost{_where(self.lost)}"]
+        if self.doubtful:
+            found.append(f"{len(self.doubtful)} doubtful{_where(self.doubtful)}")
+        for limb, frames in sorted(self.ambiguous.items(), key=lambda item: -len(item[1])):
+            found.append(f"{limb} ambiguous in {len(frames)}{_where(frames)}")
+        return ", ".join(found)
+
+
+def _where(frames: tuple[int, ...]) -> str:
+    """` (frames 3-17, 40, ...)`; nothing for no frames."""
+    if not frames:
+        return ""
+    parts = [f"{first}-{last}" if last > first else str(first) for first, last in ranges(frames)]
+    more = ", ..." if len(parts) > _MOST_RANGES else ""
+    return f" (frames {', '.join(parts[:_MOST_RANGES])}{more})"
+
+
+def ranges(frames: Iterable[int]) -> list[tuple[int, int]]:
+    """First and last of each run of successive numbers, in order."""
+    numbers = sorted(frames)
+    breaks = [0, *(k + 1 for k, (one, other) in enumerate(pairwise(numbers)) if other > one + 1), len(numbers)]
+    return [(numbers[first], numbers[end - 1]) for first, end in pairwise(breaks) if end > first]
