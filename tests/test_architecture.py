@@ -28,7 +28,7 @@ LAYERS = (
     "estimation initialization",
     "cycle rehearsal tracking",
     "acquisition lsm recognition evaluation simulation",
-    "jobs rig_check batching",
+    "jobs rig_check export batching",
     "cli commands __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}

@@ -12,6 +12,7 @@ from rich.console import Console
 from tracker.commands.acquire import acquire
 from tracker.commands.calibrate import calibrate_app
 from tracker.commands.evaluate import evaluate
+from tracker.commands.export import export
 from tracker.commands.job import add_jobs
 from tracker.commands.rig import rig_app
 from tracker.commands.run import demo, run
@@ -27,7 +28,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Model-based, marker-less motion capture from calibrated views.",
 )
-for _command in (demo, run, show, evaluate, acquire, warmup):
+for _command in (demo, run, show, evaluate, export, acquire, warmup):
     app.command()(_command)
 app.command("surface")(measure)
 app.add_typer(calibrate_app, name="calibrate")

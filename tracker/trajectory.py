@@ -53,6 +53,7 @@ class Replay:
     """One frame of an interrupted run, as its journal has it."""
 
     index: int
+    time_s: float
     estimates: tuple[Estimate, ...]
     seconds: dict[str, float]
     overlap: Array | None

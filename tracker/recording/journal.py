@@ -105,6 +105,7 @@ def _replay(entry: dict[str, Any]) -> Replay:
     overlap = entry["overlap"]
     return Replay(
         index=int(entry["frame"]),
+        time_s=float(entry["time_s"]),
         estimates=tuple(_estimate(values) for values in entry["estimates"]),
         seconds={str(stage): float(value) for stage, value in entry["seconds"].items()},
         overlap=None if overlap is None else _array(overlap),

@@ -1,0 +1,217 @@
+"""Exports read back with other programs' libraries, to a hundredth of a millimetre."""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import replace
+
+import ezc3d
+import numpy as np
+import pytest
+import trc
+from motions import INTERVAL_S, LOST, N_FRAMES, made_up
+from typer.testing import CliRunner
+
+from tracker.cli import app
+from tracker.commands.export import FORMATS
+from tracker.components import find
+from tracker.errors import ConfigError
+from tracker.recording._motion import Y_UP, Motions, markers_of
+from tracker.recording.c3d import C3d
+from tracker.recording.trc import Trc
+
+HUNDREDTH_MM = 1e-5
+FOUND = [t for t in range(N_FRAMES) if not LOST.start <= t < LOST.stop]
+
+
+@pytest.fixture(scope="module", params=["gavrila22", "human", "quadruped"])
+def movement(request):
+    return made_up(request.param, "gavrila22")
+
+
+def motion_of(movement, k=0):
+    motions = Motions(movement.context(None))
+    for step in movement.steps:
+        motions.add(step)
+    return motions.all()[k]
+
+
+def truth(movement, k=0):
+    """Names and places (T, M, 3) of all markers, metres, also where the person was lost."""
+    markers = markers_of(movement.scene.persons[k].body)
+    motion = motion_of(movement, k)
+    return [marker.name for marker in markers], motion.points(motion.q, markers)
+
+
+def test_markers_fix_every_segment_and_lie_on_its_surface(movement):
+    body = movement.scene.persons[0].body
+    markers = markers_of(body)
+    assert len({marker.name for marker in markers}) == len(markers) == len(body.landmarks) + 3 * len(body.segments)
+    for segment in body.segments:
+        points = np.array([m.point for m in markers if m.name.startswith(f"{segment.name}_surface_")])
+        sides = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        assert sides[1] > 0.01  # no line
+        nearest = [
+            np.abs(part.shape.inside_outside((points - part.model_from_part[:3, 3]) @ part.model_from_part[:3, :3]) - 1)
+            for part in body.parts
+            if part.segment == segment.name
+        ]
+        assert np.min([one.max() for one in nearest]) < 1e-9
+
+
+def test_lost_frames_are_filled_between_their_neighbours(movement):
+    motion = motion_of(movement)
+    np.testing.assert_array_equal(motion.filled[FOUND], motion.q[FOUND])
+    before, after = motion.q[LOST.start - 1], motion.q[LOST.stop]
+    step = (LOST.stop - LOST.start + 1) ** -1
+    np.testing.assert_allclose(motion.filled[LOST.start], before + step * (after - before), atol=1e-12)
+    turned = motion.q.copy()
+    turned[LOST.stop :, motion.body.root.turn] -= 2 * np.pi  # the same poses, the long way round
+    again = type(motion)(**{**vars_of(motion), "q": turned})
+    difference = again.filled[LOST] - motion.filled[LOST]
+    np.testing.assert_allclose(difference, 0, atol=1e-9)
+
+
+def vars_of(motion):
+    names = ("name", "body", "times_s", "interval_s", "q", "lost", "covariances", "shares")
+    return {name: getattr(motion, name) for name in names}
+
+
+@pytest.mark.parametrize("y_up", [False, True])
+def test_trc_is_read_back(movement, tmp_path, y_up):
+    files = movement.record(Trc(y_up=y_up), tmp_path)
+    assert [file.name for file in files] == ["person1.trc", "person2.trc"]
+    for k, file in enumerate(files):
+        read = trc.TRCData()
+        read.load(str(file))
+        names, places = truth(movement, k)
+        assert read["Markers"] == names
+        assert (read["NumFrames"], read["DataRate"], read["Units"]) == (N_FRAMES, 25.0, "m")
+        np.testing.assert_allclose(read["Time"], 0.4 + INTERVAL_S * np.arange(N_FRAMES), atol=1e-6)
+        found = np.array([read[name] for name in names], dtype=float).transpose(1, 0, 2)
+        if y_up:
+            found = found @ Y_UP
+        if k == 0:
+            assert np.isnan(found[LOST]).all()
+            places[LOST] = np.nan
+        np.testing.assert_allclose(found, places, atol=HUNDREDTH_MM)
+
+
+@pytest.mark.parametrize("y_up", [False, True])
+def test_c3d_is_read_back(movement, tmp_path, y_up):
+    files = movement.record(C3d(y_up=y_up), tmp_path)
+    assert sorted(tmp_path.iterdir()) == sorted(files)
+    for k, file in enumerate(files):
+        read = ezc3d.c3d(str(file))
+        names, places = truth(movement, k)
+        point = read["parameters"]["POINT"]
+        assert point["LABELS"]["value"] == names
+        assert (point["RATE"]["value"][0], point["UNITS"]["value"]) == (25.0, ["mm"])
+        assert (point["X_SCREEN"]["value"], point["Y_SCREEN"]["value"]) == (["+X"], ["+Y" if y_up else "+Z"])
+        found = read["data"]["points"][:3].transpose(2, 1, 0) / 1000
+        rotations = read["data"]["rotations"].transpose(3, 2, 0, 1)
+        assert read["parameters"]["ROTATION"]["FRAMES"]["value"][0] == N_FRAMES
+        if y_up:
+            found, rotations[..., :3, :] = found @ Y_UP, Y_UP.T @ rotations[..., :3, :]
+        motion = motion_of(movement, k)
+        placed = motion.segments(motion.q)
+        placed[..., :3, 3] *= 1000
+        if k == 0:
+            assert np.isnan(found[LOST]).all()
+            assert np.isnan(rotations[LOST]).all()
+            places[LOST] = placed[LOST] = np.nan
+        np.testing.assert_allclose(found, places, atol=HUNDREDTH_MM)
+        np.testing.assert_allclose(rotations[..., :3, 3], placed[..., :3, 3], atol=0.01)
+        np.testing.assert_allclose(rotations[..., :3, :3], placed[..., :3, :3], atol=1e-6)
+
+
+def test_c3d_tells_how_sure_it_is(movement, tmp_path):
+    """Read with the other library: residuals, and the 17th value of every rotation."""
+    file = movement.record(C3d(), tmp_path)[0]
+    read = ezc3d.c3d(str(file))
+    residuals = read["data"]["meta_points"]["residuals"][0].T
+    assert (residuals[LOST] == -1).all()
+    motion = motion_of(movement)
+    sigmas_mm = 1000 * motion.sigmas(markers_of(motion.body))
+    np.testing.assert_array_equal(residuals[FOUND], np.clip(np.ceil(sigmas_mm[FOUND]), 1, 127))
+    assert len(np.unique(residuals[FOUND])) > 1
+    start = 512 * (int(read["parameters"]["ROTATION"]["DATA_START"]["value"][0]) - 1)
+    n = N_FRAMES * len(motion.body.segments) * 17
+    reliabilities = np.frombuffer(file.read_bytes(), "<f4", n, start).reshape(N_FRAMES, -1, 17)[..., -1]
+    assert (reliabilities[LOST] == -1).all()
+    assert set(np.unique(reliabilities[FOUND])) <= {0.0, 0.75}  # 0: the segment whose only part is hidden
+    assert (reliabilities[FOUND] == 0.75).any()
+
+
+def test_uneven_frames_are_put_on_even_times():
+    """A dropped frame and one taken late: the places between are interpolated, the gap counts as lost."""
+    movement = made_up("gavrila22")
+    motion = motion_of(replace(movement, steps=movement.steps[7:]))
+    assert motion.even() is motion
+    times = np.array([0.4, 0.44, 0.47, 0.60, 0.64])
+    uneven = type(motion)(**{**vars_of(motion), "times_s": times}).even()
+    np.testing.assert_allclose(uneven.times_s, 0.4 + 0.04 * np.arange(7))
+    np.testing.assert_array_equal(uneven.lost, [False, False, False, True, True, False, False])
+    np.testing.assert_allclose(uneven.q[[0, 1, 5, 6]], motion.q[[0, 1, 3, 4]], atol=1e-12)
+    share = 0.01 / 0.13
+    np.testing.assert_allclose(uneven.q[2], (1 - share) * motion.q[2] + share * motion.q[3], atol=1e-12)
+
+
+def test_sigmas_are_those_of_the_poses():
+    """Against finite differences of the markers: sigma of each parameter 1 mrad or 1 mm, independent."""
+    motion = motion_of(made_up("human"))
+    markers = markers_of(motion.body)
+    q, step = motion.q[0], 1e-6
+    moved = motion.points(q + step * np.eye(motion.body.dof), markers) - motion.points(
+        q - step * np.eye(len(q)), markers
+    )
+    wanted = 1e-3 * np.sqrt(((moved / (2 * step)) ** 2).sum(axis=(0, 2)))
+    np.testing.assert_allclose(motion.sigmas(markers)[0], wanted, rtol=1e-6)
+
+
+@pytest.mark.parametrize("use", FORMATS)
+def test_a_finished_result_is_exported_as_while_tracking(movement, tmp_path, use):
+    wanted = movement.record(find("recording", use)(), tmp_path)
+    result = movement.result(tmp_path / "result")
+    told = CliRunner().invoke(app, ["export", str(result), "--to", use, "--output", str(tmp_path / "out")])
+    assert told.exit_code == 0, told.output
+    assert told.output.splitlines() == [str(tmp_path / "out" / file.name) for file in wanted]
+    for file in wanted:
+        assert (tmp_path / "out" / file.name).read_bytes() == file.read_bytes()
+
+
+def test_several_formats_at_once_into_the_result(tmp_path):
+    result = made_up("gavrila22").result(tmp_path / "result")
+    told = CliRunner().invoke(app, ["export", str(result), "--to", "trc", "c3d", "--y-up"])
+    assert told.exit_code == 0, told.output
+    assert {"person1.trc", "person1.c3d"} <= {path.name for path in result.iterdir()}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["RESULT"], "--to: expected one or more of"),
+        (["RESULT", "--to", "trk"], '--to trk: no such format; did you mean "trc"'),
+        (["NOWHERE", "--to", "trc"], "expected the folder of a run"),
+        (["DAMAGED", "--to", "trc"], "damaged, or of another version"),
+        (["OTHER", "--to", "trc"], "damaged, or of another version (KeyError"),
+        (["EMPTY", "--to", "trc"], "no frame was tracked"),
+    ],
+)
+def test_what_cannot_be_exported_is_one_clear_line(tmp_path, arguments, words):
+    movement = made_up("gavrila22")
+    movement.result(tmp_path / "RESULT")
+    (movement.result(tmp_path / "DAMAGED") / "run.json").write_text('{"name": ')
+    (movement.result(tmp_path / "OTHER") / "run.json").write_text('{"name": "x", "persons": []}')
+    (movement.result(tmp_path / "EMPTY") / "steps.jsonl").write_text("")
+    told = CliRunner().invoke(app, ["export", str(tmp_path / arguments[0]), *arguments[1:]])
+    assert isinstance(told.exception, ConfigError), told.output
+    assert re.search(re.escape(words), str(told.exception))
+    assert "\n" not in str(told.exception)
+
+
+def test_without_ezc3d_the_package_to_install_is_named(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "ezc3d", None)
+    with pytest.raises(ConfigError, match=r'pip install "bodytrack\[export\]"'):
+        C3d().begin(made_up("gavrila22").context(tmp_path))

@@ -1,0 +1,221 @@
+"""What exports are made of: one person's poses over a run, segments in space, points on them."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from tracker.arrays import Array, Mask
+from tracker.body import BodyModel
+from tracker.recording import RunContext
+from tracker.scene import Person
+from tracker.segments import Landmark
+from tracker.trajectory import Step
+
+Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+"""From our world, z up, to that of programs with y up: x stays, (x, y, z) becomes (x, z, -y)."""
+
+_EVEN = 0.01
+"""Share of an interval that frames may be off even times, as those of 29.97 fps written with six digits are."""
+
+_GAP = 0.75
+"""Intervals from the nearest frame beyond which a pose is not interpolated: more than the half that jitter can make."""
+
+log = logging.getLogger("tracker")
+
+_AROUND = np.radians([0.0, 120.0, 240.0])
+_ALONG = np.radians([30.0, 0.0, -30.0])
+"""Longitudes and latitudes of a segment's three surface points: around it and along it, so that they fix its turn."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One person's movement."""
+
+    name: str
+    body: BodyModel
+    times_s: Array
+    """(T,) of the frames."""
+
+    interval_s: float
+    """Usual time from one frame to the next."""
+
+    q: Array
+    """(T, dof) poses; those of lost frames are not to be used."""
+
+    lost: Mask
+    """(T,) frames in which the person was lost."""
+
+    covariances: Array
+    """(T, dof, dof) of the poses; NaN where unknown."""
+
+    shares: Array
+    """(T, P) share of each part's visible contour that the images explain; NaN where it is hidden."""
+
+    @cached_property
+    def filled(self) -> Array:
+        """(T, dof) poses with lost frames interpolated in time, and held at the ends, for formats that need a pose.
+
+        Angles take the shorter way round.
+        """
+        found = np.flatnonzero(~self.lost)
+        if not len(found):
+            return np.tile(self.body.rest(), (len(self.q), 1))
+        known = np.where(self.body.rotates, np.unwrap(self.q[found], axis=0), self.q[found])
+        times = self.times_s[found]
+        filled: Array = np.stack([np.interp(self.times_s, times, column) for column in known.T], axis=1)
+        filled[found] = self.q[found]
+        return filled
+
+    def told_filled(self, path: Path) -> None:
+        """Logs how many poses of a file are interpolated, for formats that cannot mark them."""
+        if self.lost.any():
+            log.warning(
+                "%s: %s is lost in %d of %d frames, whose poses are interpolated: the format cannot leave them out",
+                path,
+                self.name,
+                int(self.lost.sum()),
+                len(self.lost),
+            )
+
+    def even(self) -> Motion:
+        """The movement at even times, for formats that hold one frame rate; itself if its times are even already.
+
+        Poses are interpolated where frames lie unevenly; a time that no frame is near counts as a lost frame.
+        """
+        n_frames = round((self.times_s[-1] - self.times_s[0]) / self.interval_s) + 1
+        times = self.times_s[0] + self.interval_s * np.arange(n_frames)
+        if n_frames == len(self.times_s) and np.abs(times - self.times_s).max() < _EVEN * self.interval_s:
+            return self
+        nearest = np.abs(self.times_s[:, None] - times).argmin(axis=0)
+        gap = np.abs(self.times_s[nearest] - times) > _GAP * self.interval_s
+        known = np.where(self.body.rotates, np.unwrap(self.filled, axis=0), self.filled)
+        q = np.stack([np.interp(times, self.times_s, column) for column in known.T], axis=1)
+        return Motion(
+            self.name,
+            self.body,
+            times,
+            self.interval_s,
+            q,
+            self.lost[nearest] | gap,
+            self.covariances[nearest],
+            self.shares[nearest],
+        )
+
+    def local(self, q: Array) -> Array:
+        """Placements of the segments in their parents' (T, S, 4, 4), of roots in the world, metres."""
+        placed = self.segments(q)
+        local = np.array(placed)
+        for k, segment in enumerate(self.body.segments):
+            if segment.parent >= 0:
+                local[:, k] = np.linalg.inv(placed[:, segment.parent]) @ placed[:, k]
+        return local
+
+    def slides(self, segment: int) -> bool:
+        """Whether a segment's joint moves in its parent."""
+        return any(not self.body.rotates[k] for k in self.body.segments[segment].parameters)
+
+    def segments(self, q: Array) -> Array:
+        """Placements of the segments (T, S, 4, 4): origin in the joint, axes of the reference pose, metres."""
+        body = self.body
+        placed = np.array(body.world_from_parameters(q)[:, [segment.end for segment in body.segments]])
+        joints = np.array([segment.joint for segment in body.segments])
+        placed[..., :3, 3] += (placed[..., :3, :3] @ joints[..., None])[..., 0]
+        return placed
+
+    def points(self, q: Array, marks: Iterable[Landmark]) -> Array:
+        """Marks on the body in the world (T, M, 3), metres."""
+        chosen = tuple(marks)
+        motions = self.body.world_from_parameters(q)[:, [mark.parameter for mark in chosen]]
+        points = np.array([mark.point for mark in chosen])
+        world: Array = (motions[..., :3, :3] @ points[..., None])[..., 0] + motions[..., :3, 3]
+        return world
+
+    def sigmas(self, marks: Iterable[Landmark]) -> Array:
+        """Standard deviation of marks in space (T, M): root of the summed variances of x, y, z, metres."""
+        chosen = tuple(marks)
+        parameters = np.array([mark.parameter for mark in chosen])
+        world = self.points(self.q, chosen)
+        rows = []
+        for q, points, covariance in zip(self.q, world, self.covariances, strict=True):
+            jacobian = self.body.point_jacobian(q, points, parameters)
+            rows.append(np.sqrt(np.maximum(np.einsum("mik,kl,mil->m", jacobian, covariance, jacobian), 0)))
+        return np.array(rows)
+
+
+class Motions:
+    """The movements of all persons, collected frame by frame."""
+
+    def __init__(self, run: RunContext) -> None:
+        self._run = run
+        self._steps: list[tuple[float, list[tuple[Array, bool, Array, Array]]]] = []
+
+    def add(self, step: Step) -> None:
+        """Takes the poses of one frame."""
+        rows = []
+        for estimate in step.estimates:
+            account = estimate.account
+            with np.errstate(invalid="ignore", divide="ignore"):
+                shares = account.explained_px / account.visible_px
+            rows.append((estimate.q, estimate.lost, estimate.covariance, shares))
+        self._steps.append((step.frame.time_s, rows))
+
+    def all(self) -> list[Motion]:
+        """One a person; none without a frame."""
+        if not self._steps:
+            return []
+        return [self._of(k, person) for k, person in enumerate(self._run.scene.persons)]
+
+    def _of(self, k: int, person: Person) -> Motion:
+        times = np.array([time_s for time_s, _ in self._steps])
+        q, lost, covariances, shares = (
+            np.array(column) for column in zip(*(r[k] for _, r in self._steps), strict=True)
+        )
+        return Motion(person.name, person.body, times, self._run.interval_s, q, lost, covariances, shares)
+
+
+class MotionRecorder:
+    """A recorder that writes a file of each person's whole movement at the end."""
+
+    def __init__(self, run: RunContext, write: Callable[[Motion, Path], Path]) -> None:
+        self._folder, self._motions, self._write = run.folder, Motions(run), write
+
+    def write(self, step: Step) -> None:
+        """Adds one frame."""
+        self._motions.add(step)
+
+    def finish(self) -> tuple[Path, ...]:
+        """Writes the files."""
+        return tuple(self._write(motion, self._folder) for motion in self._motions.all())
+
+
+def markers_of(body: BodyModel) -> tuple[Landmark, ...]:
+    """The landmarks, and three points on the surface of each segment's largest part.
+
+    Joint centres alone leave a segment free to turn about the line between them: OpenSim's inverse kinematics turned a
+    neck by 52 degrees.
+    """
+    surface = []
+    for segment in body.segments:
+        parts = [part for part in body.parts if part.segment == segment.name]
+        if not parts:
+            continue
+        largest = max(parts, key=lambda part: float(np.prod(part.shape.size)))
+        points, _ = largest.shape.surface(_ALONG, _AROUND)
+        points = points @ largest.model_from_part[:3, :3].T + largest.model_from_part[:3, 3]
+        names = (f"{segment.name}_surface_{k}" for k in (1, 2, 3))
+        surface += [Landmark(n, segment.end, p, segment.name) for n, p in zip(names, points, strict=True)]
+    return (*body.landmarks, *surface)
+
+
+def replace_file(path: Path, content: bytes) -> Path:
+    """Writes a file as a whole."""
+    unfinished = path.with_name(path.name + ".part")
+    unfinished.write_bytes(content)
+    unfinished.replace(path)
+    return path

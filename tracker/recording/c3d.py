@@ -1,0 +1,124 @@
+"""Markers and segments for Visual3D, Mokka, MATLAB and others that read C3D; needs the extra `export`."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tracker.arrays import Array
+from tracker.body import BodyModel
+from tracker.components import component
+from tracker.errors import ConfigError
+from tracker.recording import RunContext
+from tracker.recording._motion import Y_UP, Motion, MotionRecorder, markers_of
+
+_BLOCK_BYTES = 512
+_ROTATION_FLOATS = 17
+"""Of a ROTATION signal in a frame: a 4x4 matrix column by column, and its reliability."""
+
+
+@component
+class C3d:
+    """`NAME.c3d` for each person: points as in TRC, millimetres, and a ROTATION signal `SEGMENT_4X4` of each segment.
+
+    The residual of a point is its standard deviation in space, rounded up to whole mm; -1 in lost frames. The
+    reliability of a rotation, its 17th value (C-Motion's convention), is the share of the segment's visible contour
+    that the images explain; 0 where it is hidden, -1 where the person is lost.
+    """
+
+    y_up: bool = False
+    """Turn the axes for programs whose y points up: x, z, -y. The file says which axis is up either way."""
+
+    def begin(self, run: RunContext) -> MotionRecorder:
+        """Collects the poses; the files are written at the end.
+
+        Raises:
+            ConfigError: ezc3d is not installed.
+        """
+        _library()
+        return MotionRecorder(run, self._written)
+
+    def _written(self, motion: Motion, folder: Path) -> Path:
+        motion = motion.even()
+        path = folder / f"{motion.name}.c3d"
+        unfinished = path.with_suffix(".part.c3d")  # ezc3d adds the ending where it is not there
+        _content(motion, self.y_up).write(str(unfinished))
+        _write_reliabilities(unfinished, _reliabilities(motion))
+        return unfinished.replace(path)
+
+
+def _library() -> Any:
+    try:
+        return importlib.import_module("ezc3d")
+    except ImportError as error:
+        raise ConfigError('recording "c3d" needs the Python package ezc3d: pip install "bodytrack[export]"') from error
+
+
+def _content(motion: Motion, y_up: bool) -> Any:
+    markers, turn = markers_of(motion.body), Y_UP if y_up else np.eye(3)
+    rate, n_frames = 1 / motion.interval_s, len(motion.q)
+    file = _library().c3d()
+    point = file["parameters"]["POINT"]
+    point["RATE"]["value"], point["UNITS"]["value"] = [rate], ["mm"]
+    point["LABELS"]["value"] = [marker.name for marker in markers]
+    point["DESCRIPTIONS"]["value"] = [marker.segment for marker in markers]
+    for axis, word in (("X_SCREEN", "+X"), ("Y_SCREEN", "+Y" if y_up else "+Z")):
+        file.add_parameter("POINT", axis, [word])
+    file.add_parameter("MANUFACTURER", "COMPANY", ["bodytrack"])
+    file["data"]["points"] = np.ones((4, len(markers), n_frames))
+    points = np.where(motion.lost[:, None, None], np.nan, motion.points(motion.q, markers))
+    file["data"]["points"][:3] = 1000 * (points @ turn.T).transpose(2, 1, 0)
+    file["data"]["meta_points"] = {
+        "residuals": _residuals(motion).T[None],
+        "camera_masks": np.zeros((7, len(markers), n_frames), dtype=np.bool_),
+    }
+    file["data"]["rotations"] = _rotations(motion, turn)
+    names = [f"{segment.name}_4X4" for segment in motion.body.segments]
+    for key, value in (("LABELS", names), ("RATE", [rate]), ("USED", [len(names)]), ("FRAMES", [n_frames])):
+        file.add_parameter("ROTATION", key, value)
+    return file
+
+
+def _rotations(motion: Motion, turn: Array) -> Array:
+    """(4, 4, S, T) placements of the segments, millimetres; NaN where the person is lost."""
+    placed = motion.segments(motion.q)
+    # The world is turned alone: a segment's own axes stay those of the reference pose.
+    placed[..., :3, :3] = turn @ placed[..., :3, :3]
+    placed[..., :3, 3] = 1000 * placed[..., :3, 3] @ turn.T
+    placed[motion.lost] = np.nan
+    rotations: Array = placed.transpose(2, 3, 1, 0)
+    return rotations
+
+
+def _residuals(motion: Motion) -> Array:
+    """(T, M) whole mm, 1 to 127; 0 where the standard deviation is unknown, -1 where the person is lost."""
+    sigmas_mm = np.ceil(1000 * motion.sigmas(markers_of(motion.body)))
+    residuals = np.where(np.isfinite(sigmas_mm), np.clip(sigmas_mm, 1, 127), 0)
+    return np.where(motion.lost[:, None], -1, residuals)
+
+
+def _reliabilities(motion: Motion) -> Array:
+    """(T, S) 0 to 1, -1 where the person is lost."""
+    columns = [_mean_share(motion.body, motion.shares, segment.name) for segment in motion.body.segments]
+    return np.where(motion.lost[:, None], -1.0, np.stack(columns, axis=1))
+
+
+def _mean_share(body: BodyModel, shares: Array, segment: str) -> Array:
+    own = shares[:, [part.segment == segment for part in body.parts]]
+    n_visible = np.isfinite(own).sum(axis=1)
+    mean: Array = np.nansum(own, axis=1) / np.maximum(n_visible, 1)
+    return mean
+
+
+def _write_reliabilities(path: Path, reliabilities: Array) -> None:
+    """Puts the 17th values into a written file: ezc3d's Python interface leaves them 0."""
+    start = int(_library().c3d(str(path))["parameters"]["ROTATION"]["DATA_START"]["value"][0])
+    content = bytearray(path.read_bytes())
+    values = np.frombuffer(
+        content, dtype="<f4", count=reliabilities.size * _ROTATION_FLOATS, offset=(start - 1) * _BLOCK_BYTES
+    )
+    values.reshape(*reliabilities.shape, _ROTATION_FLOATS)[..., -1] = reliabilities
+    path.write_bytes(content)

@@ -1,0 +1,49 @@
+"""Joint centres and surface markers for OpenSim, Pose2Sim and others that read TRC."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tracker.components import component
+from tracker.recording import RunContext
+from tracker.recording._motion import Y_UP, Motion, MotionRecorder, markers_of, replace_file
+
+
+@component
+class Trc:
+    """`NAME.trc` for each person: landmarks and three surface points a segment, metres; NaN in lost frames."""
+
+    y_up: bool = False
+    """Turn the axes for programs whose y points up, like OpenSim: x, z, -y."""
+
+    def begin(self, run: RunContext) -> MotionRecorder:
+        """Collects the poses; the files are written at the end."""
+        return MotionRecorder(run, self._written)
+
+    def _written(self, motion: Motion, folder: Path) -> Path:
+        path = folder / f"{motion.name}.trc"
+        return replace_file(path, _content(path.name, motion, self.y_up))
+
+
+def _content(name: str, motion: Motion, y_up: bool) -> bytes:
+    markers = markers_of(motion.body)
+    points = np.where(motion.lost[:, None, None], np.nan, motion.points(motion.q, markers))
+    if y_up:
+        points = points @ Y_UP.T
+    rate, n_frames = f"{1 / motion.interval_s:.6g}", str(len(points))
+    numbers = range(1, len(markers) + 1)
+    lines = [
+        f"PathFileType\t4\t(X/Y/Z)\t{name}",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+        "\t".join([rate, rate, n_frames, str(len(markers)), "m", rate, "1", n_frames]),
+        "Frame#\tTime\t" + "\t\t\t".join(marker.name for marker in markers) + "\t\t",
+        "\t\t" + "\t".join(f"{axis}{k}" for k in numbers for axis in "XYZ"),
+        "",
+    ]
+    for k, (time_s, row) in enumerate(zip(motion.times_s, points.reshape(len(points), -1), strict=True), start=1):
+        # An empty cell breaks OpenSim.
+        cells = ("NaN" if np.isnan(value) else f"{value:.6f}" for value in row)
+        lines.append(f"{k}\t{time_s:.6f}\t" + "\t".join(cells))
+    return ("\n".join(lines) + "\n").encode()
