@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import re
 import sys
 from dataclasses import replace
 
+import bvhio
 import ezc3d
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from tracker.commands.export import FORMATS
 from tracker.components import find
 from tracker.errors import ConfigError
 from tracker.recording._motion import Y_UP, Motions, markers_of
+from tracker.recording.bvh import Bvh
 from tracker.recording.c3d import C3d
 from tracker.recording.trc import Trc
 
@@ -142,6 +145,39 @@ def test_c3d_tells_how_sure_it_is(movement, tmp_path):
     assert (reliabilities[LOST] == -1).all()
     assert set(np.unique(reliabilities[FOUND])) <= {0.0, 0.75}  # 0: the segment whose only part is hidden
     assert (reliabilities[FOUND] == 0.75).any()
+
+
+def test_bvh_is_read_back(movement, tmp_path):
+    """Every joint of every frame, forward kinematics by bvhio."""
+    files = movement.record(Bvh(), tmp_path)
+    for k, file in enumerate(files):
+        motion = motion_of(movement, k)
+        joints = motion.segments(motion.filled)[..., :3, 3]
+        assert f"Frame Time: {INTERVAL_S:.8f}" in file.read_text()
+        root = bvhio.readAsHierarchy(str(file))
+        layout = {joint.Name: joint for joint, _, _ in root.layout()}
+        assert set(layout) >= {segment.name for segment in motion.body.segments}
+        for t in range(N_FRAMES):
+            root.loadPose(t)
+            found = np.array([list(layout[s.name].PositionWorld) for s in motion.body.segments])
+            np.testing.assert_allclose(found / 100 @ Y_UP, joints[t], atol=HUNDREDTH_MM)
+
+
+def test_bvh_angles_go_on_without_jumps(tmp_path):
+    movement = made_up("gavrila22", "gavrila22")
+    text = movement.record(Bvh(), tmp_path)[1].read_text()
+    rows = np.array([line.split() for line in text.split("Frame Time")[1].splitlines()[1:]], dtype=float)
+    assert len(rows) == N_FRAMES
+    assert np.abs(np.diff(rows[:, 3:], axis=0)).max() < 90
+
+
+def test_lost_frames_that_a_format_cannot_leave_out_are_said(tmp_path, caplog):
+    with caplog.at_level(logging.WARNING, "tracker"):
+        made_up("gavrila22", "gavrila22").record(Bvh(), tmp_path)
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{tmp_path / 'person1.bvh'}: person1 is lost in 3 of 12 frames, whose poses are interpolated: "
+        "the format cannot leave them out"
+    ]
 
 
 def test_uneven_frames_are_put_on_even_times():

@@ -11,7 +11,7 @@ from rich.console import Console
 console = Console()
 
 # Written out, for the folders' imports take longer than `--help` should; a test compares.
-FORMATS = ("c3d", "trc")
+FORMATS = ("bvh", "c3d", "trc")
 """Recordings that need poses and times only."""
 
 
