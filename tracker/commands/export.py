@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-console = Console()
+from tracker.commands.terminal import console
 
 # Written out, for the folders' imports take longer than `--help` should; a test compares.
-FORMATS = ("bvh", "c3d", "trc")
+FORMATS = ("bvh", "c3d", "glb", "trc")
 """Recordings that need poses and times only."""
 
 

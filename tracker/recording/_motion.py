@@ -55,7 +55,7 @@ class Motion:
     """(T, dof, dof) of the poses; NaN where unknown."""
 
     shares: Array
-    """(T, P) share of each part's visible contour that the images explain; NaN where it is hidden."""
+    """(T, P) share of each part's visible contour that the images explain; NaN where it is hidden, 0 in doubt."""
 
     @cached_property
     def filled(self) -> Array:
@@ -158,10 +158,14 @@ class Motions:
     def add(self, step: Step) -> None:
         """Takes the poses of one frame."""
         rows = []
-        for estimate in step.estimates:
+        for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
             account = estimate.account
             with np.errstate(invalid="ignore", divide="ignore"):
                 shares = account.explained_px / account.visible_px
+            for group in estimate.ambiguous:
+                shares[person.body.parts_of(group)] = 0
+            if estimate.doubtful:
+                shares[:] = 0
             rows.append((estimate.q, estimate.lost, estimate.covariance, shares))
         self._steps.append((step.frame.time_s, rows))
 
@@ -211,11 +215,3 @@ def markers_of(body: BodyModel) -> tuple[Landmark, ...]:
         names = (f"{segment.name}_surface_{k}" for k in (1, 2, 3))
         surface += [Landmark(n, segment.end, p, segment.name) for n, p in zip(names, points, strict=True)]
     return (*body.landmarks, *surface)
-
-
-def replace_file(path: Path, content: bytes) -> Path:
-    """Writes a file as a whole."""
-    unfinished = path.with_name(path.name + ".part")
-    unfinished.write_bytes(content)
-    unfinished.replace(path)
-    return path

@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.components import component
+from tracker.files import write_whole
 from tracker.recording import RunContext
-from tracker.recording._motion import Y_UP, Motion, MotionRecorder, replace_file
+from tracker.recording._motion import Y_UP, Motion, MotionRecorder
 
 _CM = 100.0
 _ORDER: Final = "ZXY"
@@ -39,7 +40,8 @@ class Bvh:
         lines = ["HIERARCHY", *_hierarchy(motion)]
         lines += ["MOTION", f"Frames: {len(rows)}", f"Frame Time: {motion.interval_s:.8f}"]
         lines += [" ".join(f"{value:.6f}" for value in row) for row in rows]
-        return replace_file(path, ("\n".join(lines) + "\n").encode())
+        write_whole(path, ("\n".join(lines) + "\n").encode())
+        return path
 
 
 def _in_order(body: BodyModel) -> list[tuple[int, int]]:

@@ -12,6 +12,7 @@ from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.components import component
 from tracker.errors import ConfigError
+from tracker.files import replacing
 from tracker.recording import RunContext
 from tracker.recording._motion import Y_UP, Motion, MotionRecorder, markers_of
 
@@ -26,7 +27,7 @@ class C3d:
 
     The residual of a point is its standard deviation in space, rounded up to whole mm; -1 in lost frames. The
     reliability of a rotation, its 17th value (C-Motion's convention), is the share of the segment's visible contour
-    that the images explain; 0 where it is hidden, -1 where the person is lost.
+    that the images explain; 0 where it is hidden, or the pose or the limb is in doubt, -1 where the person is lost.
     """
 
     y_up: bool = False
@@ -44,10 +45,10 @@ class C3d:
     def _written(self, motion: Motion, folder: Path) -> Path:
         motion = motion.even()
         path = folder / f"{motion.name}.c3d"
-        unfinished = path.with_suffix(".part.c3d")  # ezc3d adds the ending where it is not there
-        _content(motion, self.y_up).write(str(unfinished))
-        _write_reliabilities(unfinished, _reliabilities(motion))
-        return unfinished.replace(path)
+        with replacing(path) as unfinished:
+            _content(motion, self.y_up).write(str(unfinished))
+            _write_reliabilities(unfinished, _reliabilities(motion))
+        return path
 
 
 def _library() -> Any:

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from tracker.components import component
+from tracker.files import write_whole
 from tracker.recording import RunContext
-from tracker.recording._motion import Y_UP, Motion, MotionRecorder, markers_of, replace_file
+from tracker.recording._motion import Y_UP, Motion, MotionRecorder, markers_of
 
 
 @component
@@ -24,7 +25,8 @@ class Trc:
 
     def _written(self, motion: Motion, folder: Path) -> Path:
         path = folder / f"{motion.name}.trc"
-        return replace_file(path, _content(path.name, motion, self.y_up))
+        write_whole(path, _content(path.name, motion, self.y_up))
+        return path
 
 
 def _content(name: str, motion: Motion, y_up: bool) -> bytes:

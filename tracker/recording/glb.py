@@ -1,0 +1,196 @@
+"""The body with its bones and its movement for Blender, browsers and game engines: binary glTF 2.0."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pydantic
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tracker.arrays import Array, Integers
+from tracker.body import BodyModel
+from tracker.components import component
+from tracker.files import write_whole
+from tracker.recording import RunContext
+from tracker.recording._motion import Motion, MotionRecorder
+
+_TYPES = {"<f4": 5126, "|u1": 5121, "<u4": 5125}
+"""Component types of the format, by numpy's."""
+
+_VERTICES, _INDICES = 34962, 34963
+"""What a graphics card is to take a buffer view for."""
+
+_Z_UP_TO_Y_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
+"""Quaternion x y z w of a quarter turn about x: the format's y points up."""
+
+
+@component
+class Glb:
+    """`NAME.glb` for each person: the parts' surfaces on a skeleton of the segments, metres, y up, animated.
+
+    Frames keep their times; poses of lost frames are interpolated, and listed under `extras` of the animation.
+    """
+
+    n_eta: int = pydantic.Field(default=13, ge=5, le=65)
+    """Latitudes of the parts' meshes."""
+
+    n_omega: int = pydantic.Field(default=16, ge=6, le=128)
+    """Longitudes of the parts' meshes."""
+
+    def begin(self, run: RunContext) -> MotionRecorder:
+        """Collects the poses; the files are written at the end."""
+        return MotionRecorder(run, self._written)
+
+    def _written(self, motion: Motion, folder: Path) -> Path:
+        path = folder / f"{motion.name}.glb"
+        motion.told_filled(path)
+        buffer = _Buffer()
+        mesh, skin = self._mesh(motion.body, buffer), _inverse_binds(motion.body, buffer)
+        n_bones = len(motion.body.segments)
+        document = {
+            "asset": {"version": "2.0", "generator": "bodytrack"},
+            "scene": 0,
+            "scenes": [{"nodes": [n_bones, n_bones + 1]}],
+            "nodes": _nodes(motion),
+            "meshes": [{"name": motion.body.name, "primitives": [mesh]}],
+            "skins": [{"joints": list(range(n_bones)), "inverseBindMatrices": skin, "skeleton": n_bones}],
+            "materials": [
+                {
+                    "name": "body",
+                    "pbrMetallicRoughness": {
+                        "baseColorFactor": [0.55, 0.68, 0.8, 1.0],
+                        "metallicFactor": 0.0,
+                        "roughnessFactor": 0.7,
+                    },
+                }
+            ],
+            "animations": [_animation(motion, buffer)],
+            **buffer.described(),
+        }
+        write_whole(path, _packed(document, bytes(buffer.content)))
+        return path
+
+    def _mesh(self, body: BodyModel, buffer: _Buffer) -> dict[str, Any]:
+        """The surfaces of all parts in the reference pose; each vertex hangs on its part's segment."""
+        eta, omega = np.meshgrid(
+            np.linspace(-np.pi / 2, np.pi / 2, self.n_eta), 2 * np.pi * np.arange(self.n_omega) / self.n_omega
+        )
+        segments = {segment.name: k for k, segment in enumerate(body.segments)}
+        points, normals, bones = [], [], []
+        for part in body.parts:
+            local, upright = part.shape.surface(eta.T, omega.T)
+            turn, shift = part.model_from_part[:3, :3], part.model_from_part[:3, 3]
+            points.append(local.reshape(-1, 3) @ turn.T + shift)
+            normals.append(upright.reshape(-1, 3) @ turn.T)
+            bones.append(np.full(len(points[-1]), segments[part.segment]))
+        one = _triangles(self.n_eta, self.n_omega)
+        faces = np.concatenate([one + k * self.n_eta * self.n_omega for k in range(len(body.parts))])
+        joints = np.pad(np.concatenate(bones)[:, None], ((0, 0), (0, 3))).astype("u1")
+        attributes = {
+            "POSITION": buffer.add(np.concatenate(points), "VEC3", _VERTICES, bounded=True),
+            "NORMAL": buffer.add(np.concatenate(normals), "VEC3", _VERTICES),
+            "JOINTS_0": buffer.add(joints, "VEC4", _VERTICES),
+            "WEIGHTS_0": buffer.add(np.tile([1.0, 0, 0, 0], (len(joints), 1)), "VEC4", _VERTICES),
+        }
+        return {
+            "attributes": attributes,
+            "indices": buffer.add(faces.ravel().astype("<u4"), "SCALAR", _INDICES),
+            "material": 0,
+        }
+
+
+class _Buffer:
+    """The binary part of the file, and what lies where in it."""
+
+    def __init__(self) -> None:
+        self.content = bytearray()
+        self._views: list[dict[str, Any]] = []
+        self._accessors: list[dict[str, Any]] = []
+
+    def add(self, values: NDArray[Any], kind: str, target: int | None = None, bounded: bool = False) -> int:
+        """Adds an array, numbers as float32; the index of its accessor."""
+        array = np.ascontiguousarray(values.astype("<f4") if values.dtype.kind == "f" else values)
+        view = {"buffer": 0, "byteOffset": len(self.content), "byteLength": array.nbytes}
+        self._views.append(view | ({"target": target} if target else {}))
+        self.content += array.tobytes() + b"\0" * (-array.nbytes % 4)
+        accessor: dict[str, Any] = {"bufferView": len(self._views) - 1, "componentType": _TYPES[array.dtype.str]}
+        accessor |= {"count": len(array), "type": kind}
+        if bounded:
+            rows = array.reshape(len(array), -1).astype(float)
+            accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
+        self._accessors.append(accessor)
+        return len(self._accessors) - 1
+
+    def described(self) -> dict[str, Any]:
+        """The entries of the document that tell what the buffer holds."""
+        buffers = [{"byteLength": len(self.content)}]
+        return {"accessors": self._accessors, "bufferViews": self._views, "buffers": buffers}
+
+
+def _triangles(n_eta: int, n_omega: int) -> Integers:
+    """(F, 3) vertices of the faces, against the clock as seen from outside; at the poles one a column, not two."""
+    rows, columns = np.meshgrid(np.arange(n_eta - 1), np.arange(n_omega), indexing="ij")
+    right = (columns + 1) % n_omega
+    low, high = rows * n_omega, (rows + 1) * n_omega
+    lower = np.stack([low + columns, low + right, high + right], axis=-1)[1:]
+    upper = np.stack([low + columns, high + right, high + columns], axis=-1)[:-1]
+    return np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)])
+
+
+def _inverse_binds(body: BodyModel, buffer: _Buffer) -> int:
+    """Matrices, column by column, from the reference pose into each segment's frame."""
+    matrices = np.tile(np.eye(4), (len(body.segments), 1, 1))
+    matrices[:, 3, :3] = [-segment.joint for segment in body.segments]
+    return buffer.add(matrices.reshape(-1, 16), "MAT4")
+
+
+def _nodes(motion: Motion) -> list[dict[str, Any]]:
+    """A node for each segment in the reference pose, one above them that turns z up to y up, and the skinned mesh."""
+    segments = motion.body.segments
+    nodes: list[dict[str, Any]] = []
+    for k, segment in enumerate(segments):
+        origin = segments[segment.parent].joint if segment.parent >= 0 else np.zeros(3)
+        nodes.append({"name": segment.name, "translation": (segment.joint - origin).tolist()})
+        if children := [j for j, other in enumerate(segments) if other.parent == k]:
+            nodes[-1]["children"] = children
+    roots = [k for k, segment in enumerate(segments) if segment.parent < 0]
+    nodes.append({"name": f"{motion.name}_armature", "rotation": _Z_UP_TO_Y_UP, "children": roots})
+    nodes.append({"name": motion.name, "mesh": 0, "skin": 0})
+    return nodes
+
+
+def _animation(motion: Motion, buffer: _Buffer) -> dict[str, Any]:
+    times = buffer.add(motion.times_s - motion.times_s[0], "SCALAR", bounded=True)
+    local = motion.local(motion.filled)
+    samplers: list[dict[str, Any]] = []
+    channels: list[dict[str, Any]] = []
+
+    def drive(node: int, path: str, values: Array, kind: str) -> None:
+        samplers.append({"input": times, "output": buffer.add(values, kind), "interpolation": "LINEAR"})
+        channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
+
+    for k, segment in enumerate(motion.body.segments):
+        turns = Rotation.from_matrix(local[:, k, :3, :3]).as_quat()
+        # A quaternion and its negative are one turn; between neighbours of opposite sign lies a full circle.
+        signs = np.cumprod(np.where((turns[1:] * turns[:-1]).sum(axis=1) < 0, -1.0, 1.0))
+        turns[1:] *= signs[:, None]
+        drive(k, "rotation", turns, "VEC4")
+        if segment.parent < 0 or motion.slides(k):
+            drive(k, "translation", local[:, k, :3, 3], "VEC3")
+    lost = np.flatnonzero(motion.lost).tolist()
+    told = {"extras": {"interpolated_frames": lost}} if lost else {}
+    return {"name": "tracked", "samplers": samplers, "channels": channels, **told}
+
+
+def _packed(document: dict[str, Any], content: bytes) -> bytes:
+    """The container: a header, the document padded by spaces, the buffer."""
+    text = json.dumps(document, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    header = struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + len(content))
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(content), b"BIN\0") + content
+    return header + chunks
