@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
@@ -181,6 +184,17 @@ class Motions:
             np.array(column) for column in zip(*(r[k] for _, r in self._steps), strict=True)
         )
         return Motion(person.name, person.body, times, self._run.interval_s, q, lost, covariances, shares)
+
+
+def euler_angles(matrices: Array, order: Literal["ZXY", "XYZ"]) -> Array:
+    """Angles (*B, 3), rad, of rotations (*B, 3, 3) one about the axes of the other.
+
+    Where the middle one is 90 degrees the outer two turn about one axis, and the last is 0.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        angles: Array = Rotation.from_matrix(matrices).as_euler(order)
+    return angles
 
 
 class MotionRecorder:

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.components import component
 from tracker.files import write_whole
 from tracker.recording import RunContext
-from tracker.recording._motion import Y_UP, Motion, MotionRecorder
+from tracker.recording._motion import Y_UP, Motion, MotionRecorder, euler_angles
 
 _CM = 100.0
 _ORDER: Final = "ZXY"
@@ -102,7 +100,5 @@ def _columns(motion: Motion) -> Iterator[Array]:
     for k, _ in _in_order(motion.body):
         if motion.body.segments[k].parent < 0 or motion.slides(k):
             yield _CM * local[:, k, :3, 3] @ Y_UP.T
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # at X = 90 degrees Z and Y turn about one axis; any share of it is right
-            angles = Rotation.from_matrix(Y_UP @ local[:, k, :3, :3] @ Y_UP.T).as_euler(_ORDER)
+        angles = euler_angles(Y_UP @ local[:, k, :3, :3] @ Y_UP.T, _ORDER)
         yield np.degrees(np.unwrap(angles, axis=0))
