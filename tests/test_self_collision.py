@@ -63,6 +63,17 @@ def test_the_reference_pose_is_free_and_neighbours_are_left_out(name: str) -> No
 def test_a_body_that_runs_through_itself_is_farther_off(truth: Scene, observation: Observation) -> None:
     objective = objective_of(truth, observation)
     poses = np.array([crossed(objective.body), truth.persons[0].q])
-    free = replace(objective, collision_px=0.0)
-    np.testing.assert_allclose(objective(poses) - free(poses), [0.5 * objective.body.collisions(poses)[0], 0.0])
-    assert objective(poses)[0] > free(poses)[0]
+    free, points = replace(objective, collision_px=0.0), objective.body.collisions(poses)[0]
+    assert points > 0
+    np.testing.assert_allclose(objective(poses) - free(poses), [min(0.1 * points, 0.5), 0.0])
+    uncapped = replace(objective, most_collision_px=1e6)
+    np.testing.assert_allclose(uncapped(poses) - free(poses), [0.1 * points, 0.0])
+
+
+def test_no_end_of_points_outvotes_the_images(truth: Scene, observation: Observation) -> None:
+    """A leg in its place that runs through the other one is better than one that is free and elsewhere."""
+    objective = objective_of(truth, observation)
+    elsewhere = truth.persons[0].q.copy()
+    elsewhere[objective.body.index("left_leg_abduction")] += np.radians(40)
+    distances = replace(objective, collision_px=0.0)(np.array([truth.persons[0].q, elsewhere]))
+    assert distances[1] - distances[0] > objective.most_collision_px

@@ -108,7 +108,8 @@ def panels(body: BodyModel) -> list[tuple[str, list[int]]]:
     grouped: dict[str, list[int]] = {}
     for k, name in enumerate(body.names):
         grouped.setdefault(name.rpartition("_")[0] or body.name, []).append(k)
-    return sorted(grouped.items(), key=lambda panel: min(panel[1]) < 6)
+    root = np.flatnonzero(body.moves[:, body.part_parameters].all(axis=1))
+    return sorted(grouped.items(), key=lambda panel: min(panel[1]) in root)
 
 
 def parameter_figure(series: Series, person: int) -> Figure:
