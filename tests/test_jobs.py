@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import subprocess
 import sys
 import textwrap
@@ -144,6 +145,30 @@ def test_a_component_of_a_section_need_not_be_named_to_be_changed(tmp_path: Path
         job_from("track", table, "run.toml", tmp_path, "mine")
     table["estimation"] = {"first": {"step_deg": 2.0}}
     assert job_from("track", table, "run.toml", tmp_path, "mine").estimation.first.step_deg == 2.0
+
+
+def test_single_recordings_of_a_saved_configuration_can_be_overridden(tmp_path: Path) -> None:
+    path = tmp_path / "saved.toml"
+    job = job_from("track", {**smallest("track"), "recordings": {"plots": False}}, "run.toml", tmp_path, "mine")
+    path.write_text(tomli_w.dumps(described(job)))
+    assert load_job("track", path) == job
+    changed = load_job("track", path, ["recordings.overlay=false", "recordings.report.pictures=2"])
+    assert [type(one).__name__ for one in changed.recordings] == ["CsvTable", "Report", "RunJson", "Journal"]
+    assert changed.recordings[1].pictures == 2
+    other = job_from("track", {**smallest("track"), "recordings": ["journal", "overlay"]}, "x", tmp_path, "mine")
+    assert job_from("track", described(other), "x", tmp_path, "other") == other
+
+
+def test_what_is_found_on_opening_is_told_and_logged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def opened(job: Waiting, earlier: Path | None = None) -> int:
+        logging.getLogger("tracker").warning("camera %s is left out", "b")
+        return 1
+
+    said: list[str] = []
+    monkeypatch.setattr(Waiting, "open", opened)
+    folder = execute(Waiting(), tmp_path / "out", progress=lambda what, *_: said.append(what))
+    assert said[0] == "camera b is left out"
+    assert (folder / "log.txt").read_text().count("camera b is left out") == 1
 
 
 # Result folders

@@ -53,6 +53,9 @@ class ReadBy:
     function: Callable[[Any, str, Path], Any]
     """Takes the value, file and section for messages, and the folder where relative paths start."""
 
+    described: Callable[[Any], Any]
+    """Makes of the value what the function makes the same value of."""
+
 
 ModelFile = Annotated[Path, pydantic.Field(strict=False), ModelName()]
 """A body model: the name of a bundled one, or a path that ends in .toml."""

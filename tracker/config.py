@@ -235,7 +235,7 @@ def describe(component: Any) -> Table:
 
 def described_fields(component: Any) -> Table:
     """All fields of a component, without its name; None, which TOML lacks, is left out."""
-    kinds = typing.get_type_hints(type(component))
+    kinds = typing.get_type_hints(type(component), include_extras=True)
     table = {
         field.name: _described(getattr(component, field.name), kinds[field.name])
         for field in dataclasses.fields(component)
@@ -244,6 +244,9 @@ def described_fields(component: Any) -> Table:
 
 
 def _described(value: Any, kind: Any) -> Any:
+    for mark in getattr(kind, "__metadata__", ()):
+        if isinstance(mark, ReadBy):
+            return mark.described(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         # where the type is a class there is nothing to choose, and so nothing to name
         return described_fields(value) if type(value) in _options(kind) else describe(value)

@@ -38,16 +38,18 @@ def _component_table(stage: str, use: str) -> Table:
     title = use if stage == "jobs" else f'\\[{stage}] use = "{use}"'
     table = Table("field", "default", "meaning", title=title, title_justify="left")
     for name, field in cls.__pydantic_fields__.items():
-        default = "required" if field.is_required() else _shown(field.get_default(call_default_factory=True))
+        default = "required" if field.is_required() else _shown(field.get_default(call_default_factory=True), field)
         table.add_row(name, default, (field.description or "").replace("\n", " "))
     return table
 
 
-def _shown(value: Any) -> str:
+def _shown(value: Any, field: Any = None) -> str:
     from tracker.config import component_name, component_stage
 
     if isinstance(value, tuple):
         return f"\\[{', '.join(map(_shown, value))}]"
     if component_stage(type(value)) is not None:
+        if field is not None and field.annotation is type(value):
+            return "{ ... }"  # a section of its own fields: there is nothing to choose
         return f'{{ use = "{component_name(type(value))}", ... }}'
     return str(value)

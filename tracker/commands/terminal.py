@@ -6,6 +6,7 @@ from types import TracebackType
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Column
 
 console = Console()
 
@@ -19,12 +20,13 @@ class ProgressBar:
     def __init__(self, shown_on: Console = console) -> None:
         self._console = shown_on
         self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
+            TextColumn("{task.description}", table_column=Column(no_wrap=True)),
+            BarColumn(bar_width=20),
             MofNCompleteColumn(),
-            TextColumn("{task.fields[detail]}"),
+            TextColumn("{task.fields[detail]}", table_column=Column(no_wrap=True, ratio=1)),
             TimeElapsedColumn(),
             console=shown_on,
+            expand=True,
         )
         self._task: TaskID | None = None
 

@@ -15,7 +15,7 @@ from tracker.components import available, find
 from tracker.config import Table, build_class, component_name, described_fields, read_config
 from tracker.errors import ConfigError, nearest
 from tracker.files import write_whole
-from tracker.jobs._folder import CONFIG, ResultFolder, check_output, interrupted_folder, link_latest, logged
+from tracker.jobs._folder import CONFIG, ResultFolder, check_output, interrupted_folder, link_latest, logged, remembered
 from tracker.jobs._folder import result_folder as _result_folder
 from tracker.kernels.cache import Group, all_cached, warm_up
 from tracker.progress import Progress, silent
@@ -102,7 +102,9 @@ def job_from(use: str, table: Table, source: str, folder: Path, name: str) -> An
     if told not in available("jobs"):
         raise ConfigError(f'{source}: job = "{told}": no such job; {nearest(str(told), available("jobs"))}')
     if told != use:
-        raise ConfigError(f'{source}: describes the job "{told}", but "{use}" was asked for')
+        raise ConfigError(
+            f'{source}: describes the job "{told}", but "{use}" was asked for; `bodytrack show jobs` lists both'
+        )
     sections = {key: value for key, value in table.items() if key != "job"}
     return build_class(find("jobs", use), {"name": name} | sections, source, folder)
 
@@ -130,10 +132,13 @@ def execute(job: Job, output: Path | None = None, resume: bool = False, progress
     if resume:
         return _resumed(job, interrupted_folder(job.name, output), progress)
     check_output(job.name, output)
-    opened = job.open()
+    with remembered() as remarks:
+        opened = job.open()
+    _tell(remarks, progress)
     _compile(job, progress)
     with _result_folder(job.name, output) as folder:
-        progress(f"{job.name}: results in {folder.path}")
+        for remark in remarks:
+            log.handle(remark)
         write_whole(folder.path / CONFIG, tomli_w.dumps(described(job)))
         return job.execute(opened, folder, progress)
 
@@ -142,10 +147,11 @@ def _resumed(job: Job, folder: Path, progress: Progress) -> Any:
     if not job.resumable:
         raise ConfigError(f"a job of the kind {component_name(type(job))} cannot be resumed: do it anew")
     _check_same(job, folder)
-    opened = job.open(folder)
+    with remembered() as remarks:
+        opened = job.open(folder)
+    _tell(remarks, progress)
     _compile(job, progress)
     with logged(folder):
-        progress(f"{job.name}: continued in {folder}")
         return job.execute(opened, ResultFolder(folder, latest=False, kept=True), progress)
 
 
@@ -169,6 +175,13 @@ def _flat(value: Any, key: str = "") -> dict[str, Any]:
     if isinstance(value, list) and value:
         return {name: leaf for k, entry in enumerate(value) for name, leaf in _flat(entry, f"{key}.{k}").items()}
     return {key.removeprefix("."): value}
+
+
+def _tell(remarks: Sequence[logging.LogRecord], progress: Progress) -> None:
+    """What was found on opening, before there is a log."""
+    for remark in remarks:
+        if remark.levelno >= logging.WARNING:
+            progress(remark.getMessage())
 
 
 def _compile(job: Job, progress: Progress) -> None:

@@ -172,3 +172,23 @@ def _lock(file: TextIO, folder: Path) -> None:
         raise ConfigError(f"{folder}: a job is at work there; wait for it, or choose another --output") from error
     except OSError:  # a file system without locks
         return
+
+
+@contextlib.contextmanager
+def remembered() -> Iterator[list[logging.LogRecord]]:
+    """Keeps what is logged before there is a folder for it."""
+    handler = _Memory()
+    log.addHandler(handler)
+    try:
+        yield handler.records
+    finally:
+        log.removeHandler(handler)
+
+
+class _Memory(logging.Handler):
+    def __init__(self) -> None:
+        super().__init__()
+        self.records: list[logging.LogRecord] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.records.append(record)

@@ -30,7 +30,7 @@ from tracker.kernels.cache import Group
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
 from tracker.reading import Reading, Sequence
-from tracker.recording import DEFAULTS, Recorder, Recording, RunContext, chosen_recordings
+from tracker.recording import DEFAULTS, Recorder, Recording, RunContext, chosen_recordings, described_recordings
 from tracker.recording.journal import read_journal
 from tracker.rig_layouts import save_rig
 from tracker.scene import Person, Scene
@@ -80,7 +80,7 @@ class TrackJob:
     loss: LossRule = LossRule()
     """When a person counts as lost."""
 
-    recordings: Annotated[tuple[Recording, ...], ReadBy(chosen_recordings)] = pydantic.Field(
+    recordings: Annotated[tuple[Recording, ...], ReadBy(chosen_recordings, described_recordings)] = pydantic.Field(
         default_factory=lambda: tuple(find("recording", use)() for use in DEFAULTS)
     )
     """What is written: a table changes the defaults (`overlay = false`, `c3d = true`), a list replaces them."""
@@ -124,6 +124,7 @@ class TrackJob:
         """Tracks, and writes each frame as soon as it is done; see `tracker.jobs.Job.execute`."""
         sequence = opened.sequence
         _save_inputs(opened, folder.path)
+        progress(f"{self.name}: {sequence.n_frames} frames, results in {folder.path}")
         if choice := getattr(self.synthesis, "choice", ""):
             log.info("synthesis: %s", choice)
             progress(f"synthesis: {choice}")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from tracker.components import available
-from tracker.config import build
+from tracker.config import build, describe
 from tracker.errors import ConfigError, nearest
 from tracker.scene import Scene
 from tracker.trajectory import Step
@@ -98,6 +98,18 @@ def chosen_recordings(entry: Any, where: str, folder: Path) -> tuple[Recording, 
         if any(type(recordings[-1]) is type(other) for other in recordings[:-1]):
             raise ConfigError(f'{where}: "{table["use"]}" is asked for twice: both would write the same files')
     return tuple(recordings)
+
+
+def described_recordings(recordings: Sequence[Recording]) -> Any:
+    """What `chosen_recordings` makes the same recordings of.
+
+    These are the changes to the defaults, so that single ones can be overridden; a list where their order is another.
+    """
+    listed = [describe(recording) for recording in recordings]
+    changes: dict[str, Any] = dict.fromkeys(DEFAULTS, False)
+    changes |= {table["use"]: {key: value for key, value in table.items() if key != "use"} for table in listed}
+    uses = [use for use, change in changes.items() if change is not False]
+    return changes if uses == [table["use"] for table in listed] else listed
 
 
 def _changed_defaults(changes: dict[str, Any], where: str, folder: Path) -> list[dict[str, Any]]:
