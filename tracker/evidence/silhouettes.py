@@ -119,6 +119,8 @@ class SilhouetteEvidence(Evidence):
     def _per_view(self, asked: Comparison, poses: Array) -> Array:
         """(B, V) px; NaN for a view without a foreground."""
         seen: Foregrounds = asked.observed
+        if not seen.worth.any():
+            return np.full((len(poses), len(seen.worth)), np.nan)
         placements = asked.scene.world_from_parts(asked.person, poses)
         grids, cameras = _grids(asked.scene.shapes.tobytes()), _small(asked.scene.rig.packed, seen.factor)
         sums = covered_sums(placements, grids, _GRID, cameras, seen.regions, seen.pictures)
