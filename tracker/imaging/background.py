@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from tracker.arrays import Image, Mask
+from tracker.imaging.light import SAMPLING, Light, light_of, sparse
 from tracker.kernels.changes import large_regions, mark_changes, median_change
 from tracker.kernels.shadows import MARGIN, ShadowRule, without_shadows
 
@@ -21,7 +22,6 @@ Region = tuple[int, int, int, int]
 # the smoothing make it, 4 px; with 6 to 12 px the results on four rendered recordings are the same, and the
 # precision in the demonstration, whose floor is smooth, rises from 0.84 to 0.96 at the same recall.
 _SHADOW: ShadowRule = (0.45, 0.8, 0.97, 8.0, 0.7, 8.0)
-_SAMPLING = 4
 _SQUARE = np.ones((3, 3), np.uint8)
 _DISC = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7))
 # Opening with the square and closing with the disc carry a pixel this far at most.
@@ -40,15 +40,15 @@ class Plate:
     """(h + 2 m, w + 2 m, 3) as smooth as the image whose light is compared with it, mirrored at the border; m is
     `MARGIN`."""
 
-    rows: Image
-    """(h / 4, w, 3) every fourth row: enough to find the noise."""
+    sparse: Image
+    """(h / 4, w / 4, 3) every fourth pixel: enough to find light and noise."""
 
     @classmethod
     def of(cls, picture: Image) -> Plate:
         """Prepares a picture (h, w, 3)."""
         coarse = cv2.GaussianBlur(picture, (5, 5), 0)
         whole = 0, 0, picture.shape[1], picture.shape[0]
-        return cls(cv2.GaussianBlur(picture, (3, 3), 0), _cut(coarse, whole, MARGIN), _fourth_rows(picture))
+        return cls(cv2.GaussianBlur(picture, (3, 3), 0), _cut(coarse, whole, MARGIN), sparse(picture))
 
 
 _plates: dict[int, tuple[weakref.ref[Image], Plate]] = {}
@@ -71,13 +71,12 @@ def prepared(picture: Image) -> Plate:
     return plate
 
 
-def _fourth_rows(picture: Image) -> Image:
-    return np.array(picture[::_SAMPLING])
-
-
 def difference(image: Image, plate: Image) -> Image:
-    """Largest channel difference (h, w) uint8 between an image and a plate (h, w, 3), lightly smoothed."""
-    blue, green, red = cv2.split(cv2.absdiff(cv2.GaussianBlur(image, (3, 3), 0), cv2.GaussianBlur(plate, (3, 3), 0)))
+    """Largest channel difference (h, w) uint8 of an image to a plate (h, w, 3) in its light, lightly smoothed."""
+    empty = prepared(plate)
+    light = light_of(sparse(image), empty.sparse)
+    expected = empty.fine if light is None else light.on(empty.fine)
+    blue, green, red = cv2.split(cv2.absdiff(cv2.GaussianBlur(image, (3, 3), 0), expected))
     largest: Image = cv2.max(cv2.max(blue, green), red)
     return largest
 
@@ -85,18 +84,23 @@ def difference(image: Image, plate: Image) -> Image:
 def threshold_level(image: Image, plate: Image, sigmas: float = 6.0, least: float = 14.0) -> float:
     """Threshold of a difference image from its own noise, grey levels.
 
-    The median of the differences is the noise of the background, which covers most of the image; a sixteenth of
-    the pixels is enough to find it.
+    The median of the differences to the plate in the image's light is the noise of the background, which covers most
+    of the image; a sixteenth of the pixels is enough to find it.
     """
-    return _level(image, prepared(plate), sigmas, least)
+    return _light_and_level(image, prepared(plate), sigmas, least)[1]
 
 
-def _level(image: Image, plate: Plate, sigmas: float, least: float) -> float:
-    return max(least, sigmas * median_change(_fourth_rows(image), plate.rows, _SAMPLING) / 0.954)
+def _light_and_level(image: Image, plate: Plate, sigmas: float, least: float) -> tuple[Light | None, float]:
+    now = sparse(image)
+    light = light_of(now, plate.sparse)
+    expected = plate.sparse if light is None else light.on(plate.sparse, spacing=SAMPLING)
+    return light, max(least, sigmas * median_change(now, expected, 1) / 0.954)
 
 
 def changed(image: Image, plate: Image, region: Region | None = None, least: float = 14.0) -> tuple[Mask, Mask]:
     """Pixels (h, w) that differ from the plate, and those of them that are not its shadow: the moving foreground.
+
+    The plate is compared in the light of the image, where it differs slowly over the picture.
 
     Args:
         image, plate: BGR (h, w, 3) of the same size.
@@ -108,20 +112,28 @@ def changed(image: Image, plate: Image, region: Region | None = None, least: flo
     """
     empty = prepared(plate)
     region = region or (0, 0, image.shape[1], image.shape[0])
-    moving = _moving(image, empty, region, _level(image, empty, 6.0, least))
+    light, level = _light_and_level(image, empty, 6.0, least)
+    moving = _moving(image, _lit(empty.fine, light, region), region, level)
     anything, mask = np.zeros(image.shape[:2], dtype=np.bool_), np.zeros(image.shape[:2], dtype=np.bool_)
     anything[_slices(region)] = moving
     x, y, width, height = cv2.boundingRect(moving)
     if width == 0:
         return anything, mask
     active = _grown(x, y, width, height, region)
-    lit = np.empty((active[3], active[2]), dtype=np.uint8)
+    objects = np.empty((active[3], active[2]), dtype=np.uint8)
     smooth = cv2.GaussianBlur(_cut(image, active, MARGIN), (5, 5), 0)
     seen = np.array(anything[_slices(active)]).view(np.uint8)
-    without_shadows(smooth, empty.coarse, active[:2], seen, _SHADOW, lit)
-    cleaned = cv2.morphologyEx(cv2.morphologyEx(lit, cv2.MORPH_OPEN, _SQUARE), cv2.MORPH_CLOSE, _DISC)
+    without_shadows(smooth, _lit(empty.coarse, light, active, MARGIN), (0, 0), seen, _SHADOW, objects)
+    cleaned = cv2.morphologyEx(cv2.morphologyEx(objects, cv2.MORPH_OPEN, _SQUARE), cv2.MORPH_CLOSE, _DISC)
     mask[_slices(active)] = _without_specks(cleaned)
     return anything, mask
+
+
+def _lit(picture: Image, light: Light | None, region: Region, margin: int = 0) -> Image:
+    """A region of a plate's picture, both with a margin, in the light of an image."""
+    x, y, width, height = region
+    part = picture[y : y + height + 2 * margin, x : x + width + 2 * margin]
+    return np.ascontiguousarray(part) if light is None else light.on(part, (x - margin, y - margin))
 
 
 def foreground(image: Image, plate: Image, region: Region | None = None) -> Mask:
@@ -129,10 +141,10 @@ def foreground(image: Image, plate: Image, region: Region | None = None) -> Mask
     return changed(image, plate, region)[1]
 
 
-def _moving(image: Image, plate: Plate, region: Region, level: float) -> Image:
-    """Non-zero in a region where a channel differs by more than a level."""
+def _moving(image: Image, plate: Image, region: Region, level: float) -> Image:
+    """Non-zero in a region where a channel differs by more than a level from the plate of the region."""
     moving = np.empty((region[3], region[2]), dtype=np.uint8)
-    mark_changes(cv2.GaussianBlur(_cut(image, region, 1), (3, 3), 0), plate.fine, region[:2], level, moving)
+    mark_changes(cv2.GaussianBlur(_cut(image, region, 1), (3, 3), 0), plate, (0, 0), level, moving)
     return moving
 
 

@@ -15,6 +15,7 @@ from tracker.kernels.contour_scoring import score_poses
 from tracker.kernels.contour_tracing import trace_contours
 from tracker.kernels.distance_images import chamfer_distances
 from tracker.kernels.kinematics import chain_transforms, twists_in_world
+from tracker.kernels.light import block_ratios, connected_blocks, relight, smooth_surface
 from tracker.kernels.linking import trace_segments
 from tracker.kernels.oriented_matching import match_oriented, normal_equations
 from tracker.kernels.patch_growth import grow, push_all
@@ -72,6 +73,10 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (median_change, (picture, picture, 4)),
         (mark_changes, (seen, seen, (0, 0), 14.0, grey)),
         (without_shadows, (seen, seen, (0, 0), grey, (0.5, 0.8, 0.9, 8.0, 0.7, 8.0), grey)),
+        (block_ratios, (_own(_U1, 1, 1, 3), _own(_U1, 1, 1, 3), 1, 1)),
+        (smooth_surface, (_own(_F8, 3, 3, 3), 0.03, 1, 1)),
+        (connected_blocks, (_own(_F8, 3, 3, 3), 0.12)),
+        (relight, (_own(_U1, 1, 1, 3), _own(_F4, 1, 1, 3), 1.0, (0, 0, 1), _own(_U1, 1, 1, 3))),
         (large_regions, (_own(_I4, 1, 1), 1, 0.02, _own(_B1, 1, 1))),
         (match_oriented, (_own(_F4, 1, 1, 5), _own(_I8, 1), *scene, (30.0, 0.8), _own(_I8, 0, 4))),
         (normal_equations, (*pairs, scene[0], rig[0], _own(_F8, 1, 6), _frozen(_B1, 1, 2), 16.0, 1.0)),
