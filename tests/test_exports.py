@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import logging
 import re
@@ -32,6 +33,7 @@ from tracker.recording.glb import Glb
 from tracker.recording.mot import Mot
 from tracker.recording.osim import Osim
 from tracker.recording.trc import Trc
+from tracker.recording.wide_table import WideTable
 
 HUNDREDTH_MM = 1e-5
 FOUND = [t for t in range(N_FRAMES) if not LOST.start <= t < LOST.stop]
@@ -268,6 +270,29 @@ def test_the_validator_of_the_format_finds_nothing(movement, tmp_path):
         told = subprocess.run(["node", "-e", script, str(file)], capture_output=True, text=True, check=True)
         issues = json.loads(told.stdout)
         assert issues["messages"] == []
+
+
+def test_the_wide_table_is_read_back(movement, tmp_path):
+    for k, file in enumerate(movement.record(WideTable(), tmp_path)):
+        motion, body = motion_of(movement, k), movement.scene.persons[k].body
+        with file.open(newline="") as opened:
+            rows = list(csv.DictReader(opened))
+        assert [row["frame"] for row in rows] == [str(10 + t) for t in range(N_FRAMES)]
+        np.testing.assert_allclose([float(row["time_s"]) for row in rows], motion.times_s, atol=1e-6)
+        for t, row in enumerate(rows):
+            assert row["status"] == ("lost" if motion.lost[t] else "tracked")
+            values = {name: value for name, value in row.items() if name.endswith(("_deg", "_m"))}
+            assert len(values) == 2 * body.dof + 3 * len(body.landmarks)
+            if motion.lost[t]:
+                assert set(values.values()) == {""}
+                continue
+            for parameter, q in zip(body.parameters, motion.q[t], strict=True):
+                unit = np.pi / 180 if parameter.rotates else 1.0
+                assert unit * float(row[parameter.column]) == pytest.approx(q, abs=1e-5)
+                assert unit * float(row[f"{parameter.name}_sigma_{parameter.unit}"]) == pytest.approx(1e-3, abs=1e-5)
+            for name, place in zip(body.landmark_names, body.landmarks_in_world(motion.q[t]), strict=True):
+                found = [float(row[f"{name}_{axis}_m"]) for axis in "xyz"]
+                np.testing.assert_allclose(found, place, atol=HUNDREDTH_MM)
 
 
 def read_mot(path):

@@ -14,7 +14,10 @@ from tracker.recording._motion import Y_UP, Motion, MotionRecorder, markers_of
 
 @component
 class Trc:
-    """`NAME.trc` for each person: landmarks and three surface points a segment, metres; NaN in lost frames."""
+    """`NAME.trc` for each person: landmarks and three surface points a segment, metres; NaN in lost frames.
+
+    OpenSim's inverse kinematics stops at a frame without any marker: give it the time ranges in between.
+    """
 
     y_up: bool = False
     """Turn the axes for programs whose y points up, like OpenSim: x, z, -y."""
