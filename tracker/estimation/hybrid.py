@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pydantic
-from scipy.stats.qmc import Halton
 
 from tracker.arrays import Array, Integers, Mask
 from tracker.body import BodyModel
@@ -17,6 +16,7 @@ from tracker.estimation import Estimation
 from tracker.estimation._exchange import exchanged, mirrored
 from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.geometry.halton import halton
 from tracker.objective import Objective
 
 
@@ -181,5 +181,5 @@ def _scattered(body: BodyModel, q: Array, columns: Integers, n: int) -> Array:
     low = np.maximum(body.limits[columns, 0], q[columns] - reach)
     high = np.minimum(body.limits[columns, 1], q[columns] + reach)
     poses = np.tile(q, (n, 1))
-    poses[:, columns] = low + Halton(len(columns), scramble=False).random(n) * (high - low)
+    poses[:, columns] = low + halton(n, len(columns)) * (high - low)
     return poses

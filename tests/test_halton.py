@@ -1,0 +1,18 @@
+"""Halton's sequence against scipy's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import qmc
+
+from tracker.geometry.halton import halton
+
+
+@pytest.mark.parametrize(("n", "n_dimensions"), [(1, 1), (64, 6), (1000, 12)])
+def test_points_are_scipys_to_the_bit(n, n_dimensions):
+    np.testing.assert_array_equal(halton(n, n_dimensions), qmc.Halton(n_dimensions, scramble=False).random(n))
+
+
+def test_the_first_points_are_halves_and_thirds():
+    np.testing.assert_allclose(halton(4, 2), [[0, 0], [1 / 2, 1 / 3], [1 / 4, 2 / 3], [3 / 4, 1 / 9]], atol=1e-15)
