@@ -60,6 +60,17 @@ def test_debug_shows_the_traceback(tmp_path):
     assert "Traceback" in done.stderr
 
 
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["calibrate", "--help"], ["--version"]])
+def test_what_the_command_line_is_like_is_told_without_loading_libraries(arguments):
+    script = "import sys\nfrom tracker.cli import app\napp(standalone_mode=False)\nprint(*sys.modules, file=sys.stderr)"
+    command = [sys.executable, "-c", script, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout
+    loaded = set(done.stderr.split())
+    assert "typer" in loaded
+    assert not loaded & {"numba", "numpy", "scipy", "matplotlib", "cv2", "av", "trimesh"}
+
+
 def test_components_are_shown_with_their_documentation():
     assert "chamfer" in bodytrack("show").stdout
     shown = bodytrack("show", "similarity").stdout
