@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import functools
 import graphlib
 import subprocess
 import sys
@@ -56,7 +57,7 @@ class Module:
     source: str
     package: bool = False
 
-    @property
+    @functools.cached_property
     def tree(self) -> ast.Module:
         """Its syntax tree."""
         return ast.parse(self.source)
@@ -278,25 +279,49 @@ def poor_files(modules: Modules) -> list[str]:
     return faults
 
 
+KERNELS, COMPILATION, AHEAD = "tracker.kernels", "tracker.kernels.compilation", "tracker.kernels.ahead"
+
+
 def unlike_kernels(modules: Modules) -> list[str]:
-    """Compiled functions are plain, module-level and cached on disk, and run without the interpreter's lock."""
+    """Compiled functions are plain ones of a module, and all are compiled in one way."""
     faults = []
     for module in modules.values():
         tree = module.tree
         top = {id(node) for node in tree.body}
-        for node in ast.walk(tree):
-            if not isinstance(node, Function):
-                continue
-            compiled = [mark for mark in node.decorator_list if "njit" in ast.unparse(mark)]
-            if compiled and id(node) not in top:
-                faults.append(f"{module.name}.{node.name}: a compiled closure is never cached")
-            faults += [
-                f"{module.name}.{node.name}: {word} is missing"
-                for mark in compiled
-                for word in ("cache=True", "nogil=True", "error_model='numpy'")
-                if word not in ast.unparse(mark)
-            ]
+        faults += [
+            f"{module.name}.{node.name}: a compiled closure is never kept on disk"
+            for node in ast.walk(tree)
+            if isinstance(node, Function) and _compiled(node) and id(node) not in top
+        ]
+        ways = {name for target, name in imported(module, modules) if target == "numba"} & _WAYS_TO_COMPILE
+        if module.name != COMPILATION:
+            faults += [f"{module.name}: {way}, expected {COMPILATION}.compiled" for way in sorted(ways)]
     return faults
+
+
+_WAYS_TO_COMPILE = {"", "jit", "njit", "vectorize", "guvectorize", "cfunc", "stencil"}
+
+
+def _compiled(function: Function) -> bool:
+    return any(ast.unparse(mark).partition("(")[0] == "compiled" for mark in function.decorator_list)
+
+
+def compiled_late(modules: Modules) -> list[str]:
+    """Every kernel that is called from outside the kernels is compiled ahead, not in the first frame."""
+    kernels = {
+        (module.name, node.name)
+        for module in modules.values()
+        for node in module.tree.body
+        if isinstance(node, Function) and _compiled(node)
+    }
+    ahead = set(imported(modules[AHEAD], modules)) if AHEAD in modules else set()
+    return [
+        f"{module.name} calls {target}.{name}, which {AHEAD} does not compile"
+        for module in modules.values()
+        if not f"{module.name}.".startswith(f"{KERNELS}.")
+        for target, name in imported(module, modules)
+        if (target, name) in kernels - ahead
+    ]
 
 
 def stray_optional_imports(modules: Modules) -> list[str]:
@@ -331,6 +356,7 @@ LAWS: tuple[Law, ...] = (
     foreign_errors,
     poor_files,
     unlike_kernels,
+    compiled_late,
     stray_optional_imports,
 )
 
@@ -359,10 +385,12 @@ VIOLATIONS: tuple[tuple[Law, dict[str, str]], ...] = (
     (poor_files, {"tracker.jobs": "from __future__ import annotations"}),
     (poor_files, {"tracker.jobs": '"""Runs."""\ndef f() -> int: ...'}),
     (poor_files, {"tracker.imaging._helpers": '"""Helps."""'}),
-    (unlike_kernels, {"tracker.kernels.x": "@njit(cache=True, nogil=True)\ndef f(): ..."}),
+    (unlike_kernels, {"tracker.kernels.x": "from numba import njit"}),
+    (unlike_kernels, {"tracker.kernels.x": "import numba"}),
+    (unlike_kernels, {"tracker.kernels.x": "def f():\n    @compiled(fastmath=True)\n    def g(): ..."}),
     (
-        unlike_kernels,
-        {"tracker.kernels.x": "def f():\n    @njit(cache=True, nogil=True, error_model='numpy')\n    def g(): ..."},
+        compiled_late,
+        {"tracker.kernels.x": "@compiled\ndef f(): ...", "tracker.rig": "from tracker.kernels.x import f"},
     ),
     (stray_optional_imports, {"tracker.synthesis": "import moderngl"}),
     (

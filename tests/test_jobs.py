@@ -23,7 +23,7 @@ from tracker.errors import ConfigError, SequenceError, TrackerError
 from tracker.files import replacing, whole_folder, write_json, write_whole
 from tracker.jobs import Job, ResultFolder, described, execute, job_from, load_job
 from tracker.jobs._folder import result_folder
-from tracker.kernels.cache import Group, all_cached, warm_up
+from tracker.kernels.ahead import Group, all_cached, warm_up
 from tracker.progress import Progress, silent, within
 
 JOBS = available("jobs")
@@ -332,7 +332,7 @@ from typing import ClassVar
 from tracker.components import component
 from tracker.files import write_whole
 from tracker.jobs import ResultFolder
-from tracker.kernels.cache import Group
+from tracker.kernels.ahead import Group
 from tracker.progress import Progress
 
 

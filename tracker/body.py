@@ -126,13 +126,17 @@ class BodyModel:
         chains = [frozenset(np.flatnonzero(self.moves[:, end]).tolist()) for end in self.part_parameters]
         pairs = np.array(unjoined(chains), dtype=np.int64).reshape(-1, 2)
         rest = self.world_from_part(self.rest()[None])
-        clear = [count_collisions(rest, self.shapes, pair[None])[0] == 0 for pair in pairs]
+        clear = [self._collisions(rest, frozen(pair[None], np.int64))[0] == 0 for pair in pairs]
         kept: Integers = frozen(pairs[np.array(clear, dtype=np.bool_)], dtype=np.int64)
         return kept
 
     def collisions(self, q: Array) -> Array:
         """How much the body runs through itself at poses (B, dof): points (B,), see `count_collisions`."""
-        points: Array = count_collisions(self.world_from_part(q), self.shapes, self.apart)
+        return self._collisions(self.world_from_part(q), self.apart)
+
+    def _collisions(self, placements: Array, pairs: Integers) -> Array:
+        """`count_collisions`, compiled ahead for contiguous placements and read-only pairs."""
+        points: Array = count_collisions(np.ascontiguousarray(placements), self.shapes, pairs)
         return points
 
     def index(self, name: str) -> int:

@@ -93,7 +93,10 @@ def residuals(state: State, observations: Observations) -> Array:
 
 
 def _observed(observations: Observations, weights: Array) -> Observed:
-    return observations.views, observations.points, observations.pixels, observations.velocities, weights
+    """The columns as the kernels are compiled ahead for: contiguous."""
+    views, points = (np.ascontiguousarray(column) for column in (observations.views, observations.points))
+    pixels, velocities = (np.ascontiguousarray(column) for column in (observations.pixels, observations.velocities))
+    return views, points, pixels, velocities, weights
 
 
 @dataclass(frozen=True)
@@ -138,7 +141,7 @@ def normal_equations(
     priors, prior_sides, _ = objects.conditions(counted)
     n_cameras, n_objects = len(state.cameras), len(priors)
     firsts = np.searchsorted(objects.owners[observations.points], np.arange(n_objects + 1))
-    packed: Objects = objects.points, objects.slopes, firsts, priors, prior_sides
+    packed: Objects = np.ascontiguousarray(objects.points), objects.slopes, firsts, priors, prior_sides
     n = N_UNKNOWNS * n_cameras
     equations = NormalEquations(
         np.empty((n, n)),

@@ -10,14 +10,20 @@ from tracker.commands.terminal import ProgressBar, console
 
 
 def warmup(
-    everything: Annotated[bool, typer.Option("--all", help="Also those of the surface measurement.")] = False,
+    everything: Annotated[bool, typer.Option("--all", help="Also those of surfaces and calibration.")] = False,
+    clean: Annotated[bool, typer.Option("--clean", help="Delete what other versions of the kernels left.")] = False,
 ) -> None:
     """Compiles the kernels of the tracking ahead; they are kept on disk."""
-    from tracker.kernels.cache import GROUPS, all_cached, warm_up
+    from tracker.kernels.ahead import GROUPS, all_cached, forget_outdated, warm_up
+    from tracker.kernels.compilation import code_folder
 
+    if clean:
+        console.print(f"{forget_outdated() / 1e6:.1f} MB of outdated kernels deleted", highlight=False)
     for group in GROUPS if everything else GROUPS[:1]:
         if all_cached(group):
             console.print(f"the kernels for {group} are compiled already")
         else:
             with ProgressBar() as progress:
                 warm_up(progress, group)
+    if (folder := code_folder()) is not None:
+        console.print(f"kept in {folder}", highlight=False, soft_wrap=True)

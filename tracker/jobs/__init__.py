@@ -17,7 +17,7 @@ from tracker.errors import ConfigError, nearest
 from tracker.files import write_whole
 from tracker.jobs._folder import CONFIG, ResultFolder, check_output, interrupted_folder, link_latest, logged, remembered
 from tracker.jobs._folder import result_folder as _result_folder
-from tracker.kernels.cache import Group, all_cached, warm_up
+from tracker.kernels.ahead import Group, all_cached, warm_up
 from tracker.progress import Progress, silent
 
 __all__ = ["Job", "ResultFolder", "described", "execute", "job_from", "link_latest", "load_job", "versions"]

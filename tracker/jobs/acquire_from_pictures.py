@@ -15,7 +15,7 @@ from tracker.body_files import read_description
 from tracker.components import ModelFile, component
 from tracker.jobs import ResultFolder, described
 from tracker.jobs._acquired import Acquired, AcquireOutcome
-from tracker.kernels.cache import Group
+from tracker.kernels.ahead import Group
 from tracker.progress import Progress
 from tracker.resources import model_path
 from tracker.subject import Stature

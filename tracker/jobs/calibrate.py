@@ -17,7 +17,7 @@ from tracker.config import read_config
 from tracker.errors import ConfigError
 from tracker.files import write_whole
 from tracker.jobs import ResultFolder, job_from
-from tracker.kernels.cache import Group
+from tracker.kernels.ahead import Group
 from tracker.progress import Progress
 from tracker.reading import Reading
 from tracker.rig_layouts import save_rig

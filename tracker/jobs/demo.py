@@ -13,7 +13,7 @@ from tracker.components import component
 from tracker.evaluation.comparison import Evaluation, evaluate
 from tracker.jobs import ResultFolder, execute, load_job
 from tracker.jobs.track import TrackOutcome
-from tracker.kernels.cache import Group
+from tracker.kernels.ahead import Group
 from tracker.progress import Progress
 from tracker.resources import model_path
 from tracker.simulation.movements import movement_of

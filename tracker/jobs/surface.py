@@ -13,7 +13,7 @@ import pydantic
 from tracker.components import component
 from tracker.files import replacing, write_json
 from tracker.jobs import ResultFolder, described
-from tracker.kernels.cache import Group
+from tracker.kernels.ahead import Group
 from tracker.lsm.surface import Surface, SurfaceMeasurement, measure_surface, residual_rms_px
 from tracker.lsm.surface_files import write_csv, write_ply
 from tracker.lsm.surface_pictures import cloud_figure, matches_figure

@@ -26,7 +26,7 @@ from tracker.estimation import Estimation
 from tracker.evidence import Evidence
 from tracker.initialization import Initialization
 from tracker.jobs import ResultFolder, described, versions
-from tracker.kernels.cache import Group
+from tracker.kernels.ahead import Group
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
 from tracker.reading import Reading, Sequence

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array32, Image, Integers, Mask
+from tracker.kernels.compilation import compiled
 
 # Edges that lie side by side in their chain share their candidates among the samples.
 _BLOCK = 32
@@ -13,7 +13,7 @@ _BLOCK = 32
 Columns = tuple[Array32, Array32]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def marked(points: Array32, picture: Image, origin: tuple[int, int], marks: Mask) -> None:
     """Which points a picture is set at; beyond the picture it is not.
 
@@ -29,7 +29,7 @@ def marked(points: Array32, picture: Image, origin: tuple[int, int], marks: Mask
         marks[i] = 0 <= x < width and 0 <= y < height and picture[y, x] != 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz"})
+@compiled(fastmath={"nnan", "ninf", "nsz"})
 def expected_distances(
     edges: Array32, directions: Array32, samples: Array32, bend_px: float, most_px: float
 ) -> Array32:
@@ -69,7 +69,7 @@ def expected_distances(
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz"})
+@compiled(fastmath={"nnan", "ninf", "nsz"})
 def _near_box(points: Columns, samples: Columns, most_px: float, near: Array32, chosen: Integers) -> int:
     """Which samples are near the box of some points.
 
@@ -98,7 +98,7 @@ def _near_box(points: Columns, samples: Columns, most_px: float, near: Array32, 
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz"})
+@compiled(fastmath={"nnan", "ninf", "nsz"})
 def _lower(
     block: tuple[Array32, Array32, Array32, Array32], sample: tuple[float, ...], bend_px: float, best: Array32
 ) -> None:

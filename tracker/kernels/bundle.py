@@ -8,9 +8,9 @@ so that only the cameras' equations are ever solved together.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Integers, Mask
+from tracker.kernels.compilation import compiled
 
 N_UNKNOWNS = 17
 """Unknowns of a camera: rotation 3, centre 3, camera constant, principal point 2, affinity, shear, k1 k2 p1 p2 k3,
@@ -34,7 +34,7 @@ Reduced = tuple[Array, Array, Array, Array, Array]
 normal matrices (G, 6, 6), right sides (G, 6) and couplings with the cameras (G, V, 6, 17)."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def project_with_slopes(
     camera: Array, point: Array, velocity: Array, by_camera: Array, by_point: Array
 ) -> tuple[float, float, bool]:
@@ -98,7 +98,7 @@ def project_with_slopes(
     return u, c * yd + camera[14] + camera[22] * velocity[1], True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def residuals_of(cameras: Array, points: Array, observed: Observed, residuals: Array) -> None:
     """Observed minus projected pixels.
 
@@ -116,7 +116,7 @@ def residuals_of(cameras: Array, points: Array, observed: Observed, residuals: A
         residuals[n, 1] = pixels[n, 1] - v if before else np.nan
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def reduce_normal(cameras: Array, objects: Objects, observed: Observed, damping: float, reduced: Reduced) -> None:
     """Sums up the normal equations and eliminates the unknowns of every object.
 
@@ -161,7 +161,7 @@ def reduce_normal(cameras: Array, objects: Objects, observed: Observed, damping:
     _damp(normal, damping)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _damp(normal: Array, damping: float) -> None:
     """Fills the lower triangle's twin and damps; a share of what elimination left keeps the matrix definite."""
     for i in range(len(normal)):
@@ -170,7 +170,7 @@ def _damp(normal: Array, damping: float) -> None:
             normal[j, i] = normal[i, j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _add(
     slopes: tuple[Array, Array],
     weight: float,
@@ -199,7 +199,7 @@ def _add(
             own[i, j] += weighted * by_object[j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _invert(matrix: Array, inverse: Array) -> None:
     """Inverse of a symmetric positive definite matrix by Cholesky; zero where it is not definite."""
     n = len(matrix)
@@ -230,7 +230,7 @@ def _invert(matrix: Array, inverse: Array) -> None:
             inverse[i, column] = value / lower[i, i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _eliminate(inverse: Array, own_side: Array, couplings: Array, seen: Mask, normal: Array, side: Array) -> None:
     """Subtracts from the cameras' equations what an object's unknowns take up."""
     taken = np.empty((N_UNKNOWNS, N_OBJECT))
@@ -250,7 +250,7 @@ def _eliminate(inverse: Array, own_side: Array, couplings: Array, seen: Mask, no
                 _subtract(taken, couplings[other], normal[first : first + N_UNKNOWNS], other * N_UNKNOWNS)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _subtract(taken: Array, coupling: Array, rows: Array, start: int) -> None:
     """Subtracts a product (17, 6) (6, 17) from a block; sums stand in registers, columns innermost for vectors."""
     n = N_UNKNOWNS

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32, Integers
+from tracker.kernels.compilation import compiled
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def chamfer_lookup(flat: Array32, layout: Integers, v: int, x: float, y: float, outside: float) -> float:
     """Chamfer image of view v at a pixel position, bilinear; `outside` beyond its region.
 
@@ -34,7 +34,7 @@ def chamfer_lookup(flat: Array32, layout: Integers, v: int, x: float, y: float, 
     return (1.0 - b) * upper + b * lower
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def robust_mean(distances: Array32, weights: Array32, n: int, theta: float, reject: bool) -> float:
     """Normalized directed distance of n points (paper, eq. 2) with outliers clamped or rejected.
 
@@ -65,7 +65,7 @@ def robust_mean(distances: Array32, weights: Array32, n: int, theta: float, reje
     return kept / total if total > 0.0 else theta
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz", "contract"})
+@compiled(fastmath={"nnan", "ninf", "nsz", "contract"})
 def _nearest_squared(xs: Array32, ys: Array32, n: int, four: tuple[Any, ...], best: Array32) -> None:
     """Lowers best[i] to the squared distance of point i to the nearest of four others; eight points at a time."""
     x0, y0, x1, y1, x2, y2, x3, y3 = four
@@ -80,7 +80,7 @@ Matching = tuple[Array32, Array32, Array32, Array32, Array32]
 """Positions and shares of a view's scene points, and shares and distances of whichever points are in work."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def matching_workspace(n_scene: int, n_samples: int) -> Matching:
     """What `directed_pair` writes to on its way; separate arrays, so that the compiler need not fear overlaps."""
     most = max(n_scene, n_samples) + 4
@@ -93,7 +93,7 @@ def matching_workspace(n_scene: int, n_samples: int) -> Matching:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def directed_pair(
     samples: Array32,
     n_samples: int,
@@ -152,7 +152,7 @@ def directed_pair(
     return to_scene, robust_mean(distances, scene_shares, n_scene, theta, reject)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def directed_distances(
     positions: Array32,
     counts: Integers,

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from tracker.arrays import Image
+from tracker.kernels.compilation import compiled
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def mark_changes(image: Image, plate: Image, origin: tuple[int, int], level: float, moving: Image) -> None:
     """Marks the pixels where a channel differs by more than a level.
 
@@ -27,7 +27,7 @@ def mark_changes(image: Image, plate: Image, origin: tuple[int, int], level: flo
         _mark_row(image[y + 1, 1:-1].reshape(-1), row.reshape(-1), most, moving[y])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _mark_row(row: Image, plate: Image, most: np.int16, moving: Image) -> None:
     # Operators would widen the numbers to 64 bits.
     for x in range(len(moving)):
@@ -37,7 +37,7 @@ def _mark_row(row: Image, plate: Image, most: np.int16, moving: Image) -> None:
         moving[x] = (blue > most) | (green > most) | (red > most)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def median_change(image: Image, plate: Image, step: int) -> float:
     """Median over every `step`-th pixel in x of the largest channel difference of two pictures (h, w, 3)."""
     counts = np.zeros(256, dtype=np.int64)
@@ -58,7 +58,7 @@ def median_change(image: Image, plate: Image, step: int) -> float:
     return 0.5 * total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def large_regions(labels: NDArray[np.int32], n_labels: int, least: float, mask: NDArray[np.bool_]) -> None:
     """Marks the regions that are not much smaller than the largest one.
 

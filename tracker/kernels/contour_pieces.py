@@ -10,10 +10,10 @@ surface is bent by the turn of its normals: a 9 x 16 grid is good to a fraction 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array32, Integers
 from tracker.kernels.bits import lowest_bit
+from tracker.kernels.compilation import compiled
 from tracker.kernels.occlusion import ROW, whole_blocks
 
 MOST_COLUMNS = 62
@@ -24,7 +24,7 @@ CROSSING_ROWS = 25
 14-16 world point, 17-19 world normal, 20-21 pixel, 22-23 unit image normal; 24 length of each piece, px."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz", "nnan", "ninf"})
+@compiled(fastmath={"contract", "nsz", "nnan", "ninf"})
 def _face(planes: Array32, p: int, solids: Array32, facing: Array32, n: int) -> None:
     """Facing of part p's first n grid points: n . (c - p), metres; positive where the camera sees the surface."""
     e0, e1, e2 = solids[p, 41], solids[p, 42], solids[p, 43]
@@ -32,7 +32,7 @@ def _face(planes: Array32, p: int, solids: Array32, facing: Array32, n: int) -> 
         facing[i] = planes[p, 0, i] * e0 + planes[p, 1, i] * e1 + planes[p, 2, i] * e2 - planes[p, 3, i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _signs(facing: Array32, start: int, n_columns: int) -> int:
     """The signs of a row of facings as bits."""
     bits = 0
@@ -41,7 +41,7 @@ def _signs(facing: Array32, start: int, n_columns: int) -> int:
     return bits
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
+@compiled(fastmath={"contract", "nsz"})
 def _take(
     grids: Array32,
     p: int,
@@ -64,7 +64,7 @@ def _take(
         crossings[(6 + k) * ROW + i] = grids[p, b, k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz", "nnan", "ninf", "arcp"})
+@compiled(fastmath={"contract", "nsz", "nnan", "ninf", "arcp"})
 def _see(crossings: Array32, n: int, solids: Array32, p: int, camera: Array32) -> None:
     """World point and normal, pixel and unit image normal of n crossings of part p.
 
@@ -109,7 +109,7 @@ def _see(crossings: Array32, n: int, solids: Array32, p: int, camera: Array32) -
         crossings[22 * ROW + i], crossings[23 * ROW + i] = sx * norm, sy * norm
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _join(met: tuple[int, int, int, int], links: Integers) -> None:
     """Links the crossings of a cell, -1 where a side has none, two by two."""
     waiting = -1
@@ -125,7 +125,7 @@ def _join(met: tuple[int, int, int, int], links: Integers) -> None:
         waiting = -1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _chain(links: Integers, n: int, pieces: Integers, crossings: Array32) -> int:
     """Walks along the linked crossings: pieces in the order of the contour, with their lengths; their number."""
     n_pieces = 0
@@ -144,7 +144,7 @@ def _chain(links: Integers, n: int, pieces: Integers, crossings: Array32) -> int
     return n_pieces
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def find_pieces(
     grids: Array32,
     planes: Array32,

@@ -7,15 +7,15 @@ moving parts are traced, and tested for what they hide of the others.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.chamfer import directed_pair, matching_workspace
+from tracker.kernels.compilation import compiled
 from tracker.kernels.contour_tracing import trace_view, tracing_workspace
 from tracker.kernels.occlusion import ROW, SOLID_COLUMNS, SPOT_ROWS, cover, place_solids, view_solids
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def moving_parts(placements: Array) -> Mask:
     """Parts (P,) whose placements (B, P, 4, 4) are not the same in all poses; all of them where B is 1."""
     n_poses, n_parts = placements.shape[:2]
@@ -29,7 +29,7 @@ def moving_parts(placements: Array) -> Mask:
     return moving
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _add_seen(
     still: Array32,
     n_still: int,
@@ -58,7 +58,7 @@ def _add_seen(
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def score_poses(
     placements: Array,
     shapes: Array,

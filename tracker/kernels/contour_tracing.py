@@ -10,9 +10,9 @@ Arrays are indexed here, never sliced, in the inner loops: a slice costs a refer
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.kernels.compilation import compiled
 from tracker.kernels.contour_pieces import CROSSING_ROWS, find_pieces
 from tracker.kernels.occlusion import ROW, SOLID_COLUMNS, SPOT_ROWS, cover, neighbours, place_solids, view_solids
 from tracker.kernels.projection import project_point
@@ -21,7 +21,7 @@ Tracing = tuple[Array32, Integers, Integers, Integers, Array32, Integers, Array3
 """Facings, crossing numbers, neighbours, links, crossings, pieces and samples of one part."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+@compiled(fastmath={"contract", "nsz", "arcp"})
 def _sample(
     crossings: Array32, pieces: Integers, n_pieces: int, size: tuple[float, float], step_px: float, spots: Array32
 ) -> int:
@@ -77,7 +77,7 @@ def _sample(
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def trace_view(
     grids: Array32,
     planes: Array32,
@@ -133,7 +133,7 @@ def trace_view(
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def tracing_workspace(n_parts: int, layout: tuple[int, int]) -> Tracing:
     """What `trace_view` writes to on its way."""
     return (
@@ -147,7 +147,7 @@ def tracing_workspace(n_parts: int, layout: tuple[int, int]) -> Tracing:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def trace_contours(
     placements: Array,
     shapes: Array,

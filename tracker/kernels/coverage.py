@@ -6,9 +6,9 @@ Parts that stand still in a batch are filled once for all poses.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32, Integers
+from tracker.kernels.compilation import compiled
 from tracker.kernels.contour_scoring import moving_parts
 from tracker.kernels.projection import project_point
 from tracker.kernels.silhouettes import widen
@@ -18,7 +18,7 @@ _STILL = -1
 _NEAREST_M = 0.05
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _extents(
     placement: Array, grid: Array32, layout: tuple[int, int], camera: Array, pixels: Array, extents: Array
 ) -> tuple[int, int]:
@@ -51,7 +51,7 @@ def _extents(
     return first, last + 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def covered_sums(
     placements: Array,
     grids: Array32,

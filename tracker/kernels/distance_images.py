@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from tracker.arrays import Array32
+from tracker.kernels.compilation import compiled
 
 # Lengths of the steps of the 5 x 5 mask that is best for the Euclidean distance, within 2 % (Borgefors 1986);
 # OpenCV's values, so that `cv2.distanceTransform` is the twin.
 _DIAGONAL, _KNIGHT = np.float32(1.4), np.float32(2.1969)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz"})
+@compiled(fastmath={"nnan", "ninf", "nsz"})
 def chamfer_distances(pixels: NDArray[np.int32], reach: float, distance: Array32) -> None:
     """Distance of every pixel to the nearest of some pixels along the steps of a 5 x 5 mask.
 
@@ -42,14 +42,14 @@ def chamfer_distances(pixels: NDArray[np.int32], reach: float, distance: Array32
         distance[y - 2] = rows[y, 2 : width + 2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz"})
+@compiled(fastmath={"nnan", "ninf", "nsz"})
 def _lower_to_ramp(ramp: Array32, row: Array32) -> None:
     """Ways along a row."""
     for x in range(len(row)):
         row[x] = min(row[x], ramp[x])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz"})
+@compiled(fastmath={"nnan", "ninf", "nsz"})
 def _lower_to_rows(farther: Array32, nearer: Array32, row: Array32) -> None:
     """Ways into a row from the two rows beside it, both on the same side; with borders of two pixels."""
     n = len(row) - 4

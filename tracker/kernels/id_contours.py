@@ -9,9 +9,9 @@ the contour from the pixel's centre. `tracker/synthesis/_shaders/edges.glsl` is 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.kernels.compilation import compiled
 
 WINDOW_PX2 = 12.0
 """Squared radius of the window, px^2; a pixel's weight falls from 1 at its centre to 0 at this distance."""
@@ -23,7 +23,7 @@ DEEPEST_M = 0.1
 """A surface may bend away by this much between the last pixel's centre and the contour, metres."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _side(
     ids: Integers, depths: Array32, frame: tuple[int, int, int, int], x: int, y: int, here: tuple[int, float]
 ) -> int:
@@ -44,7 +44,7 @@ def _side(
     return 2 if depths[y, x] > here[1] else 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _gap(ids: Integers, depths: Array32, frame: tuple[int, int, int, int], x: int, y: int) -> float:
     """How far behind the pixel its nearest farther neighbour lies, metres; -1 for a pixel that is on no contour."""
     here, gap, found = (ids[y, x], depths[y, x]), 1e9, False
@@ -58,7 +58,7 @@ def _gap(ids: Integers, depths: Array32, frame: tuple[int, int, int, int], x: in
     return gap if found else -1.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _place(
     ids: Integers, depths: Array32, frame: tuple[int, int, int, int], x: int, y: int
 ) -> tuple[float, float, float]:
@@ -83,7 +83,7 @@ def _place(
     return nx / length, ny / length, min(max(beyond, 0.0), 1.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _depth_there(ids: Integers, depths: Array32, x: int, y: int, normal: tuple[float, float], beyond: float) -> float:
     """Depth at the contour, metres: a round surface falls away with the root of the distance from its contour."""
     dx, dy = int(np.rint(-normal[0])), int(np.rint(-normal[1]))
@@ -95,7 +95,7 @@ def _depth_there(ids: Integers, depths: Array32, x: int, y: int, normal: tuple[f
     return depths[y, x] + min(max(fall, 0.0), DEEPEST_M)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _undistort(camera: Array, x: float, y: float) -> tuple[float, float]:
     """Plane coordinates of a pixel, by Newton steps; the twin is `Camera.undistort`."""
     ty = (y - camera[18]) / camera[16]
@@ -117,7 +117,7 @@ def _undistort(camera: Array, x: float, y: float) -> tuple[float, float]:
     return a, b
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _lift(camera: Array, x: float, y: float, normal: tuple[float, float], depth: float, out: Array) -> None:
     """World point of a pixel and world normal of the plane through the contour and the camera, to `out` (6,)."""
     a, b = _undistort(camera, x, y)
@@ -130,7 +130,7 @@ def _lift(camera: Array, x: float, y: float, normal: tuple[float, float], depth:
         out[3 + k] = scale * (camera[k] * nx + camera[4 + k] * ny + camera[8 + k] * nz)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _encloses(solids: Array, q: int, x: float, y: float, z: float) -> bool:
     """Whether a world point lies inside part q."""
     w = solids[q, 8] * x + solids[q, 9] * y + solids[q, 10] * z + solids[q, 11]
@@ -144,7 +144,7 @@ def _encloses(solids: Array, q: int, x: float, y: float, z: float) -> bool:
     return around + abs(w) ** solids[q, 16] < 1.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _touches(solids: Array, p: int, sample: Array, contact_m: float) -> bool:
     """Whether a sample (6,) of part p lies inside another part once moved outwards by the contact distance."""
     x, y, z = sample[0] + contact_m * sample[3], sample[1] + contact_m * sample[4], sample[2] + contact_m * sample[5]
@@ -156,7 +156,7 @@ def _touches(solids: Array, p: int, sample: Array, contact_m: float) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def id_contours(
     ids: Integers,
     depths: Array32,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Integers, Mask
+from tracker.kernels.compilation import compiled
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def chain_transforms(poses: Array, rotates: Mask, axes: Array, points: Array, parents: Integers) -> Array:
     """Motion of the reference pose at the end of every parameter's chain.
 
@@ -58,7 +58,7 @@ def chain_transforms(poses: Array, rotates: Mask, axes: Array, points: Array, pa
     return motions
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def twists_in_world(motions: Array, rotates: Mask, axes: Array, points: Array, parents: Integers) -> Array:
     """Spatial twists of all parameters at given poses.
 

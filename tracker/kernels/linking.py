@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from tracker.arrays import Array, Array32, Image, Integers
+from tracker.kernels.compilation import compiled
 from tracker.kernels.slopes import Slopes
 
 Pixels = NDArray[np.int32]
@@ -16,7 +16,7 @@ Pixels = NDArray[np.int32]
 _PER_SLOPE = np.float32(1 / 8)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def trace_segments(
     edges: Image,
     slopes: tuple[Slopes, Slopes],
@@ -50,7 +50,7 @@ def trace_segments(
     return n, n_segments
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def link_edges(edges: Image, points: Pixels, starts: Pixels) -> int:
     """Links edge pixels into 8-connected chains; each pixel belongs to one chain.
 
@@ -79,7 +79,7 @@ def link_edges(edges: Image, points: Pixels, starts: Pixels) -> int:
     return n_chains
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _link_chain(flat: Image, width: int, place: int, points: Pixels, n: int) -> int:
     """Writes the chain through one pixel to the points from n on; returns its end."""
     begin = n
@@ -95,7 +95,7 @@ def _link_chain(flat: Image, width: int, place: int, points: Pixels, n: int) -> 
     return _walk(flat, width, following, points, n)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _walk(flat: Image, width: int, place: int, points: Pixels, n: int) -> int:
     """Writes the pixels from one on in one direction, and clears them."""
     while place >= 0:
@@ -107,7 +107,7 @@ def _walk(flat: Image, width: int, place: int, points: Pixels, n: int) -> int:
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _next_place(flat: Image, width: int, place: int) -> int:
     """An unvisited 8-neighbour, straight ones first; -1 if there is none."""
     for step in (1, width, -1, -width, width + 1, width - 1, -width - 1, -width + 1):
@@ -116,7 +116,7 @@ def _next_place(flat: Image, width: int, place: int) -> int:
     return -1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _angle_table(reach: int) -> Array:
     """Angles of all vectors of up to 2 reach px in x and y, which lead from one point of a chain to another."""
     size = 4 * reach + 1
@@ -127,7 +127,7 @@ def _angle_table(reach: int) -> Array:
     return table
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _tangent_angles(points: Pixels, first: int, last: int, table: Array, angles: Array32) -> None:
     """Unwrapped tangent angle at each point of a chain, over `reach` pixels to both sides."""
     middle = len(table) // 2
@@ -147,7 +147,7 @@ def _tangent_angles(points: Pixels, first: int, last: int, table: Array, angles:
         angles[i] = before
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def split_segments(
     points: Pixels, starts: Pixels, n_chains: int, rule: tuple[int, float, int], segments: Pixels
 ) -> int:
@@ -198,7 +198,7 @@ def split_segments(
     return n_segments
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def edge_profile(points: Pixels, slopes: tuple[Slopes, Slopes], edges: Array32, directions: Array32) -> None:
     """Sub-pixel positions and gradient directions of edge pixels.
 

@@ -17,9 +17,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_point
 
 SOLID_COLUMNS = 48
@@ -42,13 +42,13 @@ SPOT_ROWS = 17
 11 what other parts do to it: 0 nothing, 1 touch, 2 cover; 12-16 see `_approach`."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def whole_blocks(n: int) -> int:
     """N rounded up to what the compiled code handles at a time; one by one, the rest would take most of the time."""
     return (n + 31) & ~31
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
+@compiled(fastmath={"contract", "nsz"})
 def place_solids(placements: Array, b: int, shapes: Array, bounds: Array, solids: Array32) -> None:
     """Fills the columns of `solids` that depend on the pose b alone.
 
@@ -74,7 +74,7 @@ def place_solids(placements: Array, b: int, shapes: Array, bounds: Array, solids
         solids[p, 18], solids[p, 19], solids[p, 20] = 2.0 / e2, e2 / e1, 2.0 / e1
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
+@compiled(fastmath={"contract", "nsz"})
 def view_solids(shapes: Array, bounds: Array, camera: Array, margin_m: float, solids: Array32) -> None:
     """Fills the columns of `solids` that depend on the view.
 
@@ -111,7 +111,7 @@ def view_solids(shapes: Array, bounds: Array, camera: Array, margin_m: float, so
         solids[p, 28] = depth if depth > 0.05 else -1.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
+@compiled(fastmath={"contract", "nsz"})
 def beside(solids: Array32, q: int, u: float, v: float) -> float:
     """Squared distance of a pixel from the axis of part q, px^2."""
     x, y = u - solids[q, 21], v - solids[q, 22]
@@ -120,7 +120,7 @@ def beside(solids: Array32, q: int, u: float, v: float) -> float:
     return x * x + y * y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def neighbours(p: int, solids: Array32, covering: Mask, radius: float, listed: Integers) -> int:
     """Those of some parts that may cover or touch part p, which lies in a sphere of that radius; their number.
 
@@ -154,7 +154,7 @@ def neighbours(p: int, solids: Array32, covering: Mask, radius: float, listed: I
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+@compiled(fastmath={"contract", "nsz", "arcp"})
 def inside_value(solids: Array32, q: int, x: float, y: float, z: float) -> float:
     """Inside-outside function of part q at a point in units of its half extents.
 
@@ -185,7 +185,7 @@ def inside_value(solids: Array32, q: int, x: float, y: float, z: float) -> float
     return around + abs(z) ** solids[q, 20]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+@compiled(fastmath={"contract", "nsz", "arcp"})
 def _clipped(origin: float, direction: float, side: float, low: float, high: float) -> tuple[float, float]:
     """What is left of a ray between low and high inside the slab from -side to side."""
     inverse = _ONE / direction if direction != _ZERO else _HUGE
@@ -193,7 +193,7 @@ def _clipped(origin: float, direction: float, side: float, low: float, high: flo
     return max(low, min(enter, leave)), min(high, max(enter, leave))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+@compiled(fastmath={"contract", "nsz", "arcp"})
 def blocks_ray(solids: Array32, q: int, x: float, y: float, z: float) -> bool:
     """Whether part q covers a point seen from a camera.
 
@@ -233,7 +233,7 @@ def blocks_ray(solids: Array32, q: int, x: float, y: float, z: float) -> bool:
     return inside_value(solids, q, ox + t * dx, oy + t * dy, oz + t * dz) < _ONE
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz", "nnan", "ninf"})
+@compiled(fastmath={"contract", "nsz", "nnan", "ninf"})
 def _approach(solids: Array32, q: int, spots: Array32, n: int) -> None:
     """How n samples stand to part q: fills the rows 12-16 of `spots`, eight samples at a time.
 
@@ -266,7 +266,7 @@ def _approach(solids: Array32, q: int, spots: Array32, n: int) -> None:
         spots[15 * ROW + i] = gap if beyond < _ZERO else -_ONE
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
+@compiled(fastmath={"contract", "nsz"})
 def cover(solids: Array32, q: int, contact_m: float, spots: Array32, n: int) -> None:
     """Marks the contour samples of another part that part q covers (2) or touches on their outer side (1).
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_along
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _first_below(scene: Array32, low: int, high: int, y: float) -> int:
     """First of the scene rows low..high (sorted by y) whose y is not above the given one."""
     while low < high:
@@ -21,7 +21,7 @@ def _first_below(scene: Array32, low: int, high: int, y: float) -> int:
     return low
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _nearest(
     rows: Array32, low: int, high: int, query: tuple[float, float, float, float], gate: tuple[float, float]
 ) -> int:
@@ -53,7 +53,7 @@ def _nearest(
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def match_oriented(
     positions: Array32, counts: Integers, scene: Array32, first: Integers, gate: tuple[float, float], pairs: Integers
 ) -> int:
@@ -96,7 +96,7 @@ def match_oriented(
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _chains(moves: Mask) -> tuple[Integers, Integers]:
     """For each last parameter, the parameters that move what hangs on it (J, dof), and how many (J,)."""
     dof, n_ends = moves.shape
@@ -109,7 +109,7 @@ def _chains(moves: Mask) -> tuple[Integers, Integers]:
     return chains, lengths
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
+@compiled(fastmath={"contract", "nsz"})
 def normal_equations(
     pairs: Integers,
     positions: Array32,

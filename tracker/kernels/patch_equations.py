@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32
+from tracker.kernels.compilation import compiled
 
 N_PARAMETERS = 8
 AFFINE = (1, 2, 4, 5)
@@ -23,7 +23,7 @@ Workspace = tuple[Array32, Array32, Array32, Array32, Array, Array, Array, Array
 """Design (8, n), template, search patch and residuals (n,), normal matrix and its factor (8, 8), vectors, filter."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def workspace(half: int, n_taps: int) -> Workspace:
     """What a match writes to on its way: design, template, search patch, residuals, normal equations, filter."""
     n, padded = (2 * half + 1) ** 2, 2 * half + n_taps
@@ -39,7 +39,7 @@ def workspace(half: int, n_taps: int) -> Workspace:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def dot(a: Array32, b: Array32, n: int) -> Any:
     """Scalar product of the first n values."""
     total = np.float32(0.0)
@@ -48,7 +48,7 @@ def dot(a: Array32, b: Array32, n: int) -> Any:
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def moments(values: Array32, n: int) -> tuple[Any, Any]:
     """Mean and standard deviation."""
     total = np.float32(0.0)
@@ -61,7 +61,7 @@ def moments(values: Array32, n: int) -> tuple[Any, Any]:
     return mean, np.sqrt(squares / np.float32(n))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def factorize(matrix: Array, factor: Array) -> bool:
     """Cholesky factor of a matrix (8, 8); False where a parameter cannot be determined.
 
@@ -82,7 +82,7 @@ def factorize(matrix: Array, factor: Array) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def solve(factor: Array, right: Array) -> None:
     """Solves in place with the factor of the matrix."""
     for i in range(N_PARAMETERS):
@@ -98,7 +98,7 @@ def solve(factor: Array, right: Array) -> None:
         right[i] = total / factor[i, i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def complete_design(design: Array32, grey: Array32, moments: tuple[float, float], gain: float, half: int) -> None:
     """Columns of Gruen's design matrix from gradients in columns 0 and 3; lengths in halves of the patch.
 
@@ -116,7 +116,7 @@ def complete_design(design: Array32, grey: Array32, moments: tuple[float, float]
             design[6, k], design[7, k] = np.float32(1.0), (grey[k] - mean) * slope
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def normal_matrix(design: Array32, n: int, prior: float, normal: Array) -> None:
     """J^T J, with the prior's weight on the four affine terms."""
     for i in range(N_PARAMETERS):
@@ -126,7 +126,7 @@ def normal_matrix(design: Array32, n: int, prior: float, normal: Array) -> None:
         normal[k, k] += prior
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def residuals(template: Array32, grey: Array32, brightness: float, contrast: float, n: int, out: Array32) -> None:
     """Search patch, radiometrically adjusted, minus template; n grey values."""
     shift, scale = np.float32(brightness), np.float32(contrast)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Integers
+from tracker.kernels.compilation import compiled
 from tracker.kernels.patch_equations import Noise, Rule, Workspace, workspace
 from tracker.kernels.patch_matching import MATCHED, N_FOUND, match_patch
 from tracker.kernels.splines import SplineImage
@@ -23,7 +23,7 @@ Heap = tuple[Array, Integers, Integers]
 """Keys, attempts (cell * 4 + direction), and their number (1,)."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _push(heap: Heap, key: float, item: int) -> None:
     keys, items, count = heap
     i = count[0]
@@ -36,7 +36,7 @@ def _push(heap: Heap, key: float, item: int) -> None:
     keys[i], items[i] = key, item
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _pop(heap: Heap) -> int:
     """Takes out the attempt of the least key."""
     keys, items, count = heap
@@ -58,7 +58,7 @@ def _pop(heap: Heap) -> int:
     return result
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def push_neighbours(heap: Heap, cell: int, grid: Grid, found: Array, ended: Integers, seeds: Integers) -> None:
     """Puts the attempts from a matched cell to its open neighbours on the heap.
 
@@ -87,13 +87,13 @@ def push_neighbours(heap: Heap, cell: int, grid: Grid, found: Array, ended: Inte
         _push(heap, key, cell * 4 + direction)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _along(direction: int) -> int:
     """Horizontal part of the directions right, down, left, up: 1, 0, -1, 0."""
     return (1 - direction) * (1 - direction % 2) if direction >= 0 else 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def accepted(found: Array, limits: Limits) -> bool:
     """Whether a match is good enough."""
     sigma0, deviation, correlation, most = limits
@@ -101,7 +101,7 @@ def accepted(found: Array, limits: Limits) -> bool:
     return precise and found[12] >= correlation and stretch(found) <= most
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def stretch(found: Array) -> float:
     """By what factor the affine transformation stretches or compresses the patch most; infinite for a mirrored one."""
     determinant = found[2] * found[5] - found[3] * found[4]
@@ -112,7 +112,7 @@ def stretch(found: Array) -> float:
     return max(np.sqrt(longest2), np.sqrt(longest2) / determinant)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _predict(source: Array, dx: float, dy: float, found: Array) -> None:
     """The neighbour's start: the source's patch, carried on by its own affine transformation."""
     found[:] = 0.0
@@ -121,7 +121,7 @@ def _predict(source: Array, dx: float, dy: float, found: Array) -> None:
     found[1] += source[4] * dx + source[5] * dy
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _attempt(
     images: tuple[SplineImage, SplineImage],
     at: Array,
@@ -139,7 +139,7 @@ def _attempt(
     return ended
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def grow(
     images: tuple[SplineImage, SplineImage],
     grid: Grid,
@@ -200,7 +200,7 @@ def grow(
     return heap[2][0]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def push_all(heap: Heap, grid: Grid, found: Array, ended: Integers, seeds: Integers) -> None:
     """Puts the attempts from every matched cell to its open neighbours on the heap; see `push_neighbours`."""
     for cell in range(len(ended)):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Integers
+from tracker.kernels.compilation import compiled
 from tracker.kernels.patch_equations import (
     AFFINE,
     N_PARAMETERS,
@@ -37,7 +37,7 @@ covariance of the shift xx yy xy px^2, 12 correlation, 13 iterations, 14 half th
 _NO_TEXTURE = 1e-3
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def match_patch(
     template: SplineImage, search: SplineImage, at: Array, found: Array, rule: Rule, noise: Noise, work: Workspace
 ) -> int:
@@ -93,7 +93,7 @@ def match_patch(
     return NOT_CONVERGED
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _fix_template(template: SplineImage, identity: Array, rule: Rule, work: Workspace) -> tuple[float, float]:
     """Samples the template patch, whose normal equations the inverse form solves once for all iterations.
 
@@ -119,7 +119,7 @@ def _fix_template(template: SplineImage, identity: Array, rule: Rule, work: Work
     return mean, spread
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _linearize(
     search: SplineImage, found: Array, of_template: tuple[float, float], first: bool, rule: Rule, work: Workspace
 ) -> float:
@@ -157,7 +157,7 @@ def _linearize(
     return dot(residual, residual, n)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _composed(found: Array, step: Array, half: int, of_template: tuple[float, float]) -> float:
     """Inverse composition: warp and radiometry after the inverse of the template's step.
 
@@ -178,7 +178,7 @@ def _composed(found: Array, step: Array, half: int, of_template: tuple[float, fl
     return _reach(step)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _added(found: Array, step: Array, half: int, of_search: tuple[float, float]) -> float:
     """The classical update: parameters add up; returns how far a corner moved, px."""
     found[0] += step[0]
@@ -193,12 +193,12 @@ def _added(found: Array, step: Array, half: int, of_search: tuple[float, float])
     return _reach(step)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _reach(step: Array) -> float:
     return max(abs(step[0]) + abs(step[1]) + abs(step[2]), abs(step[3]) + abs(step[4]) + abs(step[5]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def match_patches(
     template: SplineImage, search: SplineImage, at: Array, found: Array, ended: Integers, rule: Rule, noise: Noise
 ) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32
+from tracker.kernels.compilation import compiled
 from tracker.kernels.patch_equations import AFFINE, N_PARAMETERS, Noise, Rule, Workspace, factorize, solve
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def estimate_precision(found: Array, squares: float, spread: float, rule: Rule, noise: Noise, work: Workspace) -> bool:
     """A-posteriori sigma0 and the covariance of the shift, corrected for weak texture and correlated noise.
 
@@ -60,7 +60,7 @@ def estimate_precision(found: Array, squares: float, spread: float, rule: Rule, 
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def _propagated(design: Array32, vectors: Array, size: int, taps: Array32, padded: Array32) -> tuple[Any, Any, Any]:
     """Variances and covariance of both shifts for white noise of variance 1 that was smoothed with the taps."""
     n_taps = len(taps)
@@ -82,7 +82,7 @@ def _propagated(design: Array32, vectors: Array, size: int, taps: Array32, padde
     return xx, yy, xy
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def _influence(design: Array32, row: Array, size: int, wide: int, lead: int, out: Array32) -> None:
     """How much each residual moves a shift; rows padded with zeros."""
     r0, r1, r2, r3 = np.float32(row[0]), np.float32(row[1]), np.float32(row[2]), np.float32(row[3])
@@ -96,7 +96,7 @@ def _influence(design: Array32, row: Array, size: int, wide: int, lead: int, out
             line[x] = first + second
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def _correlate(values: Array32, taps: Array32, stride: int, lead: int, n: int, out: Array32) -> None:
     """Sums of n values and those so many strides before them, weighted with the taps."""
     # Slices, because an index that might be negative keeps the compiler from vectorizing.

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from tracker.arrays import Array
+from tracker.kernels.compilation import compiled
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(fastmath={"contract", "nsz"})
 def project_point(camera: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Image of a world point; the twin is `Camera.project`.
 
@@ -31,7 +30,7 @@ def project_point(camera: Array, x: float, y: float, z: float) -> tuple[float, f
     return camera[15] * u + camera[24] * v + camera[17], camera[16] * v + camera[18], depth
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(fastmath={"contract", "nsz"})
 def project_along(
     cameras: Array, v: int, point: tuple[float, float, float], normal: tuple[float, float]
 ) -> tuple[float, float, float, float, float]:

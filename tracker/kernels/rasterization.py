@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32, Integers
+from tracker.kernels.compilation import compiled
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def rasterize(pixels: Array, depths: Array, triangles: Integers, origin: tuple[int, int], buffers: Array32) -> None:
     """Draws triangles into a depth buffer with perspective-correct interpolation.
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array32, Image, Integers, Mask, Numbers16
+from tracker.kernels.compilation import compiled
 
 N_COLOURS = 4096
 
@@ -44,7 +44,7 @@ class Tables(NamedTuple):
     """(V, P, 4096) of the background just outside of it."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def encode(image: Image, region: tuple[int, int, int, int], codes: Numbers16) -> None:
     """Writes the colour numbers of a region (x, y, width, height) of a BGR image to `codes`, row by row."""
     x, y, width, height = region
@@ -56,7 +56,7 @@ def encode(image: Image, region: tuple[int, int, int, int], codes: Numbers16) ->
             i += 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def colour_at(picture: Picture, v: int, x: float, y: float) -> int:
     """Colour number of the pixel nearest to a position in view v, -1 outside of the region."""
     column = int(np.floor(x + 0.5)) - picture.layout[v, 1]
@@ -67,12 +67,12 @@ def colour_at(picture: Picture, v: int, x: float, y: float) -> int:
     return int(picture.codes[picture.layout[v, 0] + row * width + column])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _clamped(k: int) -> int:
     return min(max(k, 0), _BINS - 1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def spread_colours(counts: Integers, table: Array32, factor: float) -> None:
     """Adds colour counts (4096,), each spread 1-2-1 over its neighbours in blue, green and red, times a factor.
 
@@ -92,7 +92,7 @@ def spread_colours(counts: Integers, table: Array32, factor: float) -> None:
                     table[second | _clamped(red + k)] += weight * (2 - abs(k))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def learn_colours(counts: Integers, news: float, table: Array32) -> bool:
     """Moves a table (4096,) towards the shares of colours counted (4096,) by `news`, all the way if it is empty.
 
@@ -112,7 +112,7 @@ def learn_colours(counts: Integers, news: float, table: Array32) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def tabulate_posteriors(tables: Tables, rule: tuple[float, float], wanted: Mask, posteriors: Image) -> None:
     """Probability that a pixel of a colour lies inside, were both sides as likely, of some parts in some views.
 

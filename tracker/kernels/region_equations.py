@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_along
 from tracker.kernels.region_lines import Samples
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def shift_equations(
     shifts: Array32,
     samples: Samples,
@@ -68,7 +68,7 @@ def shift_equations(
     return matrix, vector, squares, total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _add_end(wrenches: Array, pulls: Array, twists: Array, chain: Mask, matrix: Array, vector: Array) -> None:
     """Adds the summed wrenches of what hangs on one parameter to the equations of all that move it."""
     half = np.zeros(6)

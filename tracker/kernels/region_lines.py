@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32, Image, Integers, Mask
+from tracker.kernels.compilation import compiled
 from tracker.kernels.region_colours import EVEN, N_COLOURS, Picture, Tables, colour_at, learn_colours
 
 SPOTS = (4.0, 9.0)
@@ -95,14 +95,14 @@ class Rule(NamedTuple):
     """Most that steps are widened for it, a factor."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def pixels_per_metre(camera: Array, x: float, y: float, z: float) -> float:
     """Size in the image of a metre across the viewing ray of a world point, px; 0 behind the camera."""
     depth = camera[8] * x + camera[9] * y + camera[10] * z + camera[11]
     return float(camera[15] / depth) if depth > 1e-6 else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _inside(looks: Looks, v: int, p: int, beside: int, colour: int, floor: float) -> float:
     """254 times the probability that a pixel of a colour belongs to part p and not to what is beside it."""
     if colour < 0:
@@ -116,7 +116,7 @@ def _inside(looks: Looks, v: int, p: int, beside: int, colour: int, floor: float
     return 254.0 * min(max(own / (own + looks.tables.inside[v, beside, colour] + floor), 0.018), 0.982)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _read_line(
     picture: Picture,
     looks: Looks,
@@ -148,7 +148,7 @@ def _read_line(
         shares[s] = _inside(looks, v, p, other, colour, floor)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _weigh_shifts(shares: Array, reach: int, gains: Array, energy: Array) -> int:
     """Energy (2 reach + 1,) of each shift of the contour, relative to the first; index of the least."""
     start = len(shares) // 2 - reach
@@ -161,7 +161,7 @@ def _weigh_shifts(shares: Array, reach: int, gains: Array, energy: Array) -> int
     return best
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _supported(shares: Array, contour: int) -> bool:
     """Whether the places beside a contour look inside and outside, on average."""
     inside = outside = 0.0
@@ -171,7 +171,7 @@ def _supported(shares: Array, contour: int) -> bool:
     return inside > _SUPPORT * 140.0 and outside < _SUPPORT * 133.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def find_shifts(
     picture: Picture,
     looks: Looks,
@@ -233,7 +233,7 @@ def find_shifts(
                 shifts[v, m, 2] = 1.0 if 0 < best < n_shifts - 1 else 0.3
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def score_lines(
     picture: Picture,
     looks: Looks,
@@ -285,7 +285,7 @@ def score_lines(
                 misfits[b, v, p, 2] += length if inside > 0.55 and outside < 0.62 else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def learn_lines(
     picture: Picture,
     samples: Samples,
@@ -331,7 +331,7 @@ def learn_lines(
     return changed
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _count_line(
     picture: Picture,
     samples: Samples,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32, Integers
+from tracker.kernels.compilation import compiled
 from tracker.kernels.occlusion import SOLID_COLUMNS, beside, blocks_ray, place_solids, view_solids
 from tracker.kernels.projection import project_along
 from tracker.kernels.region_lines import BACKGROUND, SPOTS, Samples, pixels_per_metre
@@ -19,7 +19,7 @@ _single: Any = np.float32
 """As the other ray tests have it: in double precision they would be compiled once more."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _nearest_on_ray(solids: Array32, p: int, pixel: tuple[float, float], far: tuple[float, float, float]) -> int:
     """The part, other than p, that a ray to a far world point meets first: the one whose middle it passes first."""
     found, least = BACKGROUND, np.inf
@@ -39,7 +39,7 @@ def _nearest_on_ray(solids: Array32, p: int, pixel: tuple[float, float], far: tu
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def parts_beside(
     placements: Array, shapes: Array, bounds: Array, cameras: Array, samples: Samples, step_m: float, found: Integers
 ) -> None:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Integers
+from tracker.kernels.compilation import compiled
 from tracker.kernels.occlusion import SOLID_COLUMNS, inside_value, place_solids
 
 _N_POINTS = 5
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def count_collisions(placements: Array, shapes: Array, pairs: Integers) -> Array:
     """Points on the axes of parts that lie inside other parts, five to a part.
 

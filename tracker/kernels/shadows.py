@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Image, Integers
+from tracker.kernels.compilation import compiled
 from tracker.kernels.linking import Pixels
 
 # Half the window of the texture's correlation, px; half the distance over which the ratio's slope is taken, px.
@@ -25,7 +25,7 @@ ShadowRule = tuple[float, float, float, float, float, float]
 a channel, grey levels; least correlation of the texture; width of the softest outline of an object, px."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def without_shadows(
     now: Image, plate: Image, origin: tuple[int, int], moving: Image, rule: ShadowRule, mask: Image
 ) -> None:
@@ -77,7 +77,7 @@ def without_shadows(
             mask[y, x] = mask[y, x] == _OBJECT or mask[y, x] == _SHARP_REGION
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _products(now: Image, before: Image, x: int, y: int) -> tuple[np.float32, np.float32]:
     """Sums over the channels of image times plate and of plate times plate."""
     both, square = np.float32(0), np.float32(0)
@@ -88,14 +88,14 @@ def _products(now: Image, before: Image, x: int, y: int) -> tuple[np.float32, np
     return both, max(square, np.float32(1))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _ratio(now: Image, before: Image, x: int, y: int) -> float:
     """Share of the plate's light that is left, by least squares over the channels."""
     both, square = _products(now, before, x, y)
     return float(both / square)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _shadow_ratio(now: Image, before: Image, x: int, y: int, rule: ShadowRule) -> float:
     """Share of the light that is left if the pixel may be a shadow, else 0."""
     both, square = _products(now, before, x, y)
@@ -107,7 +107,7 @@ def _shadow_ratio(now: Image, before: Image, x: int, y: int, rule: ShadowRule) -
     return float(both / square)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _sum_columns(now: Image, before: Image, x: int, y: int, known: Integers, sums: Integers) -> None:
     """Sums and products of the grey values in the columns of the window around a pixel.
 
@@ -133,7 +133,7 @@ def _sum_columns(now: Image, before: Image, x: int, y: int, known: Integers, sum
         known[column] = y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _add_pixel(now: Image, before: Image, x: int, y: int, sign: int, sums: Integers) -> None:
     """Adds a pixel to the sums of its column, or takes it away."""
     a = np.int64(now[y, x, 0]) + np.int64(now[y, x, 1]) + np.int64(now[y, x, 2])
@@ -145,7 +145,7 @@ def _add_pixel(now: Image, before: Image, x: int, y: int, sign: int, sums: Integ
     sums[x, 4] += sign * a * b
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _correlation(sums: Integers, x: int) -> float:
     """Normalized cross-correlation in the window around column x, near 0 where there is no texture."""
     a = b = aa = bb = ab = 0
@@ -161,7 +161,7 @@ def _correlation(sums: Integers, x: int) -> float:
     return float((ab / n - (a / n) * (b / n)) / np.sqrt(varying))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _judge_region(
     now: Image, before: Image, start: int, rule: ShadowRule, mask: Image, scratch: tuple[Pixels, Pixels]
 ) -> None:
@@ -211,7 +211,7 @@ def _judge_region(
         mask[queue[i] // width, queue[i] % width] = verdict
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _divide_region(mask: Image, border: Pixels, queue: Pixels) -> None:
     """Every pixel of a region is taken for what the outline is where it is nearest.
 
@@ -237,7 +237,7 @@ def _divide_region(mask: Image, border: Pixels, queue: Pixels) -> None:
         i += 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _at_outline(mask: Image, x: int, y: int) -> bool:
     """Whether one of the four neighbours lies outside of the region."""
     height, width = mask.shape
@@ -248,7 +248,7 @@ def _at_outline(mask: Image, x: int, y: int) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _beside_object(mask: Image, x: int, y: int) -> bool:
     """Whether one of the eight neighbours is surely an object."""
     height, width = mask.shape
@@ -259,7 +259,7 @@ def _beside_object(mask: Image, x: int, y: int) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _slope(now: Image, before: Image, x: int, y: int) -> float:
     """Slope of the ratio of the light, 1/px."""
     across = _ratio(now, before, x + _STEP, y) - _ratio(now, before, x - _STEP, y)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32, Mask
+from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_point
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def widen(u0: float, v0: float, u1: float, v1: float, extents: Array) -> None:
     """Widens the extents (2, h) of the pixel rows that a line crosses to where it crosses them."""
     if v1 < v0:
@@ -22,7 +22,7 @@ def widen(u0: float, v0: float, u1: float, v1: float, extents: Array) -> None:
         extents[1, row] = max(extents[1, row], u)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def fill_parts(placements: Array, grids: Array32, layout: tuple[int, int], camera: Array, mask: Mask) -> None:
     """Sets the pixels whose centres the parts cover: row by row, between the outermost lines of their grids.
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from tracker.arrays import Image
+from tracker.kernels.compilation import compiled
 
 Slopes = NDArray[np.int16]
 """Differences (h, w) across two pixels by a Sobel filter: eighths of a grey level per pixel."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def strongest_slopes(channels: tuple[Image, Image, Image], dx: Slopes, dy: Slopes) -> None:
     """Sobel gradient of the channel that changes most, measured by abs(dx) + abs(dy); the first of equals.
 
@@ -34,7 +34,7 @@ def strongest_slopes(channels: tuple[Image, Image, Image], dx: Slopes, dy: Slope
             _take_end(channel[above], channel[below], (width - 1, width - 2), strengths, (dx[y], dy[y]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _take_inner(above: Image, row: Image, below: Image, strengths: Slopes, best: tuple[Slopes, Slopes]) -> None:
     """Replaces the slopes of a row's inner pixels where this channel's are stronger."""
     n = len(row) - 2
@@ -58,7 +58,7 @@ def _take_inner(above: Image, row: Image, below: Image, strengths: Slopes, best:
         strongest[x] = strength if stronger else strongest[x]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _take_end(
     above: Image, below: Image, ends: tuple[int, int], strengths: Slopes, best: tuple[Slopes, Slopes]
 ) -> None:

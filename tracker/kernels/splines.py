@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32
+from tracker.kernels.compilation import compiled
 
 SplineImage = tuple[Array32, int, int]
 """Spline coefficients of an image, row by row (h * w,), its width and its height, px."""
@@ -20,7 +20,7 @@ MARGIN = 2
 _ORIGIN = 64
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def _weights(f: Any) -> tuple[Any, Any, Any, Any]:
     """The four cubic B-splines that reach a point a fraction f beyond a pixel."""
     rest, f2 = np.float32(1.0) - f, f * f
@@ -31,7 +31,7 @@ def _weights(f: Any) -> tuple[Any, Any, Any, Any]:
     return w0, w1, np.float32(1.0) - w0 - w1 - w3, w3
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def _slopes(f: Any) -> tuple[Any, Any, Any, Any]:
     """Derivatives of the four B-splines by f."""
     half, rest = np.float32(0.5), np.float32(1.0) - f
@@ -40,13 +40,13 @@ def _slopes(f: Any) -> tuple[Any, Any, Any, Any]:
     return w0, w1, -w0 - w1 - w3, w3
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def _row(image: Array32, at: Any, w0: Any, w1: Any, w2: Any, w3: Any) -> Any:
     """Four coefficients of a row, weighted."""
     return w0 * image[at] + w1 * image[at + 1] + w2 * image[at + 2] + w3 * image[at + 3]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def reaches_out(warp: Array, half: int, width: int, height: int) -> bool:
     """Whether a patch touches the border.
 
@@ -63,7 +63,7 @@ def reaches_out(warp: Array, half: int, width: int, height: int) -> bool:
     return not (inside_x and inside_y and max(reach_x, reach_y) < _ORIGIN)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def sample_patch(image: SplineImage, warp: Array, half: int, values: Array32) -> None:
     """Grey values under an affinely transformed patch, which must lie inside.
 
@@ -96,7 +96,7 @@ def sample_patch(image: SplineImage, warp: Array, half: int, values: Array32) ->
             values[j * size + i] = value
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def sample_gradient(
     image: SplineImage, warp: Array, half: int, values: Array32, dx_of: Array32, dy_of: Array32
 ) -> None:
@@ -137,7 +137,7 @@ def sample_gradient(
             dy_of[j * size + i] = t0 * r0 + t1 * r1 + t2 * r2 + t3 * r3
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def sample_whole_pixels(
     image: SplineImage, column: int, row: int, half: int, values: Array32, dx_of: Array32, dy_of: Array32
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,9 +12,12 @@ from tracker.kernels.acceptance import expected_distances, marked
 from tracker.kernels.bundle import N_STATE, reduce_normal, residuals_of
 from tracker.kernels.chamfer import directed_distances
 from tracker.kernels.changes import large_regions, mark_changes, median_change
+from tracker.kernels.compilation import forget_others
 from tracker.kernels.contour_scoring import score_poses
 from tracker.kernels.contour_tracing import trace_contours
+from tracker.kernels.coverage import covered_sums
 from tracker.kernels.distance_images import chamfer_distances
+from tracker.kernels.id_contours import id_contours
 from tracker.kernels.kinematics import chain_transforms, twists_in_world
 from tracker.kernels.light import block_ratios, connected_blocks, relight, smooth_surface
 from tracker.kernels.linking import trace_segments
@@ -57,7 +61,9 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     pairs = _own(_I8, 0, 4), _own(_F4, 1, 1, 5), _own(_F4, 1, 1, 3), _own(_I8, 1, 1), _own(_I8, 1)
     slopes, found = (_own(_I2, 1, 1), _own(_I2, 1, 1)), (_own(_F4, 0, 2), _own(_F4, 0, 2), _own(_I8, 0))
     picture, seen = _own(_U1, 1, 1, 3), _own(_U1, 1 + 2 * MARGIN, 1 + 2 * MARGIN, 3)
-    grey = _own(_U1, 1, 1)
+    grey, depths = _own(_U1, 1, 1), _own(_F4, 1, 1)
+    spots, weighted = _frozen(_F4, 1, 9 * 16, 3), (_frozen(_I8, 1, 3), _frozen(_F4, 0, 2))
+    traced = (_own(_F4, 1, 5), _own(_F4, 1, 3), _own(_I8, 1), _own(_B1, 1))
     return [
         (chain_transforms, (_own(_F8, 0, 1), *chain)),
         (twists_in_world, (_own(_F8, 0, 2, 4, 4), *chain)),
@@ -81,7 +87,9 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (match_oriented, (_own(_F4, 1, 1, 5), _own(_I8, 1), *scene, (30.0, 0.8), _own(_I8, 0, 4))),
         (normal_equations, (*pairs, scene[0], rig[0], _own(_F8, 1, 6), _frozen(_B1, 1, 2), 16.0, 1.0)),
         (fill_parts, (_own(_F8, 1, 4, 4), _frozen(_F4, 1, 17 * 32, 7), (9, 16), _frozen(_F8, 25), _own(_B1, 1, 1))),
+        (covered_sums, (_own(_F8, 0, 1, 4, 4), spots, (9, 16), _own(_F8, 1, 25), *weighted)),
         (rasterize, (_own(_F8, 0, 2), _own(_F8, 0), _own(_I8, 0, 3), (0, 0), _own(_F4, 1, 1, 4))),
+        (id_contours, (_own(_I8, 1, 1), depths, (0, 0, 1, 1), _frozen(_F8, 25), _own(_F8, 1, 17), 0.02, *traced)),
     ]
 
 
@@ -140,3 +148,8 @@ def warm_up(progress: Progress = silent, group: Group = "tracking") -> None:
         progress("compiling kernels once", k, len(calls), kernel.__name__.replace("_", " "))
         kernel(*arguments)
     progress("compiling kernels once", len(calls), len(calls))
+
+
+def forget_outdated() -> int:
+    """Deletes machine code made of other sources than those of today; returns the bytes freed."""
+    return forget_others(name for name in sys.modules if name.startswith(f"{__package__}."))

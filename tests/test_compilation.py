@@ -1,0 +1,119 @@
+"""Machine code on disk belongs to the sources it was made of, wherever it lies; nothing is compiled in a frame."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tracker.kernels.compilation
+from tracker.kernels import ahead
+from tracker.kernels.compilation import sources_of
+
+INNER = """
+from tracker.kernels.compilation import compiled
+{constant}
+@compiled
+def inner(x):
+    return x + SHIFT
+"""
+
+OUTER = """
+from tracker.kernels.compilation import compiled
+from tracker.kernels.inner import inner
+@compiled
+def outer(x):
+    return 10 * inner(x)
+"""
+
+ASK = """
+import logging
+logging.basicConfig(level=logging.INFO)
+from tracker.kernels.outer import outer
+print(outer(1.0), sum(outer.stats.cache_hits.values()), outer.stats.cache_path)
+"""
+
+
+class Copy:
+    """A package of two kernels, one calling the other, compiled as the real ones are."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.kernels = folder, folder / "installed" / "tracker" / "kernels"
+        self.kernels.mkdir(parents=True)
+        for package in (self.kernels, self.kernels.parent):
+            (package / "__init__.py").touch()
+        shutil.copy(tracker.kernels.compilation.__file__, self.kernels)
+        (self.kernels / "outer.py").write_text(OUTER)
+        self.environment = {"HOME": str(folder / "home"), "PYTHONDONTWRITEBYTECODE": "1"}
+
+    def ask(self, shift: int) -> tuple[float, int, Path, str]:
+        """What `outer(1)` is, how often its code was found on disk, where that lies, and what was logged."""
+        (self.kernels / "inner.py").write_text(INNER.format(constant=f"SHIFT = {shift}"))
+        kept = {key: value for key, value in os.environ.items() if not key.startswith(("NUMBA_", "XDG_", "HOME"))}
+        environment = {**kept, **self.environment, "PYTHONPATH": str(self.kernels.parents[1])}
+        command = [sys.executable, "-c", ASK]
+        done = subprocess.run(command, env=environment, cwd=self.folder, capture_output=True, text=True, check=True)
+        value, hits, path = done.stdout.split()
+        return float(value), int(hits), Path(path), done.stderr
+
+    def refuse(self) -> None:
+        """Makes the installation one that cannot be written, even by root."""
+        (self.kernels / "__pycache__").touch()
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Copy:
+    return Copy(tmp_path)
+
+
+@pytest.mark.parametrize("place", ["beside", "chosen", "user"])
+def test_code_of_other_sources_is_never_run_and_never_deleted(copy, place):
+    home = {"beside": copy.kernels, "chosen": copy.folder / "chosen", "user": copy.folder / "home" / ".cache"}[place]
+    if place == "chosen":
+        copy.environment["NUMBA_CACHE_DIR"] = str(home)
+    if place == "user":
+        copy.refuse()
+    first, _, path, logged = copy.ask(shift=1)
+    assert (first, path.is_relative_to(home)) == (20.0, True)
+    assert ("cannot be written" in logged) == (place == "user")
+    assert copy.ask(shift=2)[0] == 30.0
+    assert copy.ask(shift=1)[:3] == (20.0, 1, path)
+
+
+def test_without_a_folder_kernels_run_all_the_same_and_it_is_said(copy):
+    copy.refuse()
+    (copy.folder / "home").touch()
+    value, hits, _, logged = copy.ask(shift=1)
+    assert (value, hits) == (20.0, 0)
+    assert "WARNING" in logged
+    assert "set NUMBA_CACHE_DIR" in logged
+
+
+def test_a_kernel_is_made_of_all_that_it_imports_by_whatever_way():
+    scoring = set(sources_of("tracker.kernels.contour_scoring"))
+    assert {f"tracker.kernels.{name}" for name in ("contour_scoring", "occlusion", "projection", "bits")} <= scoring
+    assert "tracker.kernels.bundle" not in scoring
+
+
+def test_outdated_code_is_deleted_when_asked(tmp_path, monkeypatch):
+    monkeypatch.setattr("tracker.kernels.compilation.code_folder", lambda: tmp_path)
+    current = tmp_path / Path(ahead.score_poses.stats.cache_path).parent.name
+    other, foreign = tmp_path / "occlusion-0123456789abcdef", tmp_path / "notes"
+    for folder in (current, other, foreign):
+        folder.mkdir()
+        (folder / "code.nbc").write_bytes(b"1234")
+    tracker.kernels.compilation._folder_of.cache_clear()
+    assert ahead.forget_outdated() == 4
+    tracker.kernels.compilation._folder_of.cache_clear()
+    assert (current.is_dir(), other.is_dir(), foreign.is_dir()) == (True, False, True)
+
+
+def test_nothing_is_compiled_once_the_kernels_are_warm():
+    script = Path(__file__).with_name("late_kernels.py")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(script.parents[1]), str(script.parent)])}
+    done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, check=False)
+    assert (done.stdout, done.returncode) == ("", 0), done.stderr
