@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 from benchmarks import acquisition as acquired_models
 from benchmarks import calibration as bar_calibration
+from benchmarks import follow as followed_points
 from benchmarks import lsm as patch_matching
 from benchmarks import poses as pose_rates
 from benchmarks import recordings as tracked_recordings
@@ -90,6 +91,14 @@ def surface(
 ) -> None:
     """Surfaces measured from real images, against a known cylinder, one another, and true disparities."""
     measured_surfaces.compare(console, only, quick)
+
+
+@app.command()
+def follow(
+    only: Annotated[str, typer.Option(help="Only tables whose name holds this.")] = "", quick: Quick = False
+) -> None:
+    """Points followed on a moving back: errors, losses, occlusion, interlaced images, one view, speed."""
+    followed_points.compare(console, only, quick)
 
 
 @app.command()

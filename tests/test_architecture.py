@@ -20,15 +20,15 @@ ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
     "errors arrays components config resources files progress geometry imaging kernels",
-    "camera rig rig_layouts frame shape segments mirror "
+    "camera rig rig_layouts frame shape segments mirror point_trajectories "
     "body_sections body body_defaults body_facts body_description body_files scene contours expectation observation "
     "keypoints keypoint_layouts account equations sight estimate start subject trajectory doubts triangulation views",
     "reading calibration prediction synthesis analysis recording",
-    "comparison outlines correspondences",
+    "comparison outlines correspondences lsm following",
     "similarity evidence objective",
     "estimation initialization",
     "cycle rehearsal tracking",
-    "acquisition lsm recognition evaluation simulation",
+    "acquisition recognition evaluation simulation",
     "jobs rig_check export batching",
     "cli commands __main__ scripts",
 )

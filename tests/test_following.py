@@ -1,0 +1,325 @@
+"""Following points: a moving plane known exactly, kernels against plain twins, what hides and changes points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from textures import Waves, deformed, pixels_of, sensed
+
+from tracker.camera import Camera
+from tracker.errors import SequenceError
+from tracker.following.births import chosen_evenly, points_of_image, points_of_surface
+from tracker.following.following import Following
+from tracker.following.keys import Keys, Quality, Starts, look
+from tracker.following.neighbours import expected
+from tracker.following.points import restored
+from tracker.following.sequence import follow
+from tracker.frame import Frame
+from tracker.kernels.patch_bending import LARGEST_PX, LEAST_NEIGHBOURS, NO_SHIFT_PX2, NO_SPREAD_PX2, bending_shifts
+from tracker.kernels.ray_intersection import intersect_rays
+from tracker.lsm.growth import Growth
+from tracker.lsm.matching import LeastSquaresMatching
+from tracker.lsm.surface import SurfaceMeasurement, measure_surface
+from tracker.lsm.views import Preparation
+from tracker.point_trajectories import PointStatus
+from tracker.rig import Rig
+from tracker.triangulation import triangulate
+
+SIZE, NOISE, N_FRAMES = (200, 160), 1.0, 9
+TEXTURE, OTHER = Waves(0.012, widest=16.0, n=120), Waves(0.012, seed=3, widest=16.0, n=120)
+
+
+@pytest.fixture(scope="module")
+def rig():
+    lens = np.array((-0.15, 0.05, 0.001, -0.001, 0.0))
+    cameras = (Camera.looking_at(name, SIZE, 430.0, (x, -0.25, 0.7), np.zeros(3)) for name, x in PLACES)
+    return Rig(tuple(replace(camera, distortion=lens) for camera in cameras))
+
+
+PLACES = ("left", -0.12), ("middle", 0.0), ("right", 0.12)
+
+
+def motion(k):
+    """Rotation and shift of the plane in frame k: 2 px and 1.2 degrees a frame."""
+    return Rotation.from_euler("xyz", np.array((0.8, 0.6, 0.7)) * k, degrees=True), np.array((3e-3, 2e-3, 2e-3)) * k
+
+
+def seen(texture, camera, k, key, noise=NOISE):
+    """The image of the plane in frame k."""
+    turn, shift = motion(k)
+    rays = turn.inv().apply(camera.rays(pixels_of(camera.size)).reshape(-1, 3))
+    centre = turn.inv().apply(camera.centre - shift)
+    places = centre[:2] - rays[:, :2] / rays[:, 2:] * centre[2]
+    return sensed(texture(places.reshape(*SIZE[::-1], 2)), noise, key)
+
+
+@pytest.fixture(scope="module")
+def frames(rig):
+    return tuple(
+        Frame(k, k / 50, tuple(seen(TEXTURE, camera, k, 10 * k + v) for v, camera in enumerate(rig.cameras)))
+        for k in range(N_FRAMES)
+    )
+
+
+@pytest.fixture(scope="module")
+def born(rig, frames):
+    """Points of the surface, and their places on the plane."""
+    surface = measure_surface(SurfaceMeasurement(growth=Growth(step_px=4)), frames[0], rig)
+    new = points_of_surface(surface)
+    inner = (np.abs(new.pixels[1] - (100, 80)) < (55, 40)).all(axis=1)
+    rows = np.flatnonzero(inner)
+    new = new.select(rows[chosen_evenly(len(rows), 250)])
+    camera = rig.cameras[1]
+    rays = camera.rays(new.pixels[1])
+    return new, camera.centre - rays / rays[:, 2:] * camera.centre[2]
+
+
+def where(places, k):
+    turn, shift = motion(k)
+    return turn.apply(places) + shift
+
+
+def followed(rig, frames, new, following=None, preparation=None):
+    steps = follow(following or Following(), preparation or Preparation(), rig, frames, lambda frame: new)
+    return [frame for frame, _ in steps]
+
+
+@pytest.fixture(scope="module")
+def result(rig, frames, born):
+    return followed(rig, frames, born[0])
+
+
+def test_points_of_a_moving_plane_are_followed_as_their_sigmas_say(result, born):
+    last = result[-1]
+    assert last.alive.mean() > 0.98
+    off = last.positions - where(born[1], N_FRAMES - 1)
+    alive = last.alive
+    inverse = np.linalg.inv(last.covariances[alive])
+    squares = np.einsum("ni,nij,nj->n", off[alive], inverse, off[alive])
+    # the match of the birth and that of the last frame share the key's noise: sigmas are on the safe side
+    assert 0.35 < np.sqrt(squares.mean() / 3) < 1.2
+    assert np.linalg.norm(off[alive], axis=1).max() < 2e-3
+
+
+def test_key_patches_do_not_drift_and_previous_ones_do(rig, frames, born, result):
+    def across(frame, camera):
+        gaps = frame.pixels[1] - camera.project(where(born[1], frame.index))
+        return np.sqrt(np.nanmean(gaps**2))
+
+    previous = followed(rig, frames, born[0], Following(template="previous", start="correlation"))
+    camera = rig.cameras[1]
+    assert across(result[-1], camera) < 1.4 * across(result[1], camera)
+    assert across(previous[-1], camera) > 1.7 * across(previous[1], camera)
+    assert across(previous[-1], camera) > 1.5 * across(result[-1], camera)
+    assert np.nanmax(result[-1].drift_px[result[-1].status == PointStatus.FOLLOWED]) < 0.1
+    # seven more matches, each about as uncertain as that of the birth
+    growth = np.nanmedian(previous[-1].drift_px) / np.nanmedian(previous[1].drift_px)
+    assert 1.8 < growth < np.sqrt(8)
+
+
+def test_ids_are_for_life(result):
+    for frame in result:
+        np.testing.assert_array_equal(frame.ids, result[0].ids)
+    assert len(set(result[0].ids)) == len(result[0].ids)
+    assert (result[0].status == PointStatus.BORN).all()
+
+
+def covered(frames, first, last, columns):
+    """A textured strip before part of the plane in some frames."""
+    strip = sensed(Waves(9.0, seed=8)(pixels_of(SIZE)), NOISE, 5)
+    changed = []
+    for frame in frames:
+        images = [image.copy() for image in frame.images]
+        if first <= frame.index < last:
+            for image in images:
+                image[:, columns] = strip[:, columns]
+        changed.append(replace(frame, images=tuple(images)))
+    return changed
+
+
+def test_hidden_points_are_found_again_and_none_is_wrong(rig, frames, born):
+    result = followed(rig, covered(frames, 2, 6, slice(80, 125)), born[0])
+    hidden = np.array([not frame.alive[i] for frame in result[2:6] for i in range(250)]).reshape(4, -1).all(axis=0)
+    assert 50 < hidden.sum() < 200
+    off = np.linalg.norm(result[-1].positions - where(born[1], N_FRAMES - 1), axis=1)
+    again = result[-1].alive[hidden]
+    assert again.mean() > 0.85
+    assert np.nanmax(off) < 2e-3
+    assert any((frame.status == PointStatus.FOUND_AGAIN).any() for frame in result)
+    never = followed(rig, covered(frames, 2, 6, slice(80, 125)), born[0], Following(find_again=False))
+    assert never[-1].alive[hidden].sum() == 0
+
+
+def test_a_changing_pattern_gets_new_keys_and_says_so(rig, frames, born):
+    def mixed(k):
+        share = k / (N_FRAMES - 1)
+        return lambda places: (1 - share) * TEXTURE(places) + share * OTHER(places)
+
+    changing = [
+        Frame(k, k / 50, tuple(seen(mixed(k), camera, k, 10 * k + v) for v, camera in enumerate(rig.cameras)))
+        for k in range(N_FRAMES)
+    ]
+    result = followed(rig, changing, born[0])
+    rekeyed = np.array([(frame.status == PointStatus.REKEYED) for frame in result])
+    alive = result[-1].alive
+    assert rekeyed.any(axis=0)[alive].mean() > 0.8
+    assert alive.mean() > 0.5
+    assert (result[-1].drift_px[alive & rekeyed.any(axis=0)] > np.nanmedian(result[1].drift_px)).mean() > 0.9
+
+
+def test_one_view_is_followed_in_its_image(rig, frames, born):
+    flat = [replace(frame, images=frame.images[1:2]) for frame in frames]
+    result = followed(Rig(rig.cameras[1:2]), flat, points_of_image(born[0].pixels[1]))
+    gaps = result[-1].pixels[0] - rig.cameras[1].project(where(born[1], N_FRAMES - 1))
+    assert result[-1].alive.mean() > 0.98
+    assert np.sqrt(np.nanmean(gaps**2)) < 0.05
+    assert np.isnan(result[-1].positions).all()
+
+
+def test_a_frame_without_an_image_shows_no_points_and_loses_none(rig, frames, born, result):
+    holed = [replace(f, images=(f.images[0], None, f.images[2])) if f.index == 4 else f for f in frames]
+    result = followed(rig, holed, born[0])
+    assert not result[4].alive.any()
+    assert result[-1].alive.mean() > 0.95
+    with pytest.raises(SequenceError, match='view "middle" has no image in frame 4, in which following begins'):
+        followed(rig, holed[4:], born[0])
+
+
+def test_a_saved_state_continues_to_the_same_bits(rig, frames, born, result):
+    steps = follow(Following(), Preparation(), rig, frames[:5], lambda frame: born[0])
+    *_, (_, points) = steps
+    again = restored({name: array.copy() for name, array in points.arrays().items()})
+    rest = follow(Following(), Preparation(), rig, frames[4:], lambda frame: born[0], again)
+    for frame, expected_frame in zip((f for f, _ in rest), result[5:], strict=True):
+        np.testing.assert_array_equal(frame.positions, expected_frame.positions)
+        np.testing.assert_array_equal(frame.status, expected_frame.status)
+
+
+def test_keys_match_as_whole_images_do():
+    affine, shift = np.array([[1.02, 0.03], [-0.02, 0.98]]), np.array([2.4, 1.7])
+    one, two = (
+        deformed(Waves(7), SIZE, *warp, 1.0, k) for k, warp in enumerate(((np.eye(2), (0, 0)), (affine, shift)))
+    )
+    matching = LeastSquaresMatching()
+    template, search = matching.prepared(one), matching.prepared(two)
+    at = np.random.default_rng(0).integers(20, 130, (40, 2)).astype(float)
+    start = at @ affine.T + shift + 0.3
+    whole = matching.match(template, search, at, start)
+    keys = Keys.cut(template, at, matching.patch_px // 2)
+    found = look(
+        matching,
+        Quality(np.inf, np.inf, 0.0, np.inf),
+        keys,
+        np.arange(40),
+        search,
+        starts=Starts(start, np.tile(np.eye(2), (40, 1, 1))),
+    )
+    np.testing.assert_array_equal(found.good, whole.good)
+    np.testing.assert_array_equal(found.pixels[found.good], whole.pixels[whole.good])
+    np.testing.assert_array_equal(found.affine[found.good], whole.affine[whole.good])
+    between = Keys.cut(template, at + 0.3, matching.patch_px // 2)
+    moved = look(
+        matching,
+        Quality(np.inf, np.inf, 0.0, np.inf),
+        between,
+        np.arange(40),
+        search,
+        starts=Starts(start + 0.3, np.tile(np.eye(2), (40, 1, 1))),
+    )
+    gaps = moved.pixels[moved.good] - ((at + 0.3) @ affine.T + shift)[moved.good]
+    assert np.sqrt(np.mean(gaps**2)) < 0.03
+    border = Keys.cut(template, np.array([[3.0, 80.0], [np.nan, 80.0], [60.0, 80.0]]), 6)
+    np.testing.assert_array_equal(border.usable, [False, False, True])
+
+
+def test_ray_intersection_is_triangulation(rig):
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-0.05, 0.05, (60, 3))
+    pixels = rig.project(points) + rng.normal(scale=0.1, size=(3, 60, 2))
+    pixels[0, :20] = np.nan
+    pixels[:2, 20] = np.nan
+    expected_points, expected_covariances = triangulate(rig.cameras, pixels, 0.2)
+    variances = np.tile((0.04, 0.04, 0.0), (3, 60, 1))
+    found, covariances, residuals = points + 0.01, np.zeros((60, 3, 3)), np.zeros(60)
+    intersect_rays(rig.packed, pixels, variances, found, covariances, residuals)
+    np.testing.assert_allclose(found, expected_points, atol=1e-8)
+    np.testing.assert_allclose(covariances, expected_covariances, rtol=1e-4)
+    gaps = (rig.project(expected_points) - pixels) ** 2
+    known = np.isfinite(expected_points[:, 0])
+    np.testing.assert_allclose(residuals[known], np.sqrt(np.nanmean(gaps[:, known], axis=(0, 2))), atol=1e-6)
+    assert np.isinf(residuals[20])
+
+
+def test_neighbours_of_an_affine_motion_expect_it(rig, frames, born):
+    new = points_of_image(born[0].pixels[1])
+    points = Following().begin(new, (LeastSquaresMatching().prepared(frames[0].images[1]),))
+    affine, shift = np.array([[0.9, 0.2], [-0.1, 1.2]]), np.array([12.0, -7.0])
+    now = new.pixels @ affine.T + shift
+    now[:, ::3] = np.nan
+    lost = np.arange(0, 250, 3)
+    starts = expected(points, now, lost, 0)
+    known = np.isfinite(starts.pixels[:, 0])
+    assert known.mean() > 0.8
+    # the pull towards the unit matrix leaves a little
+    np.testing.assert_allclose(starts.pixels[known], (new.pixels[0] @ affine.T + shift)[lost][known], atol=0.1)
+    np.testing.assert_allclose(starts.affine[known], np.tile(affine, (known.sum(), 1, 1)), atol=0.03)
+
+
+def plain_bending(offsets, rows, affine, known, half):
+    """Twin of `bending_shifts` in arrays."""
+    near = np.maximum(rows, 0)
+    weight = ((rows >= 0) & known[near]).astype(float)
+    count = weight.sum(axis=1) + 1
+    o, terms = offsets * weight[..., None], affine.reshape(-1, 4)
+    difference = (terms[near] - terms[:, None]) * weight[..., None]
+    mean_o, mean_d = o.sum(axis=1) / count[:, None], difference.sum(axis=1) / count[:, None]
+    spread = np.einsum("nki,nkj->nij", o, o) - count[:, None, None] * mean_o[:, :, None] * mean_o[:, None]
+    mixed = np.einsum("nki,nkj->nij", o, difference) - count[:, None, None] * mean_o[:, :, None] * mean_d[:, None]
+    slopes = np.linalg.solve(spread + NO_SPREAD_PX2 * np.eye(2), mixed)
+    shift = half * (half + 1) / 6 * np.stack([slopes[:, 0, 0] + slopes[:, 1, 1], slopes[:, 0, 2] + slopes[:, 1, 3]], 1)
+    usable = known & (count > LEAST_NEIGHBOURS) & (np.abs(shift).max(axis=1) <= LARGEST_PX)
+    shift[~usable] = 0
+    weight *= usable[near]
+    mean = (shift + np.einsum("nki,nk->ni", shift[near], weight)) / (weight.sum(axis=1) + 1)[:, None]
+    square = (shift**2).sum(axis=1) + np.einsum("nki,nki,nk->n", shift[near], shift[near], weight)
+    consistency = (mean**2).sum(axis=1) * (weight.sum(axis=1) + 1) / np.maximum(square, NO_SHIFT_PX2)
+    return shift * consistency[:, None]
+
+
+def test_bending_is_its_plain_twin_and_that_of_a_parabola():
+    rng = np.random.default_rng(0)
+    rows, known = rng.integers(-1, 300, (300, 12)), rng.random(300) > 0.3
+    offsets, affine = 8 * rng.normal(size=(300, 12, 2)), np.eye(2) + 0.01 * rng.normal(size=(300, 2, 2))
+    found = bending_shifts(offsets, rows, affine, known, 6)
+    np.testing.assert_allclose(found, plain_bending(offsets, rows, affine, known, 6), atol=1e-12)
+    places = rng.uniform(0, 40, (300, 2))
+    near = np.argsort(np.linalg.norm(places[:, None] - places, axis=2), axis=1)[:, 1:13]
+    # s = (x + a x^2 / 2, y): its affine matrix is (1 + a x, 0, 0, 1), and the mean over the patch m a / 2 beside it
+    bent = np.tile(np.eye(2), (300, 1, 1))
+    bent[:, 0, 0] += 1e-3 * places[:, 0]
+    shifts = bending_shifts(places[near] - places[:, None], near, bent, np.ones(300, dtype=bool), 6)
+    np.testing.assert_allclose(shifts[:, 0], 0.5 * 1e-3 * 14, rtol=0.1)
+    np.testing.assert_allclose(shifts[:, 1], 0, atol=1e-12)
+
+
+def test_odd_lines_are_followed(rig, frames):
+    preparation = Preparation(odd_lines_only=True)
+    torn = []
+    for frame in frames:
+        images = [cv2.GaussianBlur(image, (0, 0), 1.0) for image in frame.images]
+        for image in images:
+            image[1::2] = np.roll(image[1::2], 9, axis=1)
+        torn.append(replace(frame, images=tuple(images)))
+    measurement = SurfaceMeasurement(growth=Growth(step_px=4), preparation=preparation)
+    new = points_of_surface(measure_surface(measurement, torn[0], rig))
+    result = followed(rig, torn, new, preparation=preparation)
+    first, last = result[0], result[-1]
+    both = last.alive
+    turn, shift = motion(N_FRAMES - 1)
+    off = last.positions[both] - (turn.apply(first.positions[both]) + shift)
+    assert both.mean() > 0.8
+    assert np.median(np.linalg.norm(off, axis=1)) < 5e-4

@@ -1,0 +1,1 @@
+"""Following points through a sequence by least squares matching (D'Apuzzo et al. 2000, section 2.3)."""

@@ -1,0 +1,59 @@
+"""Points followed through a sequence: what is known of each in every frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from tracker.arrays import Array, Integers, Mask
+
+
+class PointStatus(IntEnum):
+    """How a point came by its position in a frame."""
+
+    HIDDEN = 0
+    """Not seen; looked for in every frame."""
+
+    FOLLOWED = 1
+    """Matched with its key patch."""
+
+    REKEYED = 2
+    """Matched with the frame before, in a view or more: the key patch did not fit any more and was replaced."""
+
+    FOUND_AGAIN = 3
+    """Seen for the first time after having been hidden: matched where its neighbours expect it."""
+
+    BORN = 4
+    """New in this frame."""
+
+
+@dataclass(frozen=True)
+class PointFrame:
+    """N followed points in one frame of V views."""
+
+    index: int
+    time_s: float
+
+    ids: Integers
+    """(N,) numbers that points keep for life; no two points ever have the same."""
+
+    pixels: Array
+    """(V, N, 2) px, NaN where a view does not show the point."""
+
+    positions: Array
+    """(N, 3) in the world, metres; NaN for hidden points, and for all in 2-D mode."""
+
+    covariances: Array
+    """(N, 3, 3) m^2, of the matching and of all key patches since the point's birth."""
+
+    drift_px: Array
+    """(N,) standard deviation that the replaced key patches add up to, the worst view and axis, px."""
+
+    status: Integers
+    """(N,) see `PointStatus`."""
+
+    @property
+    def alive(self) -> Mask:
+        """(N,) points that are seen."""
+        alive: Mask = self.status != PointStatus.HIDDEN
+        return alive
