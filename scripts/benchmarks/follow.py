@@ -28,7 +28,7 @@ from tracker.lsm.surface import SurfaceMeasurement, measure_surface
 from tracker.lsm.views import Preparation
 from tracker.point_trajectories import PointFrame, PointStatus
 from tracker.rig import Rig
-from tracker.rig_files import load_rig
+from tracker.rig_layouts import load_rig
 from tracker.triangulation import triangulate
 
 N_POINTS, WRONG_MM = 1500, 5.0
@@ -209,7 +209,7 @@ def _lucas_kanade(back: _Back, start: _Start) -> PointFrame:
         now, moved = back.images(index), np.full_like(pixels, np.nan)
         for v in range(len(VIEWS)):
             linear = np.where(np.isfinite(before[v]), 2 * pixels[v] - before[v], pixels[v])
-            at, to = (np.ascontiguousarray(x[alive], dtype=np.float32)[:, None] for x in (pixels[v], linear))
+            at, to = (x[alive][:, None].astype(np.float32) for x in (pixels[v], linear))
             found, status, _ = cv2.calcOpticalFlowPyrLK(
                 images[v], now[v], at, to, winSize=(21, 21), maxLevel=3, flags=flags
             )

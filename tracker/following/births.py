@@ -20,14 +20,15 @@ def points_of_surface(surface: Surface) -> NewPoints:
             across[v] = field.matches.affine[cells]
             variances[v] = field.found[cells][:, 9:12]
     step = next(field.step_px for field in surface.fields if field is not None)
-    return NewPoints(pixels, across, variances, surface.points.points, step)
+    return NewPoints(pixels, across, variances, surface.points.points, surface.points.covariances, step)
 
 
 def points_of_image(pixels: Array) -> NewPoints:
     """Places (M, 2) px of a single view: 2-D mode."""
     n = len(pixels)
     unit, unknown = np.tile(np.eye(2), (1, n, 1, 1)), np.full((n, 3), np.nan)
-    return NewPoints(np.asarray(pixels, dtype=np.float64)[None], unit, np.zeros((1, n, 3)), unknown)
+    places = np.asarray(pixels, dtype=np.float64)[None]
+    return NewPoints(places, unit, np.zeros((1, n, 3)), unknown, np.full((n, 3, 3), np.nan))
 
 
 def chosen_evenly(n: int, wanted: int, seed: int = 0) -> Integers:

@@ -36,13 +36,16 @@ class NewPoints:
     positions: Array
     """(M, 3) metres; NaN in 2-D mode."""
 
+    covariances: Array
+    """(M, 3, 3) of the positions, m^2."""
+
     spacing_px: float = np.inf
     """How far apart they are, px."""
 
     def select(self, which: Mask | Integers) -> NewPoints:
         """The chosen ones."""
-        arrays = (self.pixels[:, which], self.across[:, which], self.variances[:, which], self.positions[which])
-        return NewPoints(*arrays, spacing_px=self.spacing_px)
+        views = (self.pixels[:, which], self.across[:, which], self.variances[:, which])
+        return NewPoints(*views, self.positions[which], self.covariances[which], self.spacing_px)
 
 
 @dataclass

@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterable, Iterator
 import cv2
 import numpy as np
 
-from tracker.arrays import Image
+from tracker.arrays import Array, Image
 from tracker.errors import SequenceError
 from tracker.following.advance import advance
+from tracker.following.density import Density
 from tracker.following.following import Following
 from tracker.following.points import NewPoints, Points
 from tracker.following.sightings import Prepared
@@ -47,6 +48,7 @@ def follow(
     frames: Iterable[Frame],
     births: Births,
     points: Points | None = None,
+    density: Density | None = None,
 ) -> Iterator[tuple[PointFrame, Points]]:
     """Follows the points of the first frame through all others.
 
@@ -56,6 +58,7 @@ def follow(
         frames: of a recording, in order.
         births: says what to follow.
         points: those of an interrupted run, as they were in the first of these frames, which is not yielded again.
+        density: births and ends on the way; None for none.
 
     Yields:
         What is known of all points in each frame, and the points themselves, which the next frame changes.
@@ -68,16 +71,31 @@ def follow(
             continue
         if points is None or previous is None:
             _check_first(rig, frame)
-            points = following.begin(births(frame), present.images)
-            covariances = np.full((len(points), 3, 3), np.nan)
+            new = births(frame)
+            points, covariances = following.begin(new, present.images), new.covariances
         elif len(present.seen) < following.needed(points).max(initial=1):
             # The points have moved further by the next frame; they have not vanished.
             yield points.unseen(frame.index, frame.time_s), points
             continue
         else:
             covariances = advance(following, rig, points, previous, present)
+            if density is not None and frame.index % density.every_frames == 0:
+                points, covariances = _renewed(following, density, points, covariances, present, births(frame))
         yield points.frame(frame.index, frame.time_s, covariances), points
         previous = present
+
+
+def _renewed(
+    following: Following, density: Density, points: Points, covariances: Array, present: Prepared, new: NewPoints
+) -> tuple[Points, Array]:
+    """Points after the check of their density, and the covariances of their positions."""
+    kept = density.kept(points, new.spacing_px)
+    points, covariances = points.select(kept), covariances[kept]
+    new = new.select(density.new_places(points, new))
+    if not len(new.positions):
+        return points, covariances
+    joined = points.joined(following.begin(new, present.images, points))
+    return joined, np.concatenate([covariances, new.covariances])
 
 
 def _check_first(rig: Rig, frame: Frame) -> None:
