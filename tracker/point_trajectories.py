@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
+import numpy as np
+
 from tracker.arrays import Array, Integers, Mask
 
 
@@ -57,3 +59,42 @@ class PointFrame:
         """(N,) points that are seen."""
         alive: Mask = self.status != PointStatus.HIDDEN
         return alive
+
+
+@dataclass(frozen=True)
+class PointTrajectories:
+    """N points over T frames."""
+
+    frames: Integers
+    """(T,) frame numbers, consecutive."""
+
+    times: Array
+    """(T,) seconds."""
+
+    ids: Integers
+    """(N,)"""
+
+    positions: Array
+    """(T, N, D) metres in space, or px in the image of one view; NaN where a point is not seen."""
+
+    sigmas: Array
+    """(T, N, D) standard deviations of the coordinates."""
+
+    status: Integers
+    """(T, N) see `PointStatus`."""
+
+    @property
+    def seen(self) -> Mask:
+        """(T, N) where a point has a position."""
+        seen: Mask = np.isfinite(self.positions[..., 0])
+        return seen
+
+    @property
+    def flat(self) -> bool:
+        """Whether the trajectories lie in the image of one view."""
+        return bool(self.positions.shape[2] == 2)
+
+    def select(self, which: Mask | Integers) -> PointTrajectories:
+        """The chosen points."""
+        places, sigmas, status = self.positions[:, which], self.sigmas[:, which], self.status[:, which]
+        return PointTrajectories(self.frames, self.times, self.ids[which], places, sigmas, status)

@@ -1,0 +1,113 @@
+"""Motion of followed points and the filters of their trajectories: parabolas, seeded jumps, a turning body."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tracker.following.filters import TrajectoryFilters
+from tracker.following.motion import motion_of
+from tracker.point_trajectories import PointStatus, PointTrajectories
+
+N_FRAMES, N_POINTS, FPS, NOISE_M = 40, 1600, 50.0, 3e-4
+
+
+def trajectories(positions, sigma=NOISE_M):
+    times = np.arange(len(positions)) / FPS
+    n = positions.shape[1]
+    status = np.where(np.isfinite(positions[..., 0]), PointStatus.FOLLOWED, PointStatus.HIDDEN)
+    sigmas = np.where(np.isfinite(positions), sigma, np.nan)
+    return PointTrajectories(np.arange(len(positions)), times, np.arange(n), positions, sigmas, status)
+
+
+@pytest.fixture(scope="module")
+def turning():
+    """A back of 0.4 m that turns at 3 rad/s, moves at 1 m/s and brakes, measured to 0.3 mm."""
+    rng = np.random.default_rng(0)
+    rest = rng.uniform((-0.2, -0.02, -0.2), (0.2, 0.02, 0.2), (N_POINTS, 3))
+    times = np.arange(N_FRAMES) / FPS
+    places = [Rotation.from_euler("z", 3 * t).apply(rest) + np.array((t - 2 * t * t, 0, 0)) for t in times]
+    return trajectories(np.array(places) + rng.normal(scale=NOISE_M, size=(N_FRAMES, N_POINTS, 3)))
+
+
+def test_velocity_and_acceleration_of_a_parabola_are_exact():
+    times = np.arange(10)[:, None, None] / FPS
+    velocity, acceleration = np.array([[[1.0, -2.0, 0.5]]]), np.array([[[3.0, 9.0, -4.0]]])
+    made = trajectories(velocity * times + 0.5 * acceleration * times**2 + 1.0)
+    motion = motion_of(made)
+    np.testing.assert_allclose(motion.velocities, velocity + acceleration * times, atol=1e-9)
+    np.testing.assert_allclose(motion.accelerations, np.broadcast_to(acceleration, (10, 1, 3)), atol=1e-7)
+
+
+def test_sigmas_of_motion_are_those_of_its_noise(turning):
+    motion = motion_of(turning)
+    still = replace(turning, positions=np.random.default_rng(1).normal(scale=NOISE_M, size=(N_FRAMES, N_POINTS, 3)))
+    found = motion_of(still)
+    inner = slice(2, -2)
+    for values, sigmas in (
+        (found.velocities, found.velocity_sigmas),
+        (found.accelerations, found.acceleration_sigmas),
+    ):
+        assert np.sqrt(np.mean((values[inner] / sigmas[inner]) ** 2)) == pytest.approx(1.0, abs=0.03)
+    centre = motion.velocities.mean(axis=1)
+    np.testing.assert_allclose(centre[inner, 0], (1 - 4 * turning.times)[inner], atol=0.1)
+
+
+def test_no_motion_is_told_across_a_gap():
+    positions = np.cumsum(np.ones((12, 1, 3)), axis=0)
+    positions[5] = np.nan
+    motion = motion_of(trajectories(positions))
+    known = np.isfinite(motion.velocities[:, 0, 0])
+    np.testing.assert_array_equal(np.flatnonzero(~known), [4, 5, 6])
+    np.testing.assert_allclose(motion.velocities[known], FPS, rtol=1e-9)
+
+
+def test_the_filters_leave_a_turning_body_alone(turning):
+    filtered = TrajectoryFilters().applied(turning)
+    assert (filtered.n_fast, filtered.n_unlike, filtered.n_removed) == (0, 0, 0)
+    np.testing.assert_array_equal(filtered.trajectories.ids, turning.ids)
+    np.testing.assert_array_equal(filtered.trajectories.positions, turning.positions)
+
+
+def test_seeded_jumps_split_trajectories_and_nothing_else(turning):
+    rng = np.random.default_rng(2)
+    # cubes at the border hold too few points to judge by
+    inner = np.flatnonzero((np.abs(turning.positions[0][:, [0, 2]]) < 0.15).all(axis=1))
+    jumped, at = rng.choice(inner, 40, replace=False), rng.integers(6, N_FRAMES - 6, 40)
+    positions = turning.positions.copy()
+    for n, t in zip(jumped, at, strict=True):
+        direction = rng.normal(size=3)
+        # from 8 mm, which is 0.4 m/s, to 60 mm
+        positions[t:, n] += direction / np.linalg.norm(direction) * rng.uniform(0.008, 0.06)
+    filtered = TrajectoryFilters().applied(replace(turning, positions=positions))
+    after = filtered.trajectories
+    assert filtered.n_fast + filtered.n_unlike == 40
+    assert len(after.ids) == N_POINTS + 40
+    assert len(set(after.ids)) == len(after.ids)
+    for n, t in zip(jumped, at, strict=True):
+        first, second = np.flatnonzero(filtered.parents == n)
+        np.testing.assert_array_equal(after.seen[:, first], np.arange(N_FRAMES) < t)
+        np.testing.assert_array_equal(after.seen[:, second], np.arange(N_FRAMES) >= t)
+        assert after.ids[first] == n
+        assert after.ids[second] >= N_POINTS
+
+
+def test_short_pieces_are_cut_off(turning):
+    positions = turning.positions.copy()
+    positions[-2:, 7] += 0.05
+    positions[2:, 9] = np.nan
+    filtered = TrajectoryFilters().applied(replace(turning, positions=positions))
+    assert 9 not in filtered.trajectories.ids
+    assert filtered.n_removed == 1
+    own = np.flatnonzero(filtered.parents == 7)
+    assert len(own) == 1
+    assert filtered.trajectories.seen[:, own[0]].sum() == N_FRAMES - 2
+
+
+def test_a_step_that_no_body_makes_is_fast(turning):
+    positions = turning.positions.copy()
+    positions[20:, 3] += 0.5
+    assert TrajectoryFilters().applied(replace(turning, positions=positions)).n_fast == 1
