@@ -42,6 +42,9 @@ class PointFrame:
     pixels: Array
     """(V, N, 2) px, NaN where a view does not show the point."""
 
+    sigmas_px: Array
+    """(V, N, 2) standard deviations of the pixels against the point of the birth, px."""
+
     positions: Array
     """(N, 3) in the world, metres; NaN for hidden points, and for all in 2-D mode."""
 

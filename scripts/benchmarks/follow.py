@@ -220,9 +220,9 @@ def _lucas_kanade(back: _Back, start: _Start) -> PointFrame:
         moved[:, ~alive] = np.nan
         images, before, pixels = now, pixels, moved
     points[~alive] = np.nan
-    n, status = len(points), alive.astype(np.int64)
+    n, status, unknown = len(points), alive.astype(np.int64), np.full_like(pixels, np.nan)
     return PointFrame(
-        index, index / 50, np.arange(n), pixels, points, np.full((n, 3, 3), np.nan), np.full(n, np.nan), status
+        index, index / 50, np.arange(n), pixels, unknown, points, np.full((n, 3, 3), np.nan), np.full(n, np.nan), status
     )
 
 

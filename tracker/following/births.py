@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
-from tracker.arrays import Array, Integers
+import cv2
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tracker.arrays import Array, Array32, Image, Integers
+from tracker.errors import MatchingError
 from tracker.following.points import NewPoints
-from tracker.lsm.surface import Surface
+from tracker.kernels.patch_matching import COVARIANCE
+from tracker.lsm.growth import MatchField
+from tracker.lsm.matching import Matches, PatchImage
+from tracker.lsm.surface import Surface, SurfaceMeasurement
+from tracker.triangulation import triangulate
 
 
 def points_of_surface(surface: Surface) -> NewPoints:
@@ -18,7 +27,7 @@ def points_of_surface(surface: Surface) -> NewPoints:
         if field is not None:
             cells = field.cells_of(pixels[surface.template])
             across[v] = field.matches.affine[cells]
-            variances[v] = field.found[cells][:, 9:12]
+            variances[v] = field.found[cells][:, COVARIANCE]
     step = next(field.step_px for field in surface.fields if field is not None)
     return NewPoints(pixels, across, variances, surface.points.points, surface.points.covariances, step)
 
@@ -35,3 +44,64 @@ def chosen_evenly(n: int, wanted: int, seed: int = 0) -> Integers:
     """Rows of `wanted` of n points, spread at random but always the same."""
     order = np.random.default_rng(seed).permutation(n)
     return np.sort(order[:wanted])
+
+
+def given_points(surface: Surface, measurement: SurfaceMeasurement, at: Array, names: Sequence[str]) -> NewPoints:
+    """Places given by hand, matched into the other views from the nearest measured points of a surface.
+
+    Args:
+        surface: measured in the frame; no filter of its points needed.
+        measurement: how it was measured.
+        at: (M, 2) px in the template.
+        names: of the points, for messages.
+
+    Raises:
+        MatchingError: a point is not matched in as many views as a surface's points must be; why is said.
+    """
+    n_views, n = len(surface.views), len(at)
+    pixels, variances = np.full((n_views, n, 2), np.nan), np.zeros((n_views, n, 3))
+    across, faults = np.tile(np.eye(2), (n_views, n, 1, 1)), [""] * n
+    pixels[surface.template] = at
+    template = measurement.matching.prepared(surface.views[surface.template].grey)
+    for v, field in enumerate(surface.fields):
+        if field is None:
+            continue
+        matches = _from_nearest(field, measurement, (template, surface.views[v].grey), at)
+        good = measurement.growth.good(matches)
+        pixels[v, good] = matches.pixels[good]
+        across[v, good], variances[v, good] = matches.affine[good], matches.found[good][:, COVARIANCE]
+        for row, fault in enumerate(measurement.growth.faults(matches)):
+            faults[row] = f'in view "{surface.views[v].camera.name}": {fault}' if fault else faults[row]
+    cameras = [view.camera for view in surface.views]
+    needed = measurement.min_views or n_views
+    n_seen = np.isfinite(pixels[..., 0]).sum(axis=0)
+    for k in np.flatnonzero(n_seen < needed).tolist():
+        raise MatchingError(
+            f"point {names[k]} at [{at[k, 0]:g}, {at[k, 1]:g}]: seen by {n_seen[k]} of {needed} views; {faults[k]}: "
+            "choose a place of more texture, on a surface that all views show"
+        )
+    positions, covariances = triangulate(cameras, pixels)
+    return NewPoints(pixels, across, variances, positions, covariances, measurement.growth.step_px)
+
+
+def _from_nearest(
+    field: MatchField, measurement: SurfaceMeasurement, images: tuple[PatchImage, Array32], at: Array
+) -> Matches:
+    cells = np.flatnonzero(field.matched)
+    _, nearest = cKDTree(field.at[cells]).query(at)
+    found = cells[np.asarray(nearest)]
+    affine = field.matches.affine[found]
+    start = field.found[found, :2] + np.einsum("nij,nj->ni", affine, at - field.at[found])
+    search = measurement.matching.prepared(images[1])
+    return measurement.matching.match(images[0], search, at, start, affine)
+
+
+def textured_places(grey: Image, spacing_px: int) -> Array:
+    """Places (M, 2) of an image that can be followed, at least so far apart: 2-D mode without given points."""
+    found = cv2.goodFeaturesToTrack(grey, maxCorners=0, qualityLevel=_WEAKEST, minDistance=float(spacing_px))
+    if found is None:
+        raise MatchingError("the first image has no texture to follow points on: was the lens covered?")
+    return np.asarray(found, dtype=np.float64).reshape(-1, 2)
+
+
+_WEAKEST = 0.005

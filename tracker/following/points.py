@@ -143,14 +143,16 @@ class Points:
         alive = self.alive
         positions = np.where(alive[:, None], self.positions, np.nan)
         covariances = np.where(alive[:, None, None], covariances, np.nan)
-        status = self.status.copy()
-        return PointFrame(index, time_s, self.ids.copy(), self.pixels.copy(), positions, covariances, drift, status)
+        sigmas = np.where(np.isfinite(self.pixels), np.sqrt(self.total_variances[..., :2]), np.nan)
+        known = self.ids.copy(), self.pixels.copy(), sigmas
+        return PointFrame(index, time_s, *known, positions, covariances, drift, self.status.copy())
 
     def unseen(self, index: int, time_s: float) -> PointFrame:
         """A frame that shows none of them."""
         n, hidden = len(self), np.full(len(self), int(PointStatus.HIDDEN))
-        nothing = np.full((self.n_views, n, 2), np.nan), np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
-        return PointFrame(index, time_s, self.ids.copy(), *nothing, np.full(n, np.nan), hidden)
+        pixels, places = np.full((self.n_views, n, 2), np.nan), np.full((n, 3), np.nan)
+        nothing = pixels, pixels.copy(), places, np.full((n, 3, 3), np.nan), np.full(n, np.nan)
+        return PointFrame(index, time_s, self.ids.copy(), *nothing, hidden)
 
     def select(self, kept: Mask) -> Points:
         """The chosen ones alone."""

@@ -110,6 +110,8 @@ class Sightings:
         if unknown.any():
             positions[unknown] = self.rig.triangulate(pixels[:, unknown])[0]
         before = positions.copy()
+        # one memory layout, and so one compiled kernel
+        pixels, variances = np.ascontiguousarray(pixels), np.ascontiguousarray(variances)
         intersect_rays(self.rig.packed, pixels, variances, positions, covariances, residuals)
         good = np.isfinite(residuals)
         self.positions[rows] = np.where(good[:, None], positions, before)

@@ -22,9 +22,12 @@ from tracker.kernels.kinematics import chain_transforms, twists_in_world
 from tracker.kernels.light import block_ratios, connected_blocks, relight, smooth_surface
 from tracker.kernels.linking import trace_segments
 from tracker.kernels.oriented_matching import match_oriented, normal_equations
+from tracker.kernels.patch_bending import bending_shifts
 from tracker.kernels.patch_growth import grow, push_all
+from tracker.kernels.patch_keys import cut_keys, match_keys
 from tracker.kernels.patch_matching import N_FOUND, match_patches
 from tracker.kernels.rasterization import rasterize
+from tracker.kernels.ray_intersection import intersect_rays
 from tracker.kernels.self_collision import count_collisions
 from tracker.kernels.shadows import MARGIN, without_shadows
 from tracker.kernels.silhouettes import fill_parts
@@ -98,6 +101,7 @@ def _matching_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     image = _frozen(_F4, 1), 1, 1
     rule, noise = (2, 1, 0.01, 1.0, 0.0, False), (1.0, 1.0, _frozen(_F4, 1))
     heap, state = (_own(_F8, 4), _own(_I8, 4), _own(_I8, 1)), (_own(_F8, 1, N_FOUND), _own(_I8, 1), _own(_I8, 1))
+    meeting = _own(_F8, 1, 0, 2), _own(_F8, 1, 0, 3), _own(_F8, 0, 3), _own(_F8, 0, 3, 3), _own(_F8, 0)
     growing = (
         (image, image),
         (1, 1, 1),
@@ -111,6 +115,10 @@ def _matching_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (match_patches, (image, image, _own(_F8, 0, 2), _own(_F8, 0, N_FOUND), _own(_I8, 0), rule, noise)),
         (push_all, (heap, (1, 1, 1), *state)),
         (grow, growing),
+        (cut_keys, (image, _own(_I8, 0, 2), 2, _own(_F4, 0, 81), _own(_B1, 0))),
+        (match_keys, (_own(_F4, 0, 81), _own(_I8, 0), image, _own(_F8, 0, N_FOUND), _own(_I8, 0), rule, noise)),
+        (bending_shifts, (_own(_F8, 0, 1, 2), _own(_I8, 0, 1), _own(_F8, 0, 2, 2), _own(_B1, 0), 2)),
+        (intersect_rays, (_frozen(_F8, 1, 25), *meeting)),
     ]
 
 

@@ -1,0 +1,177 @@
+"""The job that follows points: its files, resuming to the same result, named points, one view, mistakes."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import cv2
+import numpy as np
+import pytest
+import test_following as following
+from typer.testing import CliRunner
+
+from tracker.cli import app
+from tracker.errors import ConfigError, MatchingError, SequenceError, TrackerError
+from tracker.following.record import read
+from tracker.jobs import execute, load_job
+from tracker.rig_layouts import save_rig
+
+N_FRAMES = 7
+rig, frames = following.rig, following.frames
+
+CONFIG = """
+name = "plane"
+picture_frames = 4
+cloud_frames = 4
+saved_frames = 2
+[reading]
+use = "images"
+path = "images/{view}_{frame}.png"
+rig = "rig.toml"
+fps = 50.0
+[surface.growth]
+step_px = 8
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(rig, frames, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recording")
+    (folder / "images").mkdir()
+    save_rig(rig, folder / "rig.toml")
+    for frame in frames[:N_FRAMES]:
+        for name, image in zip(rig.names, frame.images, strict=True):
+            cv2.imwrite(str(folder / "images" / f"{name}_{frame.index:03d}.png"), image)
+    (folder / "follow.toml").write_text(CONFIG)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def outcome(folder):
+    return execute(load_job("follow", folder / "follow.toml"), folder / "out")
+
+
+def table(folder):
+    return list(csv.DictReader((folder / "trajectories.csv").read_text().splitlines()))
+
+
+def test_the_command_writes_trajectories_clouds_pictures_and_a_report(folder):
+    out = folder / "by_command"
+    arguments = ["follow", str(folder / "follow.toml"), "--output", str(out), "--frames", "0:5"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    assert "n found again" in result.output
+    summary = json.loads((out / "follow.json").read_text())
+    rows = table(out)
+    assert summary["n_frames"] == 5
+    assert len({row["point"] for row in rows}) == summary["n_points"] - summary["n_removed"]
+    assert (out / "points_000004.jpg").stat().st_size > 5000
+    assert b"end_header" in (out / "points_000004.ply").read_bytes()
+    assert cv2.imread(str(out / "trajectories.png")).std() > 5
+    report = (out / "report.html").read_text()
+    assert report.count("data:image/") == 4
+    assert "http" not in report
+
+
+def test_velocities_of_the_table_are_those_of_the_plane(outcome):
+    rows = [row for row in table(outcome.folder) if row["frame"] == "3" and row["vx_m_s"]]
+    assert len(rows) > 100
+    velocity, sigma = (
+        np.array([[float(row[f"{kind}{axis}_m_s"]) for axis in "xyz"] for row in rows]) for kind in ("v", "sigma_v")
+    )
+    places = np.array([[float(row[f"{axis}_m"]) for axis in "xyz"] for row in rows])
+    turn, shift = following.motion(3)
+    at_rest = turn.inv().apply(places - shift)
+    true = 25.0 * (following.where(at_rest, 4) - following.where(at_rest, 2))
+    off = (velocity - true) / sigma
+    # keys are shared by all frames, so that velocities are better than their sigmas
+    assert 0.2 < np.sqrt(np.median(off**2)) < 1.0
+
+
+def test_an_interrupted_job_is_resumed_to_the_same_bytes(folder, outcome, monkeypatch):
+    from tracker.jobs import follow as job_file
+
+    out, written = folder / "broken_off", job_file.append
+
+    def dies(path, frame):
+        if frame.index == 5:
+            raise OSError("the disk is full")
+        written(path, frame)
+
+    monkeypatch.setattr(job_file, "append", dies)
+    job = load_job("follow", folder / "follow.toml")
+    with pytest.raises(OSError, match="disk"):
+        execute(job, out)
+    monkeypatch.setattr(job_file, "append", written)
+    assert execute(job, out, resume=True).n_frames == N_FRAMES
+    for name in ("points.bin", "trajectories.csv", "points_000004.ply"):
+        assert (out / name).read_bytes() == (outcome.folder / name).read_bytes()
+
+
+def test_ctrl_c_leaves_a_usable_result(folder, monkeypatch):
+    from tracker.jobs import follow as job_file
+
+    written = job_file.append
+
+    def interrupted(path, frame):
+        if frame.index == 4:
+            raise KeyboardInterrupt
+        written(path, frame)
+
+    monkeypatch.setattr(job_file, "append", interrupted)
+    outcome = execute(load_job("follow", folder / "follow.toml"), folder / "ctrl_c")
+    assert outcome.interrupted
+    assert outcome.n_frames == 4
+    assert "interrupted" in (outcome.folder / "report.html").read_text()
+    assert {row["frame"] for row in table(outcome.folder)} == {"0", "1", "2", "3"}
+
+
+def test_a_job_without_a_saved_state_is_not_resumed(folder, monkeypatch):
+    out = folder / "early"
+    job = load_job("follow", folder / "follow.toml", ("saved_frames=100",))
+    execute(job, out)
+    with pytest.raises(SequenceError, match="no saved state to go on from"):
+        execute(job, out, resume=True)
+
+
+def test_named_points_keep_their_names(folder):
+    job = load_job("follow", folder / "follow.toml", ("points.left_hip=[80, 70]", "points.right_hip=[120.5, 71.25]"))
+    outcome = execute(job, folder / "named")
+    rows = table(outcome.folder)
+    assert {row["point"] for row in rows} == {"left_hip", "right_hip"}
+    assert len(rows) == 2 * N_FRAMES
+    first = read(outcome.folder / "points.bin", 3)[:2]["pixels"][:, 1]
+    np.testing.assert_allclose(first, [[80, 70], [120.5, 71.25]])
+    trc = (outcome.folder / "trajectories.trc").read_text().splitlines()
+    assert "left_hip\t\t\tright_hip" in trc[3]
+    assert len(trc) == 6 + N_FRAMES
+
+
+def test_one_view_is_followed_in_px(folder):
+    job = load_job("follow", folder / "follow.toml", ('view="middle"', "points=[[80, 70], [120, 71]]"))
+    outcome = execute(job, folder / "flat")
+    rows = table(outcome.folder)
+    assert len(rows) == 2 * N_FRAMES
+    assert set(rows[0]) >= {"x_px", "sigma_x_px", "vx_px_s"}
+    assert not list(outcome.folder.glob("*.ply"))
+    dense = execute(load_job("follow", folder / "follow.toml", ('view="middle"',)), folder / "dense")
+    assert dense.n_points > 100
+
+
+@pytest.mark.parametrize(
+    ("overrides", "error", "message"),
+    [
+        (('view="midle"',), ConfigError, 'view = "midle": no such view; did you mean "middle"'),
+        (("points=[[80, 70], [2, 3]]",), MatchingError, r"point 1 at \[2, 3\]: seen by 1 of 3 views; in view"),
+        (("points=[[80, 70, 1]]",), ConfigError, "points"),
+        (("following.template=last",), ConfigError, "previous"),
+        (("surface.template=up",), ConfigError, 'template = "up": no such view'),
+        (('reading.views=["left"]',), ConfigError, 'say view = "left"'),
+    ],
+)
+def test_mistakes_are_named_and_leave_nothing(folder, overrides, error, message):
+    with pytest.raises(error, match=message):
+        execute(load_job("follow", folder / "follow.toml", overrides), folder / "mistaken")
+    assert not (folder / "mistaken").exists()
+    assert issubclass(error, TrackerError)

@@ -1,0 +1,73 @@
+"""Trajectories of points as files: CSV for everything, TRC for biomechanics, PLY clouds of single frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from tracker.arrays import Array
+from tracker.following.motion import Motion
+from tracker.point_trajectories import PointStatus, PointTrajectories
+
+Names = Mapping[int, str]
+"""Names of points that have one, by id."""
+
+
+def csv_lines(trajectories: PointTrajectories, motion: Motion, names: Names) -> Iterator[str]:
+    """A row for each point and frame that shows it; units are in the columns' names."""
+    unit, axes = ("px", "xy") if trajectories.flat else ("m", "xyz")
+    columns = ["frame", "time_s", "point", "status"]
+    kinds = [("", unit), ("sigma_", unit), ("v", f"{unit}_s"), ("sigma_v", f"{unit}_s")]
+    kinds += [("a", f"{unit}_s2"), ("sigma_a", f"{unit}_s2")]
+    columns += [f"{prefix}{axis}_{suffix}" for prefix, suffix in kinds for axis in axes]
+    yield ",".join(columns) + "\n"
+    values = [trajectories.positions, trajectories.sigmas, motion.velocities, motion.velocity_sigmas]
+    values += [motion.accelerations, motion.acceleration_sigmas]
+    labels = [names.get(int(number), str(number)) for number in trajectories.ids]
+    words = {int(status): status.name.lower() for status in PointStatus}
+    digits = ["%.6f"] * (2 * len(axes)) + ["%.5g"] * (4 * len(axes))
+    row = ",".join(digits)
+    for t, frame in enumerate(trajectories.frames):
+        table = np.concatenate([kind[t] for kind in values], axis=1)
+        lead = f"{frame},{trajectories.times[t]:.6f}"
+        for n in np.flatnonzero(trajectories.seen[t]):
+            numbers = (row % tuple(table[n])).replace("nan", "")
+            yield f"{lead},{labels[n]},{words[int(trajectories.status[t, n])]},{numbers}\n"
+
+
+def trc_text(trajectories: PointTrajectories, names: Names, file_name: str) -> str:
+    """Trajectories in space as TRC, metres; NaN where a point is not seen."""
+    labels = [names.get(int(number), f"p{number}") for number in trajectories.ids]
+    steps = np.diff(trajectories.times)
+    rate = f"{1 / np.median(steps):.6g}" if len(steps) else "1"
+    n_frames = str(len(trajectories.times))
+    lines = [
+        f"PathFileType\t4\t(X/Y/Z)\t{file_name}",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+        "\t".join([rate, rate, n_frames, str(len(labels)), "m", rate, "1", n_frames]),
+        "Frame#\tTime\t" + "\t\t\t".join(labels) + "\t\t",
+        "\t\t" + "\t".join(f"{axis}{k}" for k in range(1, len(labels) + 1) for axis in "XYZ"),
+        "",
+    ]
+    for k, (time_s, places) in enumerate(zip(trajectories.times, trajectories.positions, strict=True), start=1):
+        cells = ("NaN" if value != value else f"{value:.6f}" for value in places.ravel().tolist())
+        lines.append(f"{k}\t{time_s:.6f}\t" + "\t".join(cells))
+    return "\n".join(lines) + "\n"
+
+
+def ply_bytes(trajectories: PointTrajectories, motion: Motion, t: int) -> bytes:
+    """The points that a frame shows, with velocities and sigmas, as binary PLY in metres."""
+    seen = np.flatnonzero(trajectories.seen[t])
+    names = ("x", "y", "z", "vx", "vy", "vz", "sigma")
+    vertices = np.zeros(len(seen), dtype=[*((name, "<f4") for name in names), ("point", "<i4")])
+    sigma: Array = np.sqrt((trajectories.sigmas[t, seen] ** 2).sum(axis=1))
+    table = np.concatenate(
+        [trajectories.positions[t, seen], np.nan_to_num(motion.velocities[t, seen]), sigma[:, None]], axis=1
+    )
+    for k, name in enumerate(names):
+        vertices[name] = table[:, k]
+    vertices["point"] = trajectories.ids[seen]
+    header = ["ply", "format binary_little_endian 1.0", "comment metres; v: m/s, 0 where unknown; sigma: point error"]
+    header += [f"element vertex {len(seen)}", *(f"property float {name}" for name in names), "property int point"]
+    return ("\n".join([*header, "end_header"]) + "\n").encode("ascii") + vertices.tobytes()

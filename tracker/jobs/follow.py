@@ -1,0 +1,339 @@
+"""Following: points, or all of a surface, through a synchronized recording by least squares matching."""
+
+from __future__ import annotations
+
+import time
+import zipfile
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from itertools import dropwhile
+from pathlib import Path
+from typing import Any, ClassVar
+
+import cv2
+import numpy as np
+import pydantic
+from numpy.typing import NDArray
+
+from tracker.arrays import Image
+from tracker.components import component
+from tracker.errors import ConfigError, SequenceError, nearest
+from tracker.files import replacing, write_json, write_whole
+from tracker.following.births import given_points, points_of_image, points_of_surface, textured_places
+from tracker.following.density import Density
+from tracker.following.filters import Filtered, TrajectoryFilters
+from tracker.following.following import Following
+from tracker.following.motion import Motion, motion_of
+from tracker.following.pictures import counts_figure, points_picture, trajectories_figure
+from tracker.following.points import NewPoints, Points, restored
+from tracker.following.record import append, read, shortened, trajectories_of
+from tracker.following.report import report_html
+from tracker.following.sequence import follow, prepared
+from tracker.following.tables import csv_lines, ply_bytes, trc_text
+from tracker.frame import Frame
+from tracker.jobs import ResultFolder, described
+from tracker.kernels.cache import Group
+from tracker.lsm.surface import SurfaceMeasurement, measure_surface
+from tracker.point_trajectories import PointStatus, PointTrajectories
+from tracker.progress import Progress, silent
+from tracker.reading import Reading, Sequence
+from tracker.rig import Rig
+from tracker.rig_layouts import save_rig
+
+Places = tuple[tuple[float, float], ...] | dict[str, tuple[float, float]]
+
+RECORD, STATE = "points.bin", "state.npz"
+
+
+@component
+class FollowJob:
+    """Follows points through a recording: trajectories with velocities, accelerations and sigmas, and a report."""
+
+    kernels: ClassVar[Group | None] = "matching"
+    resumable: ClassVar[bool] = True
+
+    name: str = "follow"
+    """Of the results: they go to `results/NAME/TIME`."""
+
+    reading: Reading = pydantic.Field(
+        examples=['{ use = "video", path = "{view}.mp4", rig = "rig.toml" }; see configs/following/back.toml']
+    )
+    """The recording."""
+
+    view: str | None = None
+    """Follow in the image of this view alone: 2-D mode. None for all views, in space."""
+
+    points: Places = ()
+    """Points in the first frame of the template's view (or of `view`), px: `[[x, y], ...]` or a table of names.
+
+    None for all points of the measured surface, or all textured places in 2-D mode.
+    """
+
+    surface: SurfaceMeasurement = pydantic.Field(default_factory=SurfaceMeasurement)
+    """How the surface is measured that points are born on; `surface.growth.step_px` is their distance."""
+
+    following: Following = pydantic.Field(default_factory=Following)
+    """How they are followed."""
+
+    density: Density | None = pydantic.Field(default_factory=Density)
+    """New points on new surface; of no effect where `points` are given, or in 2-D mode."""
+
+    filters: TrajectoryFilters = pydantic.Field(default_factory=TrajectoryFilters)
+    """What cuts false trajectories; of no effect in 2-D mode."""
+
+    picture_frames: int = pydantic.Field(default=25, ge=1)
+    """Frames from one picture to the next."""
+
+    cloud_frames: int = pydantic.Field(default=25, ge=0)
+    """Frames from one PLY cloud to the next; 0 for none."""
+
+    saved_frames: int = pydantic.Field(default=50, ge=1)
+    """Frames from one saved state to the next; an interrupted job goes on from the last one."""
+
+    @pydantic.field_validator("points", mode="before")
+    @classmethod
+    def _whole_numbers_are_positions(cls, points: object) -> object:
+        if isinstance(points, dict):
+            return {name: _position(place) for name, place in points.items()}
+        return tuple(map(_position, points)) if isinstance(points, tuple | list) else points
+
+    def open(self, earlier: Path | None = None) -> OpenedFollow:
+        """Opens the recording and what an interrupted job has left; see `tracker.jobs.Job.open`."""
+        sequence = self.reading.open()
+        if self.view is not None and self.view not in sequence.rig.names:
+            raise ConfigError(f'view = "{self.view}": no such view; {nearest(self.view, sequence.rig.names)}')
+        if self.view is None and len(sequence.rig) == 1:
+            raise ConfigError(f'one view alone is followed in its image: say view = "{sequence.rig.names[0]}"')
+        if self.view is None:
+            self.surface.template_of(sequence.rig)
+        return OpenedFollow(sequence, None if earlier is None else _saved_state(earlier))
+
+    def execute(self, opened: OpenedFollow, folder: ResultFolder, progress: Progress = silent) -> FollowOutcome:
+        """Follows, writing every frame as it comes, then the tables and pictures; see `tracker.jobs.Job.execute`."""
+        rig = self._rig(opened.sequence)
+        save_rig(rig, folder.path / "rig.toml")
+        counts = self._followed(opened, rig, folder, progress)
+        progress("writing", 0, 1)
+        outcome = self._written(folder.path, opened.sequence, rig, counts)
+        progress("writing", 1, 1)
+        return outcome
+
+    def _rig(self, sequence: Sequence) -> Rig:
+        return sequence.rig if self.view is None else sequence.rig.select((self.view,))
+
+    def _frames(self, opened: OpenedFollow) -> Iterator[Frame]:
+        """From the saved state on, of the views that are followed in."""
+        chosen = [v for v, name in enumerate(opened.sequence.rig.names) if self.view in (None, name)]
+        frames = opened.sequence.frames()
+        if opened.state is not None:
+            frames = dropwhile(lambda frame: frame.index < opened.state.frame, frames)  # type: ignore[union-attr]
+        for frame in frames:
+            yield Frame(frame.index, frame.time_s, tuple(frame.images[v] for v in chosen))
+
+    def _births(self, rig: Rig) -> Callable[[Frame], NewPoints]:
+        names = list(self.points) if isinstance(self.points, dict) else [str(k) for k in range(len(self.points))]
+        places = list(self.points.values()) if isinstance(self.points, dict) else list(self.points)
+        at = np.array(places, dtype=np.float64).reshape(-1, 2)
+
+        def births(frame: Frame) -> NewPoints:
+            if self.view is not None:
+                grey = prepared(self.following, self.surface.preparation, frame).greys[0]
+                assert grey is not None
+                return points_of_image(at if len(at) else textured_places(grey, self.surface.growth.step_px))
+            surface = measure_surface(self.surface, frame, rig)
+            return given_points(surface, self.surface, at, names) if len(at) else points_of_surface(surface)
+
+        return births
+
+    def _followed(self, opened: OpenedFollow, rig: Rig, folder: ResultFolder, progress: Progress) -> Counts:
+        sequence, state = opened.sequence, opened.state
+        density = None if self.view is not None or len(self.points) else self.density
+        preparation, record = self.surface.preparation, folder.path / RECORD
+        begin, counts = time.perf_counter(), Counts([], [], 0.0, False)
+        if state is not None:
+            shortened(record, state.n_bytes)
+            counts = Counts(list(state.frames), list(state.times), 0.0, False)
+        else:
+            record.touch()
+        known = None if state is None else state.points
+        steps = follow(
+            self.following, preparation, rig, self._frames(opened), self._births(rig), known, density=density
+        )
+        n_points = 0
+        try:
+            for k, (frame, points) in enumerate(steps):
+                append(record, frame)
+                counts.frames.append(frame.index)
+                counts.times.append(frame.time_s)
+                n_points += int(frame.alive.sum())
+                if len(counts.frames) % self.saved_frames == 0:
+                    _save_state(folder.path / STATE, points, counts, record.stat().st_size)
+                folder.keep()
+                seconds = max(time.perf_counter() - begin, 1e-9)
+                rate = f"{int(frame.alive.sum())} points seen, {n_points / seconds:.0f} points/s"
+                progress("following", len(counts.frames), sequence.n_frames, rate if k else "")
+        except KeyboardInterrupt:
+            counts.interrupted = True
+        counts.seconds = time.perf_counter() - begin
+        return counts
+
+    def _written(self, folder: Path, sequence: Sequence, rig: Rig, counts: Counts) -> FollowOutcome:
+        rows = read(folder / RECORD, len(rig))
+        whole = trajectories_of(rows, np.array(counts.frames), np.array(counts.times))
+        filtered = None if whole.flat else self.filters.applied(whole)
+        trajectories = whole if filtered is None else filtered.trajectories
+        motion = motion_of(trajectories)
+        names = dict(enumerate(self.points)) if isinstance(self.points, dict) else {}
+        with replacing(folder / "trajectories.csv") as path, path.open("w", encoding="utf-8") as file:
+            file.writelines(csv_lines(trajectories, motion, names))
+        if not trajectories.flat and len(trajectories.ids) <= _MOST_MARKERS:
+            write_whole(folder / "trajectories.trc", trc_text(trajectories, names, "trajectories.trc"))
+        if not trajectories.flat and self.cloud_frames:
+            for t in range(0, len(counts.frames), self.cloud_frames):
+                write_whole(folder / f"points_{counts.frames[t]:06d}.ply", ply_bytes(trajectories, motion, t))
+        summary = _summary(whole, filtered, counts)
+        write_json(folder / "follow.json", {"config": described(self), **asdict(summary)})
+        self._draw(folder, sequence, rig, (trajectories, motion), counts)
+        write_whole(folder / "report.html", report_html(self.name, asdict(summary), folder))
+        return FollowOutcome(folder=folder, **asdict(summary))
+
+    def _draw(
+        self,
+        folder: Path,
+        sequence: Sequence,
+        rig: Rig,
+        moved: tuple[PointTrajectories, Motion],
+        counts: Counts,
+    ) -> None:
+        rows = read(folder / RECORD, len(rig))
+        figures = {
+            "trajectories.png": trajectories_figure(*moved, None if moved[0].flat else rig),
+            "counts.png": counts_figure(moved[0]),
+        }
+        for name, figure in figures.items():
+            with replacing(folder / name) as path:
+                figure.savefig(path, dpi=110)
+        wanted = {counts.frames[0], *counts.frames[:: self.picture_frames], counts.frames[-1]}
+        for frame in self._frames(OpenedFollow(sequence, None)):
+            if frame.index in wanted:
+                picture = points_picture(self._shown(frame), rows, frame.index)
+                _write_image(folder / f"points_{frame.index:06d}.jpg", picture)
+            if frame.index >= counts.frames[-1]:
+                break
+
+    def _shown(self, frame: Frame) -> tuple[Image | None, ...]:
+        return prepared(self.following, self.surface.preparation, frame).greys
+
+
+_MOST_MARKERS = 500
+"""More points than this are not written as TRC: programs that read it hold a column for each."""
+
+
+def _position(place: object) -> object:
+    return tuple(map(float, place)) if isinstance(place, tuple | list) and len(place) == 2 else place
+
+
+@dataclass(frozen=True)
+class SavedState:
+    """What an interrupted job goes on from."""
+
+    frame: int
+    n_bytes: int
+    frames: tuple[int, ...]
+    times: tuple[float, ...]
+    points: Points
+
+
+@dataclass(frozen=True)
+class OpenedFollow:
+    """What a following works on."""
+
+    sequence: Sequence
+    state: SavedState | None
+
+
+@dataclass
+class Counts:
+    """What has been followed so far."""
+
+    frames: list[int]
+    times: list[float]
+    seconds: float
+    interrupted: bool
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A following in numbers."""
+
+    n_frames: int
+    n_points: int
+    """Points that were born."""
+
+    n_seen_first: int
+    n_seen_last: int
+    n_rekeyed: int
+    """Times that a point got a new key."""
+
+    n_found_again: int
+    n_cut: int
+    """Steps that the filters took for false."""
+
+    n_removed: int
+    median_sigma_mm: float
+    """Point error in the last frame, root of the sum of the three variances; px in 2-D mode, two of them."""
+
+    points_a_second: float
+    interrupted: bool
+
+
+@dataclass(frozen=True)
+class FollowOutcome(Summary):
+    """What a following left; the same numbers are in `follow.json`."""
+
+    folder: Path
+
+
+def _summary(whole: PointTrajectories, filtered: Filtered | None, counts: Counts) -> Summary:
+    seen = whole.seen
+    sigma = np.sqrt((whole.sigmas[-1] ** 2).sum(axis=1))
+    scale = 1.0 if whole.flat else 1000.0
+    return Summary(
+        n_frames=len(whole.frames),
+        n_points=len(whole.ids),
+        n_seen_first=int(seen[0].sum()),
+        n_seen_last=int(seen[-1].sum()),
+        n_rekeyed=int((whole.status == PointStatus.REKEYED).sum()),
+        n_found_again=int((whole.status == PointStatus.FOUND_AGAIN).sum()),
+        n_cut=0 if filtered is None else filtered.n_fast + filtered.n_unlike,
+        n_removed=0 if filtered is None else filtered.n_removed,
+        median_sigma_mm=float(scale * np.median(sigma[seen[-1]])) if seen[-1].any() else float("nan"),
+        points_a_second=round(float(seen.sum() / max(counts.seconds, 1e-9))),
+        interrupted=counts.interrupted,
+    )
+
+
+def _save_state(path: Path, points: Points, counts: Counts, n_bytes: int) -> None:
+    told: dict[str, NDArray[Any]] = {
+        "frames": np.array(counts.frames),
+        "times": np.array(counts.times),
+        "n_bytes": np.array(n_bytes),
+    }
+    with replacing(path) as unfinished:
+        np.savez(unfinished, **{f"job_{name}": value for name, value in told.items()}, **points.arrays())  # type: ignore[arg-type]
+
+
+def _saved_state(folder: Path) -> SavedState:
+    try:
+        with np.load(folder / STATE) as saved:
+            arrays = {name: saved[name] for name in saved.files}
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise SequenceError(f"{folder / STATE}: no saved state to go on from; run without --resume") from error
+    frames = tuple(int(frame) for frame in arrays["job_frames"])
+    times = tuple(float(time_s) for time_s in arrays["job_times"])
+    return SavedState(frames[-1], int(arrays["job_n_bytes"]), frames, times, restored(arrays))
+
+
+def _write_image(path: Path, picture: Image) -> None:
+    _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 92])
+    write_whole(path, data.tobytes())
