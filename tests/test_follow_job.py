@@ -148,6 +148,24 @@ def test_named_points_keep_their_names(folder):
     assert len(trc) == 6 + N_FRAMES
 
 
+def test_joints_beside_the_surface_move_with_it(folder, rig):
+    places = np.array([[0.01, 0.0, -0.03], [-0.01, 0.01, -0.05]])
+    pixels = rig.project(places)
+    clicks = tuple(
+        f"key_points.{name}.{view}=[{pixels[v, k, 0]:.3f}, {pixels[v, k, 1]:.3f}]"
+        for k, name in enumerate(("knee", "hip"))
+        for v, view in enumerate(rig.names[:2])
+    )
+    outcome = execute(load_job("follow", folder / "follow.toml", clicks), folder / "joints")
+    rows = list(csv.DictReader((outcome.folder / "key_points.csv").read_text().splitlines()))
+    assert [row["key_point"] for row in rows[:2]] == ["knee", "hip"]
+    for row in rows:
+        true = following.where(places[("knee", "hip").index(row["key_point"])], int(row["frame"]))
+        assert np.linalg.norm([float(row[f"{axis}_m"]) for axis in "xyz"] - true) < 4e-4
+        assert float(row["spread_m"]) < 5e-4
+        assert 25 <= int(row["points_around"]) <= 40
+
+
 def test_one_view_is_followed_in_px(folder):
     job = load_job("follow", folder / "follow.toml", ('view="middle"', "points=[[80, 70], [120, 71]]"))
     outcome = execute(job, folder / "flat")
@@ -168,6 +186,22 @@ def test_one_view_is_followed_in_px(folder):
         (("following.template=last",), ConfigError, "previous"),
         (("surface.template=up",), ConfigError, 'template = "up": no such view'),
         (('reading.views=["left"]',), ConfigError, 'say view = "left"'),
+        (("key_points.knee.left=[80, 70]",), ConfigError, "key point knee: clicked in 1 view, expected two or more"),
+        (
+            ("key_points.knee.left=[80, 70]", "key_points.knee.lefft=[80, 70]"),
+            ConfigError,
+            'key point knee: no view "lefft"; did you mean "left"',
+        ),
+        (
+            ("key_points.knee.left=[80, 70]", "key_points.knee.middle=[80, 140]"),
+            ConfigError,
+            "its rays miss one another by",
+        ),
+        (
+            ("key_points.knee.left=[100, 80]", "key_points.knee.middle=[100, 80]", "key_point_reach_mm=1"),
+            MatchingError,
+            "followed points within 1 mm, expected 6",
+        ),
     ],
 )
 def test_mistakes_are_named_and_leave_nothing(folder, overrides, error, message):

@@ -23,6 +23,7 @@ from tracker.following.births import given_points, points_of_image, points_of_su
 from tracker.following.density import Density
 from tracker.following.filters import Filtered, TrajectoryFilters
 from tracker.following.following import Following
+from tracker.following.key_points import clicked_places, followed_key_points, key_points_csv, points_around
 from tracker.following.motion import Motion, motion_of
 from tracker.following.pictures import counts_figure, points_picture, trajectories_figure
 from tracker.following.points import NewPoints, Points, restored
@@ -69,6 +70,15 @@ class FollowJob:
     None for all points of the measured surface, or all textured places in 2-D mode.
     """
 
+    key_points: dict[str, dict[str, tuple[float, float]]] = pydantic.Field(default_factory=dict)
+    """Places inside or beside the surface, such as joints, which move with the points around them.
+
+    Each has its positions in two or more views of the first frame: `right_elbow = { left = [x, y], centre = [x, y] }`.
+    """
+
+    key_point_reach_mm: float = pydantic.Field(default=120.0, gt=0)
+    """Points farther from a key point than this do not move it, mm."""
+
     surface: SurfaceMeasurement = pydantic.Field(default_factory=SurfaceMeasurement)
     """How the surface is measured that points are born on; `surface.growth.step_px` is their distance."""
 
@@ -97,6 +107,16 @@ class FollowJob:
             return {name: _position(place) for name, place in points.items()}
         return tuple(map(_position, points)) if isinstance(points, tuple | list) else points
 
+    @pydantic.field_validator("key_points", mode="before")
+    @classmethod
+    def _clicks_are_positions(cls, clicks: object) -> object:
+        if not isinstance(clicks, dict):
+            return clicks
+        return {
+            name: {view: _position(place) for view, place in views.items()} if isinstance(views, dict) else views
+            for name, views in clicks.items()
+        }
+
     def open(self, earlier: Path | None = None) -> OpenedFollow:
         """Opens the recording and what an interrupted job has left; see `tracker.jobs.Job.open`."""
         sequence = self.reading.open()
@@ -106,6 +126,9 @@ class FollowJob:
             raise ConfigError(f'one view alone is followed in its image: say view = "{sequence.rig.names[0]}"')
         if self.view is None:
             self.surface.template_of(sequence.rig)
+            clicked_places(self.key_points, sequence.rig)
+        elif self.key_points:
+            raise ConfigError("key_points move in space: they need all views, and no `view`")
         return OpenedFollow(sequence, None if earlier is None else _saved_state(earlier))
 
     def execute(self, opened: OpenedFollow, folder: ResultFolder, progress: Progress = silent) -> FollowOutcome:
@@ -162,6 +185,9 @@ class FollowJob:
         n_points = 0
         try:
             for k, (frame, points) in enumerate(steps):
+                if not counts.frames and self.key_points:
+                    places = clicked_places(self.key_points, rig)
+                    points_around(frame.positions, list(self.key_points), places, self.key_point_reach_mm / 1000)
                 append(record, frame)
                 counts.frames.append(frame.index)
                 counts.times.append(frame.time_s)
@@ -191,6 +217,10 @@ class FollowJob:
         if not trajectories.flat and self.cloud_frames:
             for t in range(0, len(counts.frames), self.cloud_frames):
                 write_whole(folder / f"points_{counts.frames[t]:06d}.ply", ply_bytes(trajectories, motion, t))
+        if self.key_points:
+            places = clicked_places(self.key_points, rig)
+            found = followed_key_points(trajectories, list(self.key_points), places, self.key_point_reach_mm / 1000)
+            write_whole(folder / "key_points.csv", key_points_csv(found, trajectories.frames, trajectories.times))
         summary = _summary(whole, filtered, counts)
         write_json(folder / "follow.json", {"config": described(self), **asdict(summary)})
         self._draw(folder, sequence, rig, (trajectories, motion), counts)
