@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import numba
 import numpy as np
 from rich.console import Console
 from rich.table import Table
@@ -23,6 +22,7 @@ from tracker.following.following import Following
 from tracker.following.points import NewPoints
 from tracker.following.sequence import follow
 from tracker.frame import Frame
+from tracker.kernels.compilation import compiled
 from tracker.lsm.growth import Growth
 from tracker.lsm.surface import SurfaceMeasurement, measure_surface
 from tracker.lsm.views import Preparation
@@ -116,7 +116,7 @@ def _truth_of(folder: Path) -> Any:
     written, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     truth: Any = importlib.import_module("truth")
     sys.dont_write_bytecode = written
-    truth._raster = numba.njit(truth._raster.py_func)
+    truth._raster = compiled(truth._raster.py_func)
     return truth
 
 

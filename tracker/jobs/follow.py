@@ -33,7 +33,7 @@ from tracker.following.sequence import follow, prepared
 from tracker.following.tables import csv_lines, ply_bytes, trc_text
 from tracker.frame import Frame
 from tracker.jobs import ResultFolder, described
-from tracker.kernels.cache import Group
+from tracker.kernels.ahead import Group
 from tracker.lsm.surface import SurfaceMeasurement, measure_surface
 from tracker.point_trajectories import PointStatus, PointTrajectories
 from tracker.progress import Progress, silent

@@ -24,10 +24,14 @@ from tracker.kernels.linking import trace_segments
 from tracker.kernels.oriented_matching import match_oriented, normal_equations
 from tracker.kernels.patch_bending import bending_shifts
 from tracker.kernels.patch_growth import grow, push_all
-from tracker.kernels.patch_keys import cut_keys, match_keys
+from tracker.kernels.patch_keys import cut_keys, key_side, match_keys
 from tracker.kernels.patch_matching import N_FOUND, match_patches
 from tracker.kernels.rasterization import rasterize
 from tracker.kernels.ray_intersection import intersect_rays
+from tracker.kernels.region_colours import N_COLOURS, Picture, Tables, encode, tabulate_posteriors
+from tracker.kernels.region_equations import shift_equations
+from tracker.kernels.region_lines import Looks, Rule, Samples, find_shifts, learn_lines, score_lines
+from tracker.kernels.region_sides import parts_beside
 from tracker.kernels.self_collision import count_collisions
 from tracker.kernels.shadows import MARGIN, without_shadows
 from tracker.kernels.silhouettes import fill_parts
@@ -38,10 +42,10 @@ _F8, _F4, _I8, _B1 = np.float64, np.float32, np.int64, np.bool_
 _I4, _I2, _U1 = np.int32, np.int16, np.uint8
 
 
-Group = Literal["tracking", "matching", "calibration"]
+Group = Literal["tracking", "regions", "matching", "calibration"]
 """What kernels are for; a run compiles those that it needs."""
 
-GROUPS: tuple[Group, ...] = "tracking", "matching", "calibration"
+GROUPS: tuple[Group, ...] = "tracking", "regions", "matching", "calibration"
 
 
 def _own(dtype: Any, *shape: int) -> Any:
@@ -96,6 +100,31 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     ]
 
 
+def _region_calls() -> list[tuple[Any, tuple[Any, ...]]]:
+    """As `_tracking_calls`, for the evidence of colours, which few runs ask for."""
+    picture = Picture(_frozen(np.uint16, 0), np.zeros((1, 5), _I8))
+    picture.layout.setflags(write=False)
+    tables, known = Tables(_frozen(_F4, 1, 1, N_COLOURS), _frozen(_F4, 1, 1, N_COLOURS)), _frozen(_B1, 1, 1)
+    looks = Looks(tables, _frozen(_U1, 1, 1, N_COLOURS), known, _frozen(_F8, 1))
+    samples = Samples(_own(_F4, 1, 1, 5), _own(_F4, 1, 1, 3), _own(_I8, 1, 1), _own(_I8, 1))
+    beside, cameras, wanted = _own(_I8, 1, 1, 2), _frozen(_F8, 1, 25), _own(_B1, 1)
+    poses = _own(_F4, 0, 1, 1, 5), _own(_F4, 0, 1, 1, 3), _own(_I8, 0, 1, 1), _own(_I8, 0, 1)
+    rule = Rule(0.01, 7, 0.07, 2e-4, 20.0, 3.0)
+    learnt = Tables(_own(_F4, 1, 1, N_COLOURS), _own(_F4, 1, 1, N_COLOURS))
+    learning = picture, samples, beside, cameras, looks.half_extents, _own(_B1, 1, 1), 0.01, 0.15, learnt
+    solids = _own(_F8, 1, 1, 4, 4), _frozen(_F8, 1, 7), _frozen(_F8, 3, 1), cameras
+    chains = _own(_I8, 1), cameras, _own(_F8, 1, 6), _frozen(_B1, 1, 2), 16.0
+    return [
+        (encode, (_own(_U1, 1, 1, 3), (0, 0, 0, 0), _own(np.uint16, 0))),
+        (tabulate_posteriors, (learnt, (2e-4, 4.0), _own(_B1, 1, 1), _own(_U1, 1, 1, N_COLOURS))),
+        (find_shifts, (picture, looks, samples, beside, cameras, wanted, rule, _own(_F4, 1, 1, 3))),
+        (score_lines, (picture, looks, *poses, cameras, wanted, rule, _own(_F8, 0, 1, 1, 3))),
+        (learn_lines, learning),
+        (parts_beside, (*solids, samples, 0.01, beside)),
+        (shift_equations, (_own(_F4, 1, 1, 3), samples, *chains)),
+    ]
+
+
 def _matching_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     """As `_tracking_calls`, for least squares matching."""
     image = _frozen(_F4, 1), 1, 1
@@ -115,6 +144,7 @@ def _matching_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (match_patches, (image, image, _own(_F8, 0, 2), _own(_F8, 0, N_FOUND), _own(_I8, 0), rule, noise)),
         (push_all, (heap, (1, 1, 1), *state)),
         (grow, growing),
+        (key_side, (2,)),
         (cut_keys, (image, _own(_I8, 0, 2), 2, _own(_F4, 0, 81), _own(_B1, 0))),
         (match_keys, (_own(_F4, 0, 81), _own(_I8, 0), image, _own(_F8, 0, N_FOUND), _own(_I8, 0), rule, noise)),
         (bending_shifts, (_own(_F8, 0, 1, 2), _own(_I8, 0, 1), _own(_F8, 0, 2, 2), _own(_B1, 0), 2)),
@@ -133,7 +163,12 @@ def _calibration_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     ]
 
 
-_CALLS = {"tracking": _tracking_calls, "matching": _matching_calls, "calibration": _calibration_calls}
+_CALLS = {
+    "tracking": _tracking_calls,
+    "regions": _region_calls,
+    "matching": _matching_calls,
+    "calibration": _calibration_calls,
+}
 
 
 def all_cached(group: Group = "tracking") -> bool:

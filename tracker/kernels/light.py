@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32, Image, Mask
+from tracker.kernels.compilation import compiled
 
 DARK = 6.0
 """Grey levels added before ratios are taken: where there is hardly any light, noise decides them."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def block_ratios(now: Image, plate: Image, size: int, step: int) -> Array:
     """Median log ratio of image and plate in square blocks.
 
@@ -45,7 +45,7 @@ def block_ratios(now: Image, plate: Image, size: int, step: int) -> Array:
     return ratios
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def smooth_surface(ratios: Array, least: float, n_steps: int, stride: int) -> Array:
     """The quadratic surface that most blocks agree with, by iteratively weighted least squares (Cauchy's weights).
 
@@ -83,7 +83,7 @@ def smooth_surface(ratios: Array, least: float, n_steps: int, stride: int) -> Ar
     return (terms.reshape(-1, 6) @ factors).reshape(n_rows, n_columns, 3)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def connected_blocks(departures: Array, most: float) -> Mask:
     """Blocks near the surface, and those that a way of small steps from block to block leads to.
 
@@ -120,7 +120,7 @@ def connected_blocks(departures: Array, most: float) -> Mask:
     return reached
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def relight(picture: Image, gains: Array32, size: float, geometry: tuple[int, int, int], lit: Image) -> None:
     """A part of a plate in another light.
 
@@ -145,7 +145,7 @@ def relight(picture: Image, gains: Array32, size: float, geometry: tuple[int, in
         _relight_row(picture[y].reshape(-1), wide[above], wide[below], share, lit[y].reshape(-1))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _between(place: float, n: int) -> tuple[int, int, np.float32]:
     """The two nodes of a line of n between which a place lies, and how far it is from the first to the second."""
     place = min(max(place, 0.0), n - 1.0)
@@ -153,7 +153,7 @@ def _between(place: float, n: int) -> tuple[int, int, np.float32]:
     return first, min(first + 1, n - 1), np.float32(place - first)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def _relight_row(row: Image, above: Array32, below: Array32, share: np.float32, lit: Image) -> None:
     dark, half, most = np.float32(DARK), np.float32(0.5), np.float32(255.5)
     for x in range(len(row)):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Integers, Mask
+from tracker.kernels.compilation import compiled
 
 LEAST_NEIGHBOURS = 6
 LARGEST_PX = 0.5
@@ -13,7 +13,7 @@ NO_SPREAD_PX2 = 1.0
 NO_SHIFT_PX2 = 1e-12
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def bending_shifts(offsets: Array, rows: Integers, affine: Array, known: Mask, half: int) -> Array:
     """Shift of each patch's mean against its centre (N, 2) px; 0 where neighbours cannot tell.
 
@@ -45,7 +45,7 @@ def bending_shifts(offsets: Array, rows: Integers, affine: Array, known: Mask, h
     return shifts
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _raw_shift(offsets: Array, rows: Integers, affine: Array, known: Mask, own: int, half: int, shift: Array) -> bool:
     """Fills the shift of one point; returns whether its neighbours suffice."""
     count, mean_x, mean_y = 1.0, 0.0, 0.0

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.kernels.compilation import compiled
 from tracker.kernels.patch_equations import Noise, Rule, workspace
 from tracker.kernels.patch_matching import match_patch
 from tracker.kernels.splines import MARGIN, SplineImage
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def key_side(half: int) -> int:
     """Side of the square of spline coefficients that a patch of 2 half + 1 pixels needs."""
     return 2 * (half + MARGIN) + 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def cut_keys(image: SplineImage, centres: Integers, half: int, keys: Array32, inside: Mask) -> None:
     """Copies the coefficients around N whole pixels.
 
@@ -40,7 +40,7 @@ def cut_keys(image: SplineImage, centres: Integers, half: int, keys: Array32, in
                 keys[k, j * side : (j + 1) * side] = flat[start : start + side]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def match_keys(
     keys: Array32, which: Integers, search: SplineImage, found: Array, ended: Integers, rule: Rule, noise: Noise
 ) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tracker.arrays import Array
+from tracker.kernels.compilation import compiled
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _image_with_slopes(camera: Array, point: Array, slopes: Array) -> tuple[float, float, bool]:
     """Image of a point with its derivatives (2, 3) by the position; the twins are `Camera.project(_jacobian)`."""
     x = camera[0] * point[0] + camera[1] * point[1] + camera[2] * point[2] + camera[3]
@@ -35,7 +35,7 @@ def _image_with_slopes(camera: Array, point: Array, slopes: Array) -> tuple[floa
     return fx * u + shear * v + camera[17], fy * v + camera[18], True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _normal_equations(
     cameras: Array, pixels: Array, variances: Array, point: Array, normal: Array, right: Array
 ) -> tuple[float, int]:
@@ -68,7 +68,7 @@ def _normal_equations(
     return squares, n_views
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _inverse(m: Array, out: Array) -> bool:
     """Inverse of a symmetric matrix (3, 3); False for a singular one."""
     out[0, 0] = m[1, 1] * m[2, 2] - m[1, 2] * m[1, 2]
@@ -85,7 +85,7 @@ def _inverse(m: Array, out: Array) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def intersect_rays(
     cameras: Array, pixels: Array, variances: Array, points: Array, covariances: Array, residuals: Array
 ) -> None:
