@@ -359,7 +359,8 @@ def test_the_opensim_model_moved_by_mot_carries_the_markers(movement, tmp_path):
             np.testing.assert_allclose([found[name] for name in names] @ Y_UP, places[t], atol=HUNDREDTH_MM)
 
 
-def test_opensim_itself_moves_the_model(movement, tmp_path):
+def test_opensim_itself_moves_the_model(movement, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # it leaves a log where it is imported
     opensim = pytest.importorskip("opensim", reason="OpenSim is not installed (extra `oracle`)")
     opensim.Logger.setLevelString("off")
     models, motions = movement.record(Osim(), tmp_path), movement.record(Mot(), tmp_path)
