@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import tomli_w
-from observations import bent, four_views, ideal
+from observations import bent, four_views
 from test_cli import bodytrack
 from test_shape_space import some_shape, space
 
@@ -26,7 +26,6 @@ from tracker.acquisition.looks import Look
 from tracker.acquisition.part_search import section_distances
 from tracker.acquisition.pictures import Pair, Picture, orthographic_camera, read_silhouette
 from tracker.acquisition.result import bone_lengths, model_of, stature_of
-from tracker.acquisition.stance_search import StanceSearch
 from tracker.acquisition.two_silhouettes import SilhouetteSettings, acquire
 from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Mask
@@ -34,11 +33,8 @@ from tracker.body import BodyModel
 from tracker.body_files import load_body, read_description, save_description
 from tracker.config import Table, read_config
 from tracker.errors import SequenceError, TrackerError
-from tracker.estimation.hybrid import HybridEstimation
-from tracker.evidence.contours import ContourEvidence
 from tracker.frame import Frame
 from tracker.geometry.superquadrics import surface
-from tracker.initialization import Stages
 from tracker.jobs.acquire import acquire_to, acquisition_from
 from tracker.outlines import outline_observation, overlap
 from tracker.resources import model_path
@@ -240,25 +236,6 @@ def test_the_section_search_prefers_the_true_radius() -> None:
     distances = section_distances(tried, 1, points)
     assert int(np.argmin(distances)) == 2
     assert distances[2] < 0.6 * distances[[1, 3]].min()
-
-
-def test_a_standing_person_is_found_on_edges_alone() -> None:
-    body, rig = load_body(model_path("gavrila22")), four_views()
-    q = t_pose(body, 1.0)
-    q[:3] = 0.23, -0.31, 1.24
-    scene = Scene((Person("one", body, q),), rig)
-    seen = ideal(scene)
-
-    class Faultless(ContourAnalysis):
-        def observe(self, sight: object, expected: object) -> object:  # type: ignore[override]
-            return seen
-
-    stages = Stages(CpuSynthesis(), ContourEvidence(analysis=Faultless()), HybridEstimation(), (None,) * 4)
-    start = StanceSearch(step_m=0.2, step_deg=30.0, hypotheses=3, analysis=Faultless()).start(
-        Frame(0, 0.0, (None,) * 4), scene, stages
-    )
-    off = body.landmarks_in_world(start.poses[0]) - body.landmarks_in_world(q)
-    assert np.linalg.norm(off, axis=1).mean() < 0.03
 
 
 def test_a_model_is_saved_with_its_sigmas_and_loads_again(person: BodyModel, tmp_path: Path) -> None:

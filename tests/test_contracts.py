@@ -18,7 +18,7 @@ from tracker.analysis.contours import ContourAnalysis
 from tracker.comparison import Comparison
 from tracker.components import available
 from tracker.cycle import Cycle
-from tracker.errors import InitializationError, TrackerError
+from tracker.errors import ConfigError, InitializationError, TrackerError
 from tracker.estimate import Estimate, Status
 from tracker.evidence import Evidence
 from tracker.evidence.contours import ContourEvidence
@@ -66,6 +66,10 @@ def cycle(simulation: Simulation) -> Cycle:
 @pytest.fixture(scope="module")
 def observation(scene: Scene, frame: Frame, cycle: Cycle) -> Observation:
     return ContourAnalysis().observe(Sight(frame, cycle.backgrounds), cycle.synthesis.contours(scene))
+
+
+def one_line(text: str) -> str:
+    return " ".join(text.split())
 
 
 def around(scene: Scene, n: int, off_deg: float, off_m: float) -> np.ndarray:
@@ -337,11 +341,25 @@ def test_an_estimate_is_a_possible_pose_no_worse_than_the_starts(use, scene, obs
 
 
 @each("initialization")
-def test_with_nothing_to_go_by_no_start_is_made_up(use, scene, frame, cycle):
+def test_without_plates_or_a_start_file_a_start_is_refused_at_once_or_found(use, scene, frame, cycle):
+    """Never made up: the person's pose is found, or among those that one frame cannot tell apart."""
     blind = replace(cycle.stages, backgrounds=(None,) * len(scene.rig))
+    initialization = made("initialization", use)
+    try:
+        told = initialization.check(scene, blind.backgrounds)
+    except ConfigError as refused:
+        told = str(refused)
+        assert told == one_line(told)
+        return
+    assert told == one_line(told)
+    grey = replace(frame, images=tuple(np.full_like(image, 90) for image in frame.images))
     with pytest.raises(InitializationError) as caught:
-        made("initialization", use).start(frame, scene, blind)
+        initialization.start(grey, scene, blind)
     assert "\n" not in str(caught.value)
+    (person,), start = scene.persons, initialization.start(frame, scene, blind)
+    found = np.array([one.q for one in start.hypotheses[0]]) if start.hypotheses else start.poses[0][None]
+    gaps = person.body.landmarks_in_world(found) - person.body.landmarks_in_world(person.q)
+    assert np.linalg.norm(gaps, axis=2).mean(axis=1).min() < 0.1
 
 
 @each("reading")

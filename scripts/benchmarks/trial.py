@@ -38,6 +38,10 @@ class KnownStart:
     def __init__(self, q: Array, again: Initialization | None) -> None:
         self._q, self._again = q, again
 
+    def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
+        """Nothing can be wrong."""
+        return "a known pose"
+
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """See `tracker.initialization.Initialization.start`."""
         if frame.index == 0:

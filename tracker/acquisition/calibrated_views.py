@@ -11,7 +11,6 @@ import pydantic
 from tracker.acquisition.fitting import Fit, FitSettings, Task, fit
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
-from tracker.acquisition.stance_search import StanceSearch
 from tracker.analysis import Analysis
 from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Image, Integers, Mask
@@ -46,9 +45,6 @@ class ViewSettings:
 
     frames: int = pydantic.Field(default=12, ge=1)
     """Frames used, evenly spread over those tracked."""
-
-    stance: StanceSearch = StanceSearch()
-    """How the person is found where there are no background plates."""
 
     analysis: Analysis = ContourAnalysis()
     """Finds the edges that the contours are fitted to."""

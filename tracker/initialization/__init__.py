@@ -46,6 +46,22 @@ class Stages:
 class Initialization(Protocol):
     """A component that finds start poses."""
 
+    def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
+        """Refuses, before the first frame, what cannot work whatever the frames show.
+
+        Args:
+            scene: the persons' bodies and the rig.
+            plates: a clean plate for each view that has one.
+
+        Returns:
+            In one line what the start goes by.
+
+        Raises:
+            ConfigError: something that it needs is missing, misnamed or impossible.
+            ModelError: a body that it cannot place.
+        """
+        ...
+
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame.
 
@@ -55,6 +71,6 @@ class Initialization(Protocol):
             stages: what the search may use.
 
         Raises:
-            InitializationError: no pose could be found, with the reason.
+            InitializationError: no pose could be found in this frame, with the reason; the next one may show more.
         """
         ...

@@ -9,6 +9,7 @@ import numpy as np
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.estimate import Estimate
+from tracker.scene import Scene
 from tracker.start import Hypothesis
 
 # Poses whose landmarks lie this close together on average are one and the same.
@@ -16,6 +17,11 @@ _SAME_M = 0.06
 
 CoarseValues = dict[str, tuple[float, ...]]
 """Parameter -> values tried, degrees."""
+
+
+def with_held(scene: Scene, k: int, held: tuple[int, ...]) -> Scene:
+    """The persons whose poses are known, and person k as the last one."""
+    return Scene((*(scene.persons[other] for other in held), scene.persons[k]), scene.rig)
 
 
 def coarse_poses(body: BodyModel, starts: list[Array], turns_deg: Array, values: CoarseValues) -> Array:
@@ -51,6 +57,18 @@ def apart(body: BodyModel, poses: Array, distances: Array, rule: tuple[int, floa
             chosen.append(poses[i])
         if len(chosen) == rule[0]:
             break
+    return chosen
+
+
+def different(body: BodyModel, poses: Array, n: int, apart_m: float) -> list[Array]:
+    """The first n of poses (N, dof), best first, whose landmarks are so far apart on average, metres."""
+    marks = body.landmarks_in_world(poses)
+    left = np.arange(len(poses))
+    chosen: list[Array] = []
+    while len(left) and len(chosen) < n:
+        chosen.append(poses[left[0]])
+        gaps = np.linalg.norm(marks[left] - marks[left[0]], axis=2).mean(axis=1)
+        left = left[gaps >= apart_m]
     return chosen
 
 

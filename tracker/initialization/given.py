@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker.arrays import Array
+from tracker.arrays import Array, Image
 from tracker.body import BodyModel
 from tracker.components import FilePath, component
-from tracker.errors import InitializationError, nearest
+from tracker.errors import ConfigError, nearest
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.scene import Person, Scene
@@ -25,28 +25,46 @@ class GivenInitialization:
     poses: FilePath
     """CSV with the columns `frame`, `person` and every parameter with its unit (`torso_x_m`, ...)."""
 
+    def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
+        """Reads every pose that may be used; see `tracker.initialization.Initialization.check`."""
+        rows = _rows(self.poses)
+        for person in scene.persons:
+            for row in _rows_of(rows, person, self.poses):
+                _number(row, "frame", self.poses)
+                _parameters(row, person.body, self.poses)
+        return f"given, poses in {self.poses}"
+
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """The row of each person with the frame's number, or the nearest earlier one, or the first."""
         rows = _rows(self.poses)
         return Start(tuple(self._pose(rows, person, frame.index) for person in scene.persons))
 
     def _pose(self, rows: list[dict[str, str]], person: Person, index: int) -> Array:
-        mine = [row for row in rows if row.get("person") == person.name and row.get("status") != "lost"]
-        if not mine:
-            names = {row.get("person") or "" for row in rows}
-            raise InitializationError(f'{self.poses}: no pose of person "{person.name}"; {nearest(person.name, names)}')
+        mine = _rows_of(rows, person, self.poses)
         earlier = [row for row in mine if _number(row, "frame", self.poses) <= index]
         return _parameters(earlier[-1] if earlier else mine[0], person.body, self.poses)
 
 
+def _rows_of(rows: list[dict[str, str]], person: Person, path: Path) -> list[dict[str, str]]:
+    """The poses of one person, without those of frames in which it was lost."""
+    mine = [row for row in rows if row.get("person") == person.name and row.get("status") != "lost"]
+    if not mine:
+        names = {row.get("person") or "" for row in rows}
+        raise ConfigError(f'{path}: no start pose of person "{person.name}"; {nearest(person.name, names)}')
+    return mine
+
+
 def _rows(path: Path) -> list[dict[str, str]]:
+    if not path.is_file():
+        beside = [other.name for other in path.parent.glob("*.csv")] if path.parent.is_dir() else []
+        raise ConfigError(f"{path}: no such file of start poses; {nearest(path.name, beside)}")
     try:
-        with path.open(newline="") as file:
+        with path.open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InitializationError(f"{path}: cannot read the start poses: {error}") from error
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path}: cannot read the start poses: {error}") from error
     if not rows:
-        raise InitializationError(f"{path}: no start pose in it, expected the layout of poses.csv")
+        raise ConfigError(f"{path}: no start pose in it, expected the layout of poses.csv")
     return rows
 
 
@@ -54,7 +72,7 @@ def _parameters(row: dict[str, str], body: BodyModel, path: Path) -> Array:
     values = []
     for parameter in body.parameters:
         if parameter.column not in row:
-            raise InitializationError(
+            raise ConfigError(
                 f'{path}: no column "{parameter.column}" of model "{body.name}"; {nearest(parameter.column, row)}'
             )
         value = _number(row, parameter.column, path)
@@ -62,13 +80,25 @@ def _parameters(row: dict[str, str], body: BodyModel, path: Path) -> Array:
     pose = np.array(values)
     outside = (pose < body.limits[:, 0] - 1e-6) | (pose > body.limits[:, 1] + 1e-6)
     if outside.any():
-        name = body.names[int(np.flatnonzero(outside)[0])]
-        raise InitializationError(f'{path}: "{name}" is outside the joint limits of model "{body.name}"')
+        parameter = body.parameters[int(np.flatnonzero(outside)[0])]
+        low, high = (math.degrees(end) if parameter.rotates else end for end in parameter.limits)
+        raise ConfigError(
+            f'{path}: frame {row["frame"]}: "{parameter.column}" is {row[parameter.column]}, outside the limits '
+            f'{low:g} to {high:g} {parameter.unit} of model "{body.name}"'
+        )
     return pose
 
 
 def _number(row: dict[str, str], column: str, path: Path) -> float:
+    if column not in row:
+        raise ConfigError(f'{path}: no column "{column}"; {nearest(column, row)}')
     try:
-        return float(row[column])
-    except (KeyError, TypeError, ValueError) as error:
-        raise InitializationError(f'{path}: column "{column}": not a number: {row.get(column)!r}') from error
+        value = float(row[column])
+    except (TypeError, ValueError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise ConfigError(
+            f'{path}: frame {row.get("frame")}: "{column}" is {row[column]!r}, expected a finite number; '
+            'delete the row, or give it the status "lost"'
+        )
+    return value

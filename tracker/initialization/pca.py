@@ -10,13 +10,13 @@ import pydantic
 
 from tracker.arrays import Array, Image, Mask
 from tracker.components import component
-from tracker.errors import InitializationError
+from tracker.errors import ConfigError, InitializationError
 from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
 from tracker.imaging.background import difference, threshold_level
 from tracker.initialization import Stages
-from tracker.initialization._hypotheses import apart, coarse_poses, hypothesis, ranked, turned_round
+from tracker.initialization._hypotheses import apart, coarse_poses, hypothesis, ranked, turned_round, with_held
 from tracker.initialization._persons import Found, find_persons, in_order
 from tracker.initialization._placement import placements, without_legs
 from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
@@ -69,9 +69,21 @@ class PcaInitialization:
     finalists: int = pydantic.Field(default=3, ge=1)
     """Refined hypotheses, different from one another, that the run's own estimation decides between."""
 
+    def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
+        """Needs the plates of two views; see `tracker.initialization.Initialization.check`."""
+        lacking = [name for name, plate in zip(scene.rig.names, plates, strict=True) if plate is None]
+        n_plates = len(plates) - len(lacking)
+        if n_plates < 2:
+            raise ConfigError(
+                f"bootstrapping needs the background of at least two views, {n_plates} given (none of "
+                f'{", ".join(lacking)}): add `background = "background/{{view}}.png"` to [reading], or start without '
+                'plates by initialization = { use = "stance" } or { use = "given", poses = "start.csv" }'
+            )
+        return f"pca, the background plates of {n_plates} views"
+
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
-        masks = _foregrounds(frame, stages, scene)
+        masks = _foregrounds(frame, stages)
         stages.progress("bootstrapping: torso axis from the foreground")
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
         persons = tuple(scene.persons[k] for k in sought)
@@ -81,7 +93,7 @@ class PcaInitialization:
         ordered = in_order(found, persons, scene.rig, stages.seen_before)
         for k, person in zip(sought, ordered, strict=True):
             axes, evidence[k] = self._axes(without_legs(person, scene.persons[k].body, scene.rig), scene.rig)
-            hypotheses[k] = self._search(frame, _without(scene, k, stages.held), stages, person, axes)
+            hypotheses[k] = self._search(frame, with_held(scene, k, stages.held), stages, person, axes)
             scene = scene.with_pose(k, hypotheses[k][0].q)
         hypotheses = self._together(frame, scene, stages, ordered, hypotheses)
         confidences = (confidence(ranking) if ranking else 1.0 for ranking in hypotheses)
@@ -156,11 +168,6 @@ class PcaInitialization:
         return again
 
 
-def _without(scene: Scene, k: int, held: tuple[int, ...]) -> Scene:
-    """The persons whose poses are known, and person k as the last one."""
-    return Scene((*(scene.persons[other] for other in held), scene.persons[k]), scene.rig)
-
-
 def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> Frame:
     """The frame with the plates in place of all that is far from the persons found and the known ones.
 
@@ -179,18 +186,17 @@ def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> 
     return replace(frame, images=tuple(images))
 
 
-def _foregrounds(frame: Frame, stages: Stages, scene: Scene) -> tuple[Mask | None, ...]:
+def _foregrounds(frame: Frame, stages: Stages) -> tuple[Mask | None, ...]:
     """What has changed in each view, shadows included.
 
     What looks like a shadow may be skin, and in space a shadow is no thicker than the floor it lies on.
     """
-    known = [plate is not None for plate in stages.backgrounds]
-    if sum(known) < 2:
-        raise InitializationError(
-            f"bootstrapping needs the background of at least two views, {sum(known)} given: add "
-            '`background = "background/{view}.png"` to [reading], or use = "given" in [initialization]'
-        )
-    return tuple(
+    masks = tuple(
         None if image is None or plate is None else difference(image, plate) > threshold_level(image, plate, _SIGMAS)
         for image, plate in zip(frame.images, stages.backgrounds, strict=True)
     )
+    if (n_seen := sum(mask is not None for mask in masks)) < 2:
+        raise InitializationError(
+            f"frame {frame.index}: {n_seen} view(s) with a background plate have an image, expected at least two"
+        )
+    return masks

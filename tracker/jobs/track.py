@@ -74,7 +74,7 @@ class TrackJob:
     estimation: Estimation = standard("estimation", "hybrid")
     """How it is found."""
 
-    initialization: Initialization = standard("initialization", "pca")
+    initialization: Initialization = standard("initialization", "auto")
     """How it is found without a prediction."""
 
     loss: LossRule = LossRule()
@@ -107,7 +107,8 @@ class TrackJob:
         models = {subject.name: subject.description() for subject in self.persons}
         persons = tuple(Person(one.name, body, body.rest()) for one, body in ((p, p.body()) for p in self.persons))
         sequence = self.reading.open()
-        return OpenedTrack(sequence, Scene(persons, sequence.rig), models, done)
+        scene = Scene(persons, sequence.rig)
+        return OpenedTrack(sequence, scene, models, self.initialization.check(scene, sequence.backgrounds), done)
 
     def cycle(self, backgrounds: tuple[Image | None, ...], progress: Progress = silent) -> Cycle:
         """The tracking cycle of these components; a field of the cycle is one of the job, called the same.
@@ -125,10 +126,17 @@ class TrackJob:
         sequence = opened.sequence
         _save_inputs(opened, folder.path)
         progress(f"{self.name}: {sequence.n_frames} frames, results in {folder.path}")
-        if choice := getattr(self.synthesis, "choice", ""):
-            log.info("synthesis: %s", choice)
-            progress(f"synthesis: {choice}")
-        details = {"config": described(self), "versions": versions(), "inputs": self._input_hashes(sequence.rig.names)}
+        choices = {"synthesis": getattr(self.synthesis, "choice", ""), "initialization": opened.start}
+        for stage, choice in choices.items():
+            if choice:
+                log.info("%s: %s", stage, choice)
+                progress(f"{stage}: {choice}")
+        details = {
+            "config": described(self),
+            "choices": {stage: choice for stage, choice in choices.items() if choice},
+            "versions": versions(),
+            "inputs": self._input_hashes(sequence.rig.names),
+        }
         context = RunContext(
             name=self.name,
             folder=folder.path,
@@ -163,6 +171,9 @@ class OpenedTrack:
 
     models: Mapping[str, BodyDescription]
     """The scaled model of each person."""
+
+    start: str = ""
+    """What the start poses go by."""
 
     done: tuple[Replay, ...] = ()
     """Frames of an interrupted run."""

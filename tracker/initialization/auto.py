@@ -1,0 +1,49 @@
+"""Starts by what the recording has."""
+
+from __future__ import annotations
+
+from tracker.arrays import Image
+from tracker.components import FilePath, component
+from tracker.errors import ConfigError
+from tracker.frame import Frame
+from tracker.initialization import Initialization, Stages
+from tracker.initialization.given import GivenInitialization
+from tracker.initialization.pca import PcaInitialization
+from tracker.initialization.stance import StanceInitialization
+from tracker.scene import Scene
+from tracker.start import Start
+
+
+@component
+class AutoInitialization:
+    """Given poses if there are any; `pca` with the background plates of two views or more; `stance` without plates."""
+
+    poses: FilePath | None = None
+    """CSV of start poses, as for `given`. Who is lost later is looked for before the background plates, if two views
+    have one."""
+
+    pca: PcaInitialization = PcaInitialization()
+    """How persons are found before known backgrounds."""
+
+    stance: StanceInitialization = StanceInitialization()
+    """How a person is found without background plates."""
+
+    def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
+        """Refuses what the start chosen cannot do; see `tracker.initialization.Initialization.check`."""
+        n_plates = sum(plate is not None for plate in plates)
+        if n_plates == 1 and self.poses is None:
+            raise ConfigError(
+                "one view has a background plate, expected none or at least two: add the plates of the others to "
+                "[reading] background, or leave it out and the person is looked for on edges alone"
+            )
+        return self._chosen(plates).check(scene, plates)
+
+    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
+        return self._chosen(stages.backgrounds, stages.seen_before).start(frame, scene, stages)
+
+    def _chosen(self, plates: tuple[Image | None, ...], seen_before: bool = False) -> Initialization:
+        n_plates = sum(plate is not None for plate in plates)
+        if self.poses is not None and not (seen_before and n_plates >= 2):
+            return GivenInitialization(poses=self.poses)
+        return self.pca if n_plates else self.stance
