@@ -60,7 +60,7 @@ class RegionEvidence(Evidence):
     """How much wider the steps are while the pose may still be far off, at most; a factor."""
 
     slack: float = pydantic.Field(default=0.07, gt=0, lt=0.5)
-    """Probability that a place on a line belongs to the other side in spite of its colour."""
+    """Share of the places on a line that belong to the other side in spite of their colour, 0 to 1."""
 
     news: float = pydantic.Field(default=0.15, gt=0, le=1)
     """Weight of a new frame in the colour tables: half of what was known is forgotten in four frames."""
