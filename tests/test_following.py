@@ -155,6 +155,15 @@ def test_hidden_points_are_found_again_and_none_is_wrong(rig, frames, born):
     assert never[-1].alive[hidden].sum() == 0
 
 
+def test_points_that_were_all_hidden_at_once_are_found_again(rig, frames, born):
+    hiding = covered(frames, 3, 6, slice(0, SIZE[0]))
+    result = followed(rig, hiding, born[0])
+    assert not any(frame.alive.any() for frame in result[3:6])
+    off = np.linalg.norm(result[-1].positions - where(born[1], N_FRAMES - 1), axis=1)
+    assert result[-1].alive.mean() > 0.9
+    assert np.nanmax(off) < 2e-3
+
+
 def test_a_changing_pattern_gets_new_keys_and_says_so(rig, frames, born):
     def mixed(k):
         share = k / (N_FRAMES - 1)

@@ -227,8 +227,13 @@ def _lucas_kanade(back: _Back, start: _Start) -> PointFrame:
 
 
 def _hidden(table: Table, back: _Back) -> None:
+    for width_m, distance_m in ((0.10, 1.9), (0.25, 1.5)):
+        _behind(table, back, _Strip(back.rig, back.n_frames, width_m, distance_m))
+
+
+def _behind(table: Table, back: _Back, strip: _Strip) -> None:
+    """Points that a strip passes before; the wide one hides all of them from one view or another at a time."""
     start = back.start(N_POINTS)
-    strip = _Strip(back.rig, back.n_frames)
     frames, _ = _followed(back, start, Following(), strip.painted)
     covered = np.stack([strip.covered(k, back.rig.project(start.positions[k])) for k in range(back.n_frames)])
     shown = start.visible & ~covered
@@ -238,24 +243,26 @@ def _hidden(table: Table, back: _Back) -> None:
     lost_for_it = for_a_time & ~seen.all(axis=0)
     errors = _errors(start, last).distance_mm[lost_for_it]
     back_again = np.isfinite(errors)
-    note = f"{lost_for_it.sum()} of {for_a_time.sum()} points that a strip of 0.25 m passes before"
-    _row(table, "found again", 100 * float(back_again.mean()), "%", 85.0, True, note)
-    _row(table, "wrong among them", int((errors[back_again] > WRONG_MM).sum()), "", 0.0, False)
-    _row(table, "median error of them", float(np.median(errors[back_again])), "mm")
+    name = f"strip of {strip.width_m:g} m at {strip.distance_m:g} m"
+    alive = 100 * seen.mean(axis=1).min()
+    note = f"{lost_for_it.sum()} of {for_a_time.sum()} points that it hides for a time; {alive:.0f} % seen at the least"
+    _row(table, f"{name}: found again", 100 * float(back_again.mean()), "%", 85.0, True, note)
+    _row(table, f"{name}: wrong among them", int((errors[back_again] > WRONG_MM).sum()), "", 0.0, False)
+    if back_again.any():
+        _row(table, f"{name}: median error of them", float(np.median(errors[back_again])), "mm")
     behind = np.array([(seen[k] & covered[k].all(axis=0)).sum() for k in range(back.n_frames)])
     off = [
         (1000 * np.linalg.norm(f.positions - start.positions[k], axis=1)[covered[k].all(axis=0)] > WRONG_MM).sum()
         for k, f in enumerate(frames)
     ]
-    table.add_row("seen though covered in all views", str(int(behind.sum())), "", f"in all frames; {sum(off)} wrong")
+    table.add_row(f"{name}: seen though hidden", str(int(behind.sum())), "", f"in all views; {sum(off)} wrong")
 
 
 class _Strip:
     """A textured upright strip that passes between the cameras and the back."""
 
-    width_m, distance_m = 0.25, 1.5
-
-    def __init__(self, rig: Rig, n_frames: int) -> None:
+    def __init__(self, rig: Rig, n_frames: int, width_m: float, distance_m: float) -> None:
+        self.width_m, self.distance_m = width_m, distance_m
         centre = rig.cameras[CENTRE]
         self._axes = centre.camera_from_world[:3, :3]
         self._origin = centre.centre + self.distance_m * self._axes[2]
@@ -277,7 +284,7 @@ class _Strip:
 
     def _left(self, index: int) -> float:
         """Its left edge, m: outside the images at first and at last."""
-        return -0.75 + 1.25 * index / max(self._n - 1, 1)
+        return -0.75 + (1.5 - self.width_m) * index / max(self._n - 1, 1)
 
     def painted(self, index: int, images: tuple[Image, ...]) -> tuple[Image, ...]:
         """The images with the strip before the back."""
@@ -327,14 +334,16 @@ def _interlaced(table: Table, back: _Back) -> None:
 
 def _flat(table: Table, back: _Back) -> None:
     start, camera = back.start(N_POINTS), back.rig.cameras[CENTRE]
-    new = points_of_image(start.new.pixels[CENTRE])
-    frames = (replace(frame, images=frame.images[CENTRE : CENTRE + 1]) for frame in back.frames())
-    *_, (last, _) = follow(Following(), Preparation(), Rig((camera,)), frames, lambda frame: new)
-    errors = np.linalg.norm(last.pixels[0] - camera.project(start.positions[last.index]), axis=1)
-    visible = start.visible[:, CENTRE].all(axis=0)
-    _row(table, "centre view alone: median error", float(np.nanmedian(errors)), "px", 0.07)
-    _row(table, "left of those visible throughout", 100 * float(np.isfinite(errors[visible]).mean()), "%")
-    _row(table, "more than 1 px off", 100 * float((errors[np.isfinite(errors)] > 1).mean()), "%")
+    new, visible = points_of_image(start.new.pixels[CENTRE]), start.visible[:, CENTRE].all(axis=0)
+    for patch_px in (13, 21):
+        following = Following(matching=Following().matching.with_patch(patch_px))
+        frames = (replace(frame, images=frame.images[CENTRE : CENTRE + 1]) for frame in back.frames())
+        *_, (last, _) = follow(following, Preparation(), Rig((camera,)), frames, lambda frame: new)
+        errors = np.linalg.norm(last.pixels[0] - camera.project(start.positions[last.index]), axis=1)
+        name = f"centre view alone, {patch_px} px patches"
+        _row(table, f"{name}: median error", float(np.nanmedian(errors)), "px", 0.07)
+        _row(table, f"{name}: left of those visible", 100 * float(np.isfinite(errors[visible]).mean()), "%")
+        _row(table, f"{name}: more than 1 px off", 100 * float((errors[np.isfinite(errors)] > 1).mean()), "%")
 
 
 def _rate(table: Table, back: _Back) -> None:

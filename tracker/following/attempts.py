@@ -9,6 +9,7 @@ from tracker.following.checks import accept_found
 from tracker.following.keys import Keys, Starts, look
 from tracker.following.neighbours import expected
 from tracker.following.points import carried
+from tracker.following.scouts import chosen_scouts, correlated_keys, far_expectation
 from tracker.following.sightings import NewKeys, Sightings
 from tracker.following.starts import correlated, flow, led, predicted
 from tracker.point_trajectories import PointStatus
@@ -107,6 +108,16 @@ def look_for_previous(sightings: Sightings) -> None:
 
 def look_again(sightings: Sightings) -> None:
     """Hidden points are looked for where their neighbours expect them; those found are neighbours of the next round."""
+    lonely = _look_where_expected(sightings)
+    scouts = chosen_scouts(sightings.points, lonely)
+    if len(scouts):
+        _send(sightings, scouts)
+        if sightings.alive[scouts].any():
+            _look_where_expected(sightings)
+
+
+def _look_where_expected(sightings: Sightings) -> Integers:
+    """Returns the rows of those that nobody expects anywhere."""
     points, tried = sightings.points, np.zeros(len(sightings.points), dtype=np.bool_)
     for _ in range(_ROUNDS):
         rows = np.flatnonzero(~sightings.alive & ~tried)
@@ -115,9 +126,23 @@ def look_again(sightings: Sightings) -> None:
         known = np.stack([np.isfinite(expectation.pixels[:, 0]) for expectation in expectations])
         own = np.flatnonzero((known & usable).sum(axis=0) >= sightings.following.needed(points)[rows])
         if not len(own):
-            return
+            break
         tried[rows[own]] = True
         _look_for_hidden(sightings, rows[own], [expectation.select(own) for expectation in expectations])
+    return np.flatnonzero(~sightings.alive & ~tried)
+
+
+def _send(sightings: Sightings, rows: Integers) -> None:
+    """Looks for points that are far from all others: first by correlation in a wide box."""
+    points, half = sightings.points, sightings.following.matching.patch_px // 2
+    starts = []
+    for v, image in enumerate(sightings.present.images):
+        start = far_expectation(points, sightings.pixels, rows, v)
+        place = np.full_like(start.pixels, np.nan)
+        if image is not None:
+            place = correlated_keys(points.birth_keys[v], rows, image, start.pixels, half)
+        starts.append(Starts(place, start.affine))
+    _look_for_hidden(sightings, rows, starts)
 
 
 def _look_for_hidden(sightings: Sightings, rows: Integers, expectations: list[Starts]) -> None:

@@ -18,6 +18,11 @@ def accept_followed(sightings: Sightings) -> None:
     rows = np.flatnonzero(sightings.alive)
     residuals = sightings.intersect(rows)
     sightings.hide(rows[~(residuals <= sightings.following.max_residual_px)])
+    if sightings.following.template == "previous":
+        # the paper's test of every point in every frame (figure 7)
+        rows = np.flatnonzero(sightings.alive)
+        sightings.hide(rows[_differs_across(sightings, rows)])
+        return
     rows = np.flatnonzero(sightings.status == PointStatus.REKEYED)
     if len(rows):
         sightings.hide(rows[_surprising(sightings, rows) | _differs_across(sightings, rows)])

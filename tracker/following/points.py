@@ -67,6 +67,9 @@ class Points:
     before: Array
     """(V, N, 2) px in the frame before, NaN where not seen."""
 
+    last_pixels: Array
+    """(V, N, 2) px where they were seen last."""
+
     affine: Array
     """(V, N, 2, 2) from the key's image; the latest known one."""
 
@@ -180,7 +183,7 @@ class Points:
 
 _FIRST_AXIS = ("ids", "status", "positions", "neighbours", "since")
 _SECOND_AXIS = (
-    *("pixels", "before", "affine", "variances", "drift", "birth_pixels", "key_from_birth"),
+    *("pixels", "before", "last_pixels", "affine", "variances", "drift", "birth_pixels", "key_from_birth"),
     *("across", "birth_drift", "neighbour_pixels"),
 )
 
@@ -231,6 +234,7 @@ def born(new: NewPoints, keys: tuple[Keys, ...], living: Points | None, reach_px
         status=np.full(n, int(PointStatus.BORN)),
         pixels=pixels,
         before=np.full_like(pixels, np.nan),
+        last_pixels=pixels.copy(),
         affine=unit,
         variances=np.zeros((n_views, n, 3)),
         drift=new.variances.copy(),

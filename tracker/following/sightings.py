@@ -147,6 +147,7 @@ class Sightings:
             points.drift[new.view, rows] = new.drift[kept]
             points.key_from_birth[new.view, rows] = new.from_birth[kept]
         points.before, points.pixels = points.pixels, self.pixels
+        points.last_pixels = np.where(seen[..., None], self.pixels, points.last_pixels)
         points.affine = np.where(seen[..., None, None], self.affine, points.affine)
         points.variances = np.where(seen[..., None], self.variances, points.variances)
         points.positions = np.where(self.alive[:, None], self.positions, points.positions)
