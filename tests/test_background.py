@@ -68,7 +68,7 @@ def test_an_object_is_found_to_its_border(noise: float) -> None:
 
 @pytest.mark.parametrize("noise", [0.0, 2.0, 5.0, 10.0])
 def test_an_unchanged_background_has_no_foreground(noise: float) -> None:
-    anything, mask = changed(seen(plate(), noise), seen(plate(), noise, seed=2))
+    anything, mask, _ = changed(seen(plate(), noise), seen(plate(), noise, seed=2))
     assert anything.mean() < 1e-3
     assert not mask.any()
 
@@ -90,7 +90,7 @@ def test_the_threshold_is_so_many_deviations_of_the_noise(noise: float) -> None:
 def test_a_shadow_has_changed_but_is_no_foreground(share: float, noise: float) -> None:
     background = plate()
     image = with_shadow(with_object(background), share)
-    anything, mask = changed(seen(image, noise), seen(background, noise, seed=2))
+    anything, mask, _ = changed(seen(image, noise), seen(background, noise, seed=2))
     inside = FLOOR[0].start + 6, FLOOR[0].stop - 6, FLOOR[1].start + 6, FLOOR[1].stop - 6
     core = np.s_[inside[0] : inside[1], inside[2] : inside[3]]
     assert anything[core].mean() > 0.6
@@ -125,7 +125,7 @@ def with_soft_shadow(image: Image | Array, share: float, width: float, place: tu
 def test_a_soft_shadow_on_a_smooth_floor_is_no_foreground(share: float, noise: float) -> None:
     smooth = plate(texture=1.0)
     image = with_soft_shadow(with_object(smooth), share, 5.0)
-    anything, mask = changed(seen(image, noise), seen(smooth, noise, seed=2))
+    anything, mask, _ = changed(seen(image, noise), seen(smooth, noise, seed=2))
     assert anything[150:180, 220:280].all()
     assert overlap(mask, covering(BOX)) > 0.95
 
@@ -281,7 +281,7 @@ def test_a_read_only_plate_is_prepared_once_and_forgotten_with_its_picture() -> 
 
 def test_foreground_has_changed_up_to_closed_holes() -> None:
     image = seen(with_shadow(with_object(plate()), 0.6), 3.0)
-    anything, mask = changed(image, seen(plate(), 3.0, seed=2))
+    anything, mask, _ = changed(image, seen(plate(), 3.0, seed=2))
     closed = cv2.morphologyEx(anything.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8)) > 0
     assert not (mask & ~closed).any()
     np.testing.assert_array_equal(mask, foreground(image, seen(plate(), 3.0, seed=2)))
@@ -289,7 +289,7 @@ def test_foreground_has_changed_up_to_closed_holes() -> None:
 
 def test_specks_far_smaller_than_the_largest_region_are_removed() -> None:
     image = with_object(with_object(plate()), (slice(20, 26), slice(20, 26)))
-    anything, mask = changed(image, plate())
+    anything, mask, _ = changed(image, plate())
     assert anything[20:26, 20:26].all()
     assert not mask[20:26, 20:26].any()
     twins = with_object(with_object(plate()), (slice(60, 180), slice(20, 60)))
@@ -303,7 +303,7 @@ def test_a_region_of_interest_gives_what_the_whole_image_gives_inside(region: tu
     x, y, width, height = region
     # The filters reach 4 px over a border, the opening and closing 4 more.
     inner = np.s_[y + 8 : y + height - 8, x + 8 : x + width - 8]
-    for everywhere, within in zip(whole, part, strict=True):
+    for everywhere, within in zip(whole[:2], part[:2], strict=True):
         np.testing.assert_array_equal(within[inner], everywhere[inner])
         outside = np.ones(SIZE, dtype=np.bool_)
         outside[y : y + height, x : x + width] = False

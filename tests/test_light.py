@@ -136,12 +136,12 @@ def test_silhouettes_are_found_in_changed_light(
         assert image is not None
         assert plate is not None
         other = relit(image, fields(image.shape[:2])[kind])
-        after.append(overlap(changed(other, plate)[1], truth))
-        same.append(overlap(changed(image, plate)[1], truth))
+        after.append(overlap(changed(other, plate).foreground, truth))
+        same.append(overlap(changed(image, plate).foreground, truth))
         assert threshold_level(other, plate) < 40
         with monkeypatch.context() as without:
             without.setattr(background, "light_of", lambda now, plate: None)
-            before.append(overlap(changed(other, plate)[1], truth))
+            before.append(overlap(changed(other, plate).foreground, truth))
     assert np.mean(after) > np.mean(same) - 0.04
     assert np.mean(before) < np.mean(same) - 0.2
 
@@ -153,5 +153,5 @@ def test_a_rendered_person_is_found_in_changed_light(kind: str, data: Callable[[
     plate = cv2.imread(str(folder / "background" / "FRONT.png"))
     mask = cv2.imread(str(sorted((folder / "masks" / "FRONT").iterdir())[10]), cv2.IMREAD_GRAYSCALE)
     assert image is not None
-    found = changed(relit(image, fields(image.shape[:2])[kind]), plate)[1]
+    found = changed(relit(image, fields(image.shape[:2])[kind]), plate).foreground
     assert overlap(found, mask > 0) > 0.9

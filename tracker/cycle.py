@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -11,7 +11,7 @@ import numpy as np
 import pydantic
 
 from tracker.account import Account
-from tracker.arrays import Array, Image, frozen
+from tracker.arrays import Array, Image, Mask, frozen
 from tracker.body import BodyModel
 from tracker.comparison import Comparison
 from tracker.components import component
@@ -294,17 +294,26 @@ def _finished(
 ) -> Step:
     with clock("synthesis"):
         fitted: Contours = cycle.synthesis.contours(scene)
-        overlap = _overlap(scene, cycle, sight)
-    return Step(sight.frame, scene, estimates, fitted, clock.seconds, overlap, observed=observed)
+        foregrounds = [sight.silhouette(v) for v in range(len(scene.rig))]
+        looked = bool(sight.untrusted) or any(mask is not None for mask in foregrounds)
+        models = cycle.synthesis.silhouettes(scene) if looked else ()
+    step = Step(sight.frame, scene, estimates, fitted, clock.seconds, _overlap(models, foregrounds), observed=observed)
+    return replace(step, model_px=covered_px(models, estimates), untrusted=sight.untrusted)
 
 
-def _overlap(scene: Scene, cycle: Cycle, sight: Sight) -> Array | None:
+def covered_px(models: Sequence[Mask], estimates: Sequence[Estimate]) -> Array | None:
+    """Pixels (V,) of the model's silhouettes; None with nothing to compare them with, or a person lost."""
+    if not models or any(estimate.lost for estimate in estimates):
+        return None
+    return frozen([np.count_nonzero(mask) for mask in models])
+
+
+def _overlap(models: Sequence[Mask], foregrounds: Sequence[Mask | None]) -> Array | None:
     """Intersection over union (V,) of the model's and the foreground's silhouettes."""
-    foregrounds = [sight.silhouette(v) for v in range(len(scene.rig))]
-    if all(mask is None for mask in foregrounds):
+    if not models:
         return None
     shares = np.full(len(foregrounds), np.nan)
-    for v, (mask, foreground) in enumerate(zip(cycle.synthesis.silhouettes(scene), foregrounds, strict=True)):
+    for v, (mask, foreground) in enumerate(zip(models, foregrounds, strict=True)):
         if foreground is not None:
             union = np.count_nonzero(mask | foreground)
             shares[v] = np.count_nonzero(mask & foreground) / union if union else np.nan

@@ -27,6 +27,9 @@ class Doubts:
     ambiguous: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """Limb, with the person's name where there are several -> frames in which it may be elsewhere."""
 
+    untrusted: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """View -> frames in which its foreground was not used."""
+
     def after(self, step: Step) -> Doubts:
         """The doubts one frame on."""
         verdicts, frame = {estimate.verdict for estimate in step.estimates}, step.frame.index
@@ -36,12 +39,16 @@ class Doubts:
             for group in () if estimate.lost else estimate.ambiguous:
                 limb = whose + group.replace("_", " ")
                 ambiguous[limb] = (*ambiguous.get(limb, ()), frame)
+        untrusted = dict(self.untrusted)
+        for name in (step.scene.rig.names[v] for v in step.untrusted):
+            untrusted[name] = (*untrusted.get(name, ()), frame)
         lost, doubtful = Status.LOST in verdicts, Status.DOUBTFUL in verdicts and Status.LOST not in verdicts
         return Doubts(
             self.n_frames + 1,
             (*self.lost, frame) if lost else self.lost,
             (*self.doubtful, frame) if doubtful else self.doubtful,
             ambiguous,
+            untrusted,
         )
 
     @property
@@ -51,14 +58,15 @@ class Doubts:
 
     def sentence(self) -> str:
         """One line for the terminal: how many frames, which limbs, where to look."""
+        unused = [f"foreground of {view} not used in {len(f)}{_where(f)}" for view, f in sorted(self.untrusted.items())]
         if self.none:
-            return f"no frame of {self.n_frames} lost, doubtful or with an ambiguous limb"
+            return "; ".join([f"no frame of {self.n_frames} lost, doubtful or with an ambiguous limb", *unused])
         found = [f"of {self.n_frames} frames {len(self.lost)} lost{_where(self.lost)}"]
         if self.doubtful:
             found.append(f"{len(self.doubtful)} doubtful{_where(self.doubtful)}")
         for limb, frames in sorted(self.ambiguous.items(), key=lambda item: -len(item[1])):
             found.append(f"{limb} ambiguous in {len(frames)}{_where(frames)}")
-        return ", ".join(found)
+        return "; ".join([", ".join(found), *unused])
 
 
 def _where(frames: tuple[int, ...]) -> str:

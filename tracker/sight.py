@@ -6,11 +6,19 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from tracker.arrays import Image, Mask
+import numpy as np
+
+from tracker.arrays import Array, Image, Mask
 from tracker.frame import Frame
-from tracker.imaging.background import Region, changed
+from tracker.imaging.background import MOST_LEVEL, Region, changed
 
 _Found = TypeVar("_Found")
+
+
+# Foregrounds of 0.6 to 1.6 times the model's pixels were of use on ten recordings of persons scaled by their stature.
+_LEAST_SHARE, _MOST_SHARE = 0.6, 1.6
+# A model that covers less of a view than this is hardly in it.
+_LEAST_MODEL = 0.002
 
 
 @dataclass(frozen=True)
@@ -23,6 +31,9 @@ class Changes:
     silhouette: Mask
     """(H, W) the moving foreground."""
 
+    fault: str = ""
+    """Why it is not to be used; empty if it is."""
+
 
 class Sight:
     """The images of one frame with the clean plates. Whatever is found in a region of a view is found once.
@@ -30,10 +41,18 @@ class Sight:
     Several kinds of evidence share it, and a thread may look ahead in it while the frame before is being estimated.
     """
 
-    def __init__(self, frame: Frame, plates: tuple[Image | None, ...] = ()) -> None:
-        """Images and a clean plate for each view that has one; none for no plates at all."""
+    def __init__(self, frame: Frame, plates: tuple[Image | None, ...] = (), model_px: Array | None = None) -> None:
+        """The images, and what to compare them with.
+
+        Args:
+            frame: the images.
+            plates: a clean plate for each view that has one; none for no plates at all.
+            model_px: (V,) pixels that the persons covered shortly before: a foreground of quite another size is not
+                theirs. None where that is not known.
+        """
         self.frame = frame
         self.plates = plates or (None,) * len(frame.images)
+        self._model_px = model_px
         self._found: dict[tuple[Hashable, int], tuple[Region, Any]] = {}
 
     def once(self, key: Hashable, view: int, region: Region, find: Callable[[Region], _Found]) -> _Found:
@@ -59,16 +78,42 @@ class Sight:
         return kept is not None and _covers(kept[0], region)
 
     def changes(self, view: int, region: Region) -> Changes | None:
-        """What differs from the plate in a region; None where image or plate is missing."""
+        """What differs from the plate in a region; None where image or plate is missing, or not to be trusted."""
         image, plate = self.frame.images[view], self.plates[view]
         if image is None or plate is None:
             return None
-        return self.once(Changes, view, region, lambda where: Changes(*changed(image, plate, where)))
+
+        def find(where: Region) -> Changes:
+            found = changed(image, plate, where)
+            n_px = int(np.count_nonzero(found.foreground))
+            model_px = None if self._model_px is None else float(self._model_px[view])
+            return Changes(found.moving, found.foreground, _fault(found.level, n_px, model_px, image.shape))
+
+        found = self.once(Changes, view, region, find)
+        return None if found.fault else found
 
     def silhouette(self, view: int) -> Mask | None:
-        """The moving foreground (H, W) as far as it was looked for; None if it was not, or can't be."""
+        """The moving foreground (H, W) as far as it was looked for; None if it was not, or can't be trusted."""
         kept = self._found.get((Changes, view))
-        return None if kept is None else kept[1].silhouette
+        return None if kept is None or kept[1].fault else kept[1].silhouette
+
+    @property
+    def untrusted(self) -> dict[int, str]:
+        """View -> why its foreground was not used."""
+        found = {view: kept[1].fault for (key, view), kept in self._found.items() if key is Changes}
+        return {view: fault for view, fault in sorted(found.items()) if fault}
+
+
+def _fault(level: float, n_px: int, model_px: float | None, shape: tuple[int, ...]) -> str:
+    """Why a foreground of so many pixels is not to be used; empty if it is."""
+    if level > MOST_LEVEL:
+        return f"everything differs from the plate, by {level:.0f} grey levels: other light, or the camera was moved"
+    if model_px is None or model_px < _LEAST_MODEL * shape[0] * shape[1]:
+        return ""
+    share = n_px / model_px
+    if not _LEAST_SHARE <= share <= _MOST_SHARE:
+        return f"the foreground has {share:.1f} times the pixels of the model"
+    return ""
 
 
 def _covers(region: Region, other: Region) -> bool:

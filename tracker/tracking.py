@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 
-from tracker.cycle import Clock, Cycle, State, advance, bootstrap
+from tracker.cycle import Clock, Cycle, State, advance, bootstrap, covered_px
 from tracker.frame import Frame
 from tracker.rehearsal import Reopen, rehearsed
 from tracker.scene import Scene
@@ -95,7 +96,7 @@ class _Ahead:
         frame = next(self._frames, None)
         if frame is None:
             return None
-        sight = Sight(frame, self._cycle.backgrounds)
+        sight = Sight(frame, self._cycle.backgrounds, None if before is None else before.model_px)
         if before is not None and frame.index not in self._replays:
             self._cycle.evidence.look(sight, before.fitted)
         return sight
@@ -104,4 +105,7 @@ class _Ahead:
 def _replayed(frame: Frame, scene: Scene, cycle: Cycle, replay: Replay) -> Step:
     scene = scene.with_poses(tuple(estimate.q for estimate in replay.estimates))
     fitted = cycle.synthesis.contours(scene)
-    return Step(frame, scene, replay.estimates, fitted, dict(replay.seconds), replay.overlap)
+    compared = replay.overlap is not None
+    model_px = covered_px(cycle.synthesis.silhouettes(scene) if compared else (), replay.estimates)
+    step = Step(frame, scene, replay.estimates, fitted, dict(replay.seconds), replay.overlap)
+    return replace(step, model_px=model_px, untrusted=replay.untrusted)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -35,6 +36,12 @@ class Step:
     overlap: Array | None = None
     """(V,) intersection over union of model and foreground silhouettes; NaN where unknown."""
 
+    model_px: Array | None = None
+    """(V,) pixels that the persons cover; None without plates, or with a person lost."""
+
+    untrusted: Mapping[int, str] = field(default_factory=dict)
+    """View -> why its foreground was not used."""
+
     start: Start | None = None
     """Evidence of the bootstrapping, in the frame in which it happened."""
 
@@ -58,6 +65,9 @@ class Replay:
     seconds: dict[str, float]
     overlap: Array | None
     """(V,) as in `Step`."""
+
+    untrusted: Mapping[int, str] = field(default_factory=dict)
+    """As in `Step`."""
 
 
 # Weight of a new frame in what is usual: half of it is forgotten in 6 frames.

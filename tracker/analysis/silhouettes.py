@@ -57,11 +57,12 @@ class SilhouetteAnalysis(Analysis):
             views.append(None if image is None else self._observe_view(sight, v, image, samples))
         return Observation(tuple(views))
 
-    def _observe_view(self, sight: Sight, v: int, image: Image, samples: Array32 | None) -> ViewObservation:
+    def _observe_view(self, sight: Sight, v: int, image: Image, samples: Array32 | None) -> ViewObservation | None:
         size = image.shape[1], image.shape[0]
         region = (0, 0, *size) if samples is None else region_around(samples, size, self.margin_px)
         changes = sight.changes(v, region)
-        assert changes is not None
+        if changes is None:  # not to be trusted
+            return None
         gradients = gradient(cv2.convertScaleAbs(changes.silhouette.astype(np.uint8), alpha=255), self.smoothing_px)
         found = segment_edges(canny(gradients, 10.0, 20.0), gradients, (4, float(np.radians(20.0)), 8))
         trusted = np.ones(len(found.points), dtype=np.bool_)

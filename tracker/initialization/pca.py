@@ -14,7 +14,7 @@ from tracker.errors import ConfigError, InitializationError
 from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
-from tracker.imaging.background import difference, threshold_level
+from tracker.imaging.background import departing, in_light_of
 from tracker.initialization import Stages
 from tracker.initialization._hypotheses import apart, coarse_poses, hypothesis, ranked, turned_round, with_held
 from tracker.initialization._persons import Found, find_persons, in_order
@@ -83,7 +83,7 @@ class PcaInitialization:
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
-        masks = _foregrounds(frame, stages)
+        masks = _foregrounds(frame, stages, scene)
         stages.progress("bootstrapping: torso axis from the foreground")
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
         persons = tuple(scene.persons[k] for k in sought)
@@ -182,21 +182,23 @@ def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> 
             continue
         points = [*(person.points for person in found), *held]
         near = np.any([shadow(scene.rig, v, places, _AROUND_M) for places in points], axis=0)
-        images.append(np.where(near[..., None], image, plate))
+        images.append(np.where(near[..., None], image, in_light_of(image, plate)))
     return replace(frame, images=tuple(images))
 
 
-def _foregrounds(frame: Frame, stages: Stages) -> tuple[Mask | None, ...]:
+def _foregrounds(frame: Frame, stages: Stages, scene: Scene) -> tuple[Mask | None, ...]:
     """What has changed in each view, shadows included.
 
     What looks like a shadow may be skin, and in space a shadow is no thicker than the floor it lies on.
     """
-    masks = tuple(
-        None if image is None or plate is None else difference(image, plate) > threshold_level(image, plate, _SIGMAS)
+    found = tuple(
+        None if image is None or plate is None else departing(image, plate, _SIGMAS)
         for image, plate in zip(frame.images, stages.backgrounds, strict=True)
     )
-    if (n_seen := sum(mask is not None for mask in masks)) < 2:
+    if sum(mask is not None for mask in found) < 2:
+        names = ", ".join(name for name, mask in zip(scene.rig.names, found, strict=True) if mask is None)
         raise InitializationError(
-            f"frame {frame.index}: {n_seen} view(s) with a background plate have an image, expected at least two"
+            f"frame {frame.index}: no foreground in {names}: the images are missing or differ everywhere from the "
+            "background plates; take plates in this light, with the cameras where they are"
         )
-    return masks
+    return found

@@ -276,6 +276,8 @@ def _log_step(step: Step) -> None:
     if step.start is not None:
         for person, sure in zip(step.scene.persons, step.start.confidence, strict=False):
             log.info("frame %d %s start pose of confidence %.2f", step.frame.index, person.name, sure)
+    for v, fault in step.untrusted.items():
+        log.info("frame %d: foreground of view %s not used: %s", step.frame.index, step.scene.rig.names[v], fault)
     if step.frame.missing:
         log.warning("frame %d: views %s are missing", step.frame.index, step.frame.missing)
 

@@ -38,6 +38,7 @@ class Series:
     overlaps: list[Array] = field(default_factory=list)
     seconds: list[dict[str, float]] = field(default_factory=list)
     missing: Counter[str] = field(default_factory=Counter)
+    untrusted: Counter[str] = field(default_factory=Counter)
 
     def add(self, step: Step) -> None:
         """Takes the numbers of one frame."""
@@ -53,6 +54,7 @@ class Series:
         self.overlaps.append(missing if step.overlap is None else step.overlap)
         self.seconds.append(step.seconds)
         self.missing.update(self.scene.rig.names[v] for v in step.frame.missing)
+        self.untrusted.update(self.scene.rig.names[v] for v in step.untrusted)
 
     def spans(self) -> Array:
         """(T, 2) begin and end of the time that each frame stands for, seconds: half-way to its neighbours."""
@@ -100,6 +102,7 @@ class Series:
             "seconds_per_frame_by_stage": {k: v / len(self.frames) for k, v in stages.items()},
             "silhouette_iou": self.mean_overlap(),
             "frames_without_image": dict(self.missing),
+            "frames_without_trusted_foreground": dict(self.untrusted),
         }
 
 

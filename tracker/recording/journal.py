@@ -50,6 +50,7 @@ class JournalRecorder:
             "time_s": step.frame.time_s,
             "seconds": step.seconds,
             "overlap": None if step.overlap is None else step.overlap.tolist(),
+            "untrusted": {str(v): fault for v, fault in step.untrusted.items()},
             "estimates": [_to_json(estimate) for estimate in step.estimates],
         }
         self._file.write(json.dumps(line) + "\n")
@@ -78,7 +79,7 @@ def read_journal(folder: Path) -> list[Replay]:
     for n, line in enumerate(lines, start=1):
         try:
             replays.append(_replay(json.loads(line)))
-        except (json.JSONDecodeError, KeyError, TypeError, ValueError) as error:
+        except (json.JSONDecodeError, KeyError, AttributeError, TypeError, ValueError) as error:
             if n < len(lines):
                 raise SequenceError(f"{path}: line {n} is damaged ({error}); run without --resume") from error
     return replays
@@ -109,6 +110,7 @@ def _replay(entry: dict[str, Any]) -> Replay:
         estimates=tuple(_estimate(values) for values in entry["estimates"]),
         seconds={str(stage): float(value) for stage, value in entry["seconds"].items()},
         overlap=None if overlap is None else _array(overlap),
+        untrusted={int(v): str(fault) for v, fault in entry["untrusted"].items()},
     )
 
 

@@ -1,0 +1,110 @@
+"""What is seen in a frame against the plates: found once, in a region, and not used where it can't be right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from recordings import TrueStart, cycle_for, small_simulation, with_images
+
+from tracker.arrays import Image
+from tracker.doubts import Doubts
+from tracker.errors import InitializationError
+from tracker.frame import Frame
+from tracker.imaging.background import changed
+from tracker.initialization.pca import PcaInitialization
+from tracker.sight import Sight
+from tracker.simulation.sequence import Simulation
+from tracker.tracking import track
+
+SIZE = 240, 320
+WHOLE = 0, 0, SIZE[1], SIZE[0]
+PERSON = slice(60, 180), slice(140, 180)
+
+
+def picture(seed: int) -> Image:
+    """A coloured texture."""
+    grain = cv2.GaussianBlur(np.random.default_rng(seed).standard_normal((*SIZE, 3)).astype(np.float32), (0, 0), 3.0)
+    textured: Image = np.clip(110 + 300 * grain, 10, 240).astype(np.uint8)
+    return textured
+
+
+def with_person(plate: Image) -> Frame:
+    image = plate.copy()
+    image[PERSON] = (30, 40, 200)
+    return Frame(7, 0.28, (image,))
+
+
+def test_changes_are_found_once_and_again_in_a_larger_region() -> None:
+    plate = picture(1)
+    sight = Sight(with_person(plate), (plate,))
+    assert sight.silhouette(0) is None
+    whole = sight.changes(0, WHOLE)
+    assert whole is not None
+    assert sight.changes(0, (100, 20, 150, 200)) is whole
+    expected = changed(with_person(plate).images[0], plate)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(whole.silhouette, expected.foreground)
+    part = Sight(with_person(plate), (plate,))
+    assert part.changes(0, (0, 0, 100, 240)) is not part.changes(0, WHOLE)
+    assert sight.untrusted == {}
+
+
+def test_without_plate_or_image_nothing_has_changed() -> None:
+    plate = picture(1)
+    assert Sight(with_person(plate)).changes(0, WHOLE) is None
+    assert Sight(Frame(0, 0.0, (None,)), (plate,)).changes(0, WHOLE) is None
+
+
+@pytest.mark.parametrize(
+    ("ratio", "fault"), [(1.0, ""), (0.65, ""), (1.5, ""), (0.4, "times the pixels of the model"), (2.5, "times")]
+)
+def test_a_foreground_of_another_size_than_the_model_is_not_used(ratio: float, fault: str) -> None:
+    plate = picture(2)
+    found = int(changed(with_person(plate).images[0], plate).foreground.sum())  # type: ignore[arg-type]
+    sight = Sight(with_person(plate), (plate,), np.array([found / ratio]))
+    assert (sight.changes(0, WHOLE) is None) == bool(fault)
+    assert (sight.silhouette(0) is None) == bool(fault)
+    assert list(sight.untrusted) == ([0] if fault else [])
+    assert fault in sight.untrusted.get(0, "")
+
+
+def test_a_model_that_is_hardly_in_the_view_tells_nothing() -> None:
+    plate = picture(2)
+    assert Sight(with_person(plate), (plate,), np.array([20.0])).changes(0, WHOLE) is not None
+
+
+def test_the_plate_of_another_place_is_not_used() -> None:
+    sight = Sight(with_person(picture(3)), (picture(4),))
+    assert sight.changes(0, WHOLE) is None
+    assert "everything differs from the plate" in sight.untrusted[0]
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    return small_simulation("arm_swing", n_frames=5)
+
+
+def moved(index: int, view: int, image: Image | None) -> Image | None:
+    """View 1 is pushed sideways at frame 3."""
+    return np.roll(image, 40, axis=1) if image is not None and view == 1 and index >= 3 else image
+
+
+def test_a_run_goes_on_without_the_foreground_of_a_view_and_says_so(simulation: Simulation) -> None:
+    cycle = cycle_for(simulation, TrueStart(simulation))
+    doubts, steps = Doubts(), []
+    for step in track(with_images(simulation, moved), simulation.scene, cycle):
+        doubts = doubts.after(step)
+        steps.append(step)
+    assert [list(step.untrusted) for step in steps[:3]] == [[], [], []]
+    assert all(1 in step.untrusted for step in steps[3:])
+    assert steps[1].model_px is not None
+    assert f"foreground of {simulation.scene.rig.names[1]} not used in 2 (frames 3-4)" in doubts.sentence()
+
+
+def test_a_start_in_another_room_is_refused(simulation: Simulation) -> None:
+    cycle = replace(cycle_for(simulation, PcaInitialization()))
+    other = with_images(simulation, lambda index, view, image: None if image is None else np.roll(image, 60, axis=1))
+    with pytest.raises(InitializationError, match="differ everywhere from the background plates"):
+        cycle.initialization.start(next(other), simulation.scene, cycle.stages)
