@@ -190,6 +190,14 @@ def test_one_view_is_followed_in_its_image(rig, frames, born):
     assert np.isnan(result[-1].positions).all()
 
 
+def test_a_lonely_point_of_one_view_waits_where_it_was_seen_last(frames, rig):
+    still = [replace(frames[0], index=k, images=frames[0].images[1:2]) for k in range(6)]
+    hiding = covered(still, 2, 4, slice(0, SIZE[0]))
+    result = followed(Rig(rig.cameras[1:2]), hiding, points_of_image(np.array([[100.0, 80.0]])))
+    assert [bool(frame.alive[0]) for frame in result] == [True, True, False, False, True, True]
+    np.testing.assert_allclose(result[-1].pixels[0], [[100.0, 80.0]], atol=1e-3)
+
+
 def test_a_frame_without_an_image_shows_no_points_and_loses_none(rig, frames, born, result):
     holed = [replace(f, images=(f.images[0], None, f.images[2])) if f.index == 4 else f for f in frames]
     result = followed(rig, holed, born[0])

@@ -133,11 +133,17 @@ def _look_where_expected(sightings: Sightings) -> Integers:
 
 
 def _send(sightings: Sightings, rows: Integers) -> None:
-    """Looks for points that are far from all others: first by correlation in a wide box."""
+    """Looks for points that are far from all others: first by correlation in a wide box.
+
+    What that finds must be checked by other views. A view alone looks for them where they were seen last.
+    """
     points, half = sightings.points, sightings.following.matching.patch_px // 2
     starts = []
     for v, image in enumerate(sightings.present.images):
         start = far_expectation(points, sightings.pixels, rows, v)
+        if points.n_views == 1:
+            starts.append(Starts(points.last_pixels[v, rows], start.affine))
+            continue
         place = np.full_like(start.pixels, np.nan)
         if image is not None:
             place = correlated_keys(points.birth_keys[v], rows, image, start.pixels, half)

@@ -16,6 +16,7 @@ def report_html(name: str, summary: Mapping[str, object], folder: Path) -> str:
     rows = "".join(
         f"<tr><td>{html.escape(key.removeprefix('n_').replace('_', ' '))}</td><td>{_shown(value)}</td></tr>"
         for key, value in summary.items()
+        if value is not None
     )
     pictures = [*sorted(folder.glob("points_*.jpg")), folder / "trajectories.png", folder / "counts.png"]
     parts = [_picture(path) for path in pictures if path.is_file()]

@@ -20,11 +20,7 @@ _SPLINE = np.array([1, 4, 1], dtype=np.float64) / 6
 
 
 def chosen_scouts(points: Points, lonely: Integers) -> Integers:
-    """Rows of no more than 200 hidden points, others in every frame, but the same when a run is resumed.
-
-    A single view cannot check what such a search finds: its points wait for their neighbours.
-    """
-    lonely = lonely[points.needed[lonely] > 1]
+    """Rows of no more than 200 hidden points, others in every frame, but the same when a run is resumed."""
     order = np.argsort(((points.ids[lonely] + 7919 * points.since[lonely]) * 2654435761) % 2**32, kind="stable")
     return lonely[order[:_N_SCOUTS]]
 

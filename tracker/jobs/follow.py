@@ -310,8 +310,11 @@ class Summary:
     """Steps that the filters took for false."""
 
     n_removed: int
-    median_sigma_mm: float
-    """Point error in the last frame, root of the sum of the three variances; px in 2-D mode, two of them."""
+    median_sigma_mm: float | None
+    """Point error in the last frame, root of the sum of the three variances; None in 2-D mode or without points."""
+
+    median_sigma_px: float | None
+    """The same of the image of one view, in 2-D mode."""
 
     points_a_second: float
     interrupted: bool
@@ -327,7 +330,7 @@ class FollowOutcome(Summary):
 def _summary(whole: PointTrajectories, filtered: Filtered | None, counts: Counts) -> Summary:
     seen = whole.seen
     sigma = np.sqrt((whole.sigmas[-1] ** 2).sum(axis=1))
-    scale = 1.0 if whole.flat else 1000.0
+    usual = float(np.median(sigma[seen[-1]])) if seen[-1].any() else None
     return Summary(
         n_frames=len(whole.frames),
         n_points=len(whole.ids),
@@ -337,7 +340,8 @@ def _summary(whole: PointTrajectories, filtered: Filtered | None, counts: Counts
         n_found_again=int((whole.status == PointStatus.FOUND_AGAIN).sum()),
         n_cut=0 if filtered is None else filtered.n_fast + filtered.n_unlike,
         n_removed=0 if filtered is None else filtered.n_removed,
-        median_sigma_mm=float(scale * np.median(sigma[seen[-1]])) if seen[-1].any() else float("nan"),
+        median_sigma_mm=None if whole.flat or usual is None else 1000 * usual,
+        median_sigma_px=usual if whole.flat else None,
         points_a_second=round(float(seen.sum() / max(counts.seconds, 1e-9))),
         interrupted=counts.interrupted,
     )
