@@ -42,17 +42,36 @@ def memory(scene: Scene, sight: Sight) -> Colours:
     return learned
 
 
-def asked(scene: Scene, sight: Sight, memory: Colours | None, near: Scene | None = None) -> Comparison:
-    return Comparison(scene, 0, SYNTHESIS, EVIDENCE.observe(sight, SYNTHESIS.contours(near or scene), memory))
+def asked(scene: Scene, sight: Sight, memory: Colours | None, blind: bool = False) -> Comparison:
+    expected = None if blind else SYNTHESIS.contours(scene)
+    return Comparison(scene, 0, SYNTHESIS, EVIDENCE.observe(sight, expected, memory))
 
 
 def test_before_anything_is_learnt_it_is_silent(scene: Scene, sight: Sight) -> None:
-    question, q = asked(scene, sight, None), scene.persons[0].q
+    question, q = asked(scene, sight, None, blind=True), scene.persons[0].q
     assert not EVIDENCE.distances(question, np.stack([q, q + 0.1])).any()
     assert EVIDENCE.equations(question, q, 10.0).total == 0
     account = EVIDENCE.account(question, q)
     assert account.distance_px == 0
     assert not account.visible_px.any()
+
+
+def test_a_start_pose_teaches_the_first_frame(scene: Scene, sight: Sight, memory: Colours) -> None:
+    q = scene.persons[0].q
+    poses = np.stack([q, scene.persons[0].body.clamped(q + 0.1)])
+    known, first = (EVIDENCE.distances(asked(scene, sight, one), poses) for one in (memory, None))
+    np.testing.assert_array_equal(first, known)
+
+
+def test_a_wrong_start_pose_is_not_confirmed_by_its_own_colours(scene: Scene, sight: Sight, body: BodyModel) -> None:
+    """An arm taken to be where there is none has the same colours on both sides."""
+    q = scene.persons[0].q.copy()
+    q[body.index("left_arm_abduction")] += np.radians(70)
+    wrong = scene.with_pose(0, body.clamped(q))
+    account = EVIDENCE.account(asked(wrong, sight, None), wrong.persons[0].q)
+    arm = body.parts_of("left_arm")
+    assert account.of(arm).explained < 0.5
+    assert account.of(~arm).explained > 0.8
 
 
 def test_at_the_truth_nearly_all_contours_are_explained(scene: Scene, sight: Sight, memory: Colours) -> None:

@@ -28,10 +28,15 @@ def half_extents(scene: Scene) -> Array:
 
 def beside_of(scene: Scene, contours: Contours) -> Integers:
     """What `parts_beside` finds at the scene's poses."""
-    found = np.full((*contours.parts.shape[1:], 2), -5, dtype=np.int64)
+    return all_beside(scene, scene.world_from_parts(), contours)[0]
+
+
+def all_beside(scene: Scene, placements: Array, contours: Contours) -> Integers:
+    """What it finds with the parts at placements (B, P, 4, 4)."""
+    found = np.full((*contours.parts.shape, 2), -5, dtype=np.int64)
     bounds = _grids(scene.shapes, 9, 16)[2]
-    placements = scene.world_from_parts()
-    parts_beside(placements, scene.shapes, bounds, scene.rig.packed, samples_of(contours), RULE.step_m, found)
+    samples = contours.positions, contours.points, contours.parts, contours.counts
+    parts_beside(placements, scene.shapes, bounds, scene.rig.packed, *samples, RULE.step_m, found)
     return found
 
 
@@ -189,7 +194,8 @@ def test_scores_equal_their_plain_twin(truth: Scene, body: BodyModel) -> None:
     misfits = np.zeros((3, 4, len(truth.shapes), 3))
     wanted = np.ones(len(truth.shapes), dtype=np.bool_)
     columns = contours.positions, contours.points, contours.parts, contours.counts
-    score_lines(encoded(images), looks, *columns, truth.rig.packed, wanted, RULE, misfits)
+    beside = all_beside(truth, truth.world_from_parts(0, poses), contours)
+    score_lines(encoded(images), looks, *columns, beside, truth.rig.packed, wanted, RULE, misfits)
     for b, v in np.ndindex(3, 4):
         view = contours.of(v, b)
         steps = steps_px(truth.rig, v, view.points.astype(np.float64))
@@ -202,12 +208,16 @@ def test_scores_equal_their_plain_twin(truth: Scene, body: BodyModel) -> None:
             for side in (-1, 1):
                 pixels = view.pixels[m] + side * along[:, None] * steps[m] * view.normals[m]
                 colour = colour_numbers(images[v], pixels)
-                share = np.where(colour < 0, 127, looks.posteriors[v, p, colour]) / 254
+                other = np.where((side < 0) | (along < np.mean(SPOTS)), beside[b, v, m, 0], beside[b, v, m, 1])
+                share = looks.posteriors[v, p, colour] / 254
+                for s in np.flatnonzero(other >= 0):
+                    own, theirs = (looks.tables.inside[v, q, colour[s]] + RULE.floor for q in (p, other[s]))
+                    share[s] = np.clip(own / (own + theirs), 0.018, 0.982)
+                share[colour < 0] = 0.5
                 kept = (along * steps[m] < deep[m]) | (along == 1.5) if side < 0 else along > 0
                 read.append(share[kept].mean())
-            wrong = (1 - read[0] + read[1]) * 8 * steps[m]
-            good = read[0] > 0.55 and read[1] < 0.62
-            expected[p] += view.weights[m] * np.array([1.0, wrong, good])
+            wrong = (1 - read[0] + read[1]) / 2
+            expected[p] += view.weights[m] * np.array([1.0, wrong * 16 * steps[m], wrong < 0.45])
         np.testing.assert_allclose(misfits[b, v, :, 0], expected[:, 0], rtol=1e-6)
         np.testing.assert_allclose(misfits[b, v, :, 1:], expected[:, 1:], rtol=0.06, atol=60)
 
@@ -288,11 +298,13 @@ def test_scores_tell_the_true_pose(near: Scene, body: BodyModel) -> None:
     picture, looks, _ = learnt(near, painted(near, COLOURS[: len(near.shapes) + 1], noise=8.0))
     q = near.persons[0].q
     off = np.random.default_rng(4).choice([-1, 1], (20, body.dof)) * np.where(body.rotates, np.radians(6), 0.02)
-    contours = CpuSynthesis().contours(near, 0, np.concatenate([q[None], q + off]))
+    poses = np.concatenate([q[None], q + off])
+    contours = CpuSynthesis().contours(near, 0, poses)
+    beside = all_beside(near, near.world_from_parts(0, poses), contours)
     misfits = np.zeros((21, 4, len(near.shapes), 3))
     columns = contours.positions, contours.points, contours.parts, contours.counts
     wanted = np.ones(len(near.shapes), dtype=np.bool_)
-    score_lines(picture, looks, *columns, near.rig.packed, wanted, RULE, misfits)
+    score_lines(picture, looks, *columns, beside, near.rig.packed, wanted, RULE, misfits)
     wrong = misfits[..., 1].sum(axis=(1, 2)) / misfits[..., 0].sum(axis=(1, 2))
     explained = misfits[..., 2].sum(axis=(1, 2)) / misfits[..., 0].sum(axis=(1, 2))
     assert wrong.argmin() == 0

@@ -6,7 +6,7 @@ Needs no clean plates. After M. Stoiber et al., A Sparse Gaussian Approach to Re
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from functools import partial
 
 import numpy as np
@@ -42,13 +42,32 @@ class ObservedRegions:
     """The colours around the persons, and what is known of them."""
 
     picture: Picture
-    colours: Colours | None
-    """None before anything was learnt."""
+    memory: Colours | None
+    """What the frames before have taught."""
+
+    expected: Contours | None
+    """Contours of the prediction: teach the colours where there was no frame before."""
+
+    _first: list[Colours] = field(default_factory=list, repr=False, compare=False)
+
+    def colours(self, scene: Scene, spans: tuple[float, float]) -> Colours | None:
+        """The colours known, of a scene at about the predicted poses; None if nothing was predicted either.
+
+        A first pose judged by its own colours is not confirmed by them: a limb that lies on the background finds the
+        same colours on both sides of its contour.
+        """
+        if self.memory is None and self.expected is not None and not self._first:
+            everybody = np.ones(len(scene.persons), dtype=np.bool_)
+            self._first.append(_taught(None, self.picture, scene, self.expected, everybody, spans))
+        return self._first[0] if self._first else self.memory
 
 
 @component
 class RegionEvidence(Evidence):
-    """Colour of the parts on lines across their contours; silent until a first pose has taught it the colours."""
+    """Colour of the parts on lines across their contours, learnt from the poses of trusted persons.
+
+    In a first frame the colours are those at the start pose; where there is none it is silent.
+    """
 
     step_m: float = pydantic.Field(default=0.005, gt=0)
     """Distance of the places on a line on the body, metres; never less than a pixel."""
@@ -74,39 +93,39 @@ class RegionEvidence(Evidence):
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Colours | None = None) -> ObservedRegions:
         """Colours around the persons; see `tracker.evidence.Evidence.observe`."""
-        return ObservedRegions(self._picture(sight, expected, self.around_px), memory)
+        return ObservedRegions(self._picture(sight, expected, self.around_px), memory, expected)
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) how much of a line across the contour lies on the wrong side, averaged over contour and views, px."""
-        if asked.observed.colours is None:
+        misfits = self._misfits(asked, poses)
+        if misfits is None:
             return np.zeros(len(poses))
-        misfits = self._misfits(asked, poses).sum(axis=2)
-        return over_views(_mean_px(misfits), _NOTHING_PX)
+        return over_views(_mean_px(misfits.sum(axis=2)), _NOTHING_PX)
 
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
         """Moves the contours to where the colours change; see `find_shifts`."""
-        body, colours = asked.body, asked.observed.colours
+        body, colours = asked.body, self._colours(asked)
         if colours is None:
             return Equations.nothing(body.dof)
-        samples, cameras = _samples_of(asked.fine(q)), asked.scene.rig.packed
-        beside = _seen_beside(asked.scene, asked.scene.world_from_parts(asked.person, q[None]), samples, self.step_m)
+        contours, cameras = asked.fine(q), asked.scene.rig.packed
+        samples = _samples_of(contours)
+        placements = asked.scene.world_from_parts(asked.person, q[None])
+        beside = _seen_beside(asked.scene, placements, contours, self.step_m)[0]
+        picture, wanted, rule = asked.observed.picture, asked.ends > -2, self._rule(gate_px)
         shifts = np.empty((*samples.parts.shape, 3), dtype=np.float32)
-        wanted = asked.ends > -2
-        find_shifts(
-            asked.observed.picture, colours.looks, samples, beside, cameras, wanted, self._rule(gate_px), shifts
-        )
+        find_shifts(picture, colours.looks, samples, beside, cameras, wanted, rule, shifts)
         found = shift_equations(shifts, samples, asked.ends, cameras, body.twists(q), body.moves, _PX_PER_OBSERVATION)
         return Equations(*found)
 
     def account(self, asked: Comparison, q: Array) -> Account:
         """Contour with the right colours on both sides is explained; a region misses nothing of the images."""
         n_views, n_parts = len(asked.scene.rig), len(asked.body.parts)
-        if asked.observed.colours is None:
+        misfits = self._misfits(asked, q[None])
+        if misfits is None:
             nothing = np.zeros(n_parts)
             return Account(0.0, np.full(n_views, np.nan), np.full(n_parts, np.nan), nothing, nothing, nothing)
-        misfits = self._misfits(asked, q[None])[0]
-        per_view, per_part = (_mean_px(misfits.sum(axis=axis)) for axis in (1, 0))
-        visible, _, explained = misfits.sum(axis=0)[asked.own].T
+        per_view, per_part = (_mean_px(misfits[0].sum(axis=axis)) for axis in (1, 0))
+        visible, _, explained = misfits[0].sum(axis=0)[asked.own].T
         distance_px = float(over_views(per_view[None], _NOTHING_PX)[0])
         return Account(distance_px, per_view, per_part[asked.own], visible, explained, np.zeros(n_parts))
 
@@ -116,30 +135,36 @@ class RegionEvidence(Evidence):
         """The colours beside the contours of trusted persons; see `Colours.after`."""
         if not trusted.any():
             return memory
-        memory = memory or Colours.none(len(scene.rig), scene.shapes)
-        samples = _samples_of(fitted)
-        beside = _seen_beside(scene, scene.world_from_parts(), samples, self.step_m)
-        there = np.arange(samples.parts.shape[1]) < samples.counts[:, None]
-        useful = (
-            there & trusted[scene.part_persons[np.where(there, samples.parts, 0)]] & (samples.positions[..., 4] > 0)
-        )
         picture = self._picture(sight, fitted, self.around_px)
-        return memory.after(picture, samples, beside, scene.rig.packed, useful, (self.step_m, self.news))
+        return _taught(memory, picture, scene, fitted, trusted, self._spans)
+
+    @property
+    def _spans(self) -> tuple[float, float]:
+        return self.step_m, self.news
+
+    def _colours(self, asked: Comparison) -> Colours | None:
+        known: Colours | None = asked.observed.colours(asked.scene, self._spans)
+        return known
 
     def _rule(self, gate_px: float = 0.0) -> Rule:
         return Rule(self.step_m, self.reach, self.slack, FLOOR, gate_px, self.widest)
 
-    def _misfits(self, asked: Comparison, poses: Array) -> Array:
-        """(B, V, P, 3) see `score_lines`."""
+    def _misfits(self, asked: Comparison, poses: Array) -> Array | None:
+        """(B, V, P, 3) see `score_lines`; None before any colour is known."""
+        colours = self._colours(asked)
+        if colours is None:
+            return None
         contours = asked.contours(poses, coarse=True)
+        placements = asked.scene.world_from_parts(asked.person, poses)
         misfits = np.zeros((len(poses), len(asked.scene.rig), len(asked.scene.shapes), 3))
         score_lines(
             asked.observed.picture,
-            asked.observed.colours.looks,
+            colours.looks,
             contours.positions,
             contours.points,
             contours.parts,
             contours.counts,
+            _seen_beside(asked.scene, placements, contours, self.step_m),
             asked.scene.rig.packed,
             asked.ends > -2,
             self._rule(),
@@ -175,11 +200,35 @@ def _samples_of(contours: Contours) -> Samples:
     return Samples(contours.positions[0], contours.points[0], contours.parts[0], contours.counts[0])
 
 
-def _seen_beside(scene: Scene, placements: Array, samples: Samples, step_m: float) -> Integers:
-    """(V, M, 2) the part seen beside each contour sample of parts at placements (1, P, 4, 4)."""
-    found = np.empty((*samples.parts.shape, 2), dtype=np.int64)
-    parts_beside(placements, scene.shapes, _bounds(scene.shapes), scene.rig.packed, samples, step_m, found)
+def _seen_beside(scene: Scene, placements: Array, contours: Contours, step_m: float) -> Integers:
+    """(B, V, M, 2) the part seen beside each contour sample of parts at placements (B, P, 4, 4)."""
+    found = np.empty((*contours.parts.shape, 2), dtype=np.int64)
+    samples = contours.positions, contours.points, contours.parts, contours.counts
+    parts_beside(placements, scene.shapes, _bounds(scene.shapes), scene.rig.packed, *samples, step_m, found)
     return found
+
+
+def _taught(
+    memory: Colours | None,
+    picture: Picture,
+    scene: Scene,
+    contours: Contours,
+    trusted: Mask,
+    spans: tuple[float, float],
+) -> Colours:
+    """What is known after the contours of the scene at its poses have taught the colours of trusted persons (K,)."""
+    memory = memory or Colours.none(len(scene.rig), scene.shapes)
+    samples = _samples_of(contours)
+    beside = _seen_beside(scene, scene.world_from_parts(), _first_of(contours), spans[0])[0]
+    there = np.arange(samples.parts.shape[1]) < samples.counts[:, None]
+    persons = scene.part_persons[np.where(there, samples.parts, 0)]
+    useful = there & trusted[persons] & (samples.positions[..., 4] > 0)
+    return memory.after(picture, samples, beside, scene.rig.packed, useful, spans)
+
+
+def _first_of(contours: Contours) -> Contours:
+    """The first pose alone."""
+    return Contours(*(getattr(contours, field.name)[:1] for field in fields(Contours)))
 
 
 def _bounds(shapes: Array) -> Array:

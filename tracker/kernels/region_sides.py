@@ -10,7 +10,7 @@ from tracker.arrays import Array, Array32, Integers
 from tracker.kernels.compilation import compiled
 from tracker.kernels.occlusion import SOLID_COLUMNS, beside, blocks_ray, place_solids, view_solids
 from tracker.kernels.projection import project_along
-from tracker.kernels.region_lines import BACKGROUND, SPOTS, Samples, pixels_per_metre
+from tracker.kernels.region_lines import BACKGROUND, SPOTS, pixels_per_metre
 
 _FAR = 3.0
 """Rays are followed to this many times the distance of the contour: through all that may lie behind it."""
@@ -41,41 +41,62 @@ def _nearest_on_ray(solids: Array32, p: int, pixel: tuple[float, float], far: tu
 
 @compiled
 def parts_beside(
-    placements: Array, shapes: Array, bounds: Array, cameras: Array, samples: Samples, step_m: float, found: Integers
+    placements: Array,
+    shapes: Array,
+    bounds: Array,
+    cameras: Array,
+    positions: Array32,
+    points: Array32,
+    parts: Integers,
+    counts: Integers,
+    step_m: float,
+    found: Integers,
 ) -> None:
-    """The part seen at the `SPOTS` outside of each contour sample of one pose.
+    """The part seen at the `SPOTS` outside of each contour sample of many poses.
 
     A spot is reached in space: the point on the contour moved across its viewing ray until its image has moved.
 
     Args:
-        placements: (1, P, 4, 4) world_from_part, metres.
+        placements: (B, P, 4, 4) world_from_part, metres.
         shapes: (P, 7) packed superquadrics.
         bounds: (3, P), see `place_solids`.
         cameras: (V, 25) from `Rig.packed`.
-        samples: contour samples.
+        positions, points, parts, counts: of `Contours`.
         step_m: see `Rule`.
-        found: (V, M, 2) output, -1 where no other part is seen.
+        found: (B, V, M, 2) output, -1 where no other part is seen.
     """
     solids = np.zeros((len(shapes), SOLID_COLUMNS), dtype=np.float32)
-    place_solids(placements, 0, shapes, bounds, solids)
-    for v in range(len(cameras)):
-        camera = cameras[v]
-        view_solids(shapes, bounds, camera, 0.0, solids)
-        for m in range(samples.counts[v]):
-            found[v, m, 0] = found[v, m, 1] = BACKGROUND
-            if samples.positions[v, m, 4] <= 0.0:
-                continue
-            x, y, z = float(samples.points[v, m, 0]), float(samples.points[v, m, 1]), float(samples.points[v, m, 2])
-            normal = float(samples.positions[v, m, 2]), float(samples.positions[v, m, 3])
-            u, w, sx, sy, sz = project_along(cameras, v, (x, y, z), normal)
-            step = max(pixels_per_metre(camera, x, y, z) * step_m, 1.0)
-            square = sx * sx + sy * sy + sz * sz
-            for k in range(2):
-                move = SPOTS[k] * step / square
-                far = (
-                    camera[12] + _FAR * (x + move * sx - camera[12]),
-                    camera[13] + _FAR * (y + move * sy - camera[13]),
-                    camera[14] + _FAR * (z + move * sz - camera[14]),
-                )
-                pixel = u + SPOTS[k] * step * normal[0], w + SPOTS[k] * step * normal[1]
-                found[v, m, k] = _nearest_on_ray(solids, samples.parts[v, m], pixel, far)
+    for b in range(len(placements)):
+        place_solids(placements, b, shapes, bounds, solids)
+        for v in range(len(cameras)):
+            view_solids(shapes, bounds, cameras[v], 0.0, solids)
+            for m in range(counts[b, v]):
+                found[b, v, m, 0] = found[b, v, m, 1] = BACKGROUND
+                if positions[b, v, m, 4] > 0.0:
+                    point = float(points[b, v, m, 0]), float(points[b, v, m, 1]), float(points[b, v, m, 2])
+                    normal = float(positions[b, v, m, 2]), float(positions[b, v, m, 3])
+                    for k in range(2):
+                        spot = SPOTS[k]
+                        found[b, v, m, k] = _part_at(solids, parts[b, v, m], cameras, v, point, normal, spot, step_m)
+
+
+@compiled
+def _part_at(
+    solids: Array32,
+    p: int,
+    cameras: Array,
+    v: int,
+    point: tuple[float, float, float],
+    normal: tuple[float, float],
+    spot: float,
+    step_m: float,
+) -> int:
+    """The part seen some steps outside of a contour point of part p."""
+    x, y, z = point
+    u, w, sx, sy, sz = project_along(cameras, v, point, normal)
+    step = max(pixels_per_metre(cameras[v], x, y, z) * step_m, 1.0)
+    move = spot * step / (sx * sx + sy * sy + sz * sz)
+    cx, cy, cz = cameras[v, 12], cameras[v, 13], cameras[v, 14]
+    far = cx + _FAR * (x + move * sx - cx), cy + _FAR * (y + move * sy - cy), cz + _FAR * (z + move * sz - cz)
+    pixel = u + spot * step * normal[0], w + spot * step * normal[1]
+    return _nearest_on_ray(solids, p, pixel, far)
