@@ -15,6 +15,11 @@ from tracker.keypoints import Detections
 class KeypointSource(Protocol):
     """The keypoints of one view."""
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the keypoints."""
+        ...
+
     def at(self, frame: int) -> Detections:
         """What was found in a frame, counted as the files count; nobody where they tell nothing."""
         ...
@@ -45,7 +50,7 @@ class _Table:
 
     def __init__(self, frames: Mapping[int, Detections]) -> None:
         self._frames = frames
-        self._names = next(iter(frames.values())).names
+        self.names = next(iter(frames.values())).names
 
     def at(self, frame: int) -> Detections:
-        return self._frames.get(frame) or Detections.none(self._names)
+        return self._frames.get(frame) or Detections.none(self.names)

@@ -1,0 +1,168 @@
+"""Start poses from keypoints: faults of detectors, inverse kinematics, and what is said where it cannot be done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from detected import NAMES, detected, exchanged, written
+from observations import bent, four_views
+from recordings import cycle_for, small_simulation
+
+from tracker.arrays import Array
+from tracker.body import BodyModel
+from tracker.errors import InitializationError
+from tracker.frame import Frame
+from tracker.initialization import Stages
+from tracker.initialization._inverse_kinematics import fitted_pose
+from tracker.initialization._skeletons import skeletons
+from tracker.initialization.keypoints import KeypointInitialization
+from tracker.keypoints import limbs, swapped_sides
+from tracker.scene import Person, Scene
+
+MARKED = [k for k, name in enumerate(NAMES) if k > 4]
+"""Keypoints that the 22-parameter body has as landmarks: all but those of the face."""
+
+
+@pytest.fixture(scope="module")
+def scene(body: BodyModel) -> Scene:
+    return Scene((Person("one", body, bent(body)),), four_views((720, 576)))
+
+
+@pytest.fixture(scope="module")
+def stages() -> Stages:
+    return cycle_for(small_simulation(n_frames=1)).stages
+
+
+def true_points(scene: Scene, person: int = 0) -> Array:
+    """(17, 3) where the keypoints are."""
+    one = scene.persons[person]
+    marks = one.body.landmarks_in_world(one.q)
+    names = one.body.landmark_names
+    return np.array([marks[names.index(name)] if name in names else [np.nan] * 3 for name in NAMES])
+
+
+def found_in(scene: Scene, views: list[Array], most: int = 1) -> list[Array]:
+    """Points of the persons that views agree on."""
+    mirror = scene.persons[0].body.mirror
+    found = skeletons(scene.rig, views, swapped_sides(NAMES, mirror), limbs(NAMES, mirror), most)
+    return [one.points for one in found]
+
+
+def swap_one(views: list[Array]) -> None:
+    views[1] = exchanged(views[1], ("left", "right"))
+
+
+def swap_legs(views: list[Array]) -> None:
+    views[2] = exchanged(views[2], ("hip", "knee", "ankle"))
+
+
+def swap_arms_and_legs(views: list[Array]) -> None:
+    views[0] = exchanged(views[0], ("shoulder", "elbow", "wrist"))
+    views[3] = exchanged(views[3], ("hip", "knee", "ankle"))
+
+
+def add_false_person(views: list[Array]) -> None:
+    coat = np.random.default_rng(3).uniform(50, 500, (1, 17, 3))
+    coat[..., 2] = 0.9
+    views[0] = np.concatenate([coat, views[0]])
+    views[2] = np.concatenate([views[2], coat + 20])
+
+
+def miss_a_view(views: list[Array]) -> None:
+    views[1] = views[1][:0]
+
+
+def misplace_a_wrist(views: list[Array]) -> None:
+    views[1][0, NAMES.index("left_wrist"), :2] += 150
+
+
+FAULTS = (swap_one, swap_legs, swap_arms_and_legs, add_false_person, miss_a_view, misplace_a_wrist)
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
+def test_faults_of_a_detector_do_not_reach_space(fault: Callable[[list[Array]], None], scene: Scene) -> None:
+    views = detected(scene, noise_px=2.0)
+    fault(views)
+    (points,) = found_in(scene, views)
+    # 2 px are 12 mm at the person; two views that are left may see a point at a sharp angle
+    assert np.linalg.norm(points - true_points(scene), axis=1)[MARKED].max() < 0.06
+
+
+def test_where_nobody_is_nobody_is_found(scene: Scene) -> None:
+    noise = [np.random.default_rng(k).uniform(0, 500, (2, 17, 3)) for k in range(4)]
+    assert found_in(scene, noise, most=2) == []
+    assert found_in(scene, [np.zeros((0, 17, 3))] * 4) == []
+
+
+def test_two_persons_are_told_apart(scene: Scene, body: BodyModel) -> None:
+    q = scene.persons[0].q.copy()
+    q[:2] += 0.9, -0.5
+    both = Scene((*scene.persons, Person("two", body, q)), scene.rig)
+    views = detected(both, noise_px=2.0)
+    views[1] = views[1][::-1]
+    found = found_in(both, views, most=3)
+    assert len(found) == 2
+    for k in range(2):
+        gaps = [np.nanmean(np.linalg.norm(points - true_points(both, k), axis=1)) for points in found]
+        assert min(gaps) < 0.03 < max(gaps)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_inverse_kinematics_finds_the_pose(body: BodyModel, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    q = body.clamped(bent(body) + np.where(body.rotates, 0.3, 0.2) * rng.normal(size=body.dof))
+    q[body.root.turn] = rng.uniform(-np.pi, np.pi)
+    marks = np.arange(len(body.landmarks))
+    points = body.landmarks_in_world(q)
+    pose, left = fitted_pose(body, marks, points, np.ones(len(marks)))
+    np.testing.assert_array_equal(pose, body.clamped(pose))
+    # the weak pull towards the reference pose is left
+    assert left.max() < 0.01
+    points[3] += 0.5
+    robust, _ = fitted_pose(body, marks, points, np.ones(len(marks)))
+    gaps = np.linalg.norm(body.landmarks_in_world(robust) - body.landmarks_in_world(q), axis=1)
+    assert np.median(gaps) < 0.03
+
+
+def test_a_start_is_found_in_files(scene: Scene, stages: Stages, tmp_path: Path) -> None:
+    views = detected(scene, noise_px=2.0)
+    for fault in (swap_one, add_false_person):
+        fault(views)
+    pattern = written(views, scene.rig.names, tmp_path, frame=7)
+    body = scene.persons[0].body
+    lost = scene.with_pose(0, body.rest())
+    start = KeypointInitialization(path=pattern).start(Frame(7, 0.0, (None,) * 4), lost, stages)
+    gaps = np.linalg.norm(body.landmarks_in_world(start.poses[0]) - body.landmarks_in_world(scene.persons[0].q), axis=1)
+    assert gaps.mean() < 0.025
+
+
+def test_keypoints_of_larger_images_are_scaled_or_refused(scene: Scene, stages: Stages, tmp_path: Path) -> None:
+    views = detected(scene)
+    for view in views:
+        view[..., :2] = (view[..., :2] + 0.5) * 2 - 0.5
+    pattern, frame = written(views, scene.rig.names, tmp_path), Frame(0, 0.0, (None,) * 4)
+    body = scene.persons[0].body
+    pose = KeypointInitialization(path=pattern, downscale=2).start(frame, scene, stages).poses[0]
+    gaps = np.linalg.norm(body.landmarks_in_world(pose) - body.landmarks_in_world(scene.persons[0].q), axis=1)
+    assert gaps.mean() < 0.015
+    with pytest.raises(InitializationError, match="set downscale"):
+        KeypointInitialization(path=pattern).start(frame, scene, stages)
+
+
+def test_a_frame_without_the_person_says_what_was_detected(scene: Scene, stages: Stages, tmp_path: Path) -> None:
+    views = detected(scene)
+    pattern = written([views[0], *(view[:0] for view in views[1:])], scene.rig.names, tmp_path)
+    with pytest.raises(InitializationError, match=r"the views agree on 0 \(detected: 1 in a, 0 in b") as caught:
+        KeypointInitialization(path=pattern).start(Frame(0, 0.0, (None,) * 4), scene, stages)
+    assert "\n" not in str(caught.value)
+
+
+def test_held_persons_keep_their_poses(scene: Scene, stages: Stages, body: BodyModel, tmp_path: Path) -> None:
+    both = Scene((*scene.persons, Person("two", body, body.rest())), scene.rig)
+    pattern = written(detected(scene), scene.rig.names, tmp_path)
+    start = KeypointInitialization(path=pattern).start(Frame(0, 0.0, (None,) * 4), both, replace(stages, held=(1,)))
+    np.testing.assert_array_equal(start.poses[1], body.rest())

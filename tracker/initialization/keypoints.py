@@ -1,0 +1,90 @@
+"""Start poses from 2-D keypoints that a detector found; needs no clean plates."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pydantic
+
+from tracker.arrays import Array
+from tracker.body import BodyModel
+from tracker.components import PathPattern, component
+from tracker.errors import InitializationError, SequenceError
+from tracker.frame import Frame
+from tracker.initialization import Stages
+from tracker.initialization._inverse_kinematics import fitted_pose
+from tracker.initialization._skeletons import Skeleton, skeletons
+from tracker.keypoint_layouts.views import KeypointViews
+from tracker.keypoints import landmarks_meant, limbs, swapped_sides
+from tracker.scene import Scene
+from tracker.start import Start
+
+_LEAST_MARKS = 6
+"""Landmarks in space that fix a pose well enough to start from: hips and shoulders, and two more."""
+
+_FAR_M = 0.15
+"""A body this far from the keypoints on average is not theirs, metres."""
+
+
+@component
+class KeypointInitialization:
+    """Triangulates the keypoints of all views robustly and fits the bodies to them by inverse kinematics."""
+
+    path: PathPattern
+    """A folder of OpenPose's JSON files, or a CSV table of DeepLabCut or SLEAP, for each view: for instance
+    `keypoints/{view}_json`. Their frames are numbered as those of the recording."""
+
+    names: tuple[str, ...] = ()
+    """Names of the keypoints in JSON files; empty for those of COCO-17, BODY_25 or HALPE_26, told by their number."""
+
+    downscale: int = pydantic.Field(default=1, ge=1, le=16)
+    """As in [reading]: keypoints are in pixels of the recording's own images."""
+
+    least_confidence: float = pydantic.Field(default=0.3, ge=0, le=1)
+    """Keypoints of less confidence are left out."""
+
+    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        """The poses that fit the keypoints best; who is who is told by how well each body fits."""
+        try:
+            views = KeypointViews.open(str(self.path), scene.rig.names, self.names)
+            found = views.at(frame.index, scene.rig, self.downscale, self.least_confidence)
+        except SequenceError as error:
+            raise InitializationError(str(error)) from error
+        mirror = scene.persons[0].body.mirror
+        other_side, groups = swapped_sides(views.names, mirror), limbs(views.names, mirror)
+        persons = skeletons(scene.rig, found, other_side, groups, len(scene.persons) + 1)
+        sought = [k for k in range(len(scene.persons)) if k not in stages.held]
+        fits = [[_fit(scene.persons[k].body, views.names, one) for one in persons] for k in sought]
+        places = _assigned([[left for _, left in row] for row in fits])
+        if places is None:
+            seen = ", ".join(f"{len(view)} in {name}" for view, name in zip(found, views.views, strict=True))
+            raise InitializationError(
+                f"frame {frame.index}: keypoints of {len(sought)} person(s) sought, the views agree on {len(persons)} "
+                f"(detected: {seen}); check the calibration, and that keypoints and frames have the same numbers"
+            )
+        poses = [person.q for person in scene.persons]
+        for k, row, n in zip(sought, fits, places, strict=True):
+            poses[k] = row[n][0]
+        return Start(tuple(poses))
+
+
+def _fit(body: BodyModel, names: tuple[str, ...], person: Skeleton) -> tuple[Array, float]:
+    """The pose of a body that fits a person, and the mean distance left, metres; infinite if too little is seen."""
+    marks = landmarks_meant(names, body)
+    rows = np.flatnonzero((marks >= 0) & np.isfinite(person.points).all(axis=1))
+    if len(rows) < _LEAST_MARKS:
+        return body.rest(), np.inf
+    pose, left = fitted_pose(body, marks[rows], person.points[rows], np.minimum(person.n_views[rows] / 3, 1.0))
+    return pose, float(left.mean())
+
+
+def _assigned(left: list[list[float]]) -> tuple[int, ...] | None:
+    """For each body the person it is, so that least is left over in all; None if one of them is nobody."""
+    n_persons = len(left[0]) if left else 0
+    orders = [
+        order
+        for order in itertools.permutations(range(n_persons), len(left))
+        if all(row[n] < _FAR_M for row, n in zip(left, order, strict=True))
+    ]
+    return min(orders, key=lambda order: sum(row[n] for row, n in zip(left, order, strict=True)), default=None)
