@@ -82,7 +82,7 @@ class RegionEvidence(Evidence):
     """Share of the places on a line that belong to the other side in spite of their colour, 0 to 1."""
 
     news: float = pydantic.Field(default=0.15, gt=0, le=1)
-    """Weight of a new frame in the colour tables: half of what was known is forgotten in four frames."""
+    """Share of a new frame in the colour tables: half of what was known is forgotten in four frames."""
 
     around_px: float = pydantic.Field(default=60.0, ge=0)
     """Colours are read so far around the prediction, px; beyond it they tell nothing."""

@@ -42,7 +42,7 @@ class KeypointInitialization:
     """As in [reading]: keypoints are in pixels of the recording's own images."""
 
     least_confidence: float = pydantic.Field(default=0.3, ge=0, le=1)
-    """Keypoints of less confidence are left out."""
+    """Keypoints of less confidence, a share of 1, are left out."""
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """The poses that fit the keypoints best; who is who is told by how well each body fits."""
