@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pydantic
 
-from tracker.arrays import Array
+from tracker.arrays import Array, Image
 from tracker.body import BodyModel
 from tracker.components import PathPattern, component
 from tracker.errors import InitializationError, SequenceError
@@ -43,6 +43,15 @@ class KeypointInitialization:
 
     least_confidence: float = pydantic.Field(default=0.3, ge=0, le=1)
     """Keypoints of less confidence, a share of 1, are left out."""
+
+    def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
+        """Opens the keypoints of all views; see `tracker.initialization.Initialization.check`.
+
+        Raises:
+            SequenceError: they cannot be read.
+        """
+        views = KeypointViews.open(str(self.path), scene.rig.names, self.names)
+        return f"keypoints, {len(views.names)} of each person in {len(views.views)} views"
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """The poses that fit the keypoints best; who is who is told by how well each body fits."""

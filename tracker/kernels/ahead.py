@@ -112,15 +112,15 @@ def _region_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     rule = Rule(0.01, 7, 0.07, 2e-4, 20.0, 3.0)
     learnt = Tables(_own(_F4, 1, 1, N_COLOURS), _own(_F4, 1, 1, N_COLOURS))
     learning = picture, samples, beside, cameras, looks.half_extents, _own(_B1, 1, 1), 0.01, 0.15, learnt
-    solids = _own(_F8, 1, 1, 4, 4), _frozen(_F8, 1, 7), _frozen(_F8, 3, 1), cameras
+    solids = _own(_F8, 0, 1, 4, 4), _frozen(_F8, 1, 7), _frozen(_F8, 3, 1), cameras
     chains = _own(_I8, 1), cameras, _own(_F8, 1, 6), _frozen(_B1, 1, 2), 16.0
     return [
         (encode, (_own(_U1, 1, 1, 3), (0, 0, 0, 0), _own(np.uint16, 0))),
         (tabulate_posteriors, (learnt, (2e-4, 4.0), _own(_B1, 1, 1), _own(_U1, 1, 1, N_COLOURS))),
         (find_shifts, (picture, looks, samples, beside, cameras, wanted, rule, _own(_F4, 1, 1, 3))),
-        (score_lines, (picture, looks, *poses, cameras, wanted, rule, _own(_F8, 0, 1, 1, 3))),
+        (score_lines, (picture, looks, *poses, _own(_I8, 0, 1, 1, 2), cameras, wanted, rule, _own(_F8, 0, 1, 1, 3))),
         (learn_lines, learning),
-        (parts_beside, (*solids, samples, 0.01, beside)),
+        (parts_beside, (*solids, *poses, 0.01, _own(_I8, 0, 1, 1, 2))),
         (shift_equations, (_own(_F4, 1, 1, 3), samples, *chains)),
     ]
 
