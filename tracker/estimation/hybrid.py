@@ -52,8 +52,10 @@ class HybridEstimation:
     """The same, by how much the share must be less than is usual for the group: a model that does not quite fit leaves
     something unexplained in every frame."""
 
-    most_usual: float = pydantic.Field(default=0.15, ge=0, le=1)
-    """Largest share that can become usual: a limb in the wrong place for long is searched in every frame."""
+    most_usual: float = pydantic.Field(default=0.35, ge=0, le=1)
+    """Largest share that can become usual: a limb in the wrong place leaves over more (see `loss.ambiguous_above`) and
+    is searched in every frame. With 0.15, a real person with a general model was searched in every frame, too, at
+    3 seconds a frame and to no avail."""
 
     again_every: int = pydantic.Field(default=10, ge=1)
     """Frames after which a group is searched even if its poor state is usual."""
