@@ -9,6 +9,9 @@ from typing import Any
 from tracker.components import find
 from tracker.config import build
 
+GIVEN: dict[tuple[str, str], dict[str, Any]] = {}
+"""Fields of components that need files which a test has made."""
+
 
 def minimal(stage: str, use: str) -> dict[str, Any]:
     """The shortest section that describes a component: only what has no default, pointing at nothing."""
@@ -18,7 +21,7 @@ def minimal(stage: str, use: str) -> dict[str, Any]:
         if field.is_required():
             values = {str: "absent/{view}/{frame}.png", Path: "absent.toml", float: 25.0, int: 25}
             table[name] = values[types[name]]
-    return table
+    return table | GIVEN.get((stage, use), {})
 
 
 def made(stage: str, use: str, **fields: Any) -> Any:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sections
+from detected import detected, written
 from recordings import cycle_for, small_simulation
 from renderers import working
 from scipy.spatial import cKDTree
@@ -46,6 +48,15 @@ def simulation() -> Simulation:
 def scene(simulation: Simulation) -> Scene:
     """The person as it is in frame 0."""
     return simulation.scene
+
+
+@pytest.fixture(scope="module", autouse=True)
+def keypoints(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Files of what a detector would have found in frame 0."""
+    pattern = written(detected(scene, noise_px=1.0), scene.rig.names, tmp_path_factory.mktemp("keypoints"))
+    sections.GIVEN["evidence", "keypoints"] = {"path": pattern}
+    yield
+    del sections.GIVEN["evidence", "keypoints"]
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from recordings import cycle_for, small_simulation
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.errors import InitializationError
+from tracker.errors import ConfigError, InitializationError
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._inverse_kinematics import fitted_pose
@@ -166,3 +166,14 @@ def test_held_persons_keep_their_poses(scene: Scene, stages: Stages, body: BodyM
     pattern = written(detected(scene), scene.rig.names, tmp_path)
     start = KeypointInitialization(path=pattern).start(Frame(0, 0.0, (None,) * 4), both, replace(stages, held=(1,)))
     np.testing.assert_array_equal(start.poses[1], body.rest())
+
+
+def test_what_cannot_work_is_refused_before_the_first_frame(scene: Scene, tmp_path: Path) -> None:
+    pattern = written(detected(scene), scene.rig.names, tmp_path)
+    told = KeypointInitialization(path=pattern).check(scene, (None,) * 4)
+    assert told == f"keypoints, 17 a person, in {pattern}"
+    with pytest.raises(ConfigError, match="expected a folder of OpenPose's JSON files"):
+        KeypointInitialization(path=str(tmp_path / "absent" / "{view}")).check(scene, (None,) * 4)
+    other = tuple(f"point{k}" for k in range(17))
+    with pytest.raises(ConfigError, match='0 of the keypoints are landmarks of model "gavrila22"'):
+        KeypointInitialization(path=pattern, names=other).check(scene, (None,) * 4)

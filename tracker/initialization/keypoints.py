@@ -10,7 +10,7 @@ import pydantic
 from tracker.arrays import Array, Image
 from tracker.body import BodyModel
 from tracker.components import PathPattern, component
-from tracker.errors import InitializationError, SequenceError
+from tracker.errors import ConfigError, InitializationError, SequenceError
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._inverse_kinematics import fitted_pose
@@ -45,18 +45,24 @@ class KeypointInitialization:
     """Keypoints of less confidence, a share of 1, are left out."""
 
     def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
-        """Opens the keypoints of all views; see `tracker.initialization.Initialization.check`.
-
-        Raises:
-            SequenceError: they cannot be read.
-        """
-        views = KeypointViews.open(str(self.path), scene.rig.names, self.names)
-        return f"keypoints, {len(views.names)} of each person in {len(views.views)} views"
+        """Opens the files and asks what of each body their keypoints mean; see `Initialization.check`."""
+        try:
+            names = KeypointViews.open(self.path, scene.rig.names, self.names).names
+        except SequenceError as error:
+            raise ConfigError(str(error)) from error
+        for person in scene.persons:
+            n_meant = np.count_nonzero(landmarks_meant(names, person.body) >= 0)
+            if n_meant < _LEAST_MARKS:
+                raise ConfigError(
+                    f'{self.path}: {n_meant} of the keypoints are landmarks of model "{person.body.name}", expected '
+                    f"{_LEAST_MARKS}; keypoints: {', '.join(names)}; landmarks: {', '.join(person.body.landmark_names)}"
+                )
+        return f"keypoints, {len(names)} a person, in {self.path}"
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """The poses that fit the keypoints best; who is who is told by how well each body fits."""
         try:
-            views = KeypointViews.open(str(self.path), scene.rig.names, self.names)
+            views = KeypointViews.open(self.path, scene.rig.names, self.names)
             found = views.at(frame.index, scene.rig, self.downscale, self.least_confidence)
         except SequenceError as error:
             raise InitializationError(str(error)) from error
