@@ -82,6 +82,7 @@ def unit_of(name: str) -> str:
     return rest.partition(".")[0] if first == "tracker" else first
 
 
+@functools.cache
 def modules_of_the_project() -> Modules:
     """Every Python file of the package and of scripts/."""
     found = {}
