@@ -6,8 +6,8 @@ import numpy as np
 
 from tracker.arrays import Array, Image, Integers
 from tracker.contours import Contours
-from tracker.kernels.region_colours import EVEN, N_COLOURS, Picture, Tables, encode, tabulate_posteriors
-from tracker.kernels.region_lines import Looks, Rule, Samples
+from tracker.kernels.regions.colours import EVEN, N_COLOURS, Picture, Tables, encode, tabulate_posteriors
+from tracker.kernels.regions.lines import Looks, Rule, Samples
 from tracker.scene import Scene
 from tracker.synthesis.cpu import CpuSynthesis
 

@@ -8,7 +8,7 @@ import pytest
 from tracker.analysis._observe import accepted_segments
 from tracker.arrays import Array32
 from tracker.imaging.edges import EdgeSegments
-from tracker.kernels.acceptance import expected_distances, marked
+from tracker.kernels.images.acceptance import expected_distances, marked
 
 
 def straight(length: int, start: tuple[float, float], step: tuple[float, float]) -> tuple[Array32, Array32]:

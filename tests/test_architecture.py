@@ -414,7 +414,9 @@ def test_the_law_notices_a_violation(law: Law, sources: dict[str, str]) -> None:
 
 def test_the_whole_package_is_looked_at() -> None:
     modules = modules_of_the_project()
-    assert {"tracker", "tracker.tracking", "tracker.kernels.chamfer", "tracker.similarity.chamfer"} <= set(modules)
+    assert {"tracker", "tracker.tracking", "tracker.kernels.contours.chamfer", "tracker.similarity.chamfer"} <= set(
+        modules
+    )
     assert modules["tracker.similarity"].package
     assert not modules["tracker.rig"].package
 

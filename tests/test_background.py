@@ -11,8 +11,8 @@ import pytest
 
 from tracker.arrays import Array, Image, Mask, frozen
 from tracker.imaging.background import _SHADOW, changed, difference, foreground, prepared, threshold_level
-from tracker.kernels.changes import large_regions, mark_changes, median_change
-from tracker.kernels.shadows import MARGIN, without_shadows
+from tracker.kernels.images.changes import large_regions, mark_changes, median_change
+from tracker.kernels.images.shadows import MARGIN, without_shadows
 
 SIZE = 240, 320
 BOX = slice(60, 180), slice(120, 180)

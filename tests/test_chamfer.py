@@ -18,7 +18,7 @@ from tracker.body_files import load_body
 from tracker.comparison import Comparison
 from tracker.contours import Contours
 from tracker.evidence.contours import ContourEvidence
-from tracker.kernels.chamfer import chamfer_lookup, directed_distances, robust_mean
+from tracker.kernels.contours.chamfer import chamfer_lookup, directed_distances, robust_mean
 from tracker.objective import Objective
 from tracker.observation import Observation, ViewObservation
 from tracker.resources import model_path

@@ -94,9 +94,11 @@ def test_without_a_folder_kernels_run_all_the_same_and_it_is_said(copy):
 
 
 def test_a_kernel_is_made_of_all_that_it_imports_by_whatever_way():
-    scoring = set(sources_of("tracker.kernels.contour_scoring"))
-    assert {f"tracker.kernels.{name}" for name in ("contour_scoring", "occlusion", "projection", "bits")} <= scoring
-    assert "tracker.kernels.bundle" not in scoring
+    scoring = set(sources_of("tracker.kernels.contours.scoring"))
+    assert {
+        f"tracker.kernels.{name}" for name in ("contours.scoring", "contours.occlusion", "projection", "bits")
+    } <= scoring
+    assert "tracker.kernels.adjustment.bundle" not in scoring
 
 
 def test_outdated_code_is_deleted_when_asked(tmp_path, monkeypatch):

@@ -25,7 +25,7 @@ from tracker.estimate import Estimate, Status
 from tracker.evidence import Evidence
 from tracker.evidence.contours import ContourEvidence
 from tracker.frame import Frame
-from tracker.kernels.chamfer import directed_distances
+from tracker.kernels.contours.chamfer import directed_distances
 from tracker.objective import Objective
 from tracker.observation import Observation
 from tracker.recording import RunContext

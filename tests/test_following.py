@@ -20,8 +20,8 @@ from tracker.following.neighbours import expected
 from tracker.following.points import restored
 from tracker.following.sequence import follow
 from tracker.frame import Frame
-from tracker.kernels.patch_bending import LARGEST_PX, LEAST_NEIGHBOURS, NO_SHIFT_PX2, NO_SPREAD_PX2, bending_shifts
-from tracker.kernels.ray_intersection import intersect_rays
+from tracker.kernels.adjustment.ray_intersection import intersect_rays
+from tracker.kernels.patches.bending import LARGEST_PX, LEAST_NEIGHBOURS, NO_SHIFT_PX2, NO_SPREAD_PX2, bending_shifts
 from tracker.lsm.growth import Growth
 from tracker.lsm.matching import LeastSquaresMatching
 from tracker.lsm.surface import SurfaceMeasurement, measure_surface

@@ -9,8 +9,8 @@ import pytest
 from textures import Waves, deformed, pixels_of, sensed
 
 from tracker.arrays import frozen
-from tracker.kernels.patch_growth import stretch
-from tracker.kernels.patch_matching import HALF_PATCH, MATCHED
+from tracker.kernels.patches.growth import stretch
+from tracker.kernels.patches.matching import HALF_PATCH, MATCHED
 from tracker.lsm.curvature import corrected_for_curvature
 from tracker.lsm.filters import NeighbourhoodFilter, voxel_members
 from tracker.lsm.growth import Growth, MatchField

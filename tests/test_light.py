@@ -14,7 +14,7 @@ from tracker.arrays import Array, Image, Mask
 from tracker.imaging import background
 from tracker.imaging.background import changed, threshold_level
 from tracker.imaging.light import Light, light_of, sparse
-from tracker.kernels.light import DARK, block_ratios, relight, smooth_surface
+from tracker.kernels.images.light import DARK, block_ratios, relight, smooth_surface
 from tracker.reading.video import open_clip
 from tracker.simulation.sequence import Simulation
 from tracker.synthesis.cpu import CpuSynthesis

@@ -10,7 +10,7 @@ import pytest
 
 from tracker.arrays import Array32, Image, Integers
 from tracker.imaging.edges import canny, gradient
-from tracker.kernels.linking import Pixels, edge_profile, link_edges, split_segments, trace_segments
+from tracker.kernels.images.linking import Pixels, edge_profile, link_edges, split_segments, trace_segments
 
 RULE = (4, float(np.radians(20.0)), 8)
 

@@ -11,7 +11,7 @@ from observations import four_views, ideal, objective_of, off
 from tracker.arrays import Array, Integers
 from tracker.body import BodyModel
 from tracker.correspondences import Correspondences, correspondences
-from tracker.kernels.oriented_matching import match_oriented, normal_equations
+from tracker.kernels.contours.oriented_matching import match_oriented, normal_equations
 from tracker.observation import Observation
 from tracker.rig import Rig
 from tracker.scene import Scene

@@ -9,8 +9,8 @@ from scipy.optimize import least_squares
 from textures import Waves, deformed
 
 from tracker.errors import ConfigError
-from tracker.kernels.patch_matching import DRIFTED, MATCHED, NOT_CONVERGED, OUTSIDE, WEAK
-from tracker.kernels.splines import reaches_out, sample_gradient, sample_patch, sample_whole_pixels
+from tracker.kernels.patches.matching import DRIFTED, MATCHED, NOT_CONVERGED, OUTSIDE, WEAK
+from tracker.kernels.patches.splines import reaches_out, sample_gradient, sample_patch, sample_whole_pixels
 from tracker.lsm._noise import gaussian_taps, noise_powers
 from tracker.lsm.matching import LeastSquaresMatching
 

@@ -15,7 +15,7 @@ from tracker.comparison import Comparison
 from tracker.evidence._colours import Colours, corrected
 from tracker.evidence.regions import RegionEvidence
 from tracker.frame import Frame
-from tracker.kernels.region_colours import N_COLOURS
+from tracker.kernels.regions.colours import N_COLOURS
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis

@@ -11,10 +11,10 @@ from scipy.ndimage import convolve1d
 from tracker.arrays import Array, Integers, Mask
 from tracker.body import BodyModel
 from tracker.contours import Contours
-from tracker.kernels.region_colours import N_COLOURS, Picture, Tables, encode, learn_colours, tabulate_posteriors
-from tracker.kernels.region_equations import shift_equations
-from tracker.kernels.region_lines import SPOTS, Looks, Samples, find_shifts, learn_lines, score_lines
-from tracker.kernels.region_sides import parts_beside
+from tracker.kernels.regions.colours import N_COLOURS, Picture, Tables, encode, learn_colours, tabulate_posteriors
+from tracker.kernels.regions.equations import shift_equations
+from tracker.kernels.regions.lines import SPOTS, Looks, Samples, find_shifts, learn_lines, score_lines
+from tracker.kernels.regions.sides import parts_beside
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.synthesis.cpu import CpuSynthesis, _grids

@@ -24,8 +24,8 @@ from tracker.arrays import Array, Integers, Mask
 from tracker.body import BodyModel
 from tracker.contours import ViewContours
 from tracker.errors import RenderError
-from tracker.kernels.chamfer import directed_distances
-from tracker.kernels.id_contours import id_contours
+from tracker.kernels.contours.chamfer import directed_distances
+from tracker.kernels.pictures.id_contours import id_contours
 from tracker.observation import Observation
 from tracker.rig import Rig
 from tracker.scene import Person, Scene

@@ -10,8 +10,8 @@ import numpy as np
 from tracker.arrays import Array, Integers, Mask, frozen
 from tracker.body_sections import Clothes, Joints, Movement, StartMarks
 from tracker.errors import ModelError, nearest
-from tracker.kernels.kinematics import chain_transforms, twists_in_world
-from tracker.kernels.self_collision import count_collisions
+from tracker.kernels.body.kinematics import chain_transforms, twists_in_world
+from tracker.kernels.body.self_collision import count_collisions
 from tracker.mirror import Mirror
 from tracker.segments import Landmark, Parameter, Part, Root, Segment, unjoined
 from tracker.shape import TaperedSuperquadric

@@ -10,7 +10,7 @@ from tracker.arrays import Array, Integers, Mask
 from tracker.body import BodyModel
 from tracker.comparison import Comparison
 from tracker.contours import Contours
-from tracker.kernels.oriented_matching import match_oriented
+from tracker.kernels.contours.oriented_matching import match_oriented
 from tracker.observation import PackedEdges
 from tracker.rig import Rig
 

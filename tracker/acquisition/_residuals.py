@@ -12,7 +12,7 @@ from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.body import BodyModel
 from tracker.contours import Contours
 from tracker.geometry.superquadrics import shape_derivatives
-from tracker.kernels.oriented_matching import match_oriented
+from tracker.kernels.contours.oriented_matching import match_oriented
 from tracker.observation import Observation
 from tracker.outlines import on_outline
 from tracker.rig import Rig

@@ -11,7 +11,7 @@ from tracker.arrays import Array, Integers, frozen
 from tracker.body import BodyModel
 from tracker.body_description import BodyDescription
 from tracker.geometry.superquadrics import surface
-from tracker.kernels.kinematics import chain_transforms
+from tracker.kernels.body.kinematics import chain_transforms
 
 
 @dataclass(frozen=True)

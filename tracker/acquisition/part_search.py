@@ -15,7 +15,7 @@ from tracker.arrays import Array, Integers
 from tracker.body import BodyModel
 from tracker.contours import Contours
 from tracker.geometry.superquadrics import surface
-from tracker.kernels.oriented_matching import match_oriented
+from tracker.kernels.contours.oriented_matching import match_oriented
 from tracker.outlines import on_outline
 from tracker.progress import Progress, silent
 from tracker.synthesis import Synthesis

@@ -7,7 +7,7 @@ import numpy as np
 from tracker.arrays import Array32, Integers, Mask, frozen
 from tracker.imaging.background import Region
 from tracker.imaging.edges import EdgeSegments, chamfer_image
-from tracker.kernels.acceptance import expected_distances
+from tracker.kernels.images.acceptance import expected_distances
 from tracker.observation import ViewObservation
 
 

@@ -17,7 +17,7 @@ from tracker.contours import Contours
 from tracker.expectation import expected_samples, region_around
 from tracker.imaging.background import Region
 from tracker.imaging.edges import EdgeSegments, canny, gradient, segment_edges
-from tracker.kernels.acceptance import marked
+from tracker.kernels.images.acceptance import marked
 from tracker.observation import Observation, ViewObservation
 from tracker.sight import Sight
 

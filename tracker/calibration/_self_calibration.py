@@ -22,7 +22,7 @@ from tracker.calibration._objects import Bars
 from tracker.calibration._states import GROUPS, PARAMETERS, UNITS, camera_of, rigid_motions
 from tracker.camera import Camera
 from tracker.errors import CalibrationError, nearest
-from tracker.kernels.bundle import N_UNKNOWNS
+from tracker.kernels.adjustment.bundle import N_UNKNOWNS
 
 View = tuple[str, tuple[int, int]]
 """Name and image size, px."""

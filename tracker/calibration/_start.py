@@ -18,7 +18,7 @@ from tracker.calibration._bundle import Noise, Observations, State, adjust, nois
 from tracker.calibration._objects import Bars
 from tracker.calibration._states import GROUPS
 from tracker.errors import CalibrationError
-from tracker.kernels.bundle import N_UNKNOWNS
+from tracker.kernels.adjustment.bundle import N_UNKNOWNS
 
 _EPIPOLAR_PX, _RESECTION_PX = 4.0, 20.0
 """Errors that are taken for distortion and a wrong focal length."""

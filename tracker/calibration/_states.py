@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array
 from tracker.camera import Camera
-from tracker.kernels.bundle import N_STATE, N_UNKNOWNS
+from tracker.kernels.adjustment.bundle import N_STATE, N_UNKNOWNS
 
 PARAMETERS = (
     "rotation about x",
@@ -28,7 +28,7 @@ PARAMETERS = (
     "radial k3",
     "time offset",
 )
-"""The unknowns of a camera in the order of `tracker.kernels.bundle`."""
+"""The unknowns of a camera in the order of `tracker.kernels.adjustment.bundle`."""
 
 UNITS = ("rad",) * 3 + ("m",) * 3 + ("px",) * 3 + ("",) * 7 + ("frames",)
 """Their units; the rotations are about the camera's own axes."""

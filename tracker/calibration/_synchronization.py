@@ -11,7 +11,7 @@ from tracker.calibration._bundle import Noise, Observations, State, adjust, nois
 from tracker.calibration._consensus import exchange_swapped_ends, with_consensus
 from tracker.calibration._states import GROUPS
 from tracker.errors import CalibrationError
-from tracker.kernels.bundle import N_UNKNOWNS
+from tracker.kernels.adjustment.bundle import N_UNKNOWNS
 
 _OFFSET = GROUPS["time_offset"][0]
 _STATE_OFFSET = 22

@@ -23,10 +23,10 @@ from tracker.evidence._colours import FLOOR, Colours
 from tracker.evidence._shares import over_views
 from tracker.expectation import expected_samples, region_around
 from tracker.imaging.background import Region
-from tracker.kernels.region_colours import Picture, encode
-from tracker.kernels.region_equations import shift_equations
-from tracker.kernels.region_lines import Rule, Samples, find_shifts, score_lines
-from tracker.kernels.region_sides import parts_beside
+from tracker.kernels.regions.colours import Picture, encode
+from tracker.kernels.regions.equations import shift_equations
+from tracker.kernels.regions.lines import Rule, Samples, find_shifts, score_lines
+from tracker.kernels.regions.sides import parts_beside
 from tracker.scene import Scene
 from tracker.sight import Sight
 

@@ -19,7 +19,7 @@ from tracker.evidence import Evidence, Memory
 from tracker.evidence._shares import over_views, shares
 from tracker.expectation import expected_samples, region_around
 from tracker.geometry.superquadrics import spread, surface
-from tracker.kernels.coverage import covered_sums
+from tracker.kernels.pictures.coverage import covered_sums
 from tracker.observation import Observation
 from tracker.outlines import on_outline, outline_observation
 from tracker.sight import Sight

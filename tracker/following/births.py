@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from tracker.arrays import Array, Array32, Image, Integers
 from tracker.errors import MatchingError
 from tracker.following.points import NewPoints
-from tracker.kernels.patch_matching import COVARIANCE
+from tracker.kernels.patches.matching import COVARIANCE
 from tracker.lsm.growth import MatchField
 from tracker.lsm.matching import Matches, PatchImage
 from tracker.lsm.surface import Surface, SurfaceMeasurement

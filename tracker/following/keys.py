@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracker.arrays import Array, Array32, Integers, Mask
-from tracker.kernels.patch_keys import cut_keys, key_side, match_keys
-from tracker.kernels.patch_matching import COVARIANCE, N_FOUND
+from tracker.kernels.patches.keys import cut_keys, key_side, match_keys
+from tracker.kernels.patches.matching import COVARIANCE, N_FOUND
 from tracker.lsm.matching import LeastSquaresMatching, Matches, PatchImage
 
 

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from tracker.arrays import Array, Array32, Integers
 from tracker.following.keys import Keys, Starts
 from tracker.following.points import Points
-from tracker.kernels.patch_keys import key_side
+from tracker.kernels.patches.keys import key_side
 from tracker.lsm.matching import PatchImage
 
 _N_SCOUTS, _N_FAR, _LEAST_FAR = 200, 24, 6

@@ -10,8 +10,8 @@ from tracker.arrays import Array, Image, Integers, Mask
 from tracker.following.following import Following
 from tracker.following.keys import Keys, Sighting
 from tracker.following.points import N_NEAREST, Points, carried
-from tracker.kernels.patch_bending import bending_shifts
-from tracker.kernels.ray_intersection import intersect_rays
+from tracker.kernels.adjustment.ray_intersection import intersect_rays
+from tracker.kernels.patches.bending import bending_shifts
 from tracker.lsm.matching import PatchImage
 from tracker.point_trajectories import PointStatus
 from tracker.rig import Rig

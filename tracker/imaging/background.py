@@ -11,8 +11,8 @@ import numpy as np
 
 from tracker.arrays import Image, Mask
 from tracker.imaging.light import SAMPLING, Light, light_of, sparse
-from tracker.kernels.changes import large_regions, mark_changes, median_change
-from tracker.kernels.shadows import MARGIN, ShadowRule, without_shadows
+from tracker.kernels.images.changes import large_regions, mark_changes, median_change
+from tracker.kernels.images.shadows import MARGIN, ShadowRule, without_shadows
 
 Region = tuple[int, int, int, int]
 """x, y, width, height, px."""

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 
 from tracker.arrays import Array32, Image, Integers, Mask
-from tracker.kernels.distance_images import chamfer_distances
-from tracker.kernels.linking import trace_segments
-from tracker.kernels.slopes import Slopes, strongest_slopes
+from tracker.kernels.images.distance_images import chamfer_distances
+from tracker.kernels.images.linking import trace_segments
+from tracker.kernels.images.slopes import Slopes, strongest_slopes
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def segment_edges(edges: Image, gradients: Gradient, rule: tuple[int, float, int
     Args:
         edges: (h, w) non-zero at edge pixels.
         gradients: (h, w) image gradient.
-        rule: see `tracker.kernels.linking.split_segments`.
+        rule: see `tracker.kernels.images.linking.split_segments`.
 
     Returns:
         The segments that are long enough.

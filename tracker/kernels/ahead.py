@@ -8,34 +8,34 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tracker.kernels.acceptance import expected_distances, marked
-from tracker.kernels.bundle import N_STATE, reduce_normal, residuals_of
-from tracker.kernels.chamfer import directed_distances
-from tracker.kernels.changes import large_regions, mark_changes, median_change
+from tracker.kernels.adjustment.bundle import N_STATE, reduce_normal, residuals_of
+from tracker.kernels.adjustment.ray_intersection import intersect_rays
+from tracker.kernels.body.kinematics import chain_transforms, twists_in_world
+from tracker.kernels.body.self_collision import count_collisions
 from tracker.kernels.compilation import forget_others
-from tracker.kernels.contour_scoring import score_poses
-from tracker.kernels.contour_tracing import trace_contours
-from tracker.kernels.coverage import covered_sums
-from tracker.kernels.distance_images import chamfer_distances
-from tracker.kernels.id_contours import id_contours
-from tracker.kernels.kinematics import chain_transforms, twists_in_world
-from tracker.kernels.light import block_ratios, connected_blocks, relight, smooth_surface
-from tracker.kernels.linking import trace_segments
-from tracker.kernels.oriented_matching import match_oriented, normal_equations
-from tracker.kernels.patch_bending import bending_shifts
-from tracker.kernels.patch_growth import grow, push_all
-from tracker.kernels.patch_keys import cut_keys, key_side, match_keys
-from tracker.kernels.patch_matching import N_FOUND, match_patches
-from tracker.kernels.rasterization import rasterize
-from tracker.kernels.ray_intersection import intersect_rays
-from tracker.kernels.region_colours import N_COLOURS, Picture, Tables, encode, tabulate_posteriors
-from tracker.kernels.region_equations import shift_equations
-from tracker.kernels.region_lines import Looks, Rule, Samples, find_shifts, learn_lines, score_lines
-from tracker.kernels.region_sides import parts_beside
-from tracker.kernels.self_collision import count_collisions
-from tracker.kernels.shadows import MARGIN, without_shadows
-from tracker.kernels.silhouettes import fill_parts
-from tracker.kernels.slopes import strongest_slopes
+from tracker.kernels.contours.chamfer import directed_distances
+from tracker.kernels.contours.oriented_matching import match_oriented, normal_equations
+from tracker.kernels.contours.scoring import score_poses
+from tracker.kernels.contours.tracing import trace_contours
+from tracker.kernels.images.acceptance import expected_distances, marked
+from tracker.kernels.images.changes import large_regions, mark_changes, median_change
+from tracker.kernels.images.distance_images import chamfer_distances
+from tracker.kernels.images.light import block_ratios, connected_blocks, relight, smooth_surface
+from tracker.kernels.images.linking import trace_segments
+from tracker.kernels.images.shadows import MARGIN, without_shadows
+from tracker.kernels.images.slopes import strongest_slopes
+from tracker.kernels.patches.bending import bending_shifts
+from tracker.kernels.patches.growth import grow, push_all
+from tracker.kernels.patches.keys import cut_keys, key_side, match_keys
+from tracker.kernels.patches.matching import N_FOUND, match_patches
+from tracker.kernels.pictures.coverage import covered_sums
+from tracker.kernels.pictures.id_contours import id_contours
+from tracker.kernels.pictures.rasterization import rasterize
+from tracker.kernels.pictures.silhouettes import fill_parts
+from tracker.kernels.regions.colours import N_COLOURS, Picture, Tables, encode, tabulate_posteriors
+from tracker.kernels.regions.equations import shift_equations
+from tracker.kernels.regions.lines import Looks, Rule, Samples, find_shifts, learn_lines, score_lines
+from tracker.kernels.regions.sides import parts_beside
 from tracker.progress import Progress, silent
 
 _F8, _F4, _I8, _B1 = np.float64, np.float32, np.int64, np.bool_

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter
 
 from tracker.arrays import Array, Mask, frozen
-from tracker.kernels.patch_matching import HALF_PATCH
+from tracker.kernels.patches.matching import HALF_PATCH
 from tracker.lsm.growth import MatchField
 
 _LARGEST_PX = 0.5

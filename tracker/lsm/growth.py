@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 from tracker.arrays import Array, Integers, Mask, frozen
 from tracker.components import component
-from tracker.kernels.patch_growth import UNTRIED, Grid, Heap, grow, push_all
-from tracker.kernels.patch_matching import MATCHED, N_FOUND
+from tracker.kernels.patches.growth import UNTRIED, Grid, Heap, grow, push_all
+from tracker.kernels.patches.matching import MATCHED, N_FOUND
 from tracker.lsm.matching import FAILURES, LeastSquaresMatching, Matches, PatchImage
 from tracker.progress import Progress, silent
 
@@ -31,7 +31,7 @@ class MatchField:
     """Rows and columns."""
 
     found: Array
-    """(rows * columns, 15) columns as in `tracker.kernels.patch_matching`; meaningless where not matched."""
+    """(rows * columns, 15) columns as in `tracker.kernels.patches.matching`; meaningless where not matched."""
 
     ended: Integers
     """(rows * columns,) how each match ended, 0 for a match, -1 where none was tried."""

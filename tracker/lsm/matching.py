@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from tracker.arrays import Array, Array32, Image, Integers, Mask, frozen
 from tracker.components import component
 from tracker.errors import ConfigError
-from tracker.kernels.patch_equations import Noise, Rule
-from tracker.kernels.patch_matching import (
+from tracker.kernels.patches.equations import Noise, Rule
+from tracker.kernels.patches.matching import (
     CORRELATION,
     COVARIANCE,
     DRIFTED,
@@ -28,7 +28,7 @@ from tracker.kernels.patch_matching import (
     WEAK,
     match_patches,
 )
-from tracker.kernels.splines import SplineImage
+from tracker.kernels.patches.splines import SplineImage
 from tracker.lsm._noise import NoisePowers, gaussian_taps, noise_powers, spline_taps
 
 FAILURES = {
@@ -64,7 +64,7 @@ class Matches:
     """(N, 2) centres of the template patches, px."""
 
     found: Array
-    """(N, 15) columns as in `tracker.kernels.patch_matching`."""
+    """(N, 15) columns as in `tracker.kernels.patches.matching`."""
 
     ended: Integers
     """(N,) how each match ended, 0 for a match."""

@@ -11,7 +11,7 @@ from tracker.comparison import Comparison
 from tracker.components import component
 from tracker.correspondences import PX_PER_OBSERVATION, oriented_pairs
 from tracker.equations import Equations
-from tracker.kernels.oriented_matching import normal_equations
+from tracker.kernels.contours.oriented_matching import normal_equations
 
 
 @component

@@ -11,7 +11,7 @@ import numpy as np
 from tracker.arrays import Array, Array32, Image, Integers, Mask
 from tracker.body_sections import Clothes
 from tracker.camera import Camera
-from tracker.kernels.rasterization import rasterize
+from tracker.kernels.pictures.rasterization import rasterize
 from tracker.scene import Person, Scene
 
 _N_ETA, _N_OMEGA = 25, 36

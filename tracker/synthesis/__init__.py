@@ -45,7 +45,7 @@ class Synthesis(Protocol):
         """Normalized directed chamfer distances (paper, eq. 2) of many poses of one person.
 
         The service that searches live on: no contour need be written to memory on the way. It is a faster way to what
-        `tracker.kernels.chamfer.directed_distances` says of the coarse contours.
+        `tracker.kernels.contours.chamfer.directed_distances` says of the coarse contours.
 
         Args:
             scene: persons, poses and rig.

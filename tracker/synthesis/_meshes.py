@@ -63,7 +63,7 @@ def _triangulated(shapes: Array, n_eta: int, n_omega: int) -> Meshes:
 
 
 def before_cameras(scene: Scene, placements: Array, widths: Array) -> Mask:
-    """Which parts lie wholly before which cameras, as `tracker.kernels.contour_tracing` decides it.
+    """Which parts lie wholly before which cameras, as `tracker.kernels.contours.tracing` decides it.
 
     Args:
         scene: its rig and shapes.

@@ -10,9 +10,9 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.camera import Camera
 from tracker.contours import Contours
-from tracker.kernels.chamfer import directed_distances
-from tracker.kernels.id_contours import id_contours
-from tracker.kernels.rasterization import rasterize
+from tracker.kernels.contours.chamfer import directed_distances
+from tracker.kernels.pictures.id_contours import id_contours
+from tracker.kernels.pictures.rasterization import rasterize
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._meshes import before_cameras, boxes_of, meshes_of
@@ -84,7 +84,7 @@ def _traced(
 
 
 def solids_of(shapes: Array, placements: Array) -> Array:
-    """Parts (B, P, 17) as `tracker.kernels.id_contours` takes them, of shapes (P, 7) placed at (B, P, 4, 4)."""
+    """Parts (B, P, 17) as `id_contours` takes them, of shapes (P, 7) placed at (B, P, 4, 4)."""
     rotations = np.swapaxes(placements[..., :3, :3], -1, -2)
     motions = np.concatenate([rotations, -rotations @ placements[..., :3, 3:]], axis=-1) / shapes[:, :3, None]
     e1, e2 = shapes[:, 3], shapes[:, 4]
@@ -129,7 +129,7 @@ def rasterized_ids(scene: Scene, n_eta: int, n_omega: int) -> tuple[Integers, ..
 
 
 def distances_of(contours: Contours, observation: Observation, theta: float, reject: bool) -> Array:
-    """Directed chamfer distances (B, V, 2), px, of contours; see `tracker.kernels.chamfer.directed_distances`."""
+    """Directed chamfer distances (B, V, 2), px, of contours; see `directed_distances`."""
     flat, layout, points, first, _ = observation.packed
     distances: Array = directed_distances(
         contours.positions, contours.counts, flat, layout, points, first, theta, reject

@@ -11,10 +11,10 @@ from tracker.arrays import Array, Array32, Integers, Mask, frozen
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.geometry.superquadrics import spread, surface
-from tracker.kernels.contour_pieces import MOST_COLUMNS
-from tracker.kernels.contour_scoring import score_poses
-from tracker.kernels.contour_tracing import trace_contours
-from tracker.kernels.silhouettes import fill_parts
+from tracker.kernels.contours.pieces import MOST_COLUMNS
+from tracker.kernels.contours.scoring import score_poses
+from tracker.kernels.contours.tracing import trace_contours
+from tracker.kernels.pictures.silhouettes import fill_parts
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._pictures import rasterized_ids

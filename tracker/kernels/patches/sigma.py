@@ -8,7 +8,7 @@ import numpy as np
 
 from tracker.arrays import Array, Array32
 from tracker.kernels.compilation import compiled
-from tracker.kernels.patch_equations import AFFINE, N_PARAMETERS, Noise, Rule, Workspace, factorize, solve
+from tracker.kernels.patches.equations import AFFINE, N_PARAMETERS, Noise, Rule, Workspace, factorize, solve
 
 
 @compiled

@@ -6,7 +6,7 @@ import numpy as np
 
 from tracker.arrays import Image, Integers
 from tracker.kernels.compilation import compiled
-from tracker.kernels.linking import Pixels
+from tracker.kernels.images.linking import Pixels
 
 # Half the window of the texture's correlation, px; half the distance over which the ratio's slope is taken, px.
 _WINDOW, _STEP = 4, 2

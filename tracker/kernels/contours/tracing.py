@@ -13,8 +13,16 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
-from tracker.kernels.contour_pieces import CROSSING_ROWS, find_pieces
-from tracker.kernels.occlusion import ROW, SOLID_COLUMNS, SPOT_ROWS, cover, neighbours, place_solids, view_solids
+from tracker.kernels.contours.occlusion import (
+    ROW,
+    SOLID_COLUMNS,
+    SPOT_ROWS,
+    cover,
+    neighbours,
+    place_solids,
+    view_solids,
+)
+from tracker.kernels.contours.pieces import CROSSING_ROWS, find_pieces
 from tracker.kernels.projection import project_point
 
 Tracing = tuple[Array32, Integers, Integers, Integers, Array32, Integers, Array32]

@@ -14,7 +14,7 @@ import numpy as np
 from tracker.arrays import Array32, Integers
 from tracker.kernels.bits import lowest_bit
 from tracker.kernels.compilation import compiled
-from tracker.kernels.occlusion import ROW, whole_blocks
+from tracker.kernels.contours.occlusion import ROW, whole_blocks
 
 MOST_COLUMNS = 62
 """Columns of a grid that fit into one integer."""
@@ -166,7 +166,7 @@ def find_pieces(
         planes: (P, 4, R C) normals of the grid points and their product with the points.
         layout: R, C.
         p: the part.
-        solids: (P, 48) parts in the view, see `tracker.kernels.occlusion`.
+        solids: (P, 48) parts in the view, see `tracker.kernels.contours.occlusion`.
         camera: (25,) row of `Rig.packed`, single precision.
         facing, ids, links: workspace (R C,), (3, C) and (ROW, 2).
         crossings: (25 ROW,) output, see `CROSSING_ROWS`.

@@ -8,7 +8,7 @@ import numpy as np
 
 from tracker.arrays import Array, Integers
 from tracker.kernels.compilation import compiled
-from tracker.kernels.occlusion import SOLID_COLUMNS, inside_value, place_solids
+from tracker.kernels.contours.occlusion import SOLID_COLUMNS, inside_value, place_solids
 
 _N_POINTS = 5
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Integers
 from tracker.kernels.compilation import compiled
-from tracker.kernels.occlusion import SOLID_COLUMNS, beside, blocks_ray, place_solids, view_solids
+from tracker.kernels.contours.occlusion import SOLID_COLUMNS, beside, blocks_ray, place_solids, view_solids
 from tracker.kernels.projection import project_along
-from tracker.kernels.region_lines import BACKGROUND, SPOTS, pixels_per_metre
+from tracker.kernels.regions.lines import BACKGROUND, SPOTS, pixels_per_metre
 
 _FAR = 3.0
 """Rays are followed to this many times the distance of the contour: through all that may lie behind it."""

@@ -7,7 +7,7 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_along
-from tracker.kernels.region_lines import Samples
+from tracker.kernels.regions.lines import Samples
 
 
 @compiled

@@ -9,9 +9,9 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Integers
 from tracker.kernels.compilation import compiled
-from tracker.kernels.contour_scoring import moving_parts
+from tracker.kernels.contours.scoring import moving_parts
+from tracker.kernels.pictures.silhouettes import widen
 from tracker.kernels.projection import project_point
-from tracker.kernels.silhouettes import widen
 
 _STILL = -1
 # A part nearer to a camera than this has no outline that could be filled, metres.

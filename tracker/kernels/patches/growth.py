@@ -6,12 +6,12 @@ import numpy as np
 
 from tracker.arrays import Array, Integers
 from tracker.kernels.compilation import compiled
-from tracker.kernels.patch_equations import Noise, Rule, Workspace, workspace
-from tracker.kernels.patch_matching import MATCHED, N_FOUND, match_patch
-from tracker.kernels.splines import SplineImage
+from tracker.kernels.patches.equations import Noise, Rule, Workspace, workspace
+from tracker.kernels.patches.matching import MATCHED, N_FOUND, match_patch
+from tracker.kernels.patches.splines import SplineImage
 
 UNTRIED, REJECTED = -1, 5
-"""States of a cell beside those of `tracker.kernels.patch_matching`; REJECTED: matched, but not well enough."""
+"""States of a cell beside those of `tracker.kernels.patches.matching`; REJECTED: matched, but not well enough."""
 
 Grid = tuple[int, int, int]
 """Columns, rows, and pixels from one to the next; cell (0, 0) is pixel (0, 0)."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tracker.arrays import Array, Array32, Image, Integers
 from tracker.kernels.compilation import compiled
-from tracker.kernels.slopes import Slopes
+from tracker.kernels.images.slopes import Slopes
 
 Pixels = NDArray[np.int32]
 """(N, 2) x, y; or (N,) indices. Half the memory traffic of `Integers`."""

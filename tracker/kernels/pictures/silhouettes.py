@@ -28,7 +28,7 @@ def fill_parts(placements: Array, grids: Array32, layout: tuple[int, int], camer
 
     Args:
         placements: (P, 4, 4) world_from_part, metres.
-        grids: (P, F, 7) surface points first; see `tracker.kernels.contour_pieces.find_pieces`.
+        grids: (P, F, 7) surface points first; see `tracker.kernels.contours.pieces.find_pieces`.
         layout: R, C of the grids, with F = (2 R - 1) (2 C).
         camera: (25,) row of `Rig.packed`.
         mask: (h, w) in and out; parts that are not wholly before the camera are left out.

@@ -6,9 +6,9 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
-from tracker.kernels.patch_equations import Noise, Rule, workspace
-from tracker.kernels.patch_matching import match_patch
-from tracker.kernels.splines import MARGIN, SplineImage
+from tracker.kernels.patches.equations import Noise, Rule, workspace
+from tracker.kernels.patches.matching import match_patch
+from tracker.kernels.patches.splines import MARGIN, SplineImage
 
 
 @compiled
@@ -44,7 +44,7 @@ def cut_keys(image: SplineImage, centres: Integers, half: int, keys: Array32, in
 def match_keys(
     keys: Array32, which: Integers, search: SplineImage, found: Array, ended: Integers, rule: Rule, noise: Noise
 ) -> None:
-    """Finds M key patches in an image; see `tracker.kernels.patch_matching.match_patch`.
+    """Finds M key patches in an image; see `tracker.kernels.patches.matching.match_patch`.
 
     Args:
         keys: (N, side * side) from `cut_keys`.

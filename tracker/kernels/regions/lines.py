@@ -17,7 +17,7 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Image, Integers, Mask
 from tracker.kernels.compilation import compiled
-from tracker.kernels.region_colours import EVEN, N_COLOURS, Picture, Tables, colour_at, learn_colours
+from tracker.kernels.regions.colours import EVEN, N_COLOURS, Picture, Tables, colour_at, learn_colours
 
 SPOTS = (4.0, 9.0)
 """Steps outside of the contour at which is asked what part is seen there.

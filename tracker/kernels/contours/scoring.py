@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from tracker.arrays import Array, Array32, Integers, Mask
-from tracker.kernels.chamfer import directed_pair, matching_workspace
 from tracker.kernels.compilation import compiled
-from tracker.kernels.contour_tracing import trace_view, tracing_workspace
-from tracker.kernels.occlusion import ROW, SOLID_COLUMNS, SPOT_ROWS, cover, place_solids, view_solids
+from tracker.kernels.contours.chamfer import directed_pair, matching_workspace
+from tracker.kernels.contours.occlusion import ROW, SOLID_COLUMNS, SPOT_ROWS, cover, place_solids, view_solids
+from tracker.kernels.contours.tracing import trace_view, tracing_workspace
 
 
 @compiled

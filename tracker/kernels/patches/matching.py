@@ -6,7 +6,7 @@ import numpy as np
 
 from tracker.arrays import Array, Integers
 from tracker.kernels.compilation import compiled
-from tracker.kernels.patch_equations import (
+from tracker.kernels.patches.equations import (
     AFFINE,
     N_PARAMETERS,
     Noise,
@@ -21,8 +21,8 @@ from tracker.kernels.patch_equations import (
     solve,
     workspace,
 )
-from tracker.kernels.patch_sigma import estimate_precision
-from tracker.kernels.splines import SplineImage, reaches_out, sample_gradient, sample_patch, sample_whole_pixels
+from tracker.kernels.patches.sigma import estimate_precision
+from tracker.kernels.patches.splines import SplineImage, reaches_out, sample_gradient, sample_patch, sample_whole_pixels
 
 MATCHED, NOT_CONVERGED, DRIFTED, OUTSIDE, WEAK = 0, 1, 2, 3, 4
 """How a match ended; WEAK: the patch has too little texture, or looks like its negative."""

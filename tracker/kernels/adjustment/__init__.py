@@ -1,0 +1,1 @@
+"""Bundle adjustment and ray intersection, for `calibration` and `lsm`."""

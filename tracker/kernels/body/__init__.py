@@ -1,0 +1,1 @@
+"""Forward kinematics and collisions of parts, for `tracker.body`."""

@@ -1,0 +1,1 @@
+"""Occluding contours of a posed body, found and compared with edges, for `synthesis`, `similarity` and `estimation`."""

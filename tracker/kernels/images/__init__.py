@@ -1,0 +1,1 @@
+"""What is read in the images of the cameras, for `imaging` and `analysis`."""

@@ -1,0 +1,1 @@
+"""Least squares matching of image patches, for `lsm`."""

@@ -1,0 +1,1 @@
+"""Colours beside contours, for the evidence of regions."""
