@@ -29,7 +29,7 @@ def benchmark(*arguments: str, **variables: str) -> str:
     ("arguments", "words", "n_rows"),
     [
         (("poses",), ("1 thread", "to rasterizing", "to pyrender", "2 threads", "cpu"), 2),
-        (("tracking",), ("decode alone", "analysis", "other", "floor", "ratio", "frames/s", "hinge RMS deg"), 4),
+        (("tracking",), ("decode alone", "observation", "other", "floor", "ratio", "frames/s", "hinge RMS deg"), 4),
         (("robustness", "--only", "missing"), ("lost", "longest loss", "joints 95 % mm", "verdict", "tracked"), 1),
         (("robustness", "--only", "start 5"), ("< 20 mm in 10 frames", "flagged lost", "silently wrong"), 1),
         (("lsm",), ("inverse-compositional", "findTransformECC", "RMS px", "real error over predicted sigma"), 30),
@@ -51,7 +51,9 @@ def test_benchmarks_print_their_columns(arguments: tuple[str, ...], words: tuple
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of recordings: one that describes itself, one that does not say who is seen."""
     root = tmp_path_factory.mktemp("recordings")
-    write_sequence(Recipe("arm_swing", seconds=0.4, size=(360, 288)), root / "room" / "swing", lambda done, total: None)
+    write_sequence(
+        Recipe("arm_swing", seconds=0.4, size=(360, 288)), root / "room" / "swing", lambda what, done, total: None
+    )
     meta = {"people": [{"id": "person1", "subject": "anna", "height_m": 1.8}]}
     (root / "room" / "swing" / "meta.json").write_text(json.dumps(meta), encoding="utf-8")
     (root / "nobody").mkdir()

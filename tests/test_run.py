@@ -152,7 +152,7 @@ def test_a_run_whose_start_cannot_be_found_leaves_nothing(run, tmp_path):
     """The first frames fail, so nothing was computed."""
     lost = replace(run, initialization=GivenInitialization(poses=tmp_path / "start.csv"))
     (tmp_path / "start.csv").write_text("frame,person\n0,somebody_else\n")
-    with pytest.raises(TrackerError, match="no pose of person"):
+    with pytest.raises(TrackerError, match="no start pose of person"):
         execute(replace(lost, loss=LossRule(start_within=1)), tmp_path / "out")
     assert [path.name for path in tmp_path.iterdir()] == ["start.csv"]
 

@@ -350,7 +350,8 @@ def test_everybody_hides_everybody() -> None:
     """Parts are numbered through all persons; whose poses vary makes no difference; the one behind is hidden."""
     first, second = posed("gavrila22", 2)
     q = np.stack([second.q, second.q])
-    q[:, :3] = (-0.6, 0.1, 1.0), (30.0, 0.0, 1.0)
+    q[:, :3] = np.add(first.q[:3], (0.3, 0.0, 0.0)), (30.0, 0.0, 1.0)
+    q[:, 3:6] = 0.0
     scene = Scene((first, replace(second, q=q[0])), RIGS["narrow"])
     both, gone = CpuSynthesis().contours(scene, 1, q), CpuSynthesis().contours(replace(scene, persons=(first,)))
     n_parts = len(first.body.parts)

@@ -9,10 +9,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from tracker.arrays import Image
 from tracker.errors import CalibrationError, ConfigError
 
 if TYPE_CHECKING:
+    from tracker.arrays import Image
     from tracker.rig_layouts import RigFile
 
 # Written out, for the folder's import takes longer than `--help` should; a test compares.
