@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
-from recordings import TrueStart, cycle_for, small_simulation, with_images
+from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
 from tracker.arrays import Image
 from tracker.doubts import Doubts
@@ -17,6 +18,7 @@ from tracker.imaging.background import changed
 from tracker.initialization.pca import PcaInitialization
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
+from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking import track
 
 SIZE = 240, 320
@@ -101,6 +103,27 @@ def test_a_run_goes_on_without_the_foreground_of_a_view_and_says_so(simulation: 
     assert all(1 in step.untrusted for step in steps[3:])
     assert steps[1].model_px is not None
     assert f"foreground of {simulation.scene.rig.names[1]} not used in 2 (frames 3-4)" in doubts.sentence()
+
+
+def test_masks_serve_in_place_of_plates(simulation: Simulation) -> None:
+    def masked() -> Iterator[Frame]:
+        for frame in simulation.frames():
+            scene = simulation.scene.with_poses(tuple(poses[frame.index] for poses in simulation.poses))
+            yield replace(frame, masks=tuple(CpuSynthesis().silhouettes(scene)))
+
+    frame = next(masked())
+    sight = Sight(frame)
+    changes = sight.changes(1, (0, 0, 180, 288))
+    assert changes is not None
+    assert frame.masks[1] is not None
+    np.testing.assert_array_equal(changes.silhouette[:, :180], frame.masks[1][:, :180])
+    assert not changes.silhouette[:, 180:].any()
+    cycle = cycle_for(simulation, PcaInitialization(), backgrounds=(None,) * len(simulation.scene.rig))
+    steps = list(track(masked(), simulation.scene, cycle))
+    assert all(not step.estimates[0].lost for step in steps)
+    assert all(step.overlap is not None and step.overlap.min() > 0.6 for step in steps)
+    # a pixel is 12.5 mm at the person
+    assert joint_errors_mm(simulation, 0, 4, steps[-1].estimates[0].q).mean() < 50
 
 
 def test_a_start_in_another_room_is_refused(simulation: Simulation) -> None:

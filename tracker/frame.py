@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tracker.arrays import Image
+from tracker.arrays import Image, Mask
 
 
 @dataclass(frozen=True)
@@ -19,6 +19,13 @@ class Frame:
 
     images: tuple[Image | None, ...]
     """One BGR image `(h, w, 3)` a view, in the rig's order; None where that view is missing."""
+
+    masks: tuple[Mask | None, ...] = ()
+    """Silhouettes `(h, w)` of the persons that the user brings; empty for none, None where a view has none."""
+
+    def mask(self, view: int) -> Mask | None:
+        """The silhouette that the user brings for a view."""
+        return self.masks[view] if self.masks else None
 
     @property
     def missing(self) -> tuple[int, ...]:

@@ -78,8 +78,14 @@ class Sight:
         return kept is not None and _covers(kept[0], region)
 
     def changes(self, view: int, region: Region) -> Changes | None:
-        """What differs from the plate in a region; None where image or plate is missing, or not to be trusted."""
+        """What differs from the plate in a region, or the user's mask there; None where that is not known.
+
+        It is not where image or plate is missing, or the foreground not to be trusted. A mask always is.
+        """
         image, plate = self.frame.images[view], self.plates[view]
+        mask = self.frame.mask(view)
+        if mask is not None:
+            return self.once(Changes, view, region, lambda where: _given(mask, where))
         if image is None or plate is None:
             return None
 
@@ -102,6 +108,14 @@ class Sight:
         """View -> why its foreground was not used."""
         found = {view: kept[1].fault for (key, view), kept in self._found.items() if key is Changes}
         return {view: fault for view, fault in sorted(found.items()) if fault}
+
+
+def _given(mask: Mask, region: Region) -> Changes:
+    """A mask (H, W) in a region."""
+    inside = np.zeros(mask.shape, dtype=np.bool_)
+    x, y, width, height = region
+    inside[y : y + height, x : x + width] = mask[y : y + height, x : x + width]
+    return Changes(inside, inside)
 
 
 def _fault(level: float, n_px: int, model_px: float | None, shape: tuple[int, ...]) -> str:

@@ -46,9 +46,9 @@ class SilhouetteAnalysis(Analysis):
         Raises:
             SequenceError: a view has no background plate.
         """
-        if any(plate is None for plate in sight.plates):
+        if any(plate is None and sight.frame.mask(v) is None for v, plate in enumerate(sight.plates)):
             raise SequenceError(
-                "silhouettes need the background of every view: add "
+                "silhouettes need the background or masks of every view: add "
                 '`background = "background/{view}.png"` to [reading], or use = "contours" in [evidence.analysis]'
             )
         views = []

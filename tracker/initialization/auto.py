@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tracker.arrays import Image
+from tracker.arrays import Image, Mask
 from tracker.components import FilePath, component
 from tracker.errors import ConfigError
 from tracker.frame import Frame
@@ -40,9 +40,10 @@ class AutoInitialization:
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
-        return self._chosen(stages.backgrounds, stages.seen_before).start(frame, scene, stages)
+        known = tuple(frame.mask(v) if plate is None else plate for v, plate in enumerate(stages.backgrounds))
+        return self._chosen(known, stages.seen_before).start(frame, scene, stages)
 
-    def _chosen(self, plates: tuple[Image | None, ...], seen_before: bool = False) -> Initialization:
+    def _chosen(self, plates: tuple[Image | Mask | None, ...], seen_before: bool = False) -> Initialization:
         n_plates = sum(plate is not None for plate in plates)
         if self.poses is not None and not (seen_before and n_plates >= 2):
             return GivenInitialization(poses=self.poses)

@@ -175,15 +175,19 @@ def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> 
     """
     first = scene.persons[: len(stages.held)] if len(found) == 1 else scene.persons
     held = [person.body.landmarks_in_world(person.q) for person in first]
+    points = [*(person.points for person in found), *held]
     images: list[Image | None] = []
+    masks: list[Mask | None] = []
     for v, (image, plate) in enumerate(zip(frame.images, stages.backgrounds, strict=True)):
-        if image is None or plate is None:
+        given = frame.mask(v)
+        if image is None or (plate is None and given is None):
             images.append(None)
+            masks.append(None)
             continue
-        points = [*(person.points for person in found), *held]
         near = np.any([shadow(scene.rig, v, places, _AROUND_M) for places in points], axis=0)
-        images.append(np.where(near[..., None], image, in_light_of(image, plate)))
-    return replace(frame, images=tuple(images))
+        images.append(image if plate is None else np.where(near[..., None], image, in_light_of(image, plate)))
+        masks.append(None if given is None else given & near)
+    return replace(frame, images=tuple(images), masks=tuple(masks))
 
 
 def _foregrounds(frame: Frame, stages: Stages, scene: Scene) -> tuple[Mask | None, ...]:
@@ -191,14 +195,15 @@ def _foregrounds(frame: Frame, stages: Stages, scene: Scene) -> tuple[Mask | Non
 
     What looks like a shadow may be skin, and in space a shadow is no thicker than the floor it lies on.
     """
-    found = tuple(
-        None if image is None or plate is None else departing(image, plate, _SIGMAS)
-        for image, plate in zip(frame.images, stages.backgrounds, strict=True)
-    )
+    found = []
+    for v, (image, plate) in enumerate(zip(frame.images, stages.backgrounds, strict=True)):
+        differing = None if image is None or plate is None else departing(image, plate, _SIGMAS)
+        given = frame.mask(v)
+        found.append(differing if given is None else given)
     if sum(mask is not None for mask in found) < 2:
         names = ", ".join(name for name, mask in zip(scene.rig.names, found, strict=True) if mask is None)
         raise InitializationError(
             f"frame {frame.index}: no foreground in {names}: the images are missing or differ everywhere from the "
             "background plates; take plates in this light, with the cameras where they are"
         )
-    return found
+    return tuple(found)

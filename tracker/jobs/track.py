@@ -108,7 +108,7 @@ class TrackJob:
         persons = tuple(Person(one.name, body, body.rest()) for one, body in ((p, p.body()) for p in self.persons))
         sequence = self.reading.open()
         scene = Scene(persons, sequence.rig)
-        return OpenedTrack(sequence, scene, models, self.initialization.check(scene, sequence.backgrounds), done)
+        return OpenedTrack(sequence, scene, models, self.initialization.check(scene, sequence.known), done)
 
     def cycle(self, backgrounds: tuple[Image | None, ...], progress: Progress = silent) -> Cycle:
         """The tracking cycle of these components; a field of the cycle is one of the job, called the same.

@@ -40,6 +40,11 @@ class Sequence(Protocol):
         """A clean plate (h, w, 3) for each view that has one, else None."""
         ...
 
+    @property
+    def known(self) -> tuple[Image | None, ...]:
+        """What persons stand out against in each view: a plate, or nothing where masks tell; None for neither."""
+        ...
+
     def frames(self) -> Iterator[Frame]:
         """All frames of the chosen range in order."""
         ...

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -106,3 +107,26 @@ def selected(start: int, stop: int | None, stride: int, length: int) -> Selectio
     if not 0 <= start < end <= length:
         raise SequenceError(f"frames {start} to {end} asked for, the recording has {length}: mend start and stop")
     return Selection(start, end, stride)
+
+
+def numbered_files(name: str, pattern: Path) -> dict[int, Path]:
+    """The files of a view by their number.
+
+    Args:
+        name: of the view, for messages.
+        pattern: path with `{frame}` in the file name.
+
+    Raises:
+        SequenceError: there are none.
+    """
+    folder, before_after = pattern.parent, pattern.name.split("{frame}")
+    if len(before_after) != 2:
+        raise SequenceError(f'"{pattern}": no {{frame}} in the file name, expected e.g. images/{{view}}/{{frame}}.png')
+    if not folder.is_dir():
+        raise SequenceError(f'view "{name}": no folder {folder}')
+    number = re.compile(r"(\d+)".join(re.escape(piece) for piece in before_after))
+    matches = ((number.fullmatch(file.name), file) for file in folder.iterdir())
+    files = {int(match[1]): file for match, file in matches if match}
+    if not files:
+        raise SequenceError(f'view "{name}": no image {pattern.name} in {folder}')
+    return files

@@ -15,7 +15,16 @@ from tracker.arrays import Image, frozen
 from tracker.errors import CalibrationError, SequenceError
 from tracker.frame import Frame
 from tracker.imaging.plate_alignment import LEAST_INLIERS, aligned
-from tracker.reading._selection import OnMissing, Selection, chosen_offsets, common_length, selected, view_paths
+from tracker.reading._masks import MaskFiles, checked_masks, mask_paths
+from tracker.reading._selection import (
+    OnMissing,
+    Selection,
+    chosen_offsets,
+    common_length,
+    numbered_files,
+    selected,
+    view_paths,
+)
 from tracker.rig import Rig
 
 _View = TypeVar("_View")
@@ -38,6 +47,8 @@ class Settings(Protocol):
 
     @property
     def background(self) -> str | None: ...
+    @property
+    def masks(self) -> str | None: ...
     @property
     def align_background(self) -> bool: ...
     @property
@@ -67,6 +78,8 @@ class Recording:
 
     open_views: Callable[[], tuple[View, ...]]
     plate_of_clip: Callable[[Path], Image]
+    first: int = 0
+    """Number in the file names of the images, or of masks, that belongs to a view's image 0."""
 
 
 @dataclass(frozen=True)
@@ -171,6 +184,29 @@ class OpenSequence(OpenViews):
     """The cameras of the images as delivered (after downscaling)."""
 
     backgrounds: tuple[Image | None, ...]
+    masks: MaskFiles | None = None
+    """Silhouettes that the user brings."""
+
+    @property
+    def known(self) -> tuple[Image | None, ...]:
+        """What the persons stand out against in each view: the plate, or nothing (h, w, 3) where masks tell."""
+        if self.masks is None:
+            return self.backgrounds
+        blank = (np.zeros((height, width, 3), dtype=np.uint8) for width, height in self.sizes)
+        pairs = zip(self.backgrounds, blank, self.masks.files, strict=True)
+        return tuple(black if files else plate for plate, black, files in pairs)
+
+    def frames(self) -> Iterator[Frame]:
+        """All frames of the selection with their masks; see `OpenViews.frames`."""
+        if self.masks is None:
+            return super().frames()
+        return self._masked(self.masks, super().frames())
+
+    def _masked(self, masks: MaskFiles, frames: Iterator[Frame]) -> Iterator[Frame]:
+        for frame in frames:
+            read = (masks.read(v, frame.index) for v in range(len(frame.images)))
+            shown = zip(frame.images, read, strict=True)
+            yield replace(frame, masks=tuple(None if image is None else mask for image, mask in shown))
 
 
 def check_size(name: str, image: Image, expected: tuple[int, int]) -> None:
@@ -214,7 +250,17 @@ def opened(settings: Settings, recording: Recording, rig: Rig) -> OpenSequence:
         **vars(views),
         rig=rig if settings.downscale == 1 else rig.downscaled(settings.downscale),
         backgrounds=load_backgrounds(rig, settings.background, settings.downscale, recording.plate_of_clip, firsts),
+        masks=None if settings.masks is None else _opened_masks(settings.masks, recording, views),
     )
+
+
+def _opened_masks(pattern: str, recording: Recording, views: OpenViews) -> MaskFiles:
+    paths = mask_paths(pattern, views.names)
+    by_name = dict(zip(views.names, paths, strict=True))
+    files = opened_views(views.names, lambda name: numbered_files(name, by_name[name]), views.on_missing)
+    offsets = tuple(recording.first + offset for offset in views.offsets)
+    found = MaskFiles(tuple(one or {} for one in files), views.names, views.source_sizes, offsets, views.downscale)
+    return checked_masks(found, views.selection, views.on_missing)
 
 
 def opened_uncalibrated(settings: Settings, recording: Recording) -> OpenViews:

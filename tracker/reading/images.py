@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import pydantic
 from tracker.arrays import Image
 from tracker.components import FilePath, PathPattern, component
 from tracker.errors import SequenceError
-from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
+from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, numbered_files, view_paths
 from tracker.reading._sequence import (
     OpenSequence,
     OpenViews,
@@ -45,6 +44,10 @@ class ImageReading:
 
     background: PathPattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`."""
+
+    masks: PathPattern | None = None
+    """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered
+    as the images; what is not 0 is a person."""
 
     align_background: bool = False
     """Fit each plate to the first frame by its features and its light: for plates taken before the camera was turned
@@ -81,32 +84,7 @@ class ImageReading:
         first = min(min(numbered) for numbered in found if numbered)
         views = tuple(_ImageView(numbered or {}, first) for numbered in found)
         lengths = tuple(max(view.files, default=first - 1) - first + 1 for view in views)
-        return Recording(names, self.fps, lengths, lambda: views, plate_of_clip)
-
-
-def numbered_files(name: str, pattern: Path) -> dict[int, Path]:
-    """The files of a view by their number.
-
-    Args:
-        name: of the view, for messages.
-        pattern: path with `{frame}` in the file name.
-
-    Raises:
-        SequenceError: there are none.
-    """
-    folder, before_after = pattern.parent, pattern.name.split("{frame}")
-    if len(before_after) != 2:
-        raise SequenceError(
-            f'path = "{pattern}": no {{frame}} in the file name, expected e.g. images/{{view}}/{{frame}}.png'
-        )
-    if not folder.is_dir():
-        raise SequenceError(f'view "{name}": no folder {folder}')
-    number = re.compile(r"(\d+)".join(re.escape(piece) for piece in before_after))
-    matches = ((number.fullmatch(file.name), file) for file in folder.iterdir())
-    files = {int(match[1]): file for match, file in matches if match}
-    if not files:
-        raise SequenceError(f'view "{name}": no image {pattern.name} in {folder}')
-    return files
+        return Recording(names, self.fps, lengths, lambda: views, plate_of_clip, first)
 
 
 def intact_image(path: Path) -> Image:

@@ -91,6 +91,7 @@ class _OneFrame:
     stride: int = 1
     on_missing: OnMissing = "error"
     align_background: bool = False
+    masks: str | None = None
 
     @property
     def offsets(self) -> dict[str, int]:

@@ -46,6 +46,10 @@ class VideoReading:
     background: PathPattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`."""
 
+    masks: PathPattern | None = None
+    """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered
+    from 0 at the first frame of the file; what is not 0 is a person."""
+
     align_background: bool = False
     """Fit each plate to the first frame by its features and its light: for plates taken before the camera was turned
     or zoomed a little, or the pictures were cut otherwise. The camera must not have been carried elsewhere."""

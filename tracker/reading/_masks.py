@@ -1,0 +1,94 @@
+"""Silhouettes that a user brings: one mask a view and frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from tracker.arrays import Mask, frozen
+from tracker.errors import CalibrationError, SequenceError
+from tracker.reading._selection import OnMissing, Selection, view_paths
+
+
+@dataclass(frozen=True)
+class MaskFiles:
+    """Masks of a recording, read when their frames are."""
+
+    files: tuple[dict[int, Path], ...]
+    """For each view: number in the file name -> file."""
+
+    names: tuple[str, ...]
+    sizes: tuple[tuple[int, int], ...]
+    """Widths and heights of the images as on disk, px."""
+
+    offsets: tuple[int, ...]
+    """Number in a view's file names that belongs to frame 0."""
+
+    downscale: int
+
+    def read(self, view: int, index: int) -> Mask | None:
+        """The mask (h, w) of a frame as delivered; None where there is none.
+
+        Raises:
+            SequenceError: the file cannot be read.
+            CalibrationError: it has another size than the images.
+        """
+        path = self.files[view].get(index + self.offsets[view])
+        if path is None:
+            return None
+        picture = cv2.imdecode(np.frombuffer(path.read_bytes(), dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+        if picture is None:
+            raise SequenceError(f"{path}: not an image that can be read: the file is corrupt or truncated")
+        covered = picture if picture.ndim == 2 else picture[..., :3].max(axis=2)
+        size = covered.shape[1], covered.shape[0]
+        if size != self.sizes[view]:
+            raise CalibrationError(
+                f'{path}: the mask has {size[0]}x{size[1]} px, the images of view "{self.names[view]}" have '
+                f"{self.sizes[view][0]}x{self.sizes[view][1]} px"
+            )
+        mask: Mask = frozen(_smaller(covered > 0, self.downscale), np.bool_)
+        return mask
+
+
+def _smaller(mask: Mask, factor: int) -> Mask:
+    """What covers half of so many pixels in both directions, or more."""
+    if factor == 1:
+        return mask
+    height, width = (length // factor for length in mask.shape)
+    whole = mask[: height * factor, : width * factor].reshape(height, factor, width, factor)
+    most: Mask = whole.mean(axis=(1, 3)) >= 0.5
+    return most
+
+
+def checked_masks(masks: MaskFiles, selection: Selection, on_missing: OnMissing) -> MaskFiles:
+    """The masks, if there is one for each frame that is read, or some may be missing.
+
+    Raises:
+        SequenceError: names the first one that is missing.
+    """
+    for v, name in enumerate(masks.names):
+        lacking = [index for index in selection.indices if index + masks.offsets[v] not in masks.files[v]]
+        if lacking and on_missing == "error":
+            raise SequenceError(
+                f'masks of view "{name}": none numbered {lacking[0] + masks.offsets[v]} for frame {lacking[0]}, '
+                f"{len(lacking)} of {len(selection.indices)} frames have none; add them, choose others with start and "
+                'stop, or set on_missing = "skip" to go on without'
+            )
+    return masks
+
+
+def mask_paths(pattern: str, names: tuple[str, ...]) -> tuple[Path, ...]:
+    """The pattern of every view, with `{frame}` in the file name.
+
+    Raises:
+        SequenceError: a placeholder is missing.
+    """
+    paths = view_paths(pattern, names)
+    if paths[0].name.count("{frame}") != 1:
+        raise SequenceError(
+            f'masks = "{pattern}": no {{frame}} in the file name, expected e.g. masks/{{view}}/{{frame}}.png'
+        )
+    return paths
