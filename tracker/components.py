@@ -39,10 +39,24 @@ class ModelName(RelativePath):
         return super().resolved(text, folder) if text.endswith(".toml") else str(model_path(text).resolve())
 
 
+RECORDED = "median"
+"""In place of a path to plates: they are made of the recording itself."""
+
+
+@dataclasses.dataclass(frozen=True)
+class PlateSource(RelativePath):
+    """Marks clean plates: a path with `{view}`, or `RECORDED`."""
+
+    def resolved(self, text: str, folder: Path) -> str:
+        """The absolute path, or the word as it is."""
+        return text if text == RECORDED else super().resolved(text, folder)
+
+
 FilePath = Annotated[Path, pydantic.Field(strict=False), RelativePath()]
 """A path; a relative one starts at the configuration file's folder."""
 
 PathPattern = Annotated[str, RelativePath()]
+PlatePattern = Annotated[str, PlateSource()]
 """A path with placeholders such as `{view}`; a relative one starts at the configuration file's folder."""
 
 

@@ -8,14 +8,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol, TypeVar
 
-import cv2
 import numpy as np
 
-from tracker.arrays import Image, frozen
-from tracker.errors import CalibrationError, SequenceError
+from tracker.arrays import Image
+from tracker.components import RECORDED
+from tracker.errors import SequenceError
 from tracker.frame import Frame
-from tracker.imaging.plate_alignment import LEAST_INLIERS, aligned
+from tracker.imaging.recorded_plate import N_SAMPLES
 from tracker.reading._masks import MaskFiles, checked_masks, mask_paths
+from tracker.reading._pictures import check_size, downscaled
+from tracker.reading._plates import load_backgrounds, recorded_backgrounds
 from tracker.reading._selection import (
     OnMissing,
     Selection,
@@ -23,9 +25,11 @@ from tracker.reading._selection import (
     common_length,
     numbered_files,
     selected,
-    view_paths,
 )
 from tracker.rig import Rig
+
+# Frames of a long recording in which what most of them show is looked for: all before the last have to be decoded.
+_MOST_SEARCHED = 1500
 
 _View = TypeVar("_View")
 
@@ -146,7 +150,7 @@ class OpenViews:
         with ThreadPoolExecutor(max_workers=2) as pool:
 
             def request(index: int) -> list[Future[Image | None]]:
-                return [pool.submit(self._read, v, view, index) for v, view in enumerate(views)]
+                return [pool.submit(self.image, v, view, index) for v, view in enumerate(views)]
 
             indices = self.selection.indices
             waiting = request(indices[0]) if len(indices) else []
@@ -156,7 +160,18 @@ class OpenViews:
                     waiting = request(indices[k + 1])
                 yield Frame(index, index / self.fps, images)
 
-    def _read(self, v: int, view: View, index: int) -> Image | None:
+    def image(self, v: int, view: View, index: int) -> Image | None:
+        """An image (h, w, 3) of one view as delivered; None where it may be and is missing.
+
+        Args:
+            v: number of the view.
+            view: the view, opened; it is read in ascending order.
+            index: frame.
+
+        Raises:
+            SequenceError: it is missing or cannot be read.
+            CalibrationError: it has not the calibrated size.
+        """
         name = self.names[v]
         try:
             number = index + self.offsets[v]
@@ -209,35 +224,6 @@ class OpenSequence(OpenViews):
             yield replace(frame, masks=tuple(None if image is None else mask for image, mask in shown))
 
 
-def check_size(name: str, image: Image, expected: tuple[int, int]) -> None:
-    """Compares an image with the calibrated size.
-
-    Raises:
-        CalibrationError: they differ.
-    """
-    height, width = image.shape[:2]
-    if (width, height) != tuple(expected):
-        mended = "take the calibration of these images"
-        if (height, width) == tuple(expected):
-            mended = (
-                "are the images turned upright? `bodytrack rig convert RIG rig.toml --upright` makes the rig of those"
-            )
-        raise CalibrationError(
-            f'view "{name}": the images have {width}x{height} px, the rig was calibrated at '
-            f"{expected[0]}x{expected[1]} px: {mended}"
-        )
-
-
-def downscaled(image: Image, factor: int) -> Image:
-    """The image averaged over `factor` x `factor` pixels."""
-    if factor == 1:
-        return image
-    size = image.shape[1] // factor, image.shape[0] // factor
-    cropped = image[: size[1] * factor, : size[0] * factor]
-    smaller: Image = cv2.resize(cropped, size, interpolation=cv2.INTER_AREA)
-    return smaller
-
-
 def opened(settings: Settings, recording: Recording, rig: Rig) -> OpenSequence:
     """The sequence that the settings choose from a recording.
 
@@ -245,13 +231,36 @@ def opened(settings: Settings, recording: Recording, rig: Rig) -> OpenSequence:
         SequenceError: lengths, range or backgrounds do not fit.
     """
     views = _chosen_views(settings, recording, tuple(camera.size for camera in rig.cameras))
-    firsts = _first_images(views) if settings.align_background else None
     return OpenSequence(
         **vars(views),
         rig=rig if settings.downscale == 1 else rig.downscaled(settings.downscale),
-        backgrounds=load_backgrounds(rig, settings.background, settings.downscale, recording.plate_of_clip, firsts),
+        backgrounds=_opened_backgrounds(settings, recording, views, rig),
         masks=None if settings.masks is None else _opened_masks(settings.masks, recording, views),
     )
+
+
+def _opened_backgrounds(
+    settings: Settings, recording: Recording, views: OpenViews, rig: Rig
+) -> tuple[Image | None, ...]:
+    if settings.background != RECORDED:
+        firsts = _first_images(views) if settings.align_background else None
+        return load_backgrounds(rig, settings.background, settings.downscale, recording.plate_of_clip, firsts)
+    if settings.align_background:
+        raise SequenceError(
+            f'align_background: nothing to align, background = "{RECORDED}" is made of these images: unset it'
+        )
+    return recorded_backgrounds(views.names, lambda v: _spread_images(views, recording.lengths[v], v))
+
+
+def _spread_images(views: OpenViews, length: int, v: int) -> list[Image]:
+    """Images of a view as delivered, spread over its recording; of a long one, over what follows the first frame."""
+    if length == 0:
+        return []
+    first = 0 if length <= _MOST_SEARCHED else max(views.selection.start + views.offsets[v], 0)
+    numbers = np.linspace(first, min(length, first + _MOST_SEARCHED) - 1, N_SAMPLES).round().astype(int)
+    view = views.open_views()[v]
+    found = (views.image(v, view, int(number) - views.offsets[v]) for number in np.unique(numbers))
+    return [image for image in found if image is not None]
 
 
 def _opened_masks(pattern: str, recording: Recording, views: OpenViews) -> MaskFiles:
@@ -297,70 +306,3 @@ def _first_images(views: OpenViews) -> tuple[Image | None, ...]:
     """An image of each view as on disk: that of the first frame."""
     opened = zip(views.open_views(), views.offsets, strict=True)
     return tuple(view.read(max(views.selection.start + offset, 0)) for view, offset in opened)
-
-
-def read_image(path: Path) -> Image | None:
-    """A BGR image (h, w, 3), None if the file is none or is cut off."""
-    content = path.read_bytes()
-    # OpenCV fills a cut-off JPEG with grey without a word
-    cut_off = content.startswith(_JPEG_START) and _JPEG_END not in content[-1024:]
-    if not content or cut_off:
-        return None
-    image: Image | None = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)
-    return image
-
-
-def load_backgrounds(
-    rig: Rig,
-    pattern: str | None,
-    downscale: int,
-    clip: Callable[[Path], Image],
-    fit_to: tuple[Image | None, ...] | None = None,
-) -> tuple[Image | None, ...]:
-    """Clean plates of all views.
-
-    Args:
-        rig: names the views, and has their image sizes.
-        pattern: path with `{view}` to an image or a clip; None for no plates.
-        downscale: as for the images.
-        clip: reads a plate from a video file.
-        fit_to: an image of each view that its plate is fitted to; None for plates that fit as they are.
-
-    Raises:
-        SequenceError: a plate is missing or unreadable, or does not show what its view does.
-    """
-    if pattern is None:
-        return (None,) * len(rig)
-    plates: list[Image | None] = []
-    for v, (camera, path) in enumerate(zip(rig.cameras, view_paths(pattern, rig.names), strict=True)):
-        plate = _read_plate(camera.name, path, clip)
-        if fit_to is not None:
-            plate = _fitted_plate(camera.name, plate, path, fit_to[v])
-        check_size(camera.name, plate, camera.size)
-        plates.append(frozen(downscaled(plate, downscale), np.uint8))
-    return tuple(plates)
-
-
-def _read_plate(name: str, path: Path, clip: Callable[[Path], Image]) -> Image:
-    if not path.exists():
-        raise SequenceError(f'background of view "{name}": no file {path}')
-    plate = read_image(path) if path.suffix.lower() in _IMAGES else clip(path)
-    if plate is None:
-        raise SequenceError(f'background of view "{name}": {path} is not an image that can be read')
-    return plate
-
-
-def _fitted_plate(name: str, plate: Image, path: Path, image: Image | None) -> Image:
-    if image is None:
-        raise SequenceError(f'background of view "{name}": no first image to fit the plate to; unset align_background')
-    fitted, n_agree = aligned(plate, image)
-    if n_agree < LEAST_INLIERS:
-        raise SequenceError(
-            f'background of view "{name}": {path} and the first image have {n_agree} features in common, expected at '
-            f"least {LEAST_INLIERS}: is it the plate of another view, or was the camera carried elsewhere?"
-        )
-    return fitted
-
-
-_JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
-_IMAGES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"}

@@ -8,8 +8,9 @@ from pathlib import Path
 import pydantic
 
 from tracker.arrays import Image
-from tracker.components import FilePath, PathPattern, component
+from tracker.components import FilePath, PathPattern, PlatePattern, component
 from tracker.errors import SequenceError
+from tracker.reading._pictures import read_image
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, numbered_files, view_paths
 from tracker.reading._sequence import (
     OpenSequence,
@@ -18,7 +19,6 @@ from tracker.reading._sequence import (
     opened,
     opened_uncalibrated,
     opened_views,
-    read_image,
 )
 from tracker.reading.video import plate_of_clip
 
@@ -42,8 +42,9 @@ class ImageReading:
     offsets: dict[str, int] = pydantic.Field(default_factory=dict)
     """Position in a view's images, counted from the lowest number of all views, that belongs to frame 0."""
 
-    background: PathPattern | None = None
-    """Clean plates: images or short clips, for instance `background/{view}.png`."""
+    background: PlatePattern | None = None
+    """Clean plates: images or short clips, for instance `background/{view}.png`; "median": what most images of the
+    recording show, in views where everybody walks about."""
 
     masks: PathPattern | None = None
     """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered

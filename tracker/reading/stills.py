@@ -10,6 +10,7 @@ import pydantic
 from tracker.arrays import Image
 from tracker.components import FilePath, PathPattern, component
 from tracker.errors import SequenceError
+from tracker.reading._pictures import read_image
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
 from tracker.reading._sequence import (
     OpenSequence,
@@ -18,7 +19,6 @@ from tracker.reading._sequence import (
     opened,
     opened_uncalibrated,
     opened_views,
-    read_image,
 )
 from tracker.reading.video import plate_of_clip
 

@@ -9,7 +9,7 @@ import numpy as np
 import pydantic
 
 from tracker.arrays import Image
-from tracker.components import FilePath, PathPattern, component
+from tracker.components import FilePath, PathPattern, PlatePattern, component
 from tracker.errors import SequenceError
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
 from tracker.reading._sequence import (
@@ -43,8 +43,9 @@ class VideoReading:
     offsets: dict[str, int] = pydantic.Field(default_factory=dict)
     """Frame of a view's file that belongs to frame 0, where it is not 0."""
 
-    background: PathPattern | None = None
-    """Clean plates: images or short clips, for instance `background/{view}.png`."""
+    background: PlatePattern | None = None
+    """Clean plates: images or short clips, for instance `background/{view}.png`; "median": what most images of the
+    recording show, in views where everybody walks about."""
 
     masks: PathPattern | None = None
     """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered
