@@ -28,6 +28,7 @@ from tracker.evaluation.tables import read_rows
 
 SCRIPTS = Path(__file__).parents[1]
 _RECORDINGS = ["csv_table", "run_json", "benchmarks.processor_clock:ProcessorClock"]
+_WARNINGS = {"doubtful", "ambiguous", "lost"}
 _CONFIDENCE = re.compile(r"(\S+) start pose of confidence ([\d.]+)")
 
 
@@ -117,8 +118,10 @@ class Score:
     """Frames not lost with a joint 150 mm off."""
 
     limb_off_flagged: int = 0
+    """Those in which such a joint is flagged."""
+
     false_flags: int = 0
-    """Frames flagged, but not lost, with no joint 150 mm and a mean of less than 100 mm off."""
+    """Frames not lost with a joint flagged, but none 150 mm and a mean of less than 100 mm off."""
 
     confidence: float = np.nan
     start_s: float = np.nan
@@ -224,10 +227,11 @@ def _score(row: Score, recording: Recorded, result: Path, errors: PersonErrors, 
         errors: the person's errors.
         curve: joint -> distances to the truth in the frames that are not lost, mm, and their numbers.
     """
-    gaps = np.stack([values for name, values in curve.items() if name != "frame"])
-    mean_mm, worst_mm = gaps.mean(axis=0), gaps.max(axis=0)
-    flagged = _flagged(result, errors.person, curve["frame"])
-    wrong, limb_off = mean_mm >= TRACKED_MM, worst_mm > LIMB_MM
+    joints = [name for name in curve if name != "frame"]
+    gaps = np.stack([curve[name] for name in joints])
+    flags = _flags(result, errors.person, joints, curve["frame"])
+    flagged = flags.all(axis=0)
+    wrong, limb_off = gaps.mean(axis=0) >= TRACKED_MM, (gaps > LIMB_MM).any(axis=0)
     elbows, knees = _hinges(errors, "elbow"), _hinges(errors, "knee")
     start_s, cpu_ms = _processor(result)
     others = [name for name, known in recording.truth_names.items() if known == errors.truth]
@@ -246,8 +250,8 @@ def _score(row: Score, recording: Recorded, result: Path, errors: PersonErrors, 
         wrong=int(wrong.sum()),
         wrong_flagged=int((wrong & flagged).sum()),
         limb_off=int(limb_off.sum()),
-        limb_off_flagged=int((limb_off & flagged).sum()),
-        false_flags=int((flagged & ~wrong & ~limb_off).sum()),
+        limb_off_flagged=int(((gaps > LIMB_MM) & flags).any(axis=0).sum()),
+        false_flags=int((flags.any(axis=0) & ~wrong & ~limb_off).sum()),
         confidence=_confidence(result, errors.person),
         start_s=start_s,
         cpu_ms=float(np.median(cpu_ms)) if cpu_ms.size else np.nan,
@@ -263,10 +267,19 @@ def _hinges(errors: PersonErrors, joint: str) -> tuple[float, float]:
     return float(raw), float(removed)
 
 
-def _flagged(result: Path, person: str, frames: Array) -> Mask:
-    """(T,) whether the status of a frame warns of its pose."""
-    statuses = {int(row["frame"]): row["status"] for row in read_rows(result / "poses.csv") if row["person"] == person}
-    return np.array([statuses[int(frame)] in ("doubtful", "lost") for frame in frames])
+def _flags(result: Path, person: str, joints: list[str], frames: Array) -> Mask:
+    """(L, T) whether a joint's status warns of it, or that of the whole frame does."""
+    statuses = {
+        (int(row["frame"]), row.get("joint", "")): row.get("status", "")
+        for table in ("poses.csv", "joints.csv")
+        for row in read_rows(result / table)
+        if row["person"] == person
+    }
+    warns = [
+        [{statuses.get((int(frame), joint)) for joint in (name, "")} & _WARNINGS for frame in frames] for name in joints
+    ]
+    flags: Mask = np.array(warns, dtype=bool)
+    return flags
 
 
 def _confidence(result: Path, person: str) -> float:

@@ -42,8 +42,8 @@ _FLAGS: dict[str, tuple[_Value, str]] = {
 }
 _LEGEND = (
     "median / worst of the starts. Errors over the frames not lost; < 100 mm: share of all frames that have a pose so "
-    "near on average; flag: doubtful or lost. CPU: all threads, with reading, without the first frame, which is the "
-    "start's"
+    "near on average; flag: the frame is doubtful, or that joint ambiguous. CPU: all threads, with reading, without "
+    "the first frame, which is the start's"
 )
 _MORE_IS_BETTER = "< 100 mm %", "start confidence"
 
