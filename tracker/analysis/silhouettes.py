@@ -48,8 +48,9 @@ class SilhouetteAnalysis(Analysis):
         """
         if any(plate is None and sight.frame.mask(v) is None for v, plate in enumerate(sight.plates)):
             raise SequenceError(
-                "silhouettes need the background or masks of every view: add "
-                '`background = "background/{view}.png"` to [reading], or use = "contours" in [evidence.analysis]'
+                "silhouettes need the background of every view: add "
+                '`background = "background/{view}.png"` (or masks) to [reading], or use = "contours" in '
+                "[evidence.analysis]"
             )
         views = []
         for v, image in enumerate(sight.frame.images):
