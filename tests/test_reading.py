@@ -533,6 +533,8 @@ def test_masks_come_with_their_frames(recorded: Path, tmp_path: Path) -> None:
     assert small.shape == (HEIGHT // 2, WIDTH // 2)
     assert abs(int(small.sum()) - 25) <= 5
     assert next(videos(recorded).open().frames()).masks == ()
+    assert [one is not None for one in reading.open().known] == [True] * 3
+    assert videos(recorded).open().known == (None,) * 3
 
 
 def test_masks_of_images_are_numbered_as_they_are(tmp_path: Path, recorded: Path) -> None:

@@ -15,6 +15,7 @@ from tracker.doubts import Doubts
 from tracker.errors import InitializationError
 from tracker.frame import Frame
 from tracker.imaging.background import changed
+from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.pca import PcaInitialization
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
@@ -118,7 +119,7 @@ def test_masks_serve_in_place_of_plates(simulation: Simulation) -> None:
     assert frame.masks[1] is not None
     np.testing.assert_array_equal(changes.silhouette[:, :180], frame.masks[1][:, :180])
     assert not changes.silhouette[:, 180:].any()
-    cycle = cycle_for(simulation, PcaInitialization(), backgrounds=(None,) * len(simulation.scene.rig))
+    cycle = cycle_for(simulation, AutoInitialization(), backgrounds=(None,) * len(simulation.scene.rig))
     steps = list(track(masked(), simulation.scene, cycle))
     assert all(not step.estimates[0].lost for step in steps)
     assert all(step.overlap is not None and step.overlap.min() > 0.6 for step in steps)
