@@ -12,7 +12,7 @@ import pytest
 
 from tracker.arrays import Image
 from tracker.imaging.recorded_plate import N_SAMPLES, recorded_plate
-from tracker.kernels.modes import dominant_modes
+from tracker.kernels.images.modes import dominant_modes
 from tracker.reading._plates import _MOST_UNDECIDED, recorded_backgrounds
 from tracker.reading.video import VideoReading
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from tracker.arrays import Image
+from tracker.kernels.compilation import compiled
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def dominant_modes(pile: NDArray[np.uint8], reach: int, plate: Image, counts: Image, rivals: Image) -> None:
     """The colour that most pictures agree with, and how many do.
 
@@ -52,7 +52,7 @@ def dominant_modes(pile: NDArray[np.uint8], reach: int, plate: Image, counts: Im
                 plate[y, x, c] = (2 * total + best) // (2 * best)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _near(pile: NDArray[np.uint8], i: int, j: int, y: int, x: int, reach: int) -> bool:
     """Whether two pictures show the same colour at a pixel."""
     most = np.int64(0)
