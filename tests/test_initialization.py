@@ -178,7 +178,8 @@ def test_a_standing_person_is_found_on_edges_alone(body: BodyModel, arms_deg: fl
     (q,) = on_floor(body, turned(body, q, np.array([0.5])), np.array([[0.23, -0.31]]), 0.0)
     scene = Scene((Person("one", body, q),), RIG)
     stages = Stages(CpuSynthesis(), ContourEvidence(), HybridEstimation(), (None,) * 4)
-    start = StanceInitialization(hypotheses=3).start(drawn(scene), scene, stages)
+    standing = body.start.stances_deg[:3]
+    start = StanceInitialization(stances_deg=standing, hypotheses=3).start(drawn(scene), scene, stages)
     off = body.landmarks_in_world(np.array([one.q for one in start.hypotheses[0]])) - body.landmarks_in_world(q)
     assert np.linalg.norm(off, axis=2).mean(axis=1).min() < 0.03
 
@@ -201,8 +202,10 @@ def test_an_empty_room_is_empty() -> None:
     """Furniture offers contours of which nine tenths lie on edges; those of a person lie on edges in all views."""
     simulation = small_simulation(n_frames=1)
     empty = Frame(0, 0.0, simulation.backgrounds)
+    scene = simulation.scene
+    search = StanceInitialization(stances_deg=scene.persons[0].body.start.stances_deg[:3], hypotheses=2)
     with pytest.raises(InitializationError, match=r"frame 0: .* expected at least 0.16"):
-        StanceInitialization(hypotheses=2).start(empty, simulation.scene, without_plates(simulation))
+        search.start(empty, scene, without_plates(simulation))
 
 
 # Stances

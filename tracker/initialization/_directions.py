@@ -33,6 +33,11 @@ class DirectionImages:
     scales: tuple[float, ...]
     """Pixels of the gains in a pixel of the view."""
 
+    @property
+    def empty(self) -> bool:
+        """Whether no view has an edge."""
+        return not any(gains is not None and gains.any() for gains in self.gains)
+
     def scores(self, contours: Contours) -> Array:
         """(B, V) mean gain of each pose's contour in each view; 0 for what chance would give."""
         found = np.zeros((contours.n_poses, len(self.gains)))

@@ -91,6 +91,8 @@ class StanceInitialization:
             raise InitializationError(f"frame {frame.index}: without background plates one person can be looked for")
         alone = with_held(scene, sought[0], stages.held)
         body, edges = alone.persons[-1].body, direction_images(frame, self.reach)
+        if edges.empty:
+            raise InitializationError(f"frame {frame.index}: the images have no edges, nobody can be looked for")
         refined = []
         for n, q in enumerate(self._tried(frame, alone, stages, edges), start=1):
             stages.progress(f"bootstrapping: stance {n} of {self.hypotheses}")
