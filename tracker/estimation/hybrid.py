@@ -53,9 +53,12 @@ class HybridEstimation:
     something unexplained in every frame."""
 
     most_usual: float = pydantic.Field(default=0.35, ge=0, le=1)
-    """Largest share that can become usual: a limb in the wrong place leaves over more (see `loss.ambiguous_above`) and
-    is searched in every frame. With 0.15, a real person with a general model was searched in every frame, too, at
-    3 seconds a frame and to no avail."""
+    """Share above which a limb is poor however usual that is: one in the wrong place leaves over more (see
+    `loss.ambiguous_above`)."""
+
+    poor_every: int = pydantic.Field(default=3, ge=1)
+    """Frames after which a limb whose usual state is that poor is searched again. In every frame, a person whom no
+    model fits costs seconds a frame, to no avail."""
 
     again_every: int = pydantic.Field(default=10, ge=1)
     """Frames after which a group is searched even if its poor state is usual."""
@@ -158,8 +161,9 @@ class HybridEstimation:
             parts = body.parts_of(group)
             allowed = 1 - self.search_below
             if usual_px is not None:
-                usual = min(self._share(usual_px[0], usual_px[1], parts), self.most_usual)
-                allowed = max(allowed, self.unusual + usual)
+                usual = self._share(usual_px[0], usual_px[1], parts)
+                poor = usual > self.most_usual and history is not None and history.n_frames % self.poor_every == 0
+                allowed = max(allowed, self.unusual + (self.most_usual if poor else usual))
             if self._share(estimate.account.visible_px, estimate.account.left_over_px, parts) > allowed:
                 weak.append(group)
         return tuple(weak)
