@@ -191,7 +191,9 @@ class RegionEvidence(Evidence):
 
 def _encoded(image: Image, region: Region) -> tuple[Region, Numbers16]:
     codes = np.empty(region[2] * region[3], dtype=np.uint16)
-    encode(image, region, codes)
+    x, y, width, height = region
+    # a copy, so that pictures of every layout are of one type to the compiler
+    encode(np.array(image[y : y + height, x : x + width], order="C"), (0, 0, width, height), codes)
     return region, codes
 
 

@@ -91,6 +91,7 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (smooth_surface, (_own(_F8, 3, 3, 3), 0.03, 1, 1)),
         (connected_blocks, (_own(_F8, 3, 3, 3), 0.12)),
         (dominant_modes, (_own(_U1, 1, 1, 1, 3), 12, _own(_U1, 1, 1, 3), _own(_U1, 1, 1), _own(_U1, 1, 1))),
+        (relight, (_own(_U1, 1, 1, 3), _own(_F4, 1, 1, 3), 1.0, (0, 0, 1), _own(_U1, 1, 1, 3))),
         (relight, (_frozen(_U1, 1, 1, 3), _own(_F4, 1, 1, 3), 1.0, (0, 0, 1), _own(_U1, 1, 1, 3))),
         (large_regions, (_own(_I4, 1, 1), 1, 0.02, _own(_B1, 1, 1))),
         (match_oriented, (_own(_F4, 1, 1, 5), _own(_I8, 1), *scene, (30.0, 0.8), _own(_I8, 0, 4))),
