@@ -1,0 +1,120 @@
+"""What programs use: results that are loaded, runs that are iterated, and the page that tells of both."""
+
+from __future__ import annotations
+
+import csv
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from motions import LOST, N_FRAMES, made_up
+
+import tracker
+from tracker.errors import ConfigError, ModelError
+from tracker.jobs import execute, load_job
+from tracker.recording.csv_table import CsvTable
+from tracker.simulation.sequence import Recipe, write_sequence
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "python.md").read_text()
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory) -> Path:
+    """A folder with `run.toml`, tracked into `results/my_run/latest`."""
+    folder = tmp_path_factory.mktemp("python")
+    config = write_sequence(Recipe("arm_swing", seconds=0.16, size=(360, 288)), folder / "sequence")
+    text = config.read_text() + '\n[initialization]\nuse = "given"\nposes = "truth_poses.csv"\n'
+    (folder / "sequence" / "run.toml").write_text(text)
+    execute(load_job("track", folder / "sequence" / "run.toml"), folder / "sequence" / "results/my_run/latest")
+    return folder / "sequence"
+
+
+def read(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_page_runs(recording, monkeypatch, capsys):
+    monkeypatch.chdir(recording)
+    blocks = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
+    assert len(blocks) == 5
+    names = {}
+    exec(compile("\n".join(blocks), "docs/python.md", "exec"), names)
+    assert names["flexion_deg"].shape == names["speed"].shape == (4,)
+    assert names["good"].sum() == 3  # the first frame is bootstrapped
+    size = np.array(names["result"].rig.cameras[0].size)
+    assert ((names["pixels"] > 0) & (names["pixels"] < size)).all()
+    told = capsys.readouterr().out.splitlines()
+    assert told[0] == "['frame', 'time_s', 'status', 'torso_x_deg']".replace("_deg", "_m")
+    assert [line.split()[0] for line in told[1:]] == ["0", "1", "2"]
+
+
+def test_an_iterated_run_finds_what_an_executed_one_wrote(recording):
+    """To the last bit, and again when it is iterated again."""
+    wanted = tracker.load_result(recording / "results/my_run/latest")
+    run = tracker.load_run(recording / "run.toml")
+    assert len(run) == 4
+    for _ in range(2):
+        steps = list(run)
+        np.testing.assert_array_equal([step.estimates[0].q for step in steps], wanted.persons[0].poses)
+        assert [step.frame.time_s for step in steps] == list(wanted.times_s)
+    again = tracker.load_run(recording / "run.toml", ["reading.stop=2"]).execute(recording / "short")
+    np.testing.assert_array_equal(again.persons[0].poses, wanted.persons[0].poses[:2])
+    assert again.frames.tolist() == [0, 1]
+
+
+def test_a_result_is_what_its_tables_say(tmp_path):
+    movement = made_up("human", "quadruped")
+    result = tracker.load_result(movement.result(tmp_path))
+    movement.record(CsvTable(), tmp_path)
+    poses, sigmas, joints = (read(tmp_path / name) for name in ("poses.csv", "sigmas.csv", "joints.csv"))
+    assert (result.name, result.fps, list(result.bodies)) == ("made_up", 25.0, ["person1", "person2"])
+    for person in result.persons:
+        table = person.columns()
+        assert {len(column) for column in table.values()} == {N_FRAMES}
+        for rows, infix in ((poses, ""), (sigmas, "_sigma")):
+            mine = [row for row in rows if row["person"] == person.name]
+            assert [int(row["frame"]) for row in mine] == list(person.frames)
+            assert tuple(row["status"] for row in mine) == person.statuses
+            for parameter in person.body.parameters:
+                found = table[f"{parameter.name}{infix}_{parameter.unit}"]
+                wanted = [float(row[parameter.column] or "nan") for row in mine]
+                np.testing.assert_allclose(found, wanted, atol=1e-5)
+        mine = [row for row in joints if row["person"] == person.name]
+        wanted = [[float(row[f"{axis}_m"] or "nan") for axis in "xyz"] for row in mine]
+        np.testing.assert_allclose(person.joints.reshape(-1, 3), wanted, atol=1e-5)
+        assert [row["joint"] for row in mine[: len(person.joint_names)]] == list(person.joint_names)
+        assert [row["status"] for row in mine] == [one for frame in person.joint_statuses for one in frame]
+    lost = result.person("person1")
+    assert np.isnan(lost.poses[LOST]).all()
+    assert np.isnan(lost.joints[LOST]).all()
+    assert np.isnan(lost.covariances[LOST]).all()
+    assert np.isfinite(np.delete(lost.joints, np.r_[LOST], axis=0)).all()
+
+
+def test_wrong_names_are_answered_with_the_nearest(tmp_path):
+    result = tracker.load_result(made_up("gavrila22").result(tmp_path))
+    with pytest.raises(ConfigError, match='nobody is called "person"; did you mean "person1"'):
+        result.person("person")
+    with pytest.raises(ConfigError, match='no joint "left_elbo"; did you mean "left_elbow"'):
+        result.persons[0].joint("left_elbo")
+    with pytest.raises(ModelError, match="did you mean"):
+        result.persons[0].parameter("left_arm_extensio")
+    with pytest.raises(ConfigError, match="expected the folder of a run"):
+        tracker.load_result(tmp_path / "nowhere")
+    with pytest.raises(AttributeError, match="load_results"):
+        tracker.load_results  # noqa: B018
+
+
+def test_what_the_package_offers_has_types():
+    """Each name of `__init__.pyi` is there, and nothing else is offered."""
+    typed = set(re.findall(r" as (\w+)", (ROOT / "tracker" / "__init__.pyi").read_text()))
+    assert typed == set(tracker._OFFERED)
+    assert all(hasattr(tracker, name) and name in dir(tracker) for name in typed)
+    script = "import sys, tracker; tracker.load_result; print('tracker.jobs' in sys.modules)"
+    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert told.stdout.strip() == "False"  # reading a result needs no cameras, evidence or estimators

@@ -1,0 +1,257 @@
+"""A finished run, loaded from its folder: who did what when, how sure that is, and what it was made with."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tracker.arrays import Array, Integers, Mask, frozen
+from tracker.body import BodyModel
+from tracker.body_files import load_body
+from tracker.contours import Contours
+from tracker.errors import ConfigError, nearest
+from tracker.estimate import Estimate
+from tracker.frame import Frame
+from tracker.recording.csv_table import joint_statuses
+from tracker.recording.journal import read_journal
+from tracker.rig import Rig
+from tracker.rig_layouts import load_rig
+from tracker.scene import Person, Scene
+from tracker.trajectory import Replay, Step
+
+
+@dataclass(frozen=True)
+class Track:
+    """What was found of one person; what is lost is NaN everywhere."""
+
+    name: str
+    body: BodyModel
+    frames: Integers
+    """(T,) numbers of the frames."""
+
+    times_s: Array
+    """(T,) seconds."""
+
+    estimates: tuple[Estimate, ...]
+    """(T,) all that is known of each frame; the poses of lost ones are predictions and not to be used."""
+
+    @cached_property
+    def lost(self) -> Mask:
+        """(T,) frames in which the person was not found."""
+        mask: Mask = frozen([estimate.lost for estimate in self.estimates], dtype=np.bool_)
+        return mask
+
+    @cached_property
+    def poses(self) -> Array:
+        """(T, dof) rad and m, columns as `parameters`."""
+        return self._without_lost(np.array([estimate.q for estimate in self.estimates]))
+
+    @cached_property
+    def covariances(self) -> Array:
+        """(T, dof, dof) of the poses."""
+        return self._without_lost(np.array([estimate.covariance for estimate in self.estimates]))
+
+    @cached_property
+    def sigmas(self) -> Array:
+        """(T, dof) standard deviations of the poses, rad and m."""
+        return frozen(np.sqrt(np.maximum(np.diagonal(self.covariances, axis1=1, axis2=2), 0)))
+
+    @cached_property
+    def statuses(self) -> tuple[str, ...]:
+        """(T,) `tracked`, `bootstrapped`, `recovered`, `doubtful` or `lost`."""
+        return tuple(str(estimate.verdict) for estimate in self.estimates)
+
+    @cached_property
+    def ambiguous(self) -> tuple[tuple[str, ...], ...]:
+        """(T,) limbs that may be elsewhere."""
+        return tuple(estimate.ambiguous for estimate in self.estimates)
+
+    @cached_property
+    def distances_px(self) -> Array:
+        """(T,) what the poses leave unexplained, px."""
+        return frozen([estimate.distance_px for estimate in self.estimates])
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the pose parameters, in the order of `poses`."""
+        return self.body.names
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of `joints`."""
+        return tuple(self.body.landmark_names[mark] for mark in self.body.reported)
+
+    @cached_property
+    def joints(self) -> Array:
+        """(T, J, 3) joint centres in the world, metres."""
+        poses = np.array([estimate.q for estimate in self.estimates])
+        return self._without_lost(self.body.landmarks_in_world(poses)[:, list(self.body.reported)])
+
+    @cached_property
+    def joint_statuses(self) -> tuple[tuple[str, ...], ...]:
+        """(T, J) the frame's status, or `ambiguous` on a limb that may be elsewhere."""
+        person = Person(self.name, self.body, self.body.rest())
+        told = (joint_statuses(person, estimate) for estimate in self.estimates)
+        return tuple(tuple(statuses[mark] for mark in self.body.reported) for statuses in told)
+
+    def parameter(self, name: str) -> Array:
+        """One parameter over time (T,), rad or m.
+
+        Raises:
+            ModelError: no such parameter.
+        """
+        return self.poses[:, self.body.index(name)]
+
+    def joint(self, name: str) -> Array:
+        """One joint over time (T, 3), metres.
+
+        Raises:
+            ConfigError: no such joint.
+        """
+        if name not in self.joint_names:
+            raise ConfigError(f'"{self.name}" has no joint "{name}"; {nearest(name, self.joint_names)}')
+        return self.joints[:, self.joint_names.index(name)]
+
+    def columns(self) -> dict[str, Any]:
+        """Everything beside each other in the units of the tables, for `pandas.DataFrame(track.columns())`.
+
+        Returns:
+            Column name -> (T,) values: `frame`, `time_s`, `status`, `left_arm_extension_deg`,
+            `left_arm_extension_sigma_deg`, `left_elbow_x_m`, ...
+        """
+        units = np.where(self.body.rotates, 180 / np.pi, 1.0)
+        table: dict[str, Any] = {"frame": self.frames, "time_s": self.times_s, "status": list(self.statuses)}
+        for k, parameter in enumerate(self.body.parameters):
+            table[parameter.column] = units[k] * self.poses[:, k]
+        for k, parameter in enumerate(self.body.parameters):
+            table[f"{parameter.name}_sigma_{parameter.unit}"] = units[k] * self.sigmas[:, k]
+        for j, name in enumerate(self.joint_names):
+            table |= {f"{name}_{axis}_m": self.joints[:, j, k] for k, axis in enumerate("xyz")}
+        return table
+
+    def _without_lost(self, values: Array) -> Array:
+        values[self.lost] = np.nan
+        return frozen(values)
+
+
+@dataclass(frozen=True)
+class Result:
+    """A finished run."""
+
+    name: str
+    folder: Path
+    rig: Rig
+    """The cameras of the images as they were tracked."""
+
+    bodies: Mapping[str, BodyModel]
+    """Person -> model as scaled for the run."""
+
+    replays: tuple[Replay, ...]
+    """The frames, to the last bit."""
+
+    details: Mapping[str, Any]
+    """What run.json tells: configuration, versions, hashes of the inputs, summary."""
+
+    @cached_property
+    def frames(self) -> Integers:
+        """(T,) numbers of the frames."""
+        numbers: Integers = frozen([replay.index for replay in self.replays], dtype=np.int64)
+        return numbers
+
+    @cached_property
+    def times_s(self) -> Array:
+        """(T,) seconds."""
+        return frozen([replay.time_s for replay in self.replays])
+
+    @property
+    def fps(self) -> float:
+        """Frames per second of the recording, before any stride."""
+        return float(self.details["fps"])
+
+    @property
+    def interval_s(self) -> float:
+        """Usual time from one frame to the next, seconds."""
+        return float(self.details["interval_s"])
+
+    @cached_property
+    def persons(self) -> tuple[Track, ...]:
+        """What was found of each person."""
+        return tuple(
+            Track(name, body, self.frames, self.times_s, tuple(replay.estimates[k] for replay in self.replays))
+            for k, (name, body) in enumerate(self.bodies.items())
+        )
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The persons at rest, and the cameras."""
+        return Scene(tuple(Person(name, body, body.rest()) for name, body in self.bodies.items()), self.rig)
+
+    def person(self, name: str) -> Track:
+        """What was found of a person.
+
+        Raises:
+            ConfigError: nobody is called so.
+        """
+        if name not in self.bodies:
+            raise ConfigError(f'{self.folder}: nobody is called "{name}"; {nearest(name, self.bodies)}')
+        return self.persons[list(self.bodies).index(name)]
+
+    def steps(self) -> Iterator[Step]:
+        """The run's frames as recordings take them, without images and contours."""
+        return replayed(self.scene, self.replays)
+
+
+def replayed(scene: Scene, replays: Iterable[Replay]) -> Iterator[Step]:
+    """Frames as recordings take them, without images and contours.
+
+    Args:
+        scene: the persons (their poses do not matter) and the rig.
+        replays: what was estimated.
+    """
+    blank = _no_contours(len(scene.rig))
+    for replay in replays:
+        frame = Frame(replay.index, replay.time_s, (None,) * len(scene.rig))
+        posed = scene.with_poses(tuple(estimate.q for estimate in replay.estimates))
+        yield Step(frame, posed, replay.estimates, blank, dict(replay.seconds), replay.overlap)
+
+
+def load_result(folder: Path | str) -> Result:
+    """Loads a finished, or interrupted, run.
+
+    Args:
+        folder: its result folder, for instance `results/my_run/latest`.
+
+    Raises:
+        TrackerError: the folder is not that of a run, or something in it is damaged.
+    """
+    path = Path(folder) / "run.json"
+    try:
+        told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        rig, models = load_rig(path.parent / "rig.toml"), path.parent / "models"
+        bodies = {entry["name"]: load_body(models / f"{entry['name']}.toml") for entry in told["persons"]}
+        missing = [key for key in ("name", "fps", "interval_s", "summary") if key not in told]
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: {error.strerror}: expected the folder of a run with the recordings run_json and journal, "
+            "for instance results/my_run/latest"
+        ) from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise ConfigError(f"{path}: damaged, or of another version ({type(error).__name__}: {error})") from error
+    if missing:
+        raise ConfigError(f"{path}: damaged, or of another version (KeyError: {missing[0]!r})")
+    replays = read_journal(path.parent)
+    if not replays:
+        raise ConfigError(f"{folder}: no frame was tracked in this run")
+    return Result(str(told["name"]), path.parent, rig, bodies, tuple(replays), told)
+
+
+def _no_contours(n_views: int) -> Contours:
+    samples = np.zeros((1, n_views, 1, 5), dtype=np.float32)
+    parts = np.zeros((1, n_views, 1), dtype=np.int64)
+    return Contours(samples, samples[..., :3], parts, parts > 0, np.zeros((1, n_views), dtype=np.int64))
