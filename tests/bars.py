@@ -12,7 +12,7 @@ from tracker.calibration._objects import Bars
 from tracker.calibration._start import bar_observations
 from tracker.calibration._states import state_of
 from tracker.calibration.reference_bar import BarImages, ReferenceBarCalibration
-from tracker.kernels.adjustment.bundle import N_UNKNOWNS
+from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 from tracker.rig import Rig
 from tracker.simulation.bars import SIZE, BarRecording, Faults, four_around, three_in_line, wave
 

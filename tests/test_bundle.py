@@ -11,7 +11,8 @@ from tracker.calibration._bundle import Noise, State, adjust, normal_equations, 
 from tracker.calibration._objects import Bars, Boards, MeasuredPoints
 from tracker.calibration._self_calibration import precision, self_calibrated
 from tracker.calibration._states import GROUPS, PARAMETERS, camera_of, moved, rigid_motions, state_of
-from tracker.kernels.adjustment.bundle import N_OBJECT, N_UNKNOWNS, project_with_slopes
+from tracker.kernels.adjustment.bundle import N_OBJECT, project_with_slopes
+from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 from tracker.simulation.bars import SIZE, Faults
 
 

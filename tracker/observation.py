@@ -54,10 +54,10 @@ class PackedEdges(NamedTuple):
     """Chamfer images, px."""
 
     regions: Integers
-    """(V, 5) start in `images`, x0, y0, width, height; width 0 for a missing view."""
+    """(V, 5) where each lies in `images`; `tracker.kernels.rows.region` names the columns."""
 
     points: Array32
-    """(S, 5) scene points: x, y, direction x, direction y, weight; each view's sorted by y."""
+    """(S, 5) scene points, each view's sorted by y; `tracker.kernels.rows.scene_point` names the columns."""
 
     first: Integers
     """(V + 1,) first point of each view."""

@@ -98,10 +98,7 @@ class Rig:
 
     @cached_property
     def packed(self) -> Array:
-        """(V, 25) one row a camera for compiled kernels.
-
-        Columns: 0-11 camera_from_world (3x4, row by row), 12-14 centre, 15-18 fx fy cx cy, 19-23 distortion, 24 shear.
-        """
+        """(V, 25) one row a camera for compiled kernels; `tracker.kernels.rows.camera` names the columns."""
         rows = [
             np.concatenate(
                 [

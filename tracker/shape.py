@@ -47,7 +47,7 @@ class TaperedSuperquadric:
 
     @property
     def packed(self) -> Array:
-        """(7,) a1 a2 a3 e1 e2 k1 k2, the row that kernels take."""
+        """(7,) the row that kernels take; `tracker.kernels.rows.superquadric` names the columns."""
         return frozen(np.concatenate([self.size, self.squareness, self.taper]))
 
     def surface(self, eta: Array, omega: Array) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tracker.arrays import Array, Integers
 from tracker.calibration._self_calibration import Adjustment
-from tracker.kernels.adjustment.bundle import N_UNKNOWNS
+from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "central", "right")
 _CORRELATED = 0.98

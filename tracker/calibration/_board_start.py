@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 from tracker.arrays import Array
 from tracker.calibration._bundle import Observations, State
 from tracker.calibration._objects import Boards
-from tracker.calibration._states import nominal_state
+from tracker.calibration._states import nominal_state, pinhole_of
 from tracker.errors import CalibrationError
+from tracker.kernels.rows import bundle_camera
 
 Seen = dict[tuple[int, int], tuple[Array, Array]]
 """(view, frame) -> corners in the board's frame (N, 3) metres, and their pixels (N, 2)."""
@@ -36,7 +37,8 @@ def board_start(seen: Seen, names: Sequence[str], sizes: Sequence[tuple[int, int
     camera_from_board = {key: _pose(cameras[key[0]], *found) for key, found in seen.items()}
     motions = _chained(camera_from_board, names)
     for v, motion in enumerate(motions):
-        cameras[v, :9], cameras[v, 9:12] = motion[:3, :3].ravel(), -motion[:3, :3].T @ motion[:3, 3]
+        cameras[v, bundle_camera.ROTATION] = motion[:3, :3].ravel()
+        cameras[v, bundle_camera.CENTRE] = -motion[:3, :3].T @ motion[:3, 3]
     frames = sorted({frame for _, frame in seen})
     world_from_board = []
     for frame in frames:
@@ -70,9 +72,9 @@ def _camera(seen: Seen, view: int, name: str, size: tuple[int, int]) -> Array:
 
 def _pose(camera: Array, shape: Array, pixels: Array) -> Array:
     """(4, 4) camera_from_board."""
-    matrix = np.array([[camera[12], 0, camera[13]], [0, camera[12], camera[14]], [0, 0, 1.0]])
-    _, turn, shift = cv2.solvePnP(shape, pixels, matrix, camera[17:22], flags=cv2.SOLVEPNP_IPPE)
-    turn, shift = cv2.solvePnPRefineLM(shape, pixels, matrix, camera[17:22], turn, shift)
+    matrix = pinhole_of(camera)
+    _, turn, shift = cv2.solvePnP(shape, pixels, matrix, camera[bundle_camera.DISTORTION], flags=cv2.SOLVEPNP_IPPE)
+    turn, shift = cv2.solvePnPRefineLM(shape, pixels, matrix, camera[bundle_camera.DISTORTION], turn, shift)
     motion = np.eye(4)
     motion[:3, :3] = Rotation.from_rotvec(turn.ravel()).as_matrix()
     motion[:3, 3] = shift.ravel()

@@ -15,7 +15,8 @@ from tracker.arrays import Array, Integers, Mask
 from tracker.calibration._objects import CalibrationObjects
 from tracker.calibration._states import moved
 from tracker.errors import CalibrationError
-from tracker.kernels.adjustment.bundle import N_OBJECT, N_UNKNOWNS, Objects, Observed, reduce_normal, residuals_of
+from tracker.kernels.adjustment.bundle import N_OBJECT, Objects, Observed, reduce_normal, residuals_of
+from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
 _MOST_STEPS = 40
 

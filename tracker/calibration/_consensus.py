@@ -11,6 +11,7 @@ from tracker.arrays import Array, Mask
 from tracker.calibration._bundle import Noise, Observations, State, residuals
 from tracker.calibration._objects import Bars
 from tracker.calibration._states import camera_of
+from tracker.kernels.rows import bundle_camera
 
 _MOST_PAIRS = 28
 
@@ -28,7 +29,7 @@ def with_consensus(state: State, observations: Observations, sigma_px: float) ->
     """
     points = state.objects.points
     directions = _directions(state, observations, len(points))
-    centres = state.cameras[:, 9:12]
+    centres = state.cameras[:, bundle_camera.CENTRE]
     best, least = points, _disagreement(state, observations, sigma_px, points)
     for i, j in itertools.islice(itertools.combinations(range(len(centres)), 2), _MOST_PAIRS):
         proposed = _between_rays(centres[i], directions[i], centres[j], directions[j])

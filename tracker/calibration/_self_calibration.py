@@ -22,7 +22,9 @@ from tracker.calibration._objects import Bars
 from tracker.calibration._states import GROUPS, PARAMETERS, UNITS, camera_of, rigid_motions
 from tracker.camera import Camera
 from tracker.errors import CalibrationError, nearest
-from tracker.kernels.adjustment.bundle import N_UNKNOWNS
+from tracker.kernels.rows import bundle_camera
+from tracker.kernels.rows import bundle_unknown as unknown
+from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
 View = tuple[str, tuple[int, int]]
 """Name and image size, px."""
@@ -293,13 +295,13 @@ def _limits(camera: Array, size: tuple[int, int]) -> Array:
 
     Radial distortion is judged by its effect near the corners, 3 % of the distance from the centre for each term.
     """
-    radius = 0.4 * float(np.hypot(*size)) / camera[12]
+    radius = 0.4 * float(np.hypot(*size)) / camera[bundle_camera.C]
     limits = np.full(N_UNKNOWNS, np.inf)
-    limits[6], limits[7:9] = 0.05 * camera[12], 0.02 * camera[12]
-    limits[9], limits[10] = 0.005, 0.002
-    limits[[11, 12, 15]] = 0.03 / radius ** np.array([2, 4, 6])
-    limits[13:15] = 0.003
-    limits[16] = 0.3
+    limits[unknown.C], limits[[unknown.CX, unknown.CY]] = 0.05 * camera[bundle_camera.C], 0.02 * camera[bundle_camera.C]
+    limits[unknown.AFFINITY], limits[unknown.SHEAR] = 0.005, 0.002
+    limits[[unknown.K1, unknown.K2, unknown.K3]] = 0.03 / radius ** np.array([2, 4, 6])
+    limits[[unknown.P1, unknown.P2]] = 0.003
+    limits[unknown.DELAY] = 0.3
     return limits
 
 
@@ -313,6 +315,6 @@ def _correlation(covariance: Array) -> Array:
 def parameter_table(adjustment: Adjustment, view: int) -> list[tuple[str, float, float, str, bool]]:
     """Rows of a camera's unknowns: name, value, standard error, unit, determined; rotations have no value."""
     state = adjustment.state.cameras[view]
-    values = np.concatenate([np.full(3, np.nan), state[9:12], state[12:]])
+    values = np.concatenate([np.full(3, np.nan), state[bundle_camera.CENTRE], state[bundle_camera.C :]])
     rows = zip(PARAMETERS, values, adjustment.sigmas[view], UNITS, adjustment.free[view], strict=True)
     return [(name, float(value), float(sigma), unit, bool(free)) for name, value, sigma, unit, free in rows]

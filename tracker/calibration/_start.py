@@ -18,7 +18,8 @@ from tracker.calibration._bundle import Noise, Observations, State, adjust, nois
 from tracker.calibration._objects import Bars
 from tracker.calibration._states import GROUPS
 from tracker.errors import CalibrationError
-from tracker.kernels.adjustment.bundle import N_UNKNOWNS
+from tracker.kernels.rows import bundle_camera
+from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
 _EPIPOLAR_PX, _RESECTION_PX = 4.0, 20.0
 """Errors that are taken for distortion and a wrong focal length."""
@@ -84,7 +85,7 @@ def start_values(pixels: Array, nominal: Array, bar: tuple[float, float], names:
     known = list(pair.views)
     ends = _triangulated(cameras, plane, flipped, known)
     scale = bar[0] / np.nanmedian(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
-    cameras[:, 9:12] *= scale
+    cameras[:, bundle_camera.CENTRE] *= scale
     cameras, ends = _settled(cameras, scale * ends, pixels, flipped, known, bar)
     while len(known) < len(nominal):
         view = _resect_next(cameras, ends, plane, flipped, known, names)
@@ -96,7 +97,7 @@ def start_values(pixels: Array, nominal: Array, bar: tuple[float, float], names:
 
 
 def _orient(camera: Array, rotation: Array, translation: Array) -> None:
-    camera[:9], camera[9:12] = rotation.ravel(), -rotation.T @ translation
+    camera[bundle_camera.ROTATION], camera[bundle_camera.CENTRE] = rotation.ravel(), -rotation.T @ translation
 
 
 def _best_pair(plane: Array, nominal: Array, names: Sequence[str]) -> _Pair:
@@ -164,15 +165,16 @@ def _triangulated(cameras: Array, plane: Array, flipped: Mask, known: list[int])
     matrix, vector = np.zeros((labelled.shape[1], 3, 3)), np.zeros((labelled.shape[1], 3))
     for view, images, visible in zip(known, labelled, seen, strict=True):
         local = np.column_stack([np.nan_to_num(images), np.ones(len(images))])
-        rays = (local / np.linalg.norm(local, axis=1, keepdims=True)) @ cameras[view, :9].reshape(3, 3)
+        local /= np.linalg.norm(local, axis=1, keepdims=True)
+        rays = local @ cameras[view, bundle_camera.ROTATION].reshape(3, 3)
         across = (np.eye(3) - rays[:, :, None] * rays[:, None, :]) * visible[:, None, None]
         matrix += across
-        vector += across @ cameras[view, 9:12]
+        vector += across @ cameras[view, bundle_camera.CENTRE]
     good = (seen.sum(axis=0) >= 2) & (np.linalg.det(matrix) > 1e-7)
     points = np.full((len(matrix), 3), np.nan)
     points[good] = np.linalg.solve(matrix[good], vector[good][..., None])[..., 0]
     for view, visible in zip(known, seen, strict=True):
-        depth = (points - cameras[view, 9:12]) @ cameras[view, 6:9]
+        depth = (points - cameras[view, bundle_camera.CENTRE]) @ cameras[view, bundle_camera.R31 : bundle_camera.X]
         points[visible & ~(depth > 1e-6)] = np.nan
     return points.reshape(-1, 2, 3)
 
@@ -191,9 +193,9 @@ def _resect_next(
             f'camera "{names[view]}" shows {max(0, n_shown[view]) // 2} of the bar positions that the others see, '
             f"expected {_FEWEST_BARS}: move the bar where its view overlaps with another camera's"
         )
-    best = _resection(ends, plane[view], cameras[view, 12])
+    best = _resection(ends, plane[view], cameras[view, bundle_camera.C])
     if best[0] < 0.6 * n_shown[view]:
-        other = _resection(ends, plane[view][:, ::-1], cameras[view, 12])
+        other = _resection(ends, plane[view][:, ::-1], cameras[view, bundle_camera.C])
         flipped[view] = other[0] > best[0]
         best = max(best, other, key=lambda resection: resection[0])
     if best[0] < _FEWEST_BARS:

@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array
 from tracker.camera import Camera
-from tracker.kernels.adjustment.bundle import N_STATE, N_UNKNOWNS
+from tracker.kernels.rows import bundle_camera, bundle_unknown
+from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
 PARAMETERS = (
     "rotation about x",
@@ -28,19 +29,19 @@ PARAMETERS = (
     "radial k3",
     "time offset",
 )
-"""The unknowns of a camera in the order of `tracker.kernels.adjustment.bundle`."""
+"""The unknowns of a camera in the order of `tracker.kernels.rows.bundle_unknown`."""
 
 UNITS = ("rad",) * 3 + ("m",) * 3 + ("px",) * 3 + ("",) * 7 + ("frames",)
 """Their units; the rotations are about the camera's own axes."""
 
 GROUPS = {
-    "exterior": tuple(range(6)),
-    "camera_constant": (6,),
-    "principal_point": (7, 8),
-    "affinity": (9, 10),
-    "radial": (11, 12, 15),
-    "decentring": (13, 14),
-    "time_offset": (16,),
+    "exterior": tuple(range(bundle_unknown.C)),
+    "camera_constant": (bundle_unknown.C,),
+    "principal_point": (bundle_unknown.CX, bundle_unknown.CY),
+    "affinity": (bundle_unknown.AFFINITY, bundle_unknown.SHEAR),
+    "radial": (bundle_unknown.K1, bundle_unknown.K2, bundle_unknown.K3),
+    "decentring": (bundle_unknown.P1, bundle_unknown.P2),
+    "time_offset": (bundle_unknown.DELAY,),
 }
 """Parameters that are chosen together; see `ReferenceBarCalibration.estimated`."""
 
@@ -56,19 +57,25 @@ def state_of(camera: Camera) -> Array:
 
 def camera_of(state: Array, name: str, size: tuple[int, int]) -> Camera:
     """The camera of (23,) numbers."""
-    c, x, y, affinity, shear = state[12:17]
+    c, x, y, affinity, shear = state[bundle_camera.INTERIOR]
     motion = np.eye(4)
-    motion[:3, :3] = state[:9].reshape(3, 3)
-    motion[:3, 3] = -motion[:3, :3] @ state[9:12]
+    motion[:3, :3] = state[bundle_camera.ROTATION].reshape(3, 3)
+    motion[:3, 3] = -motion[:3, :3] @ state[bundle_camera.CENTRE]
     matrix = np.array([[c * (1 + affinity), c * shear, x], [0.0, c, y], [0.0, 0.0, 1.0]])
-    return Camera(name, size, matrix, state[17:22], motion)
+    return Camera(name, size, matrix, state[bundle_camera.DISTORTION], motion)
+
+
+def pinhole_of(state: Array) -> Array:
+    """(3, 3) camera matrix with neither affinity nor shear, as resections start from."""
+    c, x, y = state[bundle_camera.C : bundle_camera.AFFINITY]
+    return np.array([[c, 0.0, x], [0.0, c, y], [0.0, 0.0, 1.0]])
 
 
 def nominal_state(size: tuple[int, int], focal_px: float) -> Array:
     """(23,) a camera at the origin that looks along z, without distortion."""
-    state = np.zeros(N_STATE)
-    state[:9] = np.eye(3).ravel()
-    state[12:15] = focal_px, (size[0] - 1) / 2, (size[1] - 1) / 2
+    state = np.zeros(bundle_camera.N_COLUMNS)
+    state[bundle_camera.ROTATION] = np.eye(3).ravel()
+    state[bundle_camera.C : bundle_camera.AFFINITY] = focal_px, (size[0] - 1) / 2, (size[1] - 1) / 2
     return state
 
 
@@ -76,9 +83,10 @@ def moved(states: Array, steps: Array) -> Array:
     """States (V, 23) after a step (V, 17) of the unknowns."""
     steps = steps.reshape(-1, N_UNKNOWNS)
     result: Array = states.copy()
-    turns = Rotation.from_rotvec(steps[:, :3]).as_matrix() @ states[:, :9].reshape(-1, 3, 3)
-    result[:, :9] = turns.reshape(-1, 9)
-    result[:, 9:] += steps[:, 3:]
+    turns = Rotation.from_rotvec(steps[:, bundle_unknown.TURN]).as_matrix()
+    turned = turns @ states[:, bundle_camera.ROTATION].reshape(-1, 3, 3)
+    result[:, bundle_camera.ROTATION] = turned.reshape(-1, 9)
+    result[:, bundle_camera.X :] += steps[:, bundle_unknown.X :]
     return result
 
 
@@ -88,8 +96,8 @@ def rigid_motions(states: Array) -> Array:
     motions = np.zeros((n, N_UNKNOWNS, 6))
     for v, state in enumerate(states):
         # the world turned by w: R' = R exp(-w), so that the step about the camera's axes is -R w
-        motions[v, :3, :3] = -state[:9].reshape(3, 3)
-        x, y, z = state[9:12]
-        motions[v, 3:6, :3] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
-        motions[v, 3:6, 3:] = np.eye(3)
+        motions[v, bundle_unknown.TURN, :3] = -state[bundle_camera.ROTATION].reshape(3, 3)
+        x, y, z = state[bundle_camera.CENTRE]
+        motions[v, bundle_unknown.CENTRE, :3] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+        motions[v, bundle_unknown.CENTRE, 3:] = np.eye(3)
     return motions.reshape(-1, 6)

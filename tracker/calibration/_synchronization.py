@@ -11,10 +11,10 @@ from tracker.calibration._bundle import Noise, Observations, State, adjust, nois
 from tracker.calibration._consensus import exchange_swapped_ends, with_consensus
 from tracker.calibration._states import GROUPS
 from tracker.errors import CalibrationError
-from tracker.kernels.adjustment.bundle import N_UNKNOWNS
+from tracker.kernels.rows import bundle_camera
+from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
 _OFFSET = GROUPS["time_offset"][0]
-_STATE_OFFSET = 22
 _ALLOWED_FRAMES, _FEWEST_MOVING = 0.5, 20
 
 
@@ -53,7 +53,7 @@ def time_offsets(state: State, observations: Observations, sigma_px: float) -> t
     inverse = np.linalg.pinv(equations.normal[np.ix_(columns, columns)], hermitian=True, rcond=1e-13)
     sigmas = np.zeros(len(columns))
     sigmas[columns] = np.sqrt(np.maximum(np.diag(inverse), 0.0))
-    offsets = state.cameras[:, _STATE_OFFSET]
+    offsets = state.cameras[:, bundle_camera.DELAY]
     return offsets - np.median(offsets), sigmas.reshape(free.shape)[:, _OFFSET]
 
 

@@ -21,6 +21,7 @@ from tracker.calibration._synchronization import check_synchronized, time_offset
 from tracker.calibration._world import WorldFrame
 from tracker.components import component
 from tracker.errors import CalibrationError
+from tracker.kernels.rows import bundle_camera, bundle_unknown
 from tracker.progress import Progress
 from tracker.rig import Rig
 from tracker.views import Views
@@ -254,9 +255,9 @@ def _lag_advice(adjustment: Adjustment) -> tuple[str, ...]:
 
 
 def _lag_measures(adjustment: Adjustment) -> tuple[Measure, ...]:
-    if not adjustment.free[:, 16].any():
+    if not adjustment.free[:, bundle_unknown.DELAY].any():
         return ()
-    lags = adjustment.state.cameras[:, 22]
+    lags = adjustment.state.cameras[:, bundle_camera.DELAY]
     return tuple(
         Measure(f"time offset of {name}", float(lag - np.median(lags)), "frames", "behind the others")
         for name, lag in zip(adjustment.names, lags, strict=True)

@@ -15,10 +15,11 @@ from tracker.calibration._bundle import Observations, State
 from tracker.calibration._calibrated import Calibrated, Measure
 from tracker.calibration._objects import MeasuredPoints
 from tracker.calibration._self_calibration import Adjustment, chosen_unknowns, self_calibrated
-from tracker.calibration._states import nominal_state
+from tracker.calibration._states import nominal_state, pinhole_of
 from tracker.calibration._world import read_points
 from tracker.components import FilePath, component
 from tracker.errors import CalibrationError
+from tracker.kernels.rows import bundle_camera
 from tracker.progress import Progress
 from tracker.rig import Rig
 from tracker.views import Views
@@ -94,7 +95,7 @@ class ScenePointsCalibration:
             raise CalibrationError(
                 f'view "{name}": {int(seen.sum())} points are seen in it, expected at least {_FEWEST_POINTS}'
             )
-        matrix = np.array([[camera[12], 0, camera[13]], [0, camera[12], camera[14]], [0, 0, 1.0]])
+        matrix = pinhole_of(camera)
         cv2.setRNGSeed(1)
         done, turn, shift, fitting = cv2.solvePnPRansac(
             positions[seen], pixels[seen], matrix, None, iterationsCount=500, reprojectionError=_RESECTION_PX,
@@ -108,5 +109,5 @@ class ScenePointsCalibration:
         chosen = fitting.ravel()
         turn, shift = cv2.solvePnPRefineLM(positions[seen][chosen], pixels[seen][chosen], matrix, None, turn, shift)
         rotation = Rotation.from_rotvec(turn.ravel()).as_matrix()
-        camera[:9], camera[9:12] = rotation.ravel(), -rotation.T @ shift.ravel()
+        camera[bundle_camera.ROTATION], camera[bundle_camera.CENTRE] = rotation.ravel(), -rotation.T @ shift.ravel()
         return camera

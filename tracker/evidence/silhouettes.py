@@ -20,6 +20,8 @@ from tracker.evidence._shares import over_views, shares
 from tracker.expectation import expected_samples, region_around
 from tracker.geometry.superquadrics import spread, surface
 from tracker.kernels.pictures.coverage import covered_sums
+from tracker.kernels.rows import superquadric
+from tracker.kernels.rows.camera import CX, CY, FX, FY, SHEAR
 from tracker.observation import Observation
 from tracker.outlines import on_outline, outline_observation
 from tracker.sight import Sight
@@ -160,8 +162,8 @@ class SilhouetteEvidence(Evidence):
 def _small(cameras: Array, factor: int) -> Array:
     """Rows of `Rig.packed` (V, 25) as `Rig.downscaled` makes them."""
     rows = cameras.copy()
-    rows[:, [15, 16, 24]] /= factor
-    rows[:, 17:19] = (rows[:, 17:19] + 0.5) / factor - 0.5
+    rows[:, [FX, FY, SHEAR]] /= factor
+    rows[:, [CX, CY]] = (rows[:, [CX, CY]] + 0.5) / factor - 0.5
     return rows
 
 
@@ -169,7 +171,7 @@ def _small(cameras: Array, factor: int) -> Array:
 def _grids(shapes: bytes) -> Array32:
     """(P, R * C, 3) surface points of all parts, from their packed shapes."""
     grids = []
-    for shape in np.frombuffer(shapes).reshape(-1, 7):
+    for shape in np.frombuffer(shapes).reshape(-1, superquadric.N_COLUMNS):
         eta, omega = spread(shape, *_GRID)
         points, _ = surface(shape, eta[:, None], omega[None, :])
         grids.append(_GROWN * points.reshape(-1, 3))

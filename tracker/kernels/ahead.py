@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tracker.kernels.adjustment.bundle import N_STATE, reduce_normal, residuals_of
+from tracker.kernels.adjustment.bundle import reduce_normal, residuals_of
 from tracker.kernels.adjustment.ray_intersection import intersect_rays
 from tracker.kernels.body.kinematics import chain_transforms, twists_in_world
 from tracker.kernels.body.self_collision import count_collisions
@@ -37,6 +37,7 @@ from tracker.kernels.regions.colours import N_COLOURS, Picture, Tables, encode, 
 from tracker.kernels.regions.equations import shift_equations
 from tracker.kernels.regions.lines import Looks, Rule, Samples, find_shifts, learn_lines, score_lines
 from tracker.kernels.regions.sides import parts_beside
+from tracker.kernels.rows import bundle_camera
 from tracker.progress import Progress, silent
 
 _F8, _F4, _I8, _B1 = np.float64, np.float32, np.int64, np.bool_
@@ -161,8 +162,8 @@ def _calibration_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     bars = _own(_F8, 0, 3), _own(_F8, 0, 3, 6), _own(_I8, 1), _own(_F8, 0, 6, 6), _own(_F8, 0, 6)
     reduced = _own(_F8, 17, 17), _own(_F8, 17), _own(_F8, 0, 6, 6), _own(_F8, 0, 6), _own(_F8, 0, 1, 6, 17)
     return [
-        (residuals_of, (_own(_F8, 1, N_STATE), bars[0], images_of, images_of[2])),
-        (reduce_normal, (_own(_F8, 1, N_STATE), bars, images_of, 0.0, reduced)),
+        (residuals_of, (_own(_F8, 1, bundle_camera.N_COLUMNS), bars[0], images_of, images_of[2])),
+        (reduce_normal, (_own(_F8, 1, bundle_camera.N_COLUMNS), bars, images_of, 0.0, reduced)),
     ]
 
 

@@ -13,6 +13,7 @@ from tracker.contours import Contours
 from tracker.kernels.contours.chamfer import directed_distances
 from tracker.kernels.pictures.id_contours import id_contours
 from tracker.kernels.pictures.rasterization import rasterize
+from tracker.kernels.rows import superquadric
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._meshes import before_cameras, boxes_of, meshes_of
@@ -87,8 +88,8 @@ def solids_of(shapes: Array, placements: Array) -> Array:
     """Parts (B, P, 17) as `id_contours` takes them, of shapes (P, 7) placed at (B, P, 4, 4)."""
     rotations = np.swapaxes(placements[..., :3, :3], -1, -2)
     motions = np.concatenate([rotations, -rotations @ placements[..., :3, 3:]], axis=-1) / shapes[:, :3, None]
-    e1, e2 = shapes[:, 3], shapes[:, 4]
-    rows = np.stack([shapes[:, 5], shapes[:, 6], 2 / e2, e2 / e1, 2 / e1], axis=-1)
+    e1, e2 = shapes[:, superquadric.E1], shapes[:, superquadric.E2]
+    rows = np.stack([shapes[:, superquadric.K1], shapes[:, superquadric.K2], 2 / e2, e2 / e1, 2 / e1], axis=-1)
     flat = motions.reshape(*placements.shape[:2], 12)
     return np.concatenate([flat, np.broadcast_to(rows, (len(placements), *rows.shape))], axis=-1)
 

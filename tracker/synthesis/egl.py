@@ -10,6 +10,7 @@ import pydantic
 from tracker.arrays import Array, Integers, Mask
 from tracker.components import component
 from tracker.contours import Contours
+from tracker.kernels.rows import region
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._atlas import Atlas, atlas_on
@@ -77,7 +78,7 @@ class EglSynthesis:
         if reject:
             return distances_of(self.contours(scene, person, poses), observation, theta, reject)
         atlas, placements = atlas_on(self.device), scene.world_from_parts(person, poses)
-        present = observation.packed.regions[:, 3] > 0
+        present = observation.packed.regions[:, region.WIDTH] > 0
         distances = np.full((len(placements), len(present), 2), np.nan)
         against = observation, theta, self.contact_m
         for meshes, batch in self._batches(atlas, scene, placements, present):

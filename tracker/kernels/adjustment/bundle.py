@@ -11,13 +11,9 @@ import numpy as np
 
 from tracker.arrays import Array, Integers, Mask
 from tracker.kernels.compilation import compiled
-
-N_UNKNOWNS = 17
-"""Unknowns of a camera: rotation 3, centre 3, camera constant, principal point 2, affinity, shear, k1 k2 p1 p2 k3,
-time offset."""
-
-N_STATE = 23
-"""Numbers of a camera: rotation matrix row by row 9, centre 3, then the unknowns from the camera constant on."""
+from tracker.kernels.rows import bundle_camera as state
+from tracker.kernels.rows import bundle_unknown as unknown
+from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
 N_OBJECT = 6
 """Unknowns of an object."""
@@ -41,7 +37,7 @@ def project_with_slopes(
     """Image of a point with its derivatives; the twin is `Camera.project`.
 
     Args:
-        camera: (23,) state, see `N_STATE`.
+        camera: (23,) state, see `tracker.kernels.rows.bundle_camera`.
         point: (3,) world position, metres.
         velocity: (2,) velocity of the image, px per frame; the time offset shifts along it.
         by_camera: (2, 17) output; rotations act after the camera's own, positions are the centre's.
@@ -51,15 +47,15 @@ def project_with_slopes(
         Pixel u, v, and whether the point lies before the camera; if it does not, the slopes are 0.
     """
     by_camera[:], by_point[:] = 0.0, 0.0
-    dx, dy, dz = point[0] - camera[9], point[1] - camera[10], point[2] - camera[11]
-    px = camera[0] * dx + camera[1] * dy + camera[2] * dz
-    py = camera[3] * dx + camera[4] * dy + camera[5] * dz
-    pz = camera[6] * dx + camera[7] * dy + camera[8] * dz
+    dx, dy, dz = point[0] - camera[state.X], point[1] - camera[state.Y], point[2] - camera[state.Z]
+    px = camera[state.R11] * dx + camera[state.R12] * dy + camera[state.R13] * dz
+    py = camera[state.R21] * dx + camera[state.R22] * dy + camera[state.R23] * dz
+    pz = camera[state.R31] * dx + camera[state.R32] * dy + camera[state.R33] * dz
     if pz <= 1e-6:
         return 0.0, 0.0, False
     inverse = 1.0 / pz
     x, y = px * inverse, py * inverse
-    k1, k2, p1, p2, k3 = camera[17], camera[18], camera[19], camera[20], camera[21]
+    k1, k2, p1, p2, k3 = camera[state.K1], camera[state.K2], camera[state.P1], camera[state.P2], camera[state.K3]
     r2 = x * x + y * y
     radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
     slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
@@ -68,34 +64,35 @@ def project_with_slopes(
     xx = radial + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x
     xy = 2.0 * x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
     yy = radial + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x
-    c, stretch, shear = camera[12], 1.0 + camera[15], camera[16]
+    c, stretch, shear = camera[state.C], 1.0 + camera[state.AFFINITY], camera[state.SHEAR]
     # pixels by plane coordinates
     ux, uy = c * (stretch * xx + shear * xy), c * (stretch * xy + shear * yy)
     vx, vy = c * xy, c * yy
     # pixels by coordinates in the camera
     ucx, ucy, ucz = ux * inverse, uy * inverse, -(ux * x + uy * y) * inverse
     vcx, vcy, vcz = vx * inverse, vy * inverse, -(vx * x + vy * y) * inverse
-    by_camera[0, 0], by_camera[0, 1], by_camera[0, 2] = py * ucz - pz * ucy, pz * ucx - px * ucz, px * ucy - py * ucx
-    by_camera[1, 0], by_camera[1, 1], by_camera[1, 2] = py * vcz - pz * vcy, pz * vcx - px * vcz, px * vcy - py * vcx
+    by_camera[0, unknown.TURN_X], by_camera[1, unknown.TURN_X] = py * ucz - pz * ucy, py * vcz - pz * vcy
+    by_camera[0, unknown.TURN_Y], by_camera[1, unknown.TURN_Y] = pz * ucx - px * ucz, pz * vcx - px * vcz
+    by_camera[0, unknown.TURN_Z], by_camera[1, unknown.TURN_Z] = px * ucy - py * ucx, px * vcy - py * vcx
     for k in range(3):
-        by_point[0, k] = ucx * camera[k] + ucy * camera[3 + k] + ucz * camera[6 + k]
-        by_point[1, k] = vcx * camera[k] + vcy * camera[3 + k] + vcz * camera[6 + k]
-        by_camera[0, 3 + k], by_camera[1, 3 + k] = -by_point[0, k], -by_point[1, k]
-    by_camera[0, 6], by_camera[1, 6] = stretch * xd + shear * yd, yd
-    by_camera[0, 7] = by_camera[1, 8] = 1.0
-    by_camera[0, 9], by_camera[0, 10] = c * xd, c * yd
+        by_point[0, k] = ucx * camera[state.R11 + k] + ucy * camera[state.R21 + k] + ucz * camera[state.R31 + k]
+        by_point[1, k] = vcx * camera[state.R11 + k] + vcy * camera[state.R21 + k] + vcz * camera[state.R31 + k]
+        by_camera[0, unknown.X + k], by_camera[1, unknown.X + k] = -by_point[0, k], -by_point[1, k]
+    by_camera[0, unknown.C], by_camera[1, unknown.C] = stretch * xd + shear * yd, yd
+    by_camera[0, unknown.CX] = by_camera[1, unknown.CY] = 1.0
+    by_camera[0, unknown.AFFINITY], by_camera[0, unknown.SHEAR] = c * xd, c * yd
     power = r2
-    for k in (11, 12, 15):
+    for k in (unknown.K1, unknown.K2, unknown.K3):
         by_camera[0, k] = c * (stretch * x + shear * y) * power
         by_camera[1, k] = c * y * power
         power *= r2
     xp1, yp1 = 2.0 * x * y, r2 + 2.0 * y * y
     xp2, yp2 = r2 + 2.0 * x * x, 2.0 * x * y
-    by_camera[0, 13], by_camera[1, 13] = c * (stretch * xp1 + shear * yp1), c * yp1
-    by_camera[0, 14], by_camera[1, 14] = c * (stretch * xp2 + shear * yp2), c * yp2
-    by_camera[0, 16], by_camera[1, 16] = velocity[0], velocity[1]
-    u = c * (stretch * xd + shear * yd) + camera[13] + camera[22] * velocity[0]
-    return u, c * yd + camera[14] + camera[22] * velocity[1], True
+    by_camera[0, unknown.P1], by_camera[1, unknown.P1] = c * (stretch * xp1 + shear * yp1), c * yp1
+    by_camera[0, unknown.P2], by_camera[1, unknown.P2] = c * (stretch * xp2 + shear * yp2), c * yp2
+    by_camera[0, unknown.DELAY], by_camera[1, unknown.DELAY] = velocity[0], velocity[1]
+    u = c * (stretch * xd + shear * yd) + camera[state.CX] + camera[state.DELAY] * velocity[0]
+    return u, c * yd + camera[state.CY] + camera[state.DELAY] * velocity[1], True
 
 
 @compiled

@@ -8,20 +8,21 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Integers
 from tracker.kernels.compilation import compiled
+from tracker.kernels.rows import region
 
 
 @compiled
-def chamfer_lookup(flat: Array32, layout: Integers, v: int, x: float, y: float, outside: float) -> float:
+def chamfer_lookup(flat: Array32, regions: Integers, v: int, x: float, y: float, outside: float) -> float:
     """Chamfer image of view v at a pixel position, bilinear; `outside` beyond its region.
 
     Args:
-        flat, layout: chamfer images from `Observation.packed`.
+        flat, regions: chamfer images from `Observation.packed`.
         v: view.
         x, y: position in the whole image, px.
         outside: value beyond the region, px.
     """
-    start, width, height = layout[v, 0], layout[v, 3], layout[v, 4]
-    u, w = x - layout[v, 1], y - layout[v, 2]
+    start, width, height = regions[v, region.START], regions[v, region.WIDTH], regions[v, region.HEIGHT]
+    u, w = x - regions[v, region.LEFT], y - regions[v, region.TOP]
     if u < 0.0 or w < 0.0 or u > width - 1 or w > height - 1:
         return outside
     column, row = min(int(u), width - 2), min(int(w), height - 2)
@@ -98,7 +99,7 @@ def directed_pair(
     samples: Array32,
     n_samples: int,
     flat: Array32,
-    layout: Integers,
+    regions: Integers,
     v: int,
     scene: Array32,
     part: tuple[int, int],
@@ -110,7 +111,7 @@ def directed_pair(
     Args:
         samples: (M, 5 or more) pixel, image normal, contour length; those of length 0 are not matched.
         n_samples: valid ones.
-        flat, layout: chamfer images, from `Observation.packed`.
+        flat, regions: chamfer images, from `Observation.packed`.
         v: the view.
         scene: (S, 5) scene points of all views.
         part: first of the view's points and the one after its last.
@@ -124,7 +125,7 @@ def directed_pair(
     n = 0
     for m in range(n_samples):
         if samples[m, 4] > 0.0:
-            distances[n] = chamfer_lookup(flat, layout, v, samples[m, 0], samples[m, 1], theta + 1.0)
+            distances[n] = chamfer_lookup(flat, regions, v, samples[m, 0], samples[m, 1], theta + 1.0)
             shares[n] = samples[m, 4]
             n += 1
     to_scene = robust_mean(distances, shares, n, theta, reject)
@@ -157,7 +158,7 @@ def directed_distances(
     positions: Array32,
     counts: Integers,
     flat: Array32,
-    layout: Integers,
+    regions: Integers,
     scene: Array32,
     first: Integers,
     theta: float,
@@ -168,7 +169,7 @@ def directed_distances(
     Args:
         positions: (B, V, M, 5) model samples from `Contours`.
         counts: (B, V) valid ones.
-        flat, layout, scene, first: the observation, from `Observation.packed`.
+        flat, regions, scene, first: the observation, from `Observation.packed`.
         theta: distance at which a point is an outlier, px.
         reject: reject outliers as the paper does, or else clamp them at theta.
 
@@ -180,8 +181,8 @@ def directed_distances(
     work = matching_workspace(len(scene), positions.shape[2])
     for b in range(n_poses):
         for v in range(n_views):
-            if layout[v, 3] > 0:
+            if regions[v, region.WIDTH] > 0:
                 part, samples, n = (first[v], first[v + 1]), positions[b, v], counts[b, v]
-                pair = directed_pair(samples, n, flat, layout, v, scene, part, (theta, reject), work)
+                pair = directed_pair(samples, n, flat, regions, v, scene, part, (theta, reject), work)
                 result[b, v, 0], result[b, v, 1] = pair
     return result

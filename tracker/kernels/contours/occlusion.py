@@ -1,15 +1,6 @@
 """Which parts cover or touch a contour sample: ray tests against tapered superquadrics.
 
-What a test needs of a part stands in one row of one array, `solids` (P, 48): numba passes an array by its nine
-words, and slices cost a reference count, so that several arrays or slices would be most of the time of a test.
-Single precision is good to 5 micrometres in a room and takes half the time.
-
-Columns: 0-11 motion (3x4) from the world into the part's frame in units of its half extents; 12-14 camera centre
-in that frame; 15 largest squared distance of the surface from the origin there; 16-17 taper; 18-20 exponents 2/e2,
-e2/e1 and 2/e1; 21-28 the part in the image: 21-22 one end of its axis, px, 23-24 the axis divided by its squared
-length, 25-26 the axis, 27 the squared width around it, 28 the nearest depth, metres, -1 for a part that is not wholly
-before the camera; 29-37 rotation and 38-40 position of the part in the world; 41-43 camera centre in the part's
-frame, metres; 44-47 the box around the part in the image: least and largest u and v, px.
+What a test needs of a part stands in one row of `tracker.kernels.rows.solid`.
 """
 
 from __future__ import annotations
@@ -21,13 +12,8 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_point
-
-SOLID_COLUMNS = 48
-
-ROW = 1040
-"""Room for crossings or samples of one part. Numbers of one kind stand in rows of this length of one flat array: only
-so does the compiler see that they are apart, and computes eight at a time. Not a multiple of 1024, or all rows would
-share their cache lines."""
+from tracker.kernels.rows import solid, spot, superquadric
+from tracker.kernels.rows.camera import CENTRE_X, CENTRE_Y, CENTRE_Z, FX
 
 _ZERO: Any = np.float32(0.0)
 _HALF: Any = np.float32(0.5)
@@ -36,10 +22,6 @@ _TWO: Any = np.float32(2.0)
 _FOUR: Any = np.float32(4.0)
 _OUTSIDE: Any = np.float32(9.0)
 _HUGE: Any = np.float32(1e30)
-
-SPOT_ROWS = 17
-"""Rows of the samples of one part: 0-1 pixel, 2-3 image normal, 4 contour length, 5-7 world point, 8-10 world normal,
-11 what other parts do to it: 0 nothing, 1 touch, 2 cover; 12-16 see `_approach`."""
 
 
 @compiled
@@ -64,14 +46,18 @@ def place_solids(placements: Array, b: int, shapes: Array, bounds: Array, solids
         for r in range(3):
             shift, inverse = 0.0, 1.0 / shapes[p, r]
             for k in range(3):
-                solids[p, 4 * r + k] = placements[b, p, k, r] * inverse
-                solids[p, 29 + 3 * r + k] = placements[b, p, r, k]
+                solids[p, solid.M11 + 4 * r + k] = placements[b, p, k, r] * inverse
+                solids[p, solid.R11 + 3 * r + k] = placements[b, p, r, k]
                 shift -= placements[b, p, k, r] * placements[b, p, k, 3]
-            solids[p, 4 * r + 3] = shift * inverse
-            solids[p, 38 + r] = placements[b, p, r, 3]
-        e1, e2 = shapes[p, 3], shapes[p, 4]
-        solids[p, 15], solids[p, 16], solids[p, 17] = bounds[1, p], shapes[p, 5], shapes[p, 6]
-        solids[p, 18], solids[p, 19], solids[p, 20] = 2.0 / e2, e2 / e1, 2.0 / e1
+            solids[p, solid.MX + 4 * r] = shift * inverse
+            solids[p, solid.X + r] = placements[b, p, r, 3]
+        e1, e2 = shapes[p, superquadric.E1], shapes[p, superquadric.E2]
+        solids[p, solid.REACH], solids[p, solid.K1], solids[p, solid.K2] = (
+            bounds[1, p],
+            shapes[p, superquadric.K1],
+            shapes[p, superquadric.K2],
+        )
+        solids[p, solid.AROUND], solids[p, solid.ALONG], solids[p, solid.UPWARD] = 2.0 / e2, e2 / e1, 2.0 / e1
 
 
 @compiled(fastmath={"contract", "nsz"})
@@ -86,37 +72,52 @@ def view_solids(shapes: Array, bounds: Array, camera: Array, margin_m: float, so
     """
     for p in range(len(shapes)):
         for r in range(3):
-            solids[p, 12 + r] = (
-                solids[p, 4 * r] * camera[12]
-                + solids[p, 4 * r + 1] * camera[13]
-                + solids[p, 4 * r + 2] * camera[14]
-                + solids[p, 4 * r + 3]
+            solids[p, solid.EYE_X + r] = (
+                solids[p, solid.M11 + 4 * r] * camera[CENTRE_X]
+                + solids[p, solid.M12 + 4 * r] * camera[CENTRE_Y]
+                + solids[p, solid.M13 + 4 * r] * camera[CENTRE_Z]
+                + solids[p, solid.MX + 4 * r]
             )
-            solids[p, 41 + r] = solids[p, 12 + r] * shapes[p, r]
-        x, y, z, half = solids[p, 38], solids[p, 39], solids[p, 40], shapes[p, 2]
-        ax, ay, az = half * solids[p, 31], half * solids[p, 34], half * solids[p, 37]
+            solids[p, solid.CAMERA_X + r] = solids[p, solid.EYE_X + r] * shapes[p, r]
+        x, y, z, half = solids[p, solid.X], solids[p, solid.Y], solids[p, solid.Z], shapes[p, superquadric.A3]
+        ax, ay, az = half * solids[p, solid.R13], half * solids[p, solid.R23], half * solids[p, solid.R33]
         u0, v0, d0 = project_point(camera, x - ax, y - ay, z - az)
         u1, v1, d1 = project_point(camera, x + ax, y + ay, z + az)
         width = bounds[2, p] + margin_m
         depth = min(d0, d1) - width
         du, dv = u1 - u0, v1 - v0
         square = du * du + dv * dv + 1e-9
-        solids[p, 21], solids[p, 22], solids[p, 23], solids[p, 24] = u0, v0, du / square, dv / square
-        solids[p, 25], solids[p, 26] = du, dv
+        solids[p, solid.START_U], solids[p, solid.START_V], solids[p, solid.SHARE_U], solids[p, solid.SHARE_V] = (
+            u0,
+            v0,
+            du / square,
+            dv / square,
+        )
+        solids[p, solid.AXIS_U], solids[p, solid.AXIS_V] = du, dv
         # A tenth on top covers perspective and lens distortion across the width of a part.
-        wide = 1.1 * camera[15] * width / max(depth, 0.05)
-        solids[p, 27] = wide * wide
-        solids[p, 44], solids[p, 45] = min(u0, u1) - wide, max(u0, u1) + wide
-        solids[p, 46], solids[p, 47] = min(v0, v1) - wide, max(v0, v1) + wide
-        solids[p, 28] = depth if depth > 0.05 else -1.0
+        wide = 1.1 * camera[FX] * width / max(depth, 0.05)
+        solids[p, solid.WIDTH2] = wide * wide
+        solids[p, solid.LEAST_U], solids[p, solid.MOST_U] = min(u0, u1) - wide, max(u0, u1) + wide
+        solids[p, solid.LEAST_V], solids[p, solid.MOST_V] = min(v0, v1) - wide, max(v0, v1) + wide
+        solids[p, solid.NEAREST] = depth if depth > 0.05 else -1.0
+
+
+@compiled(fastmath={"contract", "nsz"})
+def in_part(solids: Array | Array32, q: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A world point in the frame of part q, in units of its half extents."""
+    return (
+        solids[q, solid.M11] * x + solids[q, solid.M12] * y + solids[q, solid.M13] * z + solids[q, solid.MX],
+        solids[q, solid.M21] * x + solids[q, solid.M22] * y + solids[q, solid.M23] * z + solids[q, solid.MY],
+        solids[q, solid.M31] * x + solids[q, solid.M32] * y + solids[q, solid.M33] * z + solids[q, solid.MZ],
+    )
 
 
 @compiled(fastmath={"contract", "nsz"})
 def beside(solids: Array32, q: int, u: float, v: float) -> float:
     """Squared distance of a pixel from the axis of part q, px^2."""
-    x, y = u - solids[q, 21], v - solids[q, 22]
-    t = min(max(x * solids[q, 23] + y * solids[q, 24], 0.0), 1.0)
-    x, y = x - t * solids[q, 25], y - t * solids[q, 26]
+    x, y = u - solids[q, solid.START_U], v - solids[q, solid.START_V]
+    t = min(max(x * solids[q, solid.SHARE_U] + y * solids[q, solid.SHARE_V], 0.0), 1.0)
+    x, y = x - t * solids[q, solid.AXIS_U], y - t * solids[q, solid.AXIS_V]
     return x * x + y * y
 
 
@@ -127,17 +128,35 @@ def neighbours(p: int, solids: Array32, covering: Mask, radius: float, listed: I
     In the image both are axes with a width. Axes that cross are near; else the least distance is at an end of one.
     """
     n = 0
-    u0, v0, du, dv = solids[p, 21], solids[p, 22], solids[p, 25], solids[p, 26]
-    own = np.sqrt(solids[p, 27])
+    u0, v0, du, dv = (
+        solids[p, solid.START_U],
+        solids[p, solid.START_V],
+        solids[p, solid.AXIS_U],
+        solids[p, solid.AXIS_V],
+    )
+    own = np.sqrt(solids[p, solid.WIDTH2])
     for q in range(len(solids)):
-        if not covering[q] or solids[q, 44] > solids[p, 45] or solids[q, 45] < solids[p, 44]:
+        if (
+            not covering[q]
+            or solids[q, solid.LEAST_U] > solids[p, solid.MOST_U]
+            or solids[q, solid.MOST_U] < solids[p, solid.LEAST_U]
+        ):
             continue
-        if solids[q, 46] > solids[p, 47] or solids[q, 47] < solids[p, 46]:
+        if solids[q, solid.LEAST_V] > solids[p, solid.MOST_V] or solids[q, solid.MOST_V] < solids[p, solid.LEAST_V]:
             continue
-        if q == p or solids[q, 28] < 0.0 or solids[q, 28] > solids[p, 28] + 2.0 * radius + 0.1:
+        if (
+            q == p
+            or solids[q, solid.NEAREST] < 0.0
+            or solids[q, solid.NEAREST] > solids[p, solid.NEAREST] + 2.0 * radius + 0.1
+        ):
             continue
-        x, y, eu, ev = solids[q, 21] - u0, solids[q, 22] - v0, solids[q, 25], solids[q, 26]
-        near = (own + np.sqrt(solids[q, 27])) ** 2
+        x, y, eu, ev = (
+            solids[q, solid.START_U] - u0,
+            solids[q, solid.START_V] - v0,
+            solids[q, solid.AXIS_U],
+            solids[q, solid.AXIS_V],
+        )
+        near = (own + np.sqrt(solids[q, solid.WIDTH2])) ** 2
         cross = du * ev - dv * eu
         along_own, along_other = x * ev - y * eu, x * dv - y * du
         if cross < 0.0:
@@ -169,20 +188,20 @@ def inside_value(solids: Array32, q: int, x: float, y: float, z: float) -> float
     """
     if abs(z) > _ONE:
         return _OUTSIDE
-    u = abs(x / (_ONE + solids[q, 16] * z))
-    v = abs(y / (_ONE + solids[q, 17] * z))
+    u = abs(x / (_ONE + solids[q, solid.K1] * z))
+    v = abs(y / (_ONE + solids[q, solid.K2] * z))
     if u > _ONE or v > _ONE:
         return _OUTSIDE
     square = u * u + v * v
     if square + z * z < _ONE:
         return _HALF
-    if solids[q, 18] == _TWO:
+    if solids[q, solid.AROUND] == _TWO:
         if square > _ONE:
             return _OUTSIDE
-        around = square ** (_HALF * solids[q, 20])
+        around = square ** (_HALF * solids[q, solid.UPWARD])
     else:
-        around = (u ** solids[q, 18] + v ** solids[q, 18]) ** solids[q, 19]
-    return around + abs(z) ** solids[q, 20]
+        around = (u ** solids[q, solid.AROUND] + v ** solids[q, solid.AROUND]) ** solids[q, solid.ALONG]
+    return around + abs(z) ** solids[q, solid.UPWARD]
 
 
 @compiled(fastmath={"contract", "nsz", "arcp"})
@@ -206,20 +225,20 @@ def blocks_ray(solids: Array32, q: int, x: float, y: float, z: float) -> bool:
         q: the part.
         x, y, z: the point in the part's frame divided by a1, a2, a3.
     """
-    ox, oy, oz = solids[q, 12], solids[q, 13], solids[q, 14]
+    ox, oy, oz = solids[q, solid.EYE_X], solids[q, solid.EYE_Y], solids[q, solid.EYE_Z]
     dx, dy, dz = x - ox, y - oy, z - oz
     length2 = dx * dx + dy * dy + dz * dz
     along = -(ox * dx + oy * dy + oz * dz) / length2
     nx, ny, nz = ox + along * dx, oy + along * dy, oz + along * dz
-    gap = solids[q, 15] - (nx * nx + ny * ny + nz * nz)
+    gap = solids[q, solid.REACH] - (nx * nx + ny * ny + nz * nz)
     if gap <= _ZERO:
         return False
     half = np.sqrt(gap / length2)
     low, high = along - half, min(along + half, _ONE)
     if high <= low:
         return False
-    low, high = _clipped(ox, dx, _ONE + abs(solids[q, 16]), low, high)
-    low, high = _clipped(oy, dy, _ONE + abs(solids[q, 17]), low, high)
+    low, high = _clipped(ox, dx, _ONE + abs(solids[q, solid.K1]), low, high)
+    low, high = _clipped(oy, dy, _ONE + abs(solids[q, solid.K2]), low, high)
     low, high = _clipped(oz, dz, _ONE, low, high)
     if high <= low:
         return False
@@ -241,29 +260,29 @@ def _approach(solids: Array32, q: int, spots: Array32, n: int) -> None:
     nearer than the part's bounding ellipsoid, squared, -1 where the pixel is too far from the part's axis; 16 by how
     much the sample lies within twice that ellipsoid, squared.
     """
-    u0, v0, wide = solids[q, 21], solids[q, 22], solids[q, 27]
-    tu, tv = solids[q, 23], solids[q, 24]
-    du, dv = solids[q, 25], solids[q, 26]
-    a0, a1, a2, a3 = (solids[q, 0], solids[q, 1], solids[q, 2], solids[q, 3])
-    b0, b1, b2, b3 = (solids[q, 4], solids[q, 5], solids[q, 6], solids[q, 7])
-    c0, c1, c2, c3 = (solids[q, 8], solids[q, 9], solids[q, 10], solids[q, 11])
-    ox, oy, oz = solids[q, 12], solids[q, 13], solids[q, 14]
-    reach = solids[q, 15]
+    u0, v0, wide = solids[q, solid.START_U], solids[q, solid.START_V], solids[q, solid.WIDTH2]
+    tu, tv = solids[q, solid.SHARE_U], solids[q, solid.SHARE_V]
+    du, dv = solids[q, solid.AXIS_U], solids[q, solid.AXIS_V]
+    a0, a1, a2, a3 = (solids[q, solid.M11], solids[q, solid.M12], solids[q, solid.M13], solids[q, solid.MX])
+    b0, b1, b2, b3 = (solids[q, solid.M21], solids[q, solid.M22], solids[q, solid.M23], solids[q, solid.MY])
+    c0, c1, c2, c3 = (solids[q, solid.M31], solids[q, solid.M32], solids[q, solid.M33], solids[q, solid.MZ])
+    ox, oy, oz = solids[q, solid.EYE_X], solids[q, solid.EYE_Y], solids[q, solid.EYE_Z]
+    reach = solids[q, solid.REACH]
     for i in range(whole_blocks(n)):
-        x, y = spots[i] - u0, spots[ROW + i] - v0
+        x, y = spots[spot.U + i] - u0, spots[spot.V + i] - v0
         t = min(max(x * tu + y * tv, _ZERO), _ONE)
         x, y = x - t * du, y - t * dv
         beyond = x * x + y * y - wide
-        wx, wy, wz = spots[5 * ROW + i], spots[6 * ROW + i], spots[7 * ROW + i]
+        wx, wy, wz = spots[spot.X + i], spots[spot.Y + i], spots[spot.Z + i]
         x = a0 * wx + a1 * wy + a2 * wz + a3
         y = b0 * wx + b1 * wy + b2 * wz + b3
         z = c0 * wx + c1 * wy + c2 * wz + c3
-        spots[12 * ROW + i], spots[13 * ROW + i], spots[14 * ROW + i] = x, y, z
-        spots[16 * ROW + i] = _FOUR * reach - (x * x + y * y + z * z) if beyond < _ZERO else -_ONE
+        spots[spot.LOCAL_X + i], spots[spot.LOCAL_Y + i], spots[spot.LOCAL_Z + i] = x, y, z
+        spots[spot.NEAR + i] = _FOUR * reach - (x * x + y * y + z * z) if beyond < _ZERO else -_ONE
         dx, dy, dz = x - ox, y - oy, z - oz
         cx, cy, cz = oy * dz - oz * dy, oz * dx - ox * dz, ox * dy - oy * dx
         gap = reach - (cx * cx + cy * cy + cz * cz) / (dx * dx + dy * dy + dz * dz)
-        spots[15 * ROW + i] = gap if beyond < _ZERO else -_ONE
+        spots[spot.MEETS + i] = gap if beyond < _ZERO else -_ONE
 
 
 @compiled(fastmath={"contract", "nsz"})
@@ -274,22 +293,22 @@ def cover(solids: Array32, q: int, contact_m: float, spots: Array32, n: int) -> 
         solids: (P, 48) parts in the view.
         q: the part.
         contact_m: distance at which parts touch, metres.
-        spots: samples, see `SPOT_ROWS`; marked in row 11.
+        spots: samples, see `tracker.kernels.rows.spot`; their state is marked.
         n: their number.
     """
     _approach(solids, q, spots, n)
     apart = np.float32(contact_m)
     for i in range(n):
-        meets, near = spots[15 * ROW + i] > _ZERO, spots[16 * ROW + i] > _ZERO
-        if not (meets or near) or spots[11 * ROW + i] == _TWO:
+        meets, near = spots[spot.MEETS + i] > _ZERO, spots[spot.NEAR + i] > _ZERO
+        if not (meets or near) or spots[spot.STATE + i] == _TWO:
             continue
-        x, y, z = spots[12 * ROW + i], spots[13 * ROW + i], spots[14 * ROW + i]
+        x, y, z = spots[spot.LOCAL_X + i], spots[spot.LOCAL_Y + i], spots[spot.LOCAL_Z + i]
         if meets and blocks_ray(solids, q, x, y, z):
-            spots[11 * ROW + i] = 2.0
-        elif near and spots[11 * ROW + i] == _ZERO:
-            nx, ny, nz = spots[8 * ROW + i], spots[9 * ROW + i], spots[10 * ROW + i]
-            ox = x + apart * (solids[q, 0] * nx + solids[q, 1] * ny + solids[q, 2] * nz)
-            oy = y + apart * (solids[q, 4] * nx + solids[q, 5] * ny + solids[q, 6] * nz)
-            oz = z + apart * (solids[q, 8] * nx + solids[q, 9] * ny + solids[q, 10] * nz)
+            spots[spot.STATE + i] = 2.0
+        elif near and spots[spot.STATE + i] == _ZERO:
+            nx, ny, nz = spots[spot.NX + i], spots[spot.NY + i], spots[spot.NZ + i]
+            ox = x + apart * (solids[q, solid.M11] * nx + solids[q, solid.M12] * ny + solids[q, solid.M13] * nz)
+            oy = y + apart * (solids[q, solid.M21] * nx + solids[q, solid.M22] * ny + solids[q, solid.M23] * nz)
+            oz = z + apart * (solids[q, solid.M31] * nx + solids[q, solid.M32] * ny + solids[q, solid.M33] * nz)
             if inside_value(solids, q, ox, oy, oz) < _ONE:
-                spots[11 * ROW + i] = 1.0
+                spots[spot.STATE + i] = 1.0

@@ -7,6 +7,7 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_along
+from tracker.kernels.rows import sample, scene_point
 
 
 @compiled
@@ -14,7 +15,7 @@ def _first_below(scene: Array32, low: int, high: int, y: float) -> int:
     """First of the scene rows low..high (sorted by y) whose y is not above the given one."""
     while low < high:
         middle = (low + high) // 2
-        if scene[middle, 1] < y:
+        if scene[middle, scene_point.Y] < y:
             low = middle + 1
         else:
             high = middle
@@ -76,7 +77,7 @@ def match_oriented(
         samples = np.zeros(counts[v], dtype=np.int64)
         n_model = 0
         for m in order:
-            if positions[v, m, 4] > 0.0:
+            if positions[v, m, sample.LENGTH] > 0.0:
                 for k in range(4):
                     model[n_model, k] = positions[v, m, k]
                 samples[n_model] = m
@@ -88,7 +89,7 @@ def match_oriented(
                 pairs[n, 0], pairs[n, 1], pairs[n, 2], pairs[n, 3] = v, samples[i], found, 0
                 n += 1
         for s in range(first[v], first[v + 1]):
-            query = (scene[s, 0], scene[s, 1], scene[s, 2], scene[s, 3])
+            query = scene[s, scene_point.X], scene[s, scene_point.Y], scene[s, scene_point.DX], scene[s, scene_point.DY]
             found = _nearest(model, 0, n_model, query, gate)
             if found >= 0 and n < len(pairs):
                 pairs[n, 0], pairs[n, 1], pairs[n, 2], pairs[n, 3] = v, samples[found], s, 1
@@ -153,9 +154,9 @@ def normal_equations(
             continue
         x, y, z = float(points[view, m, 0]), float(points[view, m, 1]), float(points[view, m, 2])
         nu, nv = float(positions[view, m, 2]), float(positions[view, m, 3])
-        length = positions[view, m, 4] if pairs[i, 3] == 0 else scene[s, 4]
+        length = positions[view, m, sample.LENGTH] if pairs[i, 3] == 0 else scene[s, scene_point.WEIGHT]
         u, v, sx, sy, sz = project_along(cameras, view, (x, y, z), (nu, nv))
-        residual = (u - scene[s, 0]) * nu + (v - scene[s, 1]) * nv
+        residual = (u - scene[s, scene_point.X]) * nu + (v - scene[s, scene_point.Y]) * nv
         weight = length / px_per_observation / (1.0 + (residual / robust_px) ** 2) ** 2
         n = lengths[end]
         for k in range(n):

@@ -14,20 +14,42 @@ import numpy as np
 from tracker.arrays import Array32, Integers
 from tracker.kernels.bits import lowest_bit
 from tracker.kernels.compilation import compiled
-from tracker.kernels.contours.occlusion import ROW, whole_blocks
+from tracker.kernels.contours.occlusion import whole_blocks
+from tracker.kernels.rows import crossing, solid
+from tracker.kernels.rows.camera import (
+    CX,
+    CY,
+    FX,
+    FY,
+    K1,
+    K2,
+    K3,
+    P1,
+    P2,
+    R11,
+    R12,
+    R13,
+    R21,
+    R22,
+    R23,
+    R31,
+    R32,
+    R33,
+    SHEAR,
+    TX,
+    TY,
+    TZ,
+)
+from tracker.kernels.rows.workspace import ROW
 
 MOST_COLUMNS = 62
 """Columns of a grid that fit into one integer."""
-
-CROSSING_ROWS = 25
-"""Rows of the crossings: of the two ends of half an edge 0-5 and 6-11 point and normal, 12-13 facing; of the crossing
-14-16 world point, 17-19 world normal, 20-21 pixel, 22-23 unit image normal; 24 length of each piece, px."""
 
 
 @compiled(fastmath={"contract", "nsz", "nnan", "ninf"})
 def _face(planes: Array32, p: int, solids: Array32, facing: Array32, n: int) -> None:
     """Facing of part p's first n grid points: n . (c - p), metres; positive where the camera sees the surface."""
-    e0, e1, e2 = solids[p, 41], solids[p, 42], solids[p, 43]
+    e0, e1, e2 = solids[p, solid.CAMERA_X], solids[p, solid.CAMERA_Y], solids[p, solid.CAMERA_Z]
     for i in range(n):
         facing[i] = planes[p, 0, i] * e0 + planes[p, 1, i] * e1 + planes[p, 2, i] * e2 - planes[p, 3, i]
 
@@ -57,11 +79,11 @@ def _take(
     middle = grids[p, nm, 3] * eye[0] + grids[p, nm, 4] * eye[1] + grids[p, nm, 5] * eye[2] - grids[p, nm, 6]
     late = (middle > 0.0) == (f0 > 0.0)
     a, b = (nm if late else n0), (n1 if late else nm)
-    crossings[12 * ROW + i] = middle if late else f0
-    crossings[13 * ROW + i] = f1 if late else middle
+    crossings[crossing.FACING_A + i] = middle if late else f0
+    crossings[crossing.FACING_B + i] = f1 if late else middle
     for k in range(6):
-        crossings[k * ROW + i] = grids[p, a, k]
-        crossings[(6 + k) * ROW + i] = grids[p, b, k]
+        crossings[crossing.AX + k * ROW + i] = grids[p, a, k]
+        crossings[crossing.BX + k * ROW + i] = grids[p, b, k]
 
 
 @compiled(fastmath={"contract", "nsz", "nnan", "ninf", "arcp"})
@@ -70,19 +92,19 @@ def _see(crossings: Array32, n: int, solids: Array32, p: int, camera: Array32) -
 
     The tangent plane of the contour passes through the camera and projects to the line K^-T n.
     """
-    r00, r01, r02 = solids[p, 29], solids[p, 30], solids[p, 31]
-    r10, r11, r12 = solids[p, 32], solids[p, 33], solids[p, 34]
-    r20, r21, r22 = solids[p, 35], solids[p, 36], solids[p, 37]
-    tx, ty, tz = solids[p, 38], solids[p, 39], solids[p, 40]
+    r00, r01, r02 = solids[p, solid.R11], solids[p, solid.R12], solids[p, solid.R13]
+    r10, r11, r12 = solids[p, solid.R21], solids[p, solid.R22], solids[p, solid.R23]
+    r20, r21, r22 = solids[p, solid.R31], solids[p, solid.R32], solids[p, solid.R33]
+    tx, ty, tz = solids[p, solid.X], solids[p, solid.Y], solids[p, solid.Z]
     one, half, two = np.float32(1.0), np.float32(0.5), np.float32(2.0)
-    flat = camera[16] / camera[15]
+    flat = camera[FY] / camera[FX]
     for i in range(whole_blocks(n)):
-        f0, f1 = crossings[12 * ROW + i], crossings[13 * ROW + i]
+        f0, f1 = crossings[crossing.FACING_A + i], crossings[crossing.FACING_B + i]
         t = f0 / (f0 - f1)
-        x, y, z = crossings[i], crossings[ROW + i], crossings[2 * ROW + i]
-        a, b, c = crossings[3 * ROW + i], crossings[4 * ROW + i], crossings[5 * ROW + i]
-        dx, dy, dz = crossings[6 * ROW + i] - x, crossings[7 * ROW + i] - y, crossings[8 * ROW + i] - z
-        da, db, dc = crossings[9 * ROW + i] - a, crossings[10 * ROW + i] - b, crossings[11 * ROW + i] - c
+        x, y, z = crossings[crossing.AX + i], crossings[crossing.AY + i], crossings[crossing.AZ + i]
+        a, b, c = crossings[crossing.NAX + i], crossings[crossing.NAY + i], crossings[crossing.NAZ + i]
+        dx, dy, dz = crossings[crossing.BX + i] - x, crossings[crossing.BY + i] - y, crossings[crossing.BZ + i] - z
+        da, db, dc = crossings[crossing.NBX + i] - a, crossings[crossing.NBY + i] - b, crossings[crossing.NBZ + i] - c
         height = half * t * (one - t) * (da * dx + db * dy + dc * dz)
         a, b, c = a + t * da, b + t * db, c + t * dc
         x, y, z = x + t * dx + height * a, y + t * dy + height * b, z + t * dz + height * c
@@ -92,21 +114,21 @@ def _see(crossings: Array32, n: int, solids: Array32, p: int, camera: Array32) -
             r20 * x + r21 * y + r22 * z + tz,
         )
         nx, ny, nz = r00 * a + r01 * b + r02 * c, r10 * a + r11 * b + r12 * c, r20 * a + r21 * b + r22 * c
-        crossings[14 * ROW + i], crossings[15 * ROW + i], crossings[16 * ROW + i] = wx, wy, wz
-        crossings[17 * ROW + i], crossings[18 * ROW + i], crossings[19 * ROW + i] = nx, ny, nz
-        nearness = one / (camera[8] * wx + camera[9] * wy + camera[10] * wz + camera[11])
-        u = (camera[0] * wx + camera[1] * wy + camera[2] * wz + camera[3]) * nearness
-        v = (camera[4] * wx + camera[5] * wy + camera[6] * wz + camera[7]) * nearness
+        crossings[crossing.X + i], crossings[crossing.Y + i], crossings[crossing.Z + i] = wx, wy, wz
+        crossings[crossing.NX + i], crossings[crossing.NY + i], crossings[crossing.NZ + i] = nx, ny, nz
+        nearness = one / (camera[R31] * wx + camera[R32] * wy + camera[R33] * wz + camera[TZ])
+        u = (camera[R11] * wx + camera[R12] * wy + camera[R13] * wz + camera[TX]) * nearness
+        v = (camera[R21] * wx + camera[R22] * wy + camera[R23] * wz + camera[TY]) * nearness
         r2 = u * u + v * v
-        radial = one + r2 * (camera[19] + r2 * (camera[20] + r2 * camera[23]))
-        uu = u * radial + two * camera[21] * u * v + camera[22] * (r2 + two * u * u)
-        vv = v * radial + camera[21] * (r2 + two * v * v) + two * camera[22] * u * v
-        crossings[20 * ROW + i] = camera[15] * uu + camera[24] * vv + camera[17]
-        crossings[21 * ROW + i] = camera[16] * vv + camera[18]
-        sx = (camera[0] * nx + camera[1] * ny + camera[2] * nz) * flat
-        sy = camera[4] * nx + camera[5] * ny + camera[6] * nz - camera[24] / camera[16] * sx
+        radial = one + r2 * (camera[K1] + r2 * (camera[K2] + r2 * camera[K3]))
+        uu = u * radial + two * camera[P1] * u * v + camera[P2] * (r2 + two * u * u)
+        vv = v * radial + camera[P1] * (r2 + two * v * v) + two * camera[P2] * u * v
+        crossings[crossing.U + i] = camera[FX] * uu + camera[SHEAR] * vv + camera[CX]
+        crossings[crossing.V + i] = camera[FY] * vv + camera[CY]
+        sx = (camera[R11] * nx + camera[R12] * ny + camera[R13] * nz) * flat
+        sy = camera[R21] * nx + camera[R22] * ny + camera[R23] * nz - camera[SHEAR] / camera[FY] * sx
         norm = one / np.sqrt(sx * sx + sy * sy)
-        crossings[22 * ROW + i], crossings[23 * ROW + i] = sx * norm, sy * norm
+        crossings[crossing.NU + i], crossings[crossing.NV + i] = sx * norm, sy * norm
 
 
 @compiled
@@ -135,10 +157,10 @@ def _chain(links: Integers, n: int, pieces: Integers, crossings: Array32) -> int
             after = links[here, 0] if links[here, 0] != before else links[here, 1]
             links[here, 0] = -2
             if after >= 0:
-                du = crossings[20 * ROW + after] - crossings[20 * ROW + here]
-                dv = crossings[21 * ROW + after] - crossings[21 * ROW + here]
+                du = crossings[crossing.U + after] - crossings[crossing.U + here]
+                dv = crossings[crossing.V + after] - crossings[crossing.V + here]
                 pieces[n_pieces, 0], pieces[n_pieces, 1] = here, after
-                crossings[24 * ROW + n_pieces] = np.sqrt(du * du + dv * dv)
+                crossings[crossing.LENGTH + n_pieces] = np.sqrt(du * du + dv * dv)
                 n_pieces += 1
             before, here = here, after
     return n_pieces
@@ -169,7 +191,7 @@ def find_pieces(
         solids: (P, 48) parts in the view, see `tracker.kernels.contours.occlusion`.
         camera: (25,) row of `Rig.packed`, single precision.
         facing, ids, links: workspace (R C,), (3, C) and (ROW, 2).
-        crossings: (25 ROW,) output, see `CROSSING_ROWS`.
+        crossings: (25 ROW,) output, see `tracker.kernels.rows.crossing`.
         pieces: (ROW, 2) output: crossings, in the order of the contour.
 
     Returns:
@@ -177,7 +199,7 @@ def find_pieces(
     """
     n_rows, n_columns = layout
     _face(planes, p, solids, facing, n_rows * n_columns)
-    eye = solids[p, 41], solids[p, 42], solids[p, 43]
+    eye = solids[p, solid.CAMERA_X], solids[p, solid.CAMERA_Y], solids[p, solid.CAMERA_Z]
     wide, last = 2 * n_columns, n_columns - 1
     everything = (1 << n_columns) - 1
     # All points of a pole are one.

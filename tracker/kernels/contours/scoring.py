@@ -11,8 +11,10 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.chamfer import directed_pair, matching_workspace
-from tracker.kernels.contours.occlusion import ROW, SOLID_COLUMNS, SPOT_ROWS, cover, place_solids, view_solids
+from tracker.kernels.contours.occlusion import cover, place_solids, view_solids
 from tracker.kernels.contours.tracing import trace_view, tracing_workspace
+from tracker.kernels.rows import region, sample, solid, spot
+from tracker.kernels.rows.workspace import ROW
 
 
 @compiled
@@ -42,17 +44,17 @@ def _add_seen(
 ) -> int:
     """Appends to n traced samples those of the parts that stand still that no moving one covers; their number."""
     for i in range(n_still):
-        for k in range(8):
+        for k in range(sample.PART):
             spots[k * ROW + i] = still[i, k]
         for k in range(3):
-            spots[(8 + k) * ROW + i] = still[i, 10 + k]
-        spots[11 * ROW + i] = still[i, 9]
+            spots[spot.NX + k * ROW + i] = still[i, sample.NX + k]
+        spots[spot.STATE + i] = still[i, sample.BETWEEN]
     for q in range(len(solids)):
-        if moving[q] and solids[q, 28] > 0.0:
+        if moving[q] and solids[q, solid.NEAREST] > 0.0:
             cover(solids, q, contact_m, spots, n_still)
     for i in range(n_still):
-        if spots[11 * ROW + i] == 0.0 and n < len(traced):
-            for k in range(5):
+        if spots[spot.STATE + i] == 0.0 and n < len(traced):
+            for k in range(sample.LENGTH + 1):
                 traced[n, k] = still[i, k]
             n += 1
     return n
@@ -88,12 +90,15 @@ def score_poses(
     n_poses, n_views, n_parts = len(placements), len(cameras), len(shapes)
     result = np.full((n_poses, n_views, 2), np.nan)
     everything, moving = np.ones(n_parts, dtype=np.bool_), moving_parts(placements)
-    solids = np.zeros((n_parts, SOLID_COLUMNS), dtype=np.float32)
-    traced, still = np.zeros((128 * n_parts, 13), dtype=np.float32), np.zeros((ROW, 13), dtype=np.float32)
-    spots = np.zeros(SPOT_ROWS * ROW, dtype=np.float32)
+    solids = np.zeros((n_parts, solid.N_COLUMNS), dtype=np.float32)
+    traced, still = (
+        np.zeros((128 * n_parts, sample.N_COLUMNS), dtype=np.float32),
+        np.zeros((ROW, sample.N_COLUMNS), dtype=np.float32),
+    )
+    spots = np.zeros(spot.N_ROWS * ROW, dtype=np.float32)
     tracing, matching = tracing_workspace(n_parts, layout), matching_workspace(len(scene), len(traced))
     for v in range(n_views):
-        if regions[v, 3] == 0:
+        if regions[v, region.WIDTH] == 0:
             continue
         camera, size, part = cameras[v].astype(np.float32), (sizes[v, 0], sizes[v, 1]), (first[v], first[v + 1])
         n_still = 0

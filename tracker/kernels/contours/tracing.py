@@ -14,16 +14,15 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.occlusion import (
-    ROW,
-    SOLID_COLUMNS,
-    SPOT_ROWS,
     cover,
     neighbours,
     place_solids,
     view_solids,
 )
-from tracker.kernels.contours.pieces import CROSSING_ROWS, find_pieces
+from tracker.kernels.contours.pieces import find_pieces
 from tracker.kernels.projection import project_point
+from tracker.kernels.rows import crossing, sample, solid, spot
+from tracker.kernels.rows.workspace import ROW
 
 Tracing = tuple[Array32, Integers, Integers, Integers, Array32, Integers, Array32]
 """Facings, crossing numbers, neighbours, links, crossings, pieces and samples of one part."""
@@ -41,27 +40,27 @@ def _sample(
     low, wide, high = np.float32(-0.5), np.float32(size[0] - 0.5), np.float32(size[1] - 0.5)
     total = np.float32(0.0)
     for k in range(n_pieces):
-        total += crossings[24 * ROW + k]
+        total += crossings[crossing.LENGTH + k]
     each = np.float32(total / min(np.ceil(total / step_px), ROW - 1.0)) if total > 0.0 else one
     passed, place, n = np.float32(0.0), half * each, 0
     for k in range(n_pieces):
-        length = crossings[24 * ROW + k]
+        length = crossings[crossing.LENGTH + k]
         if place >= passed + length:
             passed += length
             continue
         i, j = pieces[k, 0], pieces[k, 1]
-        x0, y0, z0 = crossings[14 * ROW + i], crossings[15 * ROW + i], crossings[16 * ROW + i]
-        a0, b0, c0 = crossings[17 * ROW + i], crossings[18 * ROW + i], crossings[19 * ROW + i]
+        x0, y0, z0 = crossings[crossing.X + i], crossings[crossing.Y + i], crossings[crossing.Z + i]
+        a0, b0, c0 = crossings[crossing.NX + i], crossings[crossing.NY + i], crossings[crossing.NZ + i]
         u0, v0, nu0, nv0 = (
-            crossings[20 * ROW + i],
-            crossings[21 * ROW + i],
-            crossings[22 * ROW + i],
-            crossings[23 * ROW + i],
+            crossings[crossing.U + i],
+            crossings[crossing.V + i],
+            crossings[crossing.NU + i],
+            crossings[crossing.NV + i],
         )
-        dx, dy, dz = crossings[14 * ROW + j] - x0, crossings[15 * ROW + j] - y0, crossings[16 * ROW + j] - z0
-        da, db, dc = crossings[17 * ROW + j] - a0, crossings[18 * ROW + j] - b0, crossings[19 * ROW + j] - c0
-        du, dv = crossings[20 * ROW + j] - u0, crossings[21 * ROW + j] - v0
-        dnu, dnv = crossings[22 * ROW + j] - nu0, crossings[23 * ROW + j] - nv0
+        dx, dy, dz = crossings[crossing.X + j] - x0, crossings[crossing.Y + j] - y0, crossings[crossing.Z + j] - z0
+        da, db, dc = crossings[crossing.NX + j] - a0, crossings[crossing.NY + j] - b0, crossings[crossing.NZ + j] - c0
+        du, dv = crossings[crossing.U + j] - u0, crossings[crossing.V + j] - v0
+        dnu, dnv = crossings[crossing.NU + j] - nu0, crossings[crossing.NV + j] - nv0
         turn, turn_px = da * dx + db * dy + dc * dz, dnu * du + dnv * dv
         while place < passed + length and n < ROW:
             t = (place - passed) / length
@@ -75,11 +74,11 @@ def _sample(
                 continue
             a, b, c = a0 + t * da, b0 + t * db, c0 + t * dc
             height = bulge * turn
-            spots[n], spots[ROW + n], spots[2 * ROW + n], spots[3 * ROW + n] = u, v, nu, nv
-            spots[4 * ROW + n], spots[11 * ROW + n] = each, 0.0
-            spots[5 * ROW + n], spots[6 * ROW + n] = x0 + t * dx + height * a, y0 + t * dy + height * b
-            spots[7 * ROW + n] = z0 + t * dz + height * c
-            spots[8 * ROW + n], spots[9 * ROW + n], spots[10 * ROW + n] = a, b, c
+            spots[spot.U + n], spots[spot.V + n], spots[spot.NU + n], spots[spot.NV + n] = u, v, nu, nv
+            spots[spot.LENGTH + n], spots[spot.STATE + n] = each, 0.0
+            spots[spot.X + n], spots[spot.Y + n] = x0 + t * dx + height * a, y0 + t * dy + height * b
+            spots[spot.Z + n] = z0 + t * dz + height * c
+            spots[spot.NX + n], spots[spot.NY + n], spots[spot.NZ + n] = a, b, c
             n += 1
         passed += length
     return n
@@ -120,23 +119,23 @@ def trace_view(
     wanted, covering = masks
     n = 0
     for p in range(len(solids)):
-        if solids[p, 28] < 0.0 or not wanted[p]:
+        if solids[p, solid.NEAREST] < 0.0 or not wanted[p]:
             continue
         n_pieces = find_pieces(grids, planes, layout, p, solids, camera, facing, ids, links, crossings, pieces)
         n_spots = _sample(crossings, pieces, n_pieces, size, spacing[0], spots)
         for k in range(neighbours(p, solids, covering, bounds[0, p], listed)):
             cover(solids, listed[k], spacing[1], spots, n_spots)
         for i in range(n_spots):
-            state = spots[11 * ROW + i]
+            state = spots[spot.STATE + i]
             if state == 2.0 or n == len(traced):
                 continue
-            for k in range(8):
+            for k in range(sample.PART):
                 traced[n, k] = spots[k * ROW + i]
             if state == 1.0:
-                traced[n, 4] = 0.0
-            traced[n, 8], traced[n, 9] = p, state
+                traced[n, sample.LENGTH] = 0.0
+            traced[n, sample.PART], traced[n, sample.BETWEEN] = p, state
             for k in range(3):
-                traced[n, 10 + k] = spots[(8 + k) * ROW + i]
+                traced[n, sample.NX + k] = spots[spot.NX + k * ROW + i]
             n += 1
     return n
 
@@ -149,9 +148,9 @@ def tracing_workspace(n_parts: int, layout: tuple[int, int]) -> Tracing:
         np.zeros((3, layout[1]), dtype=np.int64),
         np.zeros(n_parts, dtype=np.int64),
         np.zeros((ROW, 2), dtype=np.int64),
-        np.zeros(CROSSING_ROWS * ROW, dtype=np.float32),
+        np.zeros(crossing.N_ROWS * ROW, dtype=np.float32),
         np.zeros((ROW, 2), dtype=np.int64),
-        np.zeros(SPOT_ROWS * ROW, dtype=np.float32),
+        np.zeros(spot.N_ROWS * ROW, dtype=np.float32),
     )
 
 
@@ -189,9 +188,9 @@ def trace_contours(
         points: (B, V, M, 3) output: world positions.
         parts, between, counts: outputs, laid out as in `Contours`.
     """
-    solids = np.zeros((len(shapes), SOLID_COLUMNS), dtype=np.float32)
+    solids = np.zeros((len(shapes), solid.N_COLUMNS), dtype=np.float32)
     work = tracing_workspace(len(shapes), layout)
-    traced = np.zeros((parts.shape[2], 13), dtype=np.float32)
+    traced = np.zeros((parts.shape[2], sample.N_COLUMNS), dtype=np.float32)
     lenses = cameras.astype(np.float32)
     everything = np.ones(len(shapes), dtype=np.bool_)
     masks = everything, everything
@@ -203,16 +202,16 @@ def trace_contours(
             n_traced = trace_view(grids, planes, layout, bounds, solids, lenses[v], size, spacing, masks, work, traced)
             n = 0
             for i in range(n_traced):
-                x, y = float(traced[i, 0]), float(traced[i, 1])
+                x, y = float(traced[i, sample.U]), float(traced[i, sample.V])
                 if exact:
-                    x, y, _ = project_point(cameras[v], traced[i, 5], traced[i, 6], traced[i, 7])
+                    x, y, _ = project_point(cameras[v], traced[i, sample.X], traced[i, sample.Y], traced[i, sample.Z])
                 if x < -0.5 or y < -0.5 or x > size[0] - 0.5 or y > size[1] - 0.5:
                     continue
                 positions[b, v, n, 0], positions[b, v, n, 1] = x, y
                 for k in range(3):
-                    positions[b, v, n, 2 + k] = traced[i, 2 + k]
-                    points[b, v, n, k] = traced[i, 5 + k]
-                parts[b, v, n] = int(traced[i, 8])
-                between[b, v, n] = traced[i, 9] > 0.0
+                    positions[b, v, n, 2 + k] = traced[i, sample.NU + k]
+                    points[b, v, n, k] = traced[i, sample.X + k]
+                parts[b, v, n] = int(traced[i, sample.PART])
+                between[b, v, n] = traced[i, sample.BETWEEN] > 0.0
                 n += 1
             counts[b, v] = n

@@ -12,6 +12,8 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
+from tracker.kernels.contours.occlusion import in_part
+from tracker.kernels.rows.camera import CX, CY, FX, FY, K1, K2, K3, P1, P2, R11, R21, R31, SHEAR, TX, TY, TZ
 
 WINDOW_PX2 = 12.0
 """Squared radius of the window, px^2; a pixel's weight falls from 1 at its centre to 0 at this distance."""
@@ -21,6 +23,10 @@ SHARE_PER_PX = 0.245
 
 DEEPEST_M = 0.1
 """A surface may bend away by this much between the last pixel's centre and the contour, metres."""
+
+
+_K1, _K2, _AROUND, _ALONG, _UPWARD = 12, 13, 14, 15, 16
+"""Taper and exponents of a part; the columns before them are those of `tracker.kernels.rows.solid`."""
 
 
 @compiled
@@ -98,10 +104,10 @@ def _depth_there(ids: Integers, depths: Array32, x: int, y: int, normal: tuple[f
 @compiled
 def _undistort(camera: Array, x: float, y: float) -> tuple[float, float]:
     """Plane coordinates of a pixel, by Newton steps; the twin is `Camera.undistort`."""
-    ty = (y - camera[18]) / camera[16]
-    tx = (x - camera[17] - camera[24] * ty) / camera[15]
+    ty = (y - camera[CY]) / camera[FY]
+    tx = (x - camera[CX] - camera[SHEAR] * ty) / camera[FX]
     a, b = tx, ty
-    k1, k2, p1, p2, k3 = camera[19], camera[20], camera[21], camera[22], camera[23]
+    k1, k2, p1, p2, k3 = camera[K1], camera[K2], camera[P1], camera[P2], camera[K3]
     if k1 == 0.0 and k2 == 0.0 and p1 == 0.0 and p2 == 0.0 and k3 == 0.0:
         return a, b
     for _ in range(8):
@@ -121,27 +127,26 @@ def _undistort(camera: Array, x: float, y: float) -> tuple[float, float]:
 def _lift(camera: Array, x: float, y: float, normal: tuple[float, float], depth: float, out: Array) -> None:
     """World point of a pixel and world normal of the plane through the contour and the camera, to `out` (6,)."""
     a, b = _undistort(camera, x, y)
-    nx, ny = camera[15] * normal[0], camera[24] * normal[0] + camera[16] * normal[1]
+    nx, ny = camera[FX] * normal[0], camera[SHEAR] * normal[0] + camera[FY] * normal[1]
     nz = -(nx * a + ny * b)
     scale = 1.0 / np.sqrt(nx * nx + ny * ny + nz * nz)
-    cx, cy, cz = a * depth - camera[3], b * depth - camera[7], depth - camera[11]
+    cx, cy, cz = a * depth - camera[TX], b * depth - camera[TY], depth - camera[TZ]
     for k in range(3):
-        out[k] = camera[k] * cx + camera[4 + k] * cy + camera[8 + k] * cz
-        out[3 + k] = scale * (camera[k] * nx + camera[4 + k] * ny + camera[8 + k] * nz)
+        out[k] = camera[R11 + k] * cx + camera[R21 + k] * cy + camera[R31 + k] * cz
+        out[3 + k] = scale * (camera[R11 + k] * nx + camera[R21 + k] * ny + camera[R31 + k] * nz)
 
 
 @compiled
 def _encloses(solids: Array, q: int, x: float, y: float, z: float) -> bool:
     """Whether a world point lies inside part q."""
-    w = solids[q, 8] * x + solids[q, 9] * y + solids[q, 10] * z + solids[q, 11]
+    x, y, w = in_part(solids, q, x, y, z)
     if abs(w) > 1.0:
         return False
-    u = abs((solids[q, 0] * x + solids[q, 1] * y + solids[q, 2] * z + solids[q, 3]) / (1.0 + solids[q, 12] * w))
-    v = abs((solids[q, 4] * x + solids[q, 5] * y + solids[q, 6] * z + solids[q, 7]) / (1.0 + solids[q, 13] * w))
+    u, v = abs(x / (1.0 + solids[q, _K1] * w)), abs(y / (1.0 + solids[q, _K2] * w))
     if u > 1.0 or v > 1.0:
         return False
-    around = (u ** solids[q, 14] + v ** solids[q, 14]) ** solids[q, 15]
-    return around + abs(w) ** solids[q, 16] < 1.0
+    around = (u ** solids[q, _AROUND] + v ** solids[q, _AROUND]) ** solids[q, _ALONG]
+    return around + abs(w) ** solids[q, _UPWARD] < 1.0
 
 
 @compiled

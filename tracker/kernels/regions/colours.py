@@ -12,6 +12,7 @@ import numpy as np
 
 from tracker.arrays import Array32, Image, Integers, Mask, Numbers16
 from tracker.kernels.compilation import compiled
+from tracker.kernels.rows import region
 
 N_COLOURS = 4096
 
@@ -59,12 +60,12 @@ def encode(image: Image, region: tuple[int, int, int, int], codes: Numbers16) ->
 @compiled
 def colour_at(picture: Picture, v: int, x: float, y: float) -> int:
     """Colour number of the pixel nearest to a position in view v, -1 outside of the region."""
-    column = int(np.floor(x + 0.5)) - picture.layout[v, 1]
-    row = int(np.floor(y + 0.5)) - picture.layout[v, 2]
-    width = picture.layout[v, 3]
-    if column < 0 or row < 0 or column >= width or row >= picture.layout[v, 4]:
+    column = int(np.floor(x + 0.5)) - picture.layout[v, region.LEFT]
+    row = int(np.floor(y + 0.5)) - picture.layout[v, region.TOP]
+    width = picture.layout[v, region.WIDTH]
+    if column < 0 or row < 0 or column >= width or row >= picture.layout[v, region.HEIGHT]:
         return -1
-    return int(picture.codes[picture.layout[v, 0] + row * width + column])
+    return int(picture.codes[picture.layout[v, region.START] + row * width + column])
 
 
 @compiled

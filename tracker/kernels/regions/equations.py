@@ -8,6 +8,7 @@ from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_along
 from tracker.kernels.regions.lines import Samples
+from tracker.kernels.rows import sample
 
 
 @compiled
@@ -45,7 +46,7 @@ def shift_equations(
     for v in range(len(samples.counts)):
         for m in range(samples.counts[v]):
             end = ends[samples.parts[v, m]]
-            weight = samples.positions[v, m, 4] / px_per_observation * shifts[v, m, 1] * shifts[v, m, 2]
+            weight = samples.positions[v, m, sample.LENGTH] / px_per_observation * shifts[v, m, 1] * shifts[v, m, 2]
             if weight <= 0.0 or end < 0:
                 continue
             x, y, z = float(samples.points[v, m, 0]), float(samples.points[v, m, 1]), float(samples.points[v, m, 2])

@@ -18,6 +18,8 @@ import numpy as np
 from tracker.arrays import Array, Array32, Image, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.regions.colours import EVEN, N_COLOURS, Picture, Tables, colour_at, learn_colours
+from tracker.kernels.rows import region, sample
+from tracker.kernels.rows.camera import FX, R31, R32, R33, TZ
 
 SPOTS = (4.0, 9.0)
 """Steps outside of the contour at which is asked what part is seen there.
@@ -102,8 +104,8 @@ class Rule(NamedTuple):
 @compiled
 def pixels_per_metre(camera: Array, x: float, y: float, z: float) -> float:
     """Size in the image of a metre across the viewing ray of a world point, px; 0 behind the camera."""
-    depth = camera[8] * x + camera[9] * y + camera[10] * z + camera[11]
-    return float(camera[15] / depth) if depth > 1e-6 else 0.0
+    depth = camera[R31] * x + camera[R32] * y + camera[R33] * z + camera[TZ]
+    return float(camera[FX] / depth) if depth > 1e-6 else 0.0
 
 
 @compiled
@@ -206,11 +208,11 @@ def find_shifts(
             (1.0 - rule.slack) * k / 254.0 + rule.slack * (254 - k) / 254.0
         )
     for v in range(len(samples.counts)):
-        seen = picture.layout[v, 3] > 0
+        seen = picture.layout[v, region.WIDTH] > 0
         for m in range(samples.counts[v]):
             shifts[v, m, 0] = shifts[v, m, 1] = shifts[v, m, 2] = 0.0
             p = samples.parts[v, m]
-            if not seen or samples.positions[v, m, 4] <= 0.0 or not wanted[p] or not looks.known[v, p]:
+            if not seen or samples.positions[v, m, sample.LENGTH] <= 0.0 or not wanted[p] or not looks.known[v, p]:
                 continue
             size = pixels_per_metre(
                 cameras[v], samples.points[v, m, 0], samples.points[v, m, 1], samples.points[v, m, 2]
@@ -288,11 +290,11 @@ def score_lines(
     """
     for b in range(len(counts)):
         for v in range(counts.shape[1]):
-            if picture.layout[v, 3] == 0:
+            if picture.layout[v, region.WIDTH] == 0:
                 continue
             for m in range(counts[b, v]):
                 p = parts[b, v, m]
-                length = float(positions[b, v, m, 4])
+                length = float(positions[b, v, m, sample.LENGTH])
                 if length <= 0.0 or not wanted[p] or not looks.known[v, p]:
                     continue
                 size = pixels_per_metre(cameras[v], points[b, v, m, 0], points[b, v, m, 1], points[b, v, m, 2])

@@ -8,9 +8,11 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Integers
 from tracker.kernels.compilation import compiled
-from tracker.kernels.contours.occlusion import SOLID_COLUMNS, beside, blocks_ray, place_solids, view_solids
+from tracker.kernels.contours.occlusion import beside, blocks_ray, in_part, place_solids, view_solids
 from tracker.kernels.projection import project_along
 from tracker.kernels.regions.lines import BACKGROUND, SPOTS, pixels_per_metre
+from tracker.kernels.rows import sample, solid
+from tracker.kernels.rows.camera import CENTRE_X, CENTRE_Y, CENTRE_Z
 
 _FAR = 3.0
 """Rays are followed to this many times the distance of the contour: through all that may lie behind it."""
@@ -25,15 +27,15 @@ def _nearest_on_ray(solids: Array32, p: int, pixel: tuple[float, float], far: tu
     found, least = BACKGROUND, np.inf
     x, y, z = far
     for q in range(len(solids)):
-        if q == p or solids[q, 28] < 0.0 or beside(solids, q, pixel[0], pixel[1]) > solids[q, 27]:
+        if q == p or solids[q, solid.NEAREST] < 0.0 or beside(solids, q, pixel[0], pixel[1]) > solids[q, solid.WIDTH2]:
             continue
-        a = solids[q, 0] * x + solids[q, 1] * y + solids[q, 2] * z + solids[q, 3]
-        b = solids[q, 4] * x + solids[q, 5] * y + solids[q, 6] * z + solids[q, 7]
-        c = solids[q, 8] * x + solids[q, 9] * y + solids[q, 10] * z + solids[q, 11]
+        a, b, c = in_part(solids, q, x, y, z)
         if not blocks_ray(solids, q, _single(a), _single(b), _single(c)):
             continue
-        da, db, dc = a - solids[q, 12], b - solids[q, 13], c - solids[q, 14]
-        along = -(solids[q, 12] * da + solids[q, 13] * db + solids[q, 14] * dc) / (da * da + db * db + dc * dc)
+        da, db, dc = a - solids[q, solid.EYE_X], b - solids[q, solid.EYE_Y], c - solids[q, solid.EYE_Z]
+        along = -(solids[q, solid.EYE_X] * da + solids[q, solid.EYE_Y] * db + solids[q, solid.EYE_Z] * dc) / (
+            da * da + db * db + dc * dc
+        )
         if along < least:
             found, least = q, along
     return found
@@ -65,14 +67,14 @@ def parts_beside(
         step_m: see `Rule`.
         found: (B, V, M, 2) output, -1 where no other part is seen.
     """
-    solids = np.zeros((len(shapes), SOLID_COLUMNS), dtype=np.float32)
+    solids = np.zeros((len(shapes), solid.N_COLUMNS), dtype=np.float32)
     for b in range(len(placements)):
         place_solids(placements, b, shapes, bounds, solids)
         for v in range(len(cameras)):
             view_solids(shapes, bounds, cameras[v], 0.0, solids)
             for m in range(counts[b, v]):
                 found[b, v, m, 0] = found[b, v, m, 1] = BACKGROUND
-                if positions[b, v, m, 4] > 0.0:
+                if positions[b, v, m, sample.LENGTH] > 0.0:
                     point = float(points[b, v, m, 0]), float(points[b, v, m, 1]), float(points[b, v, m, 2])
                     normal = float(positions[b, v, m, 2]), float(positions[b, v, m, 3])
                     for k in range(2):
@@ -96,7 +98,7 @@ def _part_at(
     u, w, sx, sy, sz = project_along(cameras, v, point, normal)
     step = max(pixels_per_metre(cameras[v], x, y, z) * step_m, 1.0)
     move = spot * step / (sx * sx + sy * sy + sz * sz)
-    cx, cy, cz = cameras[v, 12], cameras[v, 13], cameras[v, 14]
+    cx, cy, cz = cameras[v, CENTRE_X], cameras[v, CENTRE_Y], cameras[v, CENTRE_Z]
     far = cx + _FAR * (x + move * sx - cx), cy + _FAR * (y + move * sy - cy), cz + _FAR * (z + move * sz - cz)
     pixel = u + spot * step * normal[0], w + spot * step * normal[1]
     return _nearest_on_ray(solids, p, pixel, far)
