@@ -24,14 +24,17 @@ from tracker.errors import ConfigError, InitializationError, TrackerError
 from tracker.estimate import Estimate, Status
 from tracker.evidence import Evidence
 from tracker.evidence.contours import ContourEvidence
+from tracker.evidence.regions import RegionEvidence
 from tracker.frame import Frame
 from tracker.kernels.contours.chamfer import directed_distances
+from tracker.kernels.regions.scoring import Lines
 from tracker.objective import Objective
 from tracker.observation import Observation
 from tracker.recording import RunContext
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
+from tracker.synthesis._pictures import misfits_of
 from tracker.trajectory import History, Step
 
 
@@ -192,6 +195,23 @@ def test_the_service_of_searches_says_what_the_contours_say(use, scene, observat
         plain = directed_distances(drawn.positions, drawn.counts, *edges[:4], 40.0, reject)
         found = synthesis.directed_distances(scene, 0, poses, observation, 40.0, reject)
         np.testing.assert_allclose(found, plain, rtol=0.02 if use == "egl" else 1e-5)
+
+
+@each("synthesis")
+def test_the_service_of_colours_says_what_the_contours_say(use, scene, frame, cycle):
+    synthesis, q = working(use, scene), scene.persons[0].q
+    poses = np.tile(q, (3, 1))
+    poses[1:, scene.persons[0].body.group("left_arm")] += np.array([[0.1], [-0.2]])
+    evidence, sight = RegionEvidence(), Sight(frame, cycle.backgrounds)
+    known = evidence.learned(None, sight, scene, cycle.synthesis.contours(scene), np.ones(1, dtype=bool))
+    picture = evidence.observe(sight, cycle.synthesis.contours(scene), known).picture
+    lines = Lines(picture, known.looks, np.ones(len(scene.shapes), dtype=bool), evidence.rule())
+    found = synthesis.region_misfits(scene, 0, poses, lines)
+    drawn = synthesis.contours(scene, 0, poses, coarse=True)
+    plain = misfits_of(scene, scene.world_from_parts(0, poses), drawn, lines)
+    assert found.shape == plain.shape == (3, len(scene.rig), len(scene.shapes), 3)
+    # a ray that grazes a part meets it or not as its bounds are drawn
+    np.testing.assert_allclose(found.sum(axis=2), plain.sum(axis=2), rtol=0.02)
 
 
 @each("similarity")

@@ -13,7 +13,8 @@ from tracker.body import BodyModel
 from tracker.contours import Contours
 from tracker.kernels.regions.colours import N_COLOURS, Picture, Tables, encode, learn_colours, tabulate_posteriors
 from tracker.kernels.regions.equations import shift_equations
-from tracker.kernels.regions.lines import SPOTS, Looks, Samples, find_shifts, learn_lines, score_lines
+from tracker.kernels.regions.lines import SPOTS, Looks, Samples, find_shifts, learn_lines
+from tracker.kernels.regions.scoring import Lines, score_lines
 from tracker.kernels.regions.sides import parts_beside
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
@@ -31,10 +32,10 @@ def beside_of(scene: Scene, contours: Contours) -> Integers:
     return all_beside(scene, scene.world_from_parts(), contours)[0]
 
 
-def all_beside(scene: Scene, placements: Array, contours: Contours) -> Integers:
+def all_beside(scene: Scene, placements: Array, contours: Contours, grid: tuple[int, int] = (9, 16)) -> Integers:
     """What it finds with the parts at placements (B, P, 4, 4)."""
     found = np.full((*contours.parts.shape, 2), -5, dtype=np.int64)
-    bounds = _grids(scene.shapes, 9, 16)[2]
+    bounds = _grids(scene.shapes, *grid)[2]
     samples = contours.positions, contours.points, contours.parts, contours.counts
     parts_beside(placements, scene.shapes, bounds, scene.rig.packed, *samples, RULE.step_m, found)
     return found
@@ -195,7 +196,8 @@ def test_scores_equal_their_plain_twin(truth: Scene, body: BodyModel) -> None:
     wanted = np.ones(len(truth.shapes), dtype=np.bool_)
     columns = contours.positions, contours.points, contours.parts, contours.counts
     beside = all_beside(truth, truth.world_from_parts(0, poses), contours)
-    score_lines(encoded(images), looks, *columns, beside, truth.rig.packed, wanted, RULE, misfits)
+    lines = Lines(encoded(images), looks, wanted, RULE)
+    score_lines(lines, *columns, beside, truth.rig.packed, misfits)
     for b, v in np.ndindex(3, 4):
         view = contours.of(v, b)
         steps = steps_px(truth.rig, v, view.points.astype(np.float64))
@@ -304,12 +306,43 @@ def test_scores_tell_the_true_pose(near: Scene, body: BodyModel) -> None:
     misfits = np.zeros((21, 4, len(near.shapes), 3))
     columns = contours.positions, contours.points, contours.parts, contours.counts
     wanted = np.ones(len(near.shapes), dtype=np.bool_)
-    score_lines(picture, looks, *columns, beside, near.rig.packed, wanted, RULE, misfits)
+    score_lines(Lines(picture, looks, wanted, RULE), *columns, beside, near.rig.packed, misfits)
     wrong = misfits[..., 1].sum(axis=(1, 2)) / misfits[..., 0].sum(axis=(1, 2))
     explained = misfits[..., 2].sum(axis=(1, 2)) / misfits[..., 0].sum(axis=(1, 2))
     assert wrong.argmin() == 0
     assert explained.argmax() == 0
     assert explained[0] > 0.8
+
+
+@pytest.mark.parametrize("group", ["torso_head", "left_arm", "right_leg"])
+@pytest.mark.parametrize("known", [True, False])
+def test_a_limb_that_moves_alone_is_scored_as_pose_by_pose(
+    near: Scene, body: BodyModel, group: str, known: bool
+) -> None:
+    """Two persons, one of them hides the other; lines of parts that stand still are read once, with the same result."""
+    other = near.persons[0].q.copy()
+    other[:2] += 0.35, 0.1
+    both = Scene((*near.persons, Person("two", body, other)), near.rig)
+    colours = np.random.default_rng(6).integers(20, 236, (len(both.shapes) + 1, 3)).astype(np.float64)
+    picture, looks, _ = learnt(both, painted(both, colours, noise=8.0))
+    looks.known[1, len(body.parts) + 3] = False
+    columns = body.group(group)
+    poses = np.tile(other, (40, 1))
+    poses[:, columns] += np.random.default_rng(7).normal(size=(40, len(columns))) * np.where(
+        body.rotates[columns], 0.6, 0.1
+    )
+    poses = body.clamped(poses)
+    wanted = np.arange(len(both.shapes)) >= len(body.parts)
+    lines, synthesis = Lines(picture, looks, wanted, RULE), CpuSynthesis()
+    together = synthesis.region_misfits(both, 1, poses, lines)
+    alone = np.concatenate([synthesis.region_misfits(both, 1, q[None], lines) for q in poses])
+    np.testing.assert_allclose(together, alone, rtol=1e-12)
+    drawn, plain = synthesis.contours(both, 1, poses, coarse=True), np.zeros_like(together)
+    beside = all_beside(both, both.world_from_parts(1, poses), drawn, grid=(6, 12))
+    score_lines(lines, drawn.positions, drawn.points, drawn.parts, drawn.counts, beside, both.rig.packed, plain)
+    np.testing.assert_allclose(together, plain, rtol=1e-9)
+    assert not together[:, :, ~wanted].any()
+    assert len(np.unique(together[..., 1].sum(axis=(1, 2)))) == 40
 
 
 def residuals(samples: Samples, targets: Array, scene: Scene, q: Array) -> Array:

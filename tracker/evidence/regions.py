@@ -22,10 +22,12 @@ from tracker.evidence import Evidence
 from tracker.evidence._colours import FLOOR, Colours
 from tracker.evidence._shares import over_views
 from tracker.expectation import expected_samples, region_around
+from tracker.geometry.superquadrics import box_bounds
 from tracker.imaging.background import Region
 from tracker.kernels.regions.colours import Picture, encode
 from tracker.kernels.regions.equations import shift_equations
-from tracker.kernels.regions.lines import Rule, Samples, find_shifts, score_lines
+from tracker.kernels.regions.lines import Rule, Samples, find_shifts
+from tracker.kernels.regions.scoring import Lines
 from tracker.kernels.regions.sides import parts_beside
 from tracker.scene import Scene
 from tracker.sight import Sight
@@ -111,7 +113,7 @@ class RegionEvidence(Evidence):
         samples = _samples_of(contours)
         placements = asked.scene.world_from_parts(asked.person, q[None])
         beside = _seen_beside(asked.scene, placements, contours, self.step_m)[0]
-        picture, wanted, rule = asked.observed.picture, asked.ends > -2, self._rule(gate_px)
+        picture, wanted, rule = asked.observed.picture, asked.ends > -2, self.rule(gate_px)
         shifts = np.empty((*samples.parts.shape, 3), dtype=np.float32)
         find_shifts(picture, colours.looks, samples, beside, cameras, wanted, rule, shifts)
         found = shift_equations(shifts, samples, asked.ends, cameras, body.twists(q), body.moves, _PX_PER_OBSERVATION)
@@ -146,30 +148,17 @@ class RegionEvidence(Evidence):
         known: Colours | None = asked.observed.colours(asked.scene, self._spans)
         return known
 
-    def _rule(self, gate_px: float = 0.0) -> Rule:
+    def rule(self, gate_px: float = 0.0) -> Rule:
+        """How lines are read where the contour may be so far off, px."""
         return Rule(self.step_m, self.reach, self.slack, FLOOR, gate_px, self.widest)
 
     def _misfits(self, asked: Comparison, poses: Array) -> Array | None:
-        """(B, V, P, 3) see `score_lines`; None before any colour is known."""
+        """(B, V, P, 3) see `tracker.synthesis.Synthesis.region_misfits`; None before any colour is known."""
         colours = self._colours(asked)
         if colours is None:
             return None
-        contours = asked.contours(poses, coarse=True)
-        placements = asked.scene.world_from_parts(asked.person, poses)
-        misfits = np.zeros((len(poses), len(asked.scene.rig), len(asked.scene.shapes), 3))
-        score_lines(
-            asked.observed.picture,
-            colours.looks,
-            contours.positions,
-            contours.points,
-            contours.parts,
-            contours.counts,
-            _seen_beside(asked.scene, placements, contours, self.step_m),
-            asked.scene.rig.packed,
-            asked.ends > -2,
-            self._rule(),
-            misfits,
-        )
+        lines = Lines(asked.observed.picture, colours.looks, asked.ends > -2, self.rule())
+        misfits: Array = asked.synthesis.region_misfits(asked.scene, asked.person, poses, lines)
         return misfits
 
     def _picture(self, sight: Sight, around: Contours | None, margin_px: float) -> Picture:
@@ -206,7 +195,7 @@ def _seen_beside(scene: Scene, placements: Array, contours: Contours, step_m: fl
     """(B, V, M, 2) the part seen beside each contour sample of parts at placements (B, P, 4, 4)."""
     found = np.empty((*contours.parts.shape, 2), dtype=np.int64)
     samples = contours.positions, contours.points, contours.parts, contours.counts
-    parts_beside(placements, scene.shapes, _bounds(scene.shapes), scene.rig.packed, *samples, step_m, found)
+    parts_beside(placements, scene.shapes, box_bounds(scene.shapes), scene.rig.packed, *samples, step_m, found)
     return found
 
 
@@ -233,14 +222,7 @@ def _first_of(contours: Contours) -> Contours:
     return Contours(*(getattr(contours, field.name)[:1] for field in fields(Contours)))
 
 
-def _bounds(shapes: Array) -> Array:
-    """(3, P) bounds of tapered superquadrics as `place_solids` wants them: those of the boxes around them."""
-    size, growth = shapes[:, :3], 1 + np.abs(shapes[:, 5:7])
-    across = np.linalg.norm(size[:, :2] * growth, axis=1)
-    return frozen([np.hypot(across, size[:, 2]), (growth**2).sum(axis=1) + 1, across])
-
-
 def _mean_px(misfits: Array) -> Array:
-    """(...,) misfit per contour of sums (..., 3) from `score_lines`; NaN without contour."""
+    """(...,) misfit per contour of sums (..., 3) from `region_misfits`; NaN without contour."""
     mean: Array = misfits[..., 1] / np.where(misfits[..., 0] > 0, misfits[..., 0], np.nan)
     return mean

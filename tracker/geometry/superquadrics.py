@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.arrays import Array
+from tracker.arrays import Array, frozen
 
 _TINY = 1e-12
 
@@ -124,3 +124,10 @@ def _resample(shape: Array, eta: Array, omega: Array, parameter: Array, n: int) 
     position = np.concatenate([[0.0], np.cumsum(travel)])
     even: Array = np.interp(np.linspace(0, position[-1], n), position, parameter)
     return even
+
+
+def box_bounds(shapes: Array) -> Array:
+    """(3, P) bounds of packed shapes (P, 7) as `place_solids` wants them: those of the boxes around them."""
+    size, growth = shapes[:, :3], 1 + np.abs(shapes[:, 5:7])
+    across = np.linalg.norm(size[:, :2] * growth, axis=1)
+    return frozen([np.hypot(across, size[:, 2]), (growth**2).sum(axis=1) + 1, across])

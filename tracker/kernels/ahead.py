@@ -35,7 +35,8 @@ from tracker.kernels.pictures.rasterization import rasterize
 from tracker.kernels.pictures.silhouettes import fill_parts
 from tracker.kernels.regions.colours import N_COLOURS, Picture, Tables, encode, tabulate_posteriors
 from tracker.kernels.regions.equations import shift_equations
-from tracker.kernels.regions.lines import Looks, Rule, Samples, find_shifts, learn_lines, score_lines
+from tracker.kernels.regions.lines import Looks, Rule, Samples, find_shifts, learn_lines
+from tracker.kernels.regions.scoring import Lines, score_lines, score_regions
 from tracker.kernels.regions.sides import parts_beside
 from tracker.kernels.rows import bundle_camera
 from tracker.progress import Progress, silent
@@ -60,11 +61,16 @@ def _frozen(dtype: Any, *shape: int) -> Any:
     return array
 
 
+def _seen_body() -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Shapes, grids, planes, layout and bounds of a body's parts; cameras and image sizes."""
+    grids, planes = _frozen(_F4, 1, 17 * 32, 7), _frozen(_F4, 1, 4, 9 * 16)
+    return (_frozen(_F8, 1, 7), grids, planes, (9, 16), _frozen(_F8, 3, 1)), (_frozen(_F8, 1, 25), _frozen(_F8, 1, 2))
+
+
 def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     """The kernels of the tracking with arguments of the types used; read-only arrays are types of their own."""
     chain = _frozen(_B1, 1), _frozen(_F8, 1, 3), _frozen(_F8, 1, 3), _frozen(_I8, 1)
-    model = _frozen(_F8, 1, 7), _frozen(_F4, 1, 17 * 32, 7), _frozen(_F4, 1, 4, 9 * 16), (9, 16), _frozen(_F8, 3, 1)
-    rig = _frozen(_F8, 1, 25), _frozen(_F8, 1, 2)
+    model, rig = _seen_body()
     samples = _own(_F4, 0, 1, 1, 5), _own(_F4, 0, 1, 1, 3), _own(_I8, 0, 1, 1), _own(_B1, 0, 1, 1), _own(_I8, 0, 1)
     images, scene = (_frozen(_F4, 0), _frozen(_I8, 1, 5)), (_frozen(_F4, 0, 5), _frozen(_I8, 2))
     pairs = _own(_I8, 0, 4), _own(_F4, 1, 1, 5), _own(_F4, 1, 1, 3), _own(_I8, 1, 1), _own(_I8, 1)
@@ -114,6 +120,7 @@ def _region_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     beside, cameras, wanted = _own(_I8, 1, 1, 2), _frozen(_F8, 1, 25), _own(_B1, 1)
     poses = _own(_F4, 0, 1, 1, 5), _own(_F4, 0, 1, 1, 3), _own(_I8, 0, 1, 1), _own(_I8, 0, 1)
     rule = Rule(0.01, 7, 0.07, 2e-4, 20.0, 3.0)
+    lines, (model, rig) = Lines(picture, looks, wanted, rule), _seen_body()
     learnt = Tables(_own(_F4, 1, 1, N_COLOURS), _own(_F4, 1, 1, N_COLOURS))
     learning = picture, samples, beside, cameras, looks.half_extents, _own(_B1, 1, 1), 0.01, 0.15, learnt
     solids = _own(_F8, 0, 1, 4, 4), _frozen(_F8, 1, 7), _frozen(_F8, 3, 1), cameras
@@ -122,7 +129,8 @@ def _region_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (encode, (_own(_U1, 1, 1, 3), (0, 0, 0, 0), _own(np.uint16, 0))),
         (tabulate_posteriors, (learnt, (2e-4, 4.0), _own(_B1, 1, 1), _own(_U1, 1, 1, N_COLOURS))),
         (find_shifts, (picture, looks, samples, beside, cameras, wanted, rule, _own(_F4, 1, 1, 3))),
-        (score_lines, (picture, looks, *poses, _own(_I8, 0, 1, 1, 2), cameras, wanted, rule, _own(_F8, 0, 1, 1, 3))),
+        (score_lines, (lines, *poses, _own(_I8, 0, 1, 1, 2), cameras, _own(_F8, 0, 1, 1, 3))),
+        (score_regions, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), lines)),
         (learn_lines, learning),
         (parts_beside, (*solids, *poses, 0.01, _own(_I8, 0, 1, 1, 2))),
         (shift_equations, (_own(_F4, 1, 1, 3), samples, *chains)),

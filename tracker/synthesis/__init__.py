@@ -6,6 +6,7 @@ from typing import Protocol, runtime_checkable
 
 from tracker.arrays import Array, Integers, Mask
 from tracker.contours import Contours
+from tracker.kernels.regions.scoring import Lines
 from tracker.observation import Observation
 from tracker.scene import Scene
 
@@ -57,5 +58,23 @@ class Synthesis(Protocol):
 
         Returns:
             (B, V, 2) px: model to scene, scene to model; NaN for a missing view.
+        """
+        ...
+
+    def region_misfits(self, scene: Scene, person: int, poses: Array, lines: Lines) -> Array:
+        """How much beside the contours of many poses of one person has the colours of the other side.
+
+        As for `directed_distances`, no contour need be written to memory on the way. It is a faster way to what
+        `tracker.kernels.regions.scoring.score_lines` says of the coarse contours.
+
+        Args:
+            scene: persons, poses and rig.
+            person: whose poses vary.
+            poses: (B, dof) of that person, rad and m.
+            lines: the colours seen and known.
+
+        Returns:
+            (B, V, P, 3) for each part of the scene: contour compared, px; times how much of a line across it lies on
+            the wrong side, px; contour whose lines show the part inside and not outside, px.
         """
         ...

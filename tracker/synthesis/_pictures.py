@@ -10,9 +10,12 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.camera import Camera
 from tracker.contours import Contours
+from tracker.geometry.superquadrics import box_bounds
 from tracker.kernels.contours.chamfer import directed_distances
 from tracker.kernels.pictures.id_contours import id_contours
 from tracker.kernels.pictures.rasterization import rasterize
+from tracker.kernels.regions.scoring import Lines, score_lines
+from tracker.kernels.regions.sides import parts_beside
 from tracker.kernels.rows import superquadric
 from tracker.observation import Observation
 from tracker.scene import Scene
@@ -136,3 +139,14 @@ def distances_of(contours: Contours, observation: Observation, theta: float, rej
         contours.positions, contours.counts, flat, layout, points, first, theta, reject
     )
     return distances
+
+
+def misfits_of(scene: Scene, placements: Array, contours: Contours, lines: Lines) -> Array:
+    """Misfits (B, V, P, 3) of contours of parts at placements (B, P, 4, 4); see `Synthesis.region_misfits`."""
+    misfits = np.zeros((*contours.counts.shape, len(scene.shapes), 3))
+    beside = np.empty((*contours.parts.shape, 2), dtype=np.int64)
+    samples = contours.positions, contours.points, contours.parts, contours.counts
+    cameras, bounds = scene.rig.packed, box_bounds(scene.shapes)
+    parts_beside(placements, scene.shapes, bounds, cameras, *samples, lines.rule.step_m, beside)
+    score_lines(lines, *samples, beside, cameras, misfits)
+    return misfits

@@ -10,6 +10,7 @@ from tracker.arrays import Array, Integers, Mask
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.errors import RenderError
+from tracker.kernels.regions.scoring import Lines
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._atlas import atlas_on
@@ -64,6 +65,10 @@ class AutoSynthesis:
             return self._cpu.directed_distances(scene, person, poses, observation, theta, reject)
         egl = EglSynthesis(contact_m=self.contact_m, device=self.device)
         return egl.directed_distances(scene, person, poses, observation, theta, reject)
+
+    def region_misfits(self, scene: Scene, person: int, poses: Array, lines: Lines) -> Array:
+        """Misfits of colours; see `tracker.synthesis.Synthesis.region_misfits`."""
+        return self._cpu.region_misfits(scene, person, poses, lines)
 
     @property
     def _cpu(self) -> CpuSynthesis:

@@ -15,6 +15,7 @@ from tracker.kernels.contours.pieces import MOST_COLUMNS
 from tracker.kernels.contours.scoring import score_poses
 from tracker.kernels.contours.tracing import trace_contours
 from tracker.kernels.pictures.silhouettes import fill_parts
+from tracker.kernels.regions.scoring import Lines, score_regions
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._pictures import rasterized_ids
@@ -123,6 +124,24 @@ class CpuSynthesis:
             (theta, reject),
         )
         return directed
+
+    def region_misfits(self, scene: Scene, person: int, poses: Array, lines: Lines) -> Array:
+        """Misfits of colours without contours; see `tracker.synthesis.Synthesis.region_misfits`."""
+        grid, spacing = self._sampling(scene, coarse=True)
+        grids, planes, bounds = _grids(scene.shapes, *grid)
+        misfits: Array = score_regions(
+            scene.world_from_parts(person, poses),
+            scene.shapes,
+            grids,
+            planes,
+            grid,
+            bounds,
+            scene.rig.packed,
+            scene.rig.sizes,
+            spacing,
+            lines,
+        )
+        return misfits
 
     def silhouettes(self, scene: Scene) -> tuple[Mask, ...]:
         """The region each view's persons cover; see `tracker.synthesis.Synthesis.silhouettes`."""

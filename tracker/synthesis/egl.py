@@ -10,12 +10,13 @@ import pydantic
 from tracker.arrays import Array, Integers, Mask
 from tracker.components import component
 from tracker.contours import Contours
+from tracker.kernels.regions.scoring import Lines
 from tracker.kernels.rows import region
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._atlas import Atlas, atlas_on
 from tracker.synthesis._meshes import Meshes, before_cameras, meshes_of
-from tracker.synthesis._pictures import Picture, contours_of, distances_of
+from tracker.synthesis._pictures import Picture, contours_of, distances_of, misfits_of
 from tracker.synthesis._tiles import Batch, batches
 
 
@@ -85,6 +86,10 @@ class EglSynthesis:
             found = atlas.scores(scene, placements[batch.poses], meshes, batch, against)
             distances[batch.poses] = np.where(present[:, None], found, np.nan)
         return distances
+
+    def region_misfits(self, scene: Scene, person: int, poses: Array, lines: Lines) -> Array:
+        """Misfits of colours; see `tracker.synthesis.Synthesis.region_misfits`."""
+        return misfits_of(scene, scene.world_from_parts(person, poses), self.contours(scene, person, poses), lines)
 
     def _pictures(self, scene: Scene, placements: Array) -> list[list[Picture]]:
         """B times V pictures of parts placed at (B, P, 4, 4)."""

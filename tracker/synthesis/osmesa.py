@@ -10,10 +10,11 @@ import pydantic
 from tracker.arrays import Array, Image, Integers, Mask
 from tracker.components import component
 from tracker.contours import Contours
+from tracker.kernels.regions.scoring import Lines
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._meshes import before_cameras, meshes_of
-from tracker.synthesis._pictures import Picture, contours_of, distances_of
+from tracker.synthesis._pictures import Picture, contours_of, distances_of, misfits_of
 from tracker.synthesis._pyrender import Drawing, drawn, shaded
 
 
@@ -63,6 +64,10 @@ class OsmesaSynthesis:
             reject: reject outliers as the paper does, or else clamp them at theta.
         """
         return distances_of(self.contours(scene, person, poses), observation, theta, reject)
+
+    def region_misfits(self, scene: Scene, person: int, poses: Array, lines: Lines) -> Array:
+        """Misfits of colours; see `tracker.synthesis.Synthesis.region_misfits`."""
+        return misfits_of(scene, scene.world_from_parts(person, poses), self.contours(scene, person, poses), lines)
 
     def picture(self, scene: Scene, view: int) -> Image:
         """A shaded picture (H, W, 3) RGB of the scene in a view, every part in a colour of its own, on white."""

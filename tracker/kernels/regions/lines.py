@@ -28,24 +28,20 @@ Places up to the middle of the two belong to the first; those inside too, which 
 inwards.
 """
 
+NEAR = 0.5 * (SPOTS[0] + SPOTS[1])
+"""Steps outside up to which the part seen at the first spot counts."""
+
 BACKGROUND = -1
 """No part is seen at a spot."""
 
 _SUPPORT = 3
 """Places on either side of the contour that must look inside and outside."""
 
-_DEEPEST = 1.7
+DEEPEST = 1.7
 """A line reaches this deep into a part, in smaller half extents: beyond its axis it comes out on the other side."""
 
 _LEARNT_INSIDE, _LEARNT_OUTSIDE = 12, 22
 """Steps inside and outside whose colours are learnt."""
-
-_EXPLAINED = 0.45
-"""A line with less than this share on the wrong side explains its contour; half tells nothing. Of tracked poses 89 to
-92 % of the contour is explained so, of arms anywhere else 26 % (three rendered recordings)."""
-
-_COMPARED = 4
-"""Places on either side, two steps apart, that a score looks at."""
 
 
 class Samples(NamedTuple):
@@ -109,7 +105,7 @@ def pixels_per_metre(camera: Array, x: float, y: float, z: float) -> float:
 
 
 @compiled
-def _inside(looks: Looks, v: int, p: int, beside: int, colour: int, floor: float) -> float:
+def inside_share(looks: Looks, v: int, p: int, beside: int, colour: int, floor: float) -> float:
     """254 times the probability that a pixel of a colour belongs to part p and not to what is beside it."""
     if colour < 0:
         return float(EVEN)
@@ -143,15 +139,14 @@ def _read_line(
     v, p, x, y, nu, nv = place
     step, deep, floor = spacing
     half = len(shares) // 2
-    middle = 0.5 * (SPOTS[0] + SPOTS[1])
     for s in range(len(shares)):
         along = s - half + 0.5
         if along * step < -deep:
             shares[s] = EVEN
             continue
-        other = beside[0] if along < middle else beside[1]
+        other = beside[0] if along < NEAR else beside[1]
         colour = colour_at(picture, v, x + nu * along * step, y + nv * along * step)
-        shares[s] = _inside(looks, v, p, other, colour, floor)
+        shares[s] = inside_share(looks, v, p, other, colour, floor)
 
 
 @compiled
@@ -221,7 +216,7 @@ def find_shifts(
             step = min(max(step, rule.gate_px / rule.reach), rule.widest * step)
             position = samples.positions[v, m]
             place = (v, p, position[0], position[1], position[2], position[3])
-            spacing = (step, _DEEPEST * size * looks.half_extents[p], rule.floor)
+            spacing = (step, DEEPEST * size * looks.half_extents[p], rule.floor)
             _read_line(picture, looks, place, (beside[v, m, 0], beside[v, m, 1]), spacing, shares)
             best = _weigh_shifts(shares, rule.reach, gains, energy)
             total = first = second = 0.0
@@ -237,82 +232,6 @@ def find_shifts(
             shifts[v, m, 1] = 1.0 / max(variance, 0.5)
             if _supported(shares, _SUPPORT + best):
                 shifts[v, m, 2] = 1.0 if 0 < best < n_shifts - 1 else 0.3
-
-
-@compiled
-def _wrong_share(
-    picture: Picture,
-    looks: Looks,
-    place: tuple[int, int, float, float, float, float],
-    beside: tuple[int, int],
-    spacing: tuple[float, float, float],
-) -> float:
-    """How much of a line lies on the wrong side of the contour, 0 to 1; arguments as of `_read_line`."""
-    v, p, x, y, nu, nv = place
-    step, deep, floor = spacing
-    middle = 0.5 * (SPOTS[0] + SPOTS[1])
-    inside = outside = 0.0
-    n_inside = 0
-    for k in range(_COMPARED):
-        along = 1.5 + 2.0 * k
-        if k == 0 or along * step < deep:
-            colour = colour_at(picture, v, x - nu * along * step, y - nv * along * step)
-            inside += _inside(looks, v, p, beside[0], colour, floor)
-            n_inside += 1
-        colour = colour_at(picture, v, x + nu * along * step, y + nv * along * step)
-        outside += _inside(looks, v, p, beside[0] if along < middle else beside[1], colour, floor)
-    return 0.5 * (1.0 - inside / (254.0 * n_inside) + outside / (254.0 * _COMPARED))
-
-
-@compiled
-def score_lines(
-    picture: Picture,
-    looks: Looks,
-    positions: Array32,
-    points: Array32,
-    parts: Integers,
-    counts: Integers,
-    beside: Integers,
-    cameras: Array,
-    wanted: Mask,
-    rule: Rule,
-    misfits: Array,
-) -> None:
-    """How much beside the contours of many poses lies on the wrong side of them.
-
-    Args:
-        picture, looks: colours seen and known.
-        positions, points, parts, counts: of `Contours`, for B poses.
-        beside: (B, V, M, 2) parts seen at the `SPOTS`.
-        cameras, wanted, rule: see `find_shifts`.
-        misfits: (B, V, P, 3) output: contour compared, px; times how much of the line lies on the wrong side, px;
-            contour whose lines show the part inside and not outside, px.
-    """
-    for b in range(len(counts)):
-        for v in range(counts.shape[1]):
-            if picture.layout[v, region.WIDTH] == 0:
-                continue
-            for m in range(counts[b, v]):
-                p = parts[b, v, m]
-                length = float(positions[b, v, m, sample.LENGTH])
-                if length <= 0.0 or not wanted[p] or not looks.known[v, p]:
-                    continue
-                size = pixels_per_metre(cameras[v], points[b, v, m, 0], points[b, v, m, 1], points[b, v, m, 2])
-                step = max(size * rule.step_m, 1.0)
-                deep = _DEEPEST * size * looks.half_extents[p]
-                place = (
-                    v,
-                    p,
-                    positions[b, v, m, 0],
-                    positions[b, v, m, 1],
-                    positions[b, v, m, 2],
-                    positions[b, v, m, 3],
-                )
-                sides = beside[b, v, m, 0], beside[b, v, m, 1]
-                wrong = _wrong_share(picture, looks, place, sides, (step, deep, rule.floor))
-                misfits[b, v, p, 0] += length
-                misfits[b, v, p, 1] += length * wrong * 4.0 * _COMPARED * step
-                misfits[b, v, p, 2] += length if wrong < _EXPLAINED else 0.0
 
 
 @compiled
@@ -383,7 +302,7 @@ def _count_line(
     )
     size = pixels_per_metre(cameras[v], samples.points[v, m, 0], samples.points[v, m, 1], samples.points[v, m, 2])
     step = max(size * step_m, 1.0)
-    deep = _DEEPEST * size * half_extents[samples.parts[v, m]]
+    deep = DEEPEST * size * half_extents[samples.parts[v, m]]
     for k in range(1, _LEARNT_INSIDE + 1):
         if k * step > deep:
             break
@@ -391,7 +310,7 @@ def _count_line(
         if colour >= 0:
             inside[colour] += 1
     for k in range(2, _LEARNT_OUTSIDE + 1):
-        near = k < 0.5 * (SPOTS[0] + SPOTS[1])
+        near = k < NEAR
         if (beside[v, m, 0] if near else beside[v, m, 1]) != BACKGROUND:
             continue
         colour = colour_at(picture, v, x + nu * k * step, y + nv * k * step)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tracker.arrays import Array, Array32, Integers
+from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.occlusion import beside, blocks_ray, in_part, place_solids, view_solids
 from tracker.kernels.projection import project_along
@@ -22,12 +22,33 @@ _single: Any = np.float32
 
 
 @compiled
-def _nearest_on_ray(solids: Array32, p: int, pixel: tuple[float, float], far: tuple[float, float, float]) -> int:
-    """The part, other than p, that a ray to a far world point meets first: the one whose middle it passes first."""
-    found, least = BACKGROUND, np.inf
-    x, y, z = far
+def nearest_beside(
+    solids: Array32, among: Mask, p: int, spots: Array, place: tuple[int, int], before: tuple[int, float]
+) -> tuple[int, float]:
+    """The part, other than p, that a ray meets first: the one whose middle it passes first.
+
+    Args:
+        solids: (P, 48) parts in the view.
+        among: (P,) parts asked about.
+        p: the part whose contour it is.
+        spots: (N, 2, 5) from `place_spots`.
+        place: which of them.
+        before: what is known of the other parts: the first one, and where the ray passes its middle.
+
+    Returns:
+        The part, -1 for none; where the ray passes its middle, as a share of its length.
+    """
+    found, least = before
+    i, k = place
+    u, v = spots[i, k, 0], spots[i, k, 1]
+    x, y, z = spots[i, k, 2], spots[i, k, 3], spots[i, k, 4]
     for q in range(len(solids)):
-        if q == p or solids[q, solid.NEAREST] < 0.0 or beside(solids, q, pixel[0], pixel[1]) > solids[q, solid.WIDTH2]:
+        if (
+            not among[q]
+            or q == p
+            or solids[q, solid.NEAREST] < 0.0
+            or beside(solids, q, u, v) > solids[q, solid.WIDTH2]
+        ):
             continue
         a, b, c = in_part(solids, q, x, y, z)
         if not blocks_ray(solids, q, _single(a), _single(b), _single(c)):
@@ -38,7 +59,43 @@ def _nearest_on_ray(solids: Array32, p: int, pixel: tuple[float, float], far: tu
         )
         if along < least:
             found, least = q, along
-    return found
+    return found, least
+
+
+@compiled
+def place_spots(
+    cameras: Array,
+    v: int,
+    point: tuple[float, float, float],
+    normal: tuple[float, float],
+    step_m: float,
+    spots: Array,
+    i: int,
+) -> None:
+    """Writes where the `SPOTS` of a contour point are: pixels, and the far ends of the rays through them.
+
+    A spot is reached in space: the point on the contour moved across its viewing ray until its image has moved.
+
+    Args:
+        cameras: (V, 25) from `Rig.packed`.
+        v: the view.
+        point: in the world, metres.
+        normal: unit image normal.
+        step_m: see `Rule`.
+        spots: (N, 2, 5) output.
+        i: the row to write.
+    """
+    x, y, z = point
+    u, w, sx, sy, sz = project_along(cameras, v, point, normal)
+    step = max(pixels_per_metre(cameras[v], x, y, z) * step_m, 1.0)
+    cx, cy, cz = cameras[v, CENTRE_X], cameras[v, CENTRE_Y], cameras[v, CENTRE_Z]
+    for k in range(2):
+        far = SPOTS[k] * step
+        move = far / (sx * sx + sy * sy + sz * sz)
+        spots[i, k, 0], spots[i, k, 1] = u + far * normal[0], w + far * normal[1]
+        spots[i, k, 2] = cx + _FAR * (x + move * sx - cx)
+        spots[i, k, 3] = cy + _FAR * (y + move * sy - cy)
+        spots[i, k, 4] = cz + _FAR * (z + move * sz - cz)
 
 
 @compiled
@@ -56,8 +113,6 @@ def parts_beside(
 ) -> None:
     """The part seen at the `SPOTS` outside of each contour sample of many poses.
 
-    A spot is reached in space: the point on the contour moved across its viewing ray until its image has moved.
-
     Args:
         placements: (B, P, 4, 4) world_from_part, metres.
         shapes: (P, 7) packed superquadrics.
@@ -68,6 +123,7 @@ def parts_beside(
         found: (B, V, M, 2) output, -1 where no other part is seen.
     """
     solids = np.zeros((len(shapes), solid.N_COLUMNS), dtype=np.float32)
+    everything, spots = np.ones(len(shapes), dtype=np.bool_), np.zeros((1, 2, 5))
     for b in range(len(placements)):
         place_solids(placements, b, shapes, bounds, solids)
         for v in range(len(cameras)):
@@ -77,28 +133,7 @@ def parts_beside(
                 if positions[b, v, m, sample.LENGTH] > 0.0:
                     point = float(points[b, v, m, 0]), float(points[b, v, m, 1]), float(points[b, v, m, 2])
                     normal = float(positions[b, v, m, 2]), float(positions[b, v, m, 3])
+                    place_spots(cameras, v, point, normal, step_m, spots, 0)
                     for k in range(2):
-                        spot = SPOTS[k]
-                        found[b, v, m, k] = _part_at(solids, parts[b, v, m], cameras, v, point, normal, spot, step_m)
-
-
-@compiled
-def _part_at(
-    solids: Array32,
-    p: int,
-    cameras: Array,
-    v: int,
-    point: tuple[float, float, float],
-    normal: tuple[float, float],
-    spot: float,
-    step_m: float,
-) -> int:
-    """The part seen some steps outside of a contour point of part p."""
-    x, y, z = point
-    u, w, sx, sy, sz = project_along(cameras, v, point, normal)
-    step = max(pixels_per_metre(cameras[v], x, y, z) * step_m, 1.0)
-    move = spot * step / (sx * sx + sy * sy + sz * sz)
-    cx, cy, cz = cameras[v, CENTRE_X], cameras[v, CENTRE_Y], cameras[v, CENTRE_Z]
-    far = cx + _FAR * (x + move * sx - cx), cy + _FAR * (y + move * sy - cy), cz + _FAR * (z + move * sz - cz)
-    pixel = u + spot * step * normal[0], w + spot * step * normal[1]
-    return _nearest_on_ray(solids, p, pixel, far)
+                        p, nothing = parts[b, v, m], (BACKGROUND, np.inf)
+                        found[b, v, m, k] = nearest_beside(solids, everything, p, spots, (0, k), nothing)[0]
