@@ -54,7 +54,7 @@ def cycle_for(simulation: Simulation, start: Initialization | None = None, **cha
         estimation=HybridEstimation(),
         initialization=start or PcaInitialization(),
         loss=LossRule(),
-        backgrounds=simulation.backgrounds,
+        plates=simulation.plates,
     )
     return replace(cycle, **changes)  # type: ignore[arg-type]
 

@@ -12,7 +12,7 @@ from tracker.analysis import Analysis
 from tracker.analysis._observe import thinned
 from tracker.analysis.contours import ContourAnalysis
 from tracker.analysis.silhouettes import SilhouetteAnalysis
-from tracker.arrays import Array, Array32, Image, Mask
+from tracker.arrays import Array, Array32, Mask
 from tracker.body_files import load_body
 from tracker.camera import Camera
 from tracker.components import available, find
@@ -21,6 +21,7 @@ from tracker.errors import SequenceError
 from tracker.expectation import expected_samples, region_around
 from tracker.frame import Frame
 from tracker.observation import Observation, ViewObservation
+from tracker.plate import Plate
 from tracker.resources import model_path
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
@@ -31,7 +32,7 @@ SIZE = 384, 288
 POST = slice(20, 270), slice(20, 32)
 """A bright post at the left border, far from the person."""
 
-Plates = tuple[Image | None, ...]
+Plates = tuple[Plate | None, ...]
 
 
 @pytest.fixture(scope="module")
@@ -57,23 +58,23 @@ def outlines(scene: Scene) -> tuple[Mask, ...]:
 
 
 @pytest.fixture(scope="module")
-def plates() -> tuple[Image, ...]:
+def plates() -> tuple[Plate, ...]:
     """Even grey walls with a little noise, and the post."""
     empty = []
     for seed in range(2):
         grey = np.full((SIZE[1], SIZE[0], 3), 150.0)
         grey[POST] = 230.0
         noise = np.random.default_rng(seed).standard_normal(grey.shape)
-        empty.append(np.round(grey + noise).astype(np.uint8))
+        empty.append(Plate(np.round(grey + noise).astype(np.uint8)))
     return tuple(empty)
 
 
 @pytest.fixture(scope="module")
-def frame(plates: tuple[Image, ...], outlines: tuple[Mask, ...]) -> Frame:
+def frame(plates: tuple[Plate, ...], outlines: tuple[Mask, ...]) -> Frame:
     """The dark person before the walls."""
     images = []
     for plate, outline in zip(plates, outlines, strict=True):
-        image = plate.copy()
+        image = plate.picture.copy()
         image[outline] = (60, 50, 40)
         images.append(cv2.GaussianBlur(image, (0, 0), 0.6))
     return Frame(0, 0.0, tuple(images))
@@ -207,10 +208,10 @@ def assert_same(one: ViewObservation | None, other: ViewObservation | None) -> N
 
 @pytest.mark.parametrize("use", available("analysis"))
 def test_every_analysis_is_deterministic_and_leaves_its_input_alone(
-    use: str, frame: Frame, expected: Contours, plates: tuple[Image, ...]
+    use: str, frame: Frame, expected: Contours, plates: tuple[Plate, ...]
 ) -> None:
     analysis: Analysis = find("analysis", use)()
-    images = [image for image in (*frame.images, *plates) if image is not None]
+    images = [image for image in (*frame.images, *(plate.picture for plate in plates)) if image is not None]
     before = [image.copy() for image in images]
     first, second = (analysis.observe(Sight(frame, plates), expected) for _ in range(2))
     for one, other in zip(first.views, second.views, strict=True):
@@ -253,9 +254,9 @@ def test_a_background_rejects_what_has_not_changed(frame: Frame, plates: Plates)
 
 @pytest.mark.parametrize(("grow_px", "sees_post"), [(0, False), (4, False), (12, True)])
 def test_edges_count_so_far_outside_of_what_has_changed(
-    grow_px: int, sees_post: bool, frame: Frame, plates: tuple[Image, ...]
+    grow_px: int, sees_post: bool, frame: Frame, plates: tuple[Plate, ...]
 ) -> None:
-    image = plates[0].copy()
+    image = plates[0].picture.copy()
     image[POST[0], 40:60] = 90  # 8 px beside the post
     view = ContourAnalysis(grow_px=grow_px).observe(Sight(replace(frame, images=(image,)), plates[:1]), None).views[0]
     assert view is not None

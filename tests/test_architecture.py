@@ -22,7 +22,8 @@ LAYERS = (
     "errors arrays components config resources files progress geometry imaging kernels",
     "camera rig rig_layouts frame shape segments mirror point_trajectories "
     "body_sections body body_defaults body_facts body_description body_files scene contours expectation observation "
-    "keypoints keypoint_layouts account equations sight estimate start subject trajectory doubts triangulation views",
+    "keypoints keypoint_layouts account equations plate sight estimate start subject trajectory doubts "
+    "triangulation views",
     "reading calibration prediction synthesis analysis recording",
     "comparison outlines correspondences lsm following result",
     "similarity evidence objective",

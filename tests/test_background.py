@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import gc
-import weakref
-
 import cv2
 import numpy as np
 import pytest
 
 from tracker.arrays import Array, Image, Mask, frozen
-from tracker.imaging.background import _SHADOW, changed, difference, foreground, prepared, threshold_level
 from tracker.kernels.images.changes import large_regions, mark_changes, median_change
 from tracker.kernels.images.shadows import MARGIN, without_shadows
+from tracker.plate import _SHADOW, Plate, changed, difference, foreground, threshold_level
 
 SIZE = 240, 320
 BOX = slice(60, 180), slice(120, 180)
@@ -60,7 +57,7 @@ def overlap(found: Mask, truth: Mask) -> float:
 
 @pytest.mark.parametrize("noise", [0.0, 2.0, 5.0])
 def test_an_object_is_found_to_its_border(noise: float) -> None:
-    found = foreground(seen(with_object(plate()), noise), seen(plate(), noise, seed=2))
+    found = foreground(seen(with_object(plate()), noise), Plate(seen(plate(), noise, seed=2)))
     assert overlap(found, covering(BOX)) > 0.95
     far = cv2.dilate(covering(BOX).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     assert not (found & ~far).any()
@@ -68,7 +65,7 @@ def test_an_object_is_found_to_its_border(noise: float) -> None:
 
 @pytest.mark.parametrize("noise", [0.0, 2.0, 5.0, 10.0])
 def test_an_unchanged_background_has_no_foreground(noise: float) -> None:
-    anything, mask, _ = changed(seen(plate(), noise), seen(plate(), noise, seed=2))
+    anything, mask, _ = changed(seen(plate(), noise), Plate(seen(plate(), noise, seed=2)))
     assert anything.mean() < 1e-3
     assert not mask.any()
 
@@ -78,11 +75,11 @@ def test_the_threshold_is_so_many_deviations_of_the_noise(noise: float) -> None:
     # The largest of three channels' differences has the median sqrt(2) norm.ppf((1 + 0.5 ** (1 / 3)) / 2) = 1.785
     # noises, of a single channel it is 0.954. Grey levels are whole: the median may be off by half of one.
     one, other = seen(plate(), noise), seen(plate(), noise, seed=2)
-    found = threshold_level(one, other, sigmas=6.0)
+    found = threshold_level(one, Plate(other), sigmas=6.0)
     assert abs(found - 6.0 * noise * 1.785 / 0.954) < 6.0 * 0.6 / 0.954
-    disturbed = threshold_level(with_object(one), with_object(other, colour=(200, 60, 40)), sigmas=6.0)
+    disturbed = threshold_level(with_object(one), Plate(with_object(other, colour=(200, 60, 40))), sigmas=6.0)
     assert disturbed < 1.3 * found
-    assert threshold_level(one, one, least=9.0) == 9.0
+    assert threshold_level(one, Plate(one), least=9.0) == 9.0
 
 
 @pytest.mark.parametrize("share", [0.55, 0.7, 0.8])
@@ -90,7 +87,7 @@ def test_the_threshold_is_so_many_deviations_of_the_noise(noise: float) -> None:
 def test_a_shadow_has_changed_but_is_no_foreground(share: float, noise: float) -> None:
     background = plate()
     image = with_shadow(with_object(background), share)
-    anything, mask, _ = changed(seen(image, noise), seen(background, noise, seed=2))
+    anything, mask, _ = changed(seen(image, noise), Plate(seen(background, noise, seed=2)))
     inside = FLOOR[0].start + 6, FLOOR[0].stop - 6, FLOOR[1].start + 6, FLOOR[1].stop - 6
     core = np.s_[inside[0] : inside[1], inside[2] : inside[3]]
     assert anything[core].mean() > 0.6
@@ -102,7 +99,7 @@ def test_a_dark_object_of_the_backgrounds_colour_is_no_shadow() -> None:
     # It loses 35 % of the light like a shadow, but hides the texture.
     background = plate()
     colour = tuple(int(0.65 * c) for c in background.mean(axis=(0, 1)))
-    mask = foreground(seen(with_object(background, colour=(colour[0], colour[1], colour[2])), 2.0), background)
+    mask = foreground(seen(with_object(background, colour=(colour[0], colour[1], colour[2])), 2.0), Plate(background))
     assert overlap(mask, covering(BOX)) > 0.85
 
 
@@ -110,7 +107,7 @@ def test_a_coloured_darkening_is_no_shadow() -> None:
     background = plate()
     image = background.copy()
     image[BOX] = np.round(image[BOX] * np.array([0.5, 0.7, 0.9]))
-    assert overlap(foreground(image, background), covering(BOX)) > 0.9
+    assert overlap(foreground(image, Plate(background)), covering(BOX)) > 0.9
 
 
 def with_soft_shadow(image: Image | Array, share: float, width: float, place: tuple[slice, slice] = FLOOR) -> Image:
@@ -125,7 +122,7 @@ def with_soft_shadow(image: Image | Array, share: float, width: float, place: tu
 def test_a_soft_shadow_on_a_smooth_floor_is_no_foreground(share: float, noise: float) -> None:
     smooth = plate(texture=1.0)
     image = with_soft_shadow(with_object(smooth), share, 5.0)
-    anything, mask, _ = changed(seen(image, noise), seen(smooth, noise, seed=2))
+    anything, mask, _ = changed(seen(image, noise), Plate(seen(smooth, noise, seed=2)))
     assert anything[150:180, 220:280].all()
     assert overlap(mask, covering(BOX)) > 0.95
 
@@ -140,7 +137,7 @@ def test_an_object_like_a_shadow_on_a_smooth_floor_is_told_by_its_sharp_outline(
     inside = cv2.GaussianBlur(covering(BOX).astype(np.float32), (0, 0), blur_px)[..., None]
     mixed = smooth * (1 - inside) + share * smooth.mean(axis=(0, 1)) * inside
     image = with_soft_shadow(mixed, share, 5.0)
-    mask = foreground(seen(image, noise), seen(smooth, noise, seed=2))
+    mask = foreground(seen(image, noise), Plate(seen(smooth, noise, seed=2)))
     assert overlap(mask, covering(BOX)) > 0.9
 
 
@@ -150,7 +147,7 @@ def test_the_shadow_of_an_object_that_looks_like_it_goes_and_the_object_stays() 
     image = with_soft_shadow(smooth, 0.65, 5.0, (slice(170, 185), slice(100, 300)))
     image[BOX] = (40, 60, 200)
     image[120:180, 120:180] = np.round(0.5 * smooth.mean(axis=(0, 1)))
-    mask = foreground(seen(image, 1.0), seen(smooth, 1.0, seed=2))
+    mask = foreground(seen(image, 1.0), Plate(seen(smooth, 1.0, seed=2)))
     assert mask[BOX].mean() > 0.85  # a notch at the foot, where the shadow's outline is nearer than the trousers'
     assert (mask & ~covering(BOX)).sum() < 0.03 * covering(BOX).sum()
 
@@ -216,7 +213,7 @@ def test_shadows_are_subtracted_as_by_the_plain_twin(texture: float, region: tup
     background = plate(texture)
     shaded = with_soft_shadow(with_shadow(background, 0.6), 0.6, 5.0, (slice(150, 238), slice(20, 160)))
     image = seen(with_object(with_object(shaded), (slice(40, 110), slice(60, 100)), (66, 78, 90)), 1.5)
-    moving = difference(image, background) > threshold_level(image, background)
+    moving = difference(image, Plate(background)) > threshold_level(image, Plate(background))
     x, y, width, height = region
     part = np.s_[y : y + height, x : x + width]
     found = np.empty((height, width), dtype=np.uint8)
@@ -263,43 +260,40 @@ def test_large_regions_equal_their_numpy_twin() -> None:
         np.testing.assert_array_equal(found, ((areas > 0) & (areas >= 0.1 * areas.max()))[labels])
 
 
-def test_a_read_only_plate_is_prepared_once_and_forgotten_with_its_picture() -> None:
-    writable, lasting = plate(), frozen(plate(), np.uint8)
-    assert prepared(lasting) is prepared(lasting)
-    assert prepared(writable) is not prepared(writable)
-    assert prepared(lasting[:100]) is not prepared(lasting[:100])
-    for name, value in vars(prepared(lasting)).items():
-        np.testing.assert_array_equal(value, getattr(prepared(writable), name))
-    image = seen(with_object(plate()), 2.0)
-    for one, other in zip(changed(image, lasting), changed(image, writable), strict=True):
+def test_a_plate_keeps_what_it_was_made_of_and_makes_the_rest_once() -> None:
+    writable = plate()
+    kept = Plate(writable)
+    before = changed(seen(with_object(writable), 2.0), kept)
+    writable[:] = 0
+    for one, other in zip(before, changed(seen(with_object(plate()), 2.0), Plate(plate())), strict=True):
         np.testing.assert_array_equal(one, other)
-    kept = weakref.ref(prepared(lasting))
-    del lasting
-    gc.collect()
-    assert kept() is None
+    assert kept.coarse is kept.coarse
+    assert not kept.picture.flags.writeable
+    lasting = frozen(plate(), np.uint8)
+    assert Plate(lasting).picture is lasting
 
 
 def test_foreground_has_changed_up_to_closed_holes() -> None:
     image = seen(with_shadow(with_object(plate()), 0.6), 3.0)
-    anything, mask, _ = changed(image, seen(plate(), 3.0, seed=2))
+    anything, mask, _ = changed(image, Plate(seen(plate(), 3.0, seed=2)))
     closed = cv2.morphologyEx(anything.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8)) > 0
     assert not (mask & ~closed).any()
-    np.testing.assert_array_equal(mask, foreground(image, seen(plate(), 3.0, seed=2)))
+    np.testing.assert_array_equal(mask, foreground(image, Plate(seen(plate(), 3.0, seed=2))))
 
 
 def test_specks_far_smaller_than_the_largest_region_are_removed() -> None:
     image = with_object(with_object(plate()), (slice(20, 26), slice(20, 26)))
-    anything, mask, _ = changed(image, plate())
+    anything, mask, _ = changed(image, Plate(plate()))
     assert anything[20:26, 20:26].all()
     assert not mask[20:26, 20:26].any()
     twins = with_object(with_object(plate()), (slice(60, 180), slice(20, 60)))
-    assert overlap(foreground(twins, plate()), covering(BOX, (slice(60, 180), slice(20, 60)))) > 0.9
+    assert overlap(foreground(twins, Plate(plate())), covering(BOX, (slice(60, 180), slice(20, 60)))) > 0.9
 
 
 @pytest.mark.parametrize("region", [(100, 40, 100, 160), (90, 30, 230, 200)])
 def test_a_region_of_interest_gives_what_the_whole_image_gives_inside(region: tuple[int, int, int, int]) -> None:
     image, background = seen(with_shadow(with_object(plate()), 0.7), 2.0), seen(plate(), 2.0, seed=2)
-    whole, part = changed(image, background), changed(image, background, region)
+    whole, part = changed(image, Plate(background)), changed(image, Plate(background), region)
     x, y, width, height = region
     # The filters reach 4 px over a border, the opening and closing 4 more.
     inner = np.s_[y + 8 : y + height - 8, x + 8 : x + width - 8]
@@ -317,13 +311,13 @@ def test_the_difference_is_that_of_the_channel_that_changes_most() -> None:
     image = background.copy()
     image[..., 1] = 130
     image[..., 2] = 80
-    np.testing.assert_array_equal(difference(image, background), np.full((30, 30), 30, dtype=np.uint8))
-    np.testing.assert_array_equal(difference(background, image), difference(image, background))
+    np.testing.assert_array_equal(difference(image, Plate(background)), np.full((30, 30), 30, dtype=np.uint8))
+    np.testing.assert_array_equal(difference(background, Plate(image)), difference(image, Plate(background)))
 
 
 def test_subtraction_is_deterministic_and_leaves_its_input_alone() -> None:
     image, background = seen(with_object(plate()), 3.0), plate()
     before = image.copy(), background.copy()
-    first, second = changed(image, background), changed(image, background)
+    first, second = changed(image, Plate(background)), changed(image, Plate(background))
     for one, other in zip((*first, image, background), (*second, *before), strict=True):
         np.testing.assert_array_equal(one, other)

@@ -79,7 +79,7 @@ def cycle(simulation: Simulation) -> Cycle:
 
 @pytest.fixture(scope="module")
 def observation(scene: Scene, frame: Frame, cycle: Cycle) -> Observation:
-    return ContourAnalysis().observe(Sight(frame, cycle.backgrounds), cycle.synthesis.contours(scene))
+    return ContourAnalysis().observe(Sight(frame, cycle.plates), cycle.synthesis.contours(scene))
 
 
 def one_line(text: str) -> str:
@@ -138,7 +138,7 @@ def test_a_batch_is_its_poses_one_by_one(use, scene):
 def test_findings_are_edges_of_their_view(use, predicted, scene, frame, cycle):
     expected = cycle.synthesis.contours(scene) if predicted else None
     one_missing = replace(frame, images=(None, *frame.images[1:]))
-    observation = made("analysis", use).observe(Sight(one_missing, cycle.backgrounds), expected)
+    observation = made("analysis", use).observe(Sight(one_missing, cycle.plates), expected)
     assert observation.views[0] is None
     assert len(observation.views) == len(frame.images)
     for view, camera in zip(observation.views[1:], scene.rig.cameras[1:], strict=True):
@@ -161,7 +161,7 @@ def test_findings_are_edges_of_their_view(use, predicted, scene, frame, cycle):
 @each("analysis")
 def test_the_same_images_show_the_same(use, scene, frame, cycle):
     expected = cycle.synthesis.contours(scene)
-    one, other = (made("analysis", use).observe(Sight(frame, cycle.backgrounds), expected) for _ in range(2))
+    one, other = (made("analysis", use).observe(Sight(frame, cycle.plates), expected) for _ in range(2))
     for mine, theirs in zip(one.packed, other.packed, strict=True):
         np.testing.assert_array_equal(mine, theirs)
 
@@ -169,7 +169,7 @@ def test_the_same_images_show_the_same(use, scene, frame, cycle):
 @each("analysis")
 def test_the_true_contours_are_found_in_the_images(use, scene, frame, cycle):
     evidence = ContourEvidence(analysis=made("analysis", use))
-    found = evidence.observe(Sight(frame, cycle.backgrounds), cycle.synthesis.contours(scene))
+    found = evidence.observe(Sight(frame, cycle.plates), cycle.synthesis.contours(scene))
     asked = Comparison(scene, 0, cycle.synthesis, found)
     assert evidence.account(asked, scene.persons[0].q).explained > 0.6
 
@@ -177,7 +177,7 @@ def test_the_true_contours_are_found_in_the_images(use, scene, frame, cycle):
 @each("analysis")
 def test_what_was_looked_at_ahead_is_what_is_seen(use, scene, frame, cycle):
     contours, analysis = cycle.synthesis.contours(scene), made("analysis", use)
-    ahead, fresh = Sight(frame, cycle.backgrounds), Sight(frame, cycle.backgrounds)
+    ahead, fresh = Sight(frame, cycle.plates), Sight(frame, cycle.plates)
     analysis.look(ahead, contours)
     one, other = analysis.observe(ahead, contours), analysis.observe(fresh, contours)
     for mine, theirs in zip(one.views, other.views, strict=True):
@@ -243,10 +243,10 @@ def observed(scene: Scene, frame: Frame, cycle: Cycle) -> Callable[..., Comparis
 
     def ask(evidence: Evidence, n_missing: int = 0, **changes: object) -> Comparison:
         images = (None,) * n_missing + frame.images[n_missing:]
-        sight = Sight(replace(frame, images=images), cycle.backgrounds)
+        sight = Sight(replace(frame, images=images), cycle.plates)
         contours = cycle.synthesis.contours(scene)
         # what is learned from a frame is known in the next one
-        memory = evidence.learned(None, Sight(frame, cycle.backgrounds), scene, contours, np.ones(1, dtype=bool))
+        memory = evidence.learned(None, Sight(frame, cycle.plates), scene, contours, np.ones(1, dtype=bool))
         return Comparison(scene, 0, cycle.synthesis, evidence.observe(sight, contours, memory))
 
     return ask
@@ -320,12 +320,11 @@ def test_what_is_learned_is_learned_again(use, scene, frame, cycle):
     evidence, contours = made("evidence", use), cycle.synthesis.contours(scene)
     for trusted in ([True], [False]):
         once, again = (
-            evidence.learned(None, Sight(frame, cycle.backgrounds), scene, contours, np.array(trusted))
-            for _ in range(2)
+            evidence.learned(None, Sight(frame, cycle.plates), scene, contours, np.array(trusted)) for _ in range(2)
         )
         poses = scene.persons[0].q[None]
         seen = [
-            Comparison(scene, 0, cycle.synthesis, evidence.observe(Sight(frame, cycle.backgrounds), contours, memory))
+            Comparison(scene, 0, cycle.synthesis, evidence.observe(Sight(frame, cycle.plates), contours, memory))
             for memory in (once, again)
         ]
         np.testing.assert_array_equal(*(evidence.distances(asked, poses) for asked in seen))
@@ -374,10 +373,10 @@ def test_an_estimate_is_a_possible_pose_no_worse_than_the_starts(use, scene, obs
 @each("initialization")
 def test_without_plates_or_a_start_file_a_start_is_refused_at_once_or_found(use, scene, frame, cycle):
     """Never made up: the person's pose is found, or among those that one frame cannot tell apart."""
-    blind = replace(cycle.stages, backgrounds=(None,) * len(scene.rig))
+    blind = replace(cycle.stages, plates=(None,) * len(scene.rig))
     initialization = made("initialization", use)
     try:
-        told = initialization.check(scene, blind.backgrounds)
+        told = initialization.check(scene, blind.plates)
     except ConfigError as refused:
         told = str(refused)
         assert told == one_line(told)

@@ -27,6 +27,7 @@ from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.given import GivenInitialization
 from tracker.initialization.pca import PcaInitialization
 from tracker.initialization.stance import StanceInitialization
+from tracker.plate import Plate
 from tracker.resources import model_path
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
@@ -34,14 +35,14 @@ from tracker.simulation.sequence import Recipe, Simulation, write_sequence
 from tracker.synthesis.cpu import CpuSynthesis
 
 RIG = four_views()
-PLATE = np.zeros((8, 8, 3), np.uint8)
+PLATE = Plate(np.zeros((8, 8, 3), np.uint8))
 
 
 def scene_of(body: BodyModel, *names: str) -> Scene:
     return Scene(tuple(Person(name, body, body.rest()) for name in names), RIG)
 
 
-def plates(n: int) -> tuple[np.ndarray | None, ...]:
+def plates(n: int) -> tuple[Plate | None, ...]:
     return tuple(PLATE if v < n else None for v in range(len(RIG)))
 
 
@@ -185,7 +186,7 @@ def test_a_standing_person_is_found_on_edges_alone(body: BodyModel, arms_deg: fl
 
 
 def without_plates(simulation: Simulation) -> Stages:
-    return replace(cycle_for(simulation).stages, backgrounds=(None,) * 4)
+    return replace(cycle_for(simulation).stages, plates=(None,) * 4)
 
 
 def test_someone_crouching_in_a_cluttered_room_is_found() -> None:
@@ -201,7 +202,7 @@ def test_someone_crouching_in_a_cluttered_room_is_found() -> None:
 def test_an_empty_room_is_empty() -> None:
     """Furniture offers contours of which nine tenths lie on edges; those of a person lie on edges in all views."""
     simulation = small_simulation(n_frames=1)
-    empty = Frame(0, 0.0, simulation.backgrounds)
+    empty = Frame(0, 0.0, tuple(plate.picture for plate in simulation.plates))
     scene = simulation.scene
     search = StanceInitialization(stances_deg=scene.persons[0].body.start.stances_deg[:3], hypotheses=2)
     with pytest.raises(InitializationError, match=r"frame 0: .* expected at least 0.16"):

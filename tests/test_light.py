@@ -11,10 +11,9 @@ import pytest
 from recordings import small_simulation
 
 from tracker.arrays import Array, Image, Mask
-from tracker.imaging import background
-from tracker.imaging.background import changed, threshold_level
 from tracker.imaging.light import Light, light_of, sparse
 from tracker.kernels.images.light import DARK, block_ratios, relight, smooth_surface
+from tracker.plate import Plate, changed, threshold_level
 from tracker.reading.video import open_clip
 from tracker.simulation.sequence import Simulation
 from tracker.synthesis.cpu import CpuSynthesis
@@ -132,15 +131,14 @@ def test_silhouettes_are_found_in_changed_light(
     scene = simulation.scene.with_poses(tuple(poses[0] for poses in simulation.poses))
     truths = CpuSynthesis().silhouettes(scene)
     before, after, same = [], [], []
-    for image, plate, truth in zip(frame.images, simulation.backgrounds, truths, strict=True):
+    for image, plate, truth in zip(frame.images, simulation.plates, truths, strict=True):
         assert image is not None
-        assert plate is not None
         other = relit(image, fields(image.shape[:2])[kind])
         after.append(overlap(changed(other, plate).foreground, truth))
         same.append(overlap(changed(image, plate).foreground, truth))
         assert threshold_level(other, plate) < 40
         with monkeypatch.context() as without:
-            without.setattr(background, "light_of", lambda now, plate: None)
+            without.setattr("tracker.plate.light_of", lambda now, plate: None)
             before.append(overlap(changed(other, plate).foreground, truth))
     assert np.mean(after) > np.mean(same) - 0.04
     assert np.mean(before) < np.mean(same) - 0.2
@@ -150,7 +148,7 @@ def test_silhouettes_are_found_in_changed_light(
 def test_a_rendered_person_is_found_in_changed_light(kind: str, data: Callable[[str], Path]) -> None:
     folder = data("room/D-TwoElbowRot")
     image = open_clip(folder / "FRONT.mp4", "FRONT")[2].read(10)
-    plate = cv2.imread(str(folder / "background" / "FRONT.png"))
+    plate = Plate(cv2.imread(str(folder / "background" / "FRONT.png")))
     mask = cv2.imread(str(sorted((folder / "masks" / "FRONT").iterdir())[10]), cv2.IMREAD_GRAYSCALE)
     assert image is not None
     found = changed(relit(image, fields(image.shape[:2])[kind]), plate).foreground

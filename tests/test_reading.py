@@ -113,7 +113,7 @@ def test_every_view_of_every_frame(recorded: Path, kind: Callable[..., Recording
     assert isinstance(kind(recorded), reading.Reading)
     assert sequence.rig.names == VIEWS
     assert sequence.fps == FPS
-    assert sequence.backgrounds == (None, None, None)
+    assert sequence.plates == (None, None, None)
     frames = list(sequence.frames())
     assert len(frames) == sequence.n_frames == N_FRAMES
     for number, frame in enumerate(frames):
@@ -238,7 +238,7 @@ def test_downscaling_averages_the_images_and_scales_the_rig(
     point = np.array([0.1, -0.2, 1.1])
     expected = (full.rig.project(point) - (factor - 1) / 2) / factor
     np.testing.assert_allclose(small.rig.project(point), expected, atol=1e-9)
-    assert [plate.shape for plate in small.backgrounds if plate is not None] == [(size[1], size[0], 3)] * 3
+    assert [plate.picture.shape for plate in small.plates if plate is not None] == [(size[1], size[0], 3)] * 3
     for large, little in zip(full.frames(), small.frames(), strict=True):
         for before, after in zip(large.images, little.images, strict=True):
             assert before is not None
@@ -251,14 +251,14 @@ def test_downscaling_averages_the_images_and_scales_the_rig(
 
 @both
 def test_backgrounds(folder: Path, kind: Callable[..., Recording]) -> None:
-    pictures = kind(folder, background=str(folder / "plate_{view}.png")).open().backgrounds
-    assert [seen(plate) for plate in pictures] == [(0, 0), (1, 0), (2, 0)]
+    pictures = kind(folder, background=str(folder / "plate_{view}.png")).open().plates
+    assert [seen(plate and plate.picture) for plate in pictures] == [(0, 0), (1, 0), (2, 0)]
     for v, name in enumerate(VIEWS):
         passing = [*pictures_of(v, range(9, 16)), *[picture(v, 2)] * 33]
         write_video(folder / f"empty_{name}.mp4", passing)
-    clips = kind(folder, background=str(folder / "empty_{view}.mp4")).open().backgrounds
-    assert [seen(plate) for plate in clips] == [(0, 2), (1, 2), (2, 2)]
-    assert all(plate is not None and not plate.flags.writeable for plate in (*pictures, *clips))
+    clips = kind(folder, background=str(folder / "empty_{view}.mp4")).open().plates
+    assert [seen(plate and plate.picture) for plate in clips] == [(0, 2), (1, 2), (2, 2)]
+    assert all(plate is not None and not plate.picture.flags.writeable for plate in (*pictures, *clips))
 
 
 @both

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from tracker.arrays import Image
-from tracker.imaging.recorded_plate import N_SAMPLES, recorded_plate
 from tracker.kernels.images.modes import dominant_modes
-from tracker.reading._plates import _MOST_UNDECIDED, recorded_backgrounds
+from tracker.reading._plates import _MOST_UNDECIDED, recorded_plates
+from tracker.reading._recorded_plate import N_SAMPLES, recorded_plate
 from tracker.reading.video import VideoReading
 
 SIZE = 240, 320
@@ -86,7 +86,7 @@ def test_who_stays_is_refused_and_said(
 ) -> None:
     views = [filmed(WALKING), filmed(boxes)]
     with caplog.at_level(logging.WARNING, "tracker"):
-        plates = recorded_backgrounds(("east", "west"), lambda v: views[v])
+        plates = recorded_plates(("east", "west"), lambda v: views[v])
     assert plates[0] is not None
     assert plates[1] is None
     assert [record.getMessage() for record in caplog.records] == [
@@ -98,7 +98,7 @@ def test_who_stays_is_refused_and_said(
 
 def test_a_camera_that_is_pushed_about_has_no_plate(caplog: pytest.LogCaptureFixture) -> None:
     images = [np.roll(image, 37 * k, axis=1) for k, image in enumerate(filmed(PUSHED))]
-    assert recorded_backgrounds(("east",), lambda v: images) == (None,)
+    assert recorded_plates(("east",), lambda v: images) == (None,)
     assert "did the camera move?" in caplog.text
 
 
@@ -110,8 +110,8 @@ def test_rendered_recordings(name: str, view: str, is_made: bool, data: Callable
     reading = VideoReading(
         path=str(folder / "{view}.mp4"), rig=folder / "calibration.json", views=(view,), background="median"
     )
-    plate = reading.open().backgrounds[0]
+    plate = reading.open().plates[0]
     assert (plate is not None) == is_made
     if plate is not None:
         empty = cv2.imread(str(folder / "background" / f"{view}.png"))
-        assert np.percentile(np.abs(plate.astype(int) - empty), 99) < 15
+        assert np.percentile(np.abs(plate.picture.astype(int) - empty), 99) < 15

@@ -14,9 +14,9 @@ from tracker.arrays import Image
 from tracker.doubts import Doubts
 from tracker.errors import InitializationError
 from tracker.frame import Frame
-from tracker.imaging.background import changed
 from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.pca import PcaInitialization
+from tracker.plate import Plate, changed
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.synthesis.cpu import CpuSynthesis
@@ -42,14 +42,14 @@ def with_person(plate: Image) -> Frame:
 
 def test_changes_are_found_once_and_again_in_a_larger_region() -> None:
     plate = picture(1)
-    sight = Sight(with_person(plate), (plate,))
+    sight = Sight(with_person(plate), (Plate(plate),))
     assert sight.silhouette(0) is None
     whole = sight.changes(0, WHOLE)
     assert whole is not None
     assert sight.changes(0, (100, 20, 150, 200)) is whole
-    expected = changed(with_person(plate).images[0], plate)  # type: ignore[arg-type]
+    expected = changed(with_person(plate).images[0], Plate(plate))  # type: ignore[arg-type]
     np.testing.assert_array_equal(whole.silhouette, expected.foreground)
-    part = Sight(with_person(plate), (plate,))
+    part = Sight(with_person(plate), (Plate(plate),))
     assert part.changes(0, (0, 0, 100, 240)) is not part.changes(0, WHOLE)
     assert sight.untrusted == {}
 
@@ -57,7 +57,7 @@ def test_changes_are_found_once_and_again_in_a_larger_region() -> None:
 def test_without_plate_or_image_nothing_has_changed() -> None:
     plate = picture(1)
     assert Sight(with_person(plate)).changes(0, WHOLE) is None
-    assert Sight(Frame(0, 0.0, (None,)), (plate,)).changes(0, WHOLE) is None
+    assert Sight(Frame(0, 0.0, (None,)), (Plate(plate),)).changes(0, WHOLE) is None
 
 
 @pytest.mark.parametrize(
@@ -65,8 +65,8 @@ def test_without_plate_or_image_nothing_has_changed() -> None:
 )
 def test_a_foreground_of_another_size_than_the_model_is_not_used(ratio: float, fault: str) -> None:
     plate = picture(2)
-    found = int(changed(with_person(plate).images[0], plate).foreground.sum())  # type: ignore[arg-type]
-    sight = Sight(with_person(plate), (plate,), np.array([found / ratio]))
+    found = int(changed(with_person(plate).images[0], Plate(plate)).foreground.sum())  # type: ignore[arg-type]
+    sight = Sight(with_person(plate), (Plate(plate),), np.array([found / ratio]))
     assert (sight.changes(0, WHOLE) is None) == bool(fault)
     assert (sight.silhouette(0) is None) == bool(fault)
     assert list(sight.untrusted) == ([0] if fault else [])
@@ -75,11 +75,11 @@ def test_a_foreground_of_another_size_than_the_model_is_not_used(ratio: float, f
 
 def test_a_model_that_is_hardly_in_the_view_tells_nothing() -> None:
     plate = picture(2)
-    assert Sight(with_person(plate), (plate,), np.array([20.0])).changes(0, WHOLE) is not None
+    assert Sight(with_person(plate), (Plate(plate),), np.array([20.0])).changes(0, WHOLE) is not None
 
 
 def test_the_plate_of_another_place_is_not_used() -> None:
-    sight = Sight(with_person(picture(3)), (picture(4),))
+    sight = Sight(with_person(picture(3)), (Plate(picture(4)),))
     assert sight.changes(0, WHOLE) is None
     assert "everything differs from the plate" in sight.untrusted[0]
 
@@ -119,7 +119,7 @@ def test_masks_serve_in_place_of_plates(simulation: Simulation) -> None:
     assert frame.masks[1] is not None
     np.testing.assert_array_equal(changes.silhouette[:, :180], frame.masks[1][:, :180])
     assert not changes.silhouette[:, 180:].any()
-    cycle = cycle_for(simulation, AutoInitialization(), backgrounds=(None,) * len(simulation.scene.rig))
+    cycle = cycle_for(simulation, AutoInitialization(), plates=(None,) * len(simulation.scene.rig))
     steps = list(track(masked(), simulation.scene, cycle))
     assert all(not step.estimates[0].lost for step in steps)
     assert all(step.overlap is not None and step.overlap.min() > 0.6 for step in steps)

@@ -64,7 +64,7 @@ def test_pictures_and_masks_agree_with_the_tracer():
     contours, silhouettes = CpuSynthesis(step_px=4.0).contours(scene), CpuSynthesis().silhouettes(scene)
     meshes = (mesh_of(scene.persons[0]),)
     for v, camera in enumerate(scene.rig.cameras):
-        _, mask = draw_persons(simulation.backgrounds[v], camera, scene, meshes)
+        _, mask = draw_persons(simulation.plates[v].picture, camera, scene, meshes)
         overlap = np.count_nonzero(mask & silhouettes[v]) / np.count_nonzero(mask | silhouettes[v])
         # of a pixel's four samples two count as half: the mask reaches a quarter of a pixel beyond the outline
         assert overlap > 0.975

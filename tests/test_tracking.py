@@ -60,7 +60,7 @@ def test_a_loss_is_reported_and_the_person_found_again():
     simulation = small_simulation(n_frames=9)
     dark = with_images(simulation, lambda t, v, image: np.zeros_like(image) if 3 <= t < 6 else image)
     start = TrueStart(simulation)
-    cycle = cycle_for(simulation, start, backgrounds=(None,) * 4, loss=LossRule(restart_every=2))
+    cycle = cycle_for(simulation, start, plates=(None,) * 4, loss=LossRule(restart_every=2))
     steps = list(track(dark, simulation.scene, cycle))
     statuses = [step.estimates[0].status for step in steps]
     assert statuses[3:6] == [Status.LOST] * 3

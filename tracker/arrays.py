@@ -22,6 +22,9 @@ Mask = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 """Indices and counts."""
 
+Region = tuple[int, int, int, int]
+"""Part of an image: x, y, width, height, px."""
+
 Numbers16 = NDArray[np.uint16]
 """Small numbers of pixels, such as the colours of a palette."""
 

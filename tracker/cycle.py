@@ -11,7 +11,7 @@ import numpy as np
 import pydantic
 
 from tracker.account import Account
-from tracker.arrays import Array, Image, Mask, frozen
+from tracker.arrays import Array, Mask, frozen
 from tracker.body import BodyModel
 from tracker.comparison import Comparison
 from tracker.components import component
@@ -22,6 +22,7 @@ from tracker.estimation import Estimation
 from tracker.evidence import Evidence, Memory, Observed
 from tracker.initialization import Initialization, Stages
 from tracker.objective import Objective
+from tracker.plate import Plate
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
 from tracker.scene import Scene
@@ -75,13 +76,13 @@ class Cycle:
     estimation: Estimation
     initialization: Initialization
     loss: LossRule
-    backgrounds: tuple[Image | None, ...]
+    plates: tuple[Plate | None, ...]
     progress: Progress = silent
 
     @property
     def stages(self) -> Stages:
         """What the initialization may use."""
-        return Stages(self.synthesis, self.evidence, self.estimation, self.backgrounds, self.progress)
+        return Stages(self.synthesis, self.evidence, self.estimation, self.plates, self.progress)
 
 
 @dataclass(frozen=True)

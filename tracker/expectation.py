@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.arrays import Array32
+from tracker.arrays import Array32, Region
 from tracker.contours import Contours
-from tracker.imaging.background import Region
 
 
 def expected_samples(contours: Contours, view: int) -> Array32:

@@ -7,9 +7,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from tracker.arrays import Array32, Mask
+from tracker.arrays import Array32, Mask, Region
 from tracker.contours import Contours
-from tracker.imaging.background import Region
 from tracker.imaging.edges import EdgeSegments, canny, chamfer_image, gradient, segment_edges
 from tracker.observation import Observation, ViewObservation
 from tracker.scene import Scene

@@ -71,7 +71,7 @@ def _ranked(
     cycle = replace(cycle, loss=replace(cycle.loss, lost_below=0.0))
     trials = [_begun(one, start, k, frame, scene, cycle) for one in start.hypotheses[k]]
     for later in following:
-        trials = [_continued(trial, k, Sight(later, cycle.backgrounds), cycle) for trial in trials]
+        trials = [_continued(trial, k, Sight(later, cycle.plates), cycle) for trial in trials]
     ranking = []
     for trial in trials:
         distance_px, explained, left_over = (float(mean) for mean in np.mean(trial.found, axis=0))
@@ -82,7 +82,7 @@ def _ranked(
 
 def _begun(one: Hypothesis, start: Start, k: int, frame: Frame, scene: Scene, cycle: Cycle) -> _Trial:
     scene = scene.with_poses(start.poses).with_pose(k, one.q)
-    sight = Sight(frame, cycle.backgrounds)
+    sight = Sight(frame, cycle.plates)
     observed = cycle.evidence.observe(sight, cycle.synthesis.contours(scene))
     estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED)
     step = Step(frame, scene, estimates, cycle.synthesis.contours(scene))

@@ -8,9 +8,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from tracker.arrays import Array, Image, Mask
+from tracker.arrays import Array, Mask, Region
 from tracker.frame import Frame
-from tracker.imaging.background import MOST_LEVEL, Region, changed
+from tracker.plate import MOST_LEVEL, Plate, changed
 
 _Found = TypeVar("_Found")
 
@@ -41,7 +41,7 @@ class Sight:
     Several kinds of evidence share it, and a thread may look ahead in it while the frame before is being estimated.
     """
 
-    def __init__(self, frame: Frame, plates: tuple[Image | None, ...] = (), model_px: Array | None = None) -> None:
+    def __init__(self, frame: Frame, plates: tuple[Plate | None, ...] = (), model_px: Array | None = None) -> None:
         """The images, and what to compare them with.
 
         Args:

@@ -96,7 +96,7 @@ class _Ahead:
         frame = next(self._frames, None)
         if frame is None:
             return None
-        sight = Sight(frame, self._cycle.backgrounds, None if before is None else before.model_px)
+        sight = Sight(frame, self._cycle.plates, None if before is None else before.model_px)
         if before is not None and frame.index not in self._replays:
             self._cycle.evidence.look(sight, before.fitted)
         return sight

@@ -11,6 +11,7 @@ import numpy as np
 from tracker.arrays import Image
 from tracker.body import BodyModel
 from tracker.frame import Frame
+from tracker.plate import Plate
 from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, Simulation
 
@@ -51,7 +52,7 @@ class Condition:
             return simulation
         rng = np.random.default_rng(5)
         return replace(
-            simulation, backgrounds=tuple(_lined(plate, rng, self.lines) for plate in simulation.backgrounds)
+            simulation, plates=tuple(Plate(_lined(plate.picture, rng, self.lines)) for plate in simulation.plates)
         )
 
     def frames(self, simulation: Simulation) -> Iterator[Frame]:
@@ -75,9 +76,9 @@ class Condition:
         person = simulation.scene.persons[0]
         return Scene((replace(person, body=_with_girth(person.body, self.girth)),), simulation.scene.rig)
 
-    def known_plates(self, simulation: Simulation) -> tuple[Image | None, ...]:
+    def known_plates(self, simulation: Simulation) -> tuple[Plate | None, ...]:
         """The plates as the analysis is given them."""
-        return simulation.backgrounds if self.plates else (None,) * len(simulation.backgrounds)
+        return simulation.plates if self.plates else (None,) * len(simulation.plates)
 
 
 def conditions(movements: tuple[str, ...]) -> list[Condition]:

@@ -78,7 +78,7 @@ def _situation(size: tuple[int, int], n_poses: int) -> tuple[Scene, Observation,
     simulation = simulate(Recipe(seconds=0.04, size=size))
     frame = next(simulation.frames())
     scene = simulation.scene.with_pose(0, simulation.poses[0][0])
-    observation = ContourAnalysis().observe(Sight(frame, simulation.backgrounds), CpuSynthesis().contours(scene))
+    observation = ContourAnalysis().observe(Sight(frame, simulation.plates), CpuSynthesis().contours(scene))
     rng = np.random.default_rng(0)
     person = scene.persons[0]
     spread = np.where(person.body.rotates, np.radians(8.0), 0.04)

@@ -147,7 +147,7 @@ def _wrong_starts(simulation: Simulation, error: float, n_seeds: int) -> list[Ou
     outcomes = []
     for seed in range(n_seeds):
         start = wrong_start(simulation.scene.persons[0].body, truth[0], error, seed)
-        cycle = default_cycle(start, simulation.backgrounds, recovers=False)
+        cycle = default_cycle(start, simulation.plates, recovers=False)
         outcomes.append(tracked(frames, simulation.scene, truth, cycle))
     return outcomes
 

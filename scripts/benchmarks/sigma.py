@@ -61,7 +61,7 @@ def _rendered(movements: tuple[str, ...], seconds: float, size: tuple[int, int],
         for seed in range(n_seeds):
             simulation = simulate(Recipe(movement, seconds=seconds, size=size, seed=seed))
             truth = simulation.poses[0]
-            cycle = default_cycle(truth[0], simulation.backgrounds)
+            cycle = default_cycle(truth[0], simulation.plates)
             outcome = tracked(simulation.frames(), simulation.scene, truth, cycle)
             kept = ~outcome.lost
             yield (outcome.poses - outcome.truth)[kept], outcome.sigmas[kept]

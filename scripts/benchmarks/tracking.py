@@ -133,7 +133,7 @@ def _pass(recorded: Recorded, stride: int, cores: int, plates: bool, stop: int |
     cv2.setNumThreads(1)
     sequence = recorded.reading(stride).open()
     truth = recorded.truth[::stride]
-    known = sequence.backgrounds if plates else (None,) * len(sequence.backgrounds)
+    known = sequence.plates if plates else (None,) * len(sequence.plates)
     cycle = default_cycle(truth[0], known, cores)
     frames = (frame for _, frame in zip(range(stop or len(truth)), sequence.frames(), strict=False))
     return tracked(frames, recorded.scene, truth, cycle)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracker.analysis.contours import ContourAnalysis
-from tracker.arrays import Array, Image, Mask
+from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.cycle import Cycle, LossRule
 from tracker.errors import InitializationError
@@ -19,6 +19,7 @@ from tracker.evidence.contours import ContourEvidence
 from tracker.frame import Frame
 from tracker.initialization import Initialization, Stages
 from tracker.initialization.pca import PcaInitialization
+from tracker.plate import Plate
 from tracker.prediction.polynomial import PolynomialPrediction
 from tracker.scene import Scene
 from tracker.start import Start
@@ -38,7 +39,7 @@ class KnownStart:
     def __init__(self, q: Array, again: Initialization | None) -> None:
         self._q, self._again = q, again
 
-    def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
+    def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Nothing can be wrong."""
         return "a known pose"
 
@@ -51,9 +52,7 @@ class KnownStart:
         return self._again.start(frame, scene, stages)
 
 
-def default_cycle(
-    start: Array, backgrounds: tuple[Image | None, ...], threads: int = 2, *, recovers: bool = True
-) -> Cycle:
+def default_cycle(start: Array, plates: tuple[Plate | None, ...], threads: int = 2, *, recovers: bool = True) -> Cycle:
     """The components as they come, started at a known pose (dof,)."""
     return Cycle(
         synthesis=CpuSynthesis(),
@@ -62,7 +61,7 @@ def default_cycle(
         estimation=HybridEstimation(),
         initialization=KnownStart(start, PcaInitialization() if recovers else None),
         loss=LossRule(),
-        backgrounds=backgrounds,
+        plates=plates,
     )
 
 

@@ -13,7 +13,7 @@ from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
 from tracker.analysis import Analysis
 from tracker.analysis.contours import ContourAnalysis
-from tracker.arrays import Array, Image, Integers, Mask
+from tracker.arrays import Array, Integers, Mask
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.errors import SequenceError
@@ -21,6 +21,7 @@ from tracker.frame import Frame
 from tracker.imaging.edges import distance_to
 from tracker.observation import Observation
 from tracker.outlines import outline_observation, overlap
+from tracker.plate import Plate
 from tracker.progress import Progress, silent
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
@@ -75,7 +76,7 @@ class Watching:
     rig: Rig
     synthesis: Synthesis
     analysis: Analysis
-    backgrounds: tuple[Image | None, ...]
+    plates: tuple[Plate | None, ...]
 
 
 def chosen(n_frames: int, most: int) -> frozenset[int]:
@@ -117,7 +118,7 @@ def _look(seen: Seen, person: int, columns: Integers, watching: Watching) -> Loo
     """Outlines where a background is known, and edges near the contours expected."""
     analysis, frame = watching.analysis, seen.frame
     around = watching.synthesis.contours(seen.scene)
-    sight = Sight(frame, watching.backgrounds)
+    sight = Sight(frame, watching.plates)
     analysis.look(sight, around)
     analysis.observe(sight, around)
     masks = tuple(sight.silhouette(v) for v in range(len(watching.rig)))

@@ -13,8 +13,8 @@ from tracker.arrays import Array, Image, Mask
 from tracker.camera import Camera
 from tracker.components import FilePath, component
 from tracker.errors import CalibrationError, ConfigError, SequenceError
-from tracker.imaging.background import foreground
 from tracker.outlines import largest_region
+from tracker.plate import Plate, foreground
 from tracker.rig_layouts import load_rig
 
 # An orthographic picture is one from very far: over the depth of a body its scale changes by less than 0.1 %.
@@ -122,7 +122,7 @@ def _mask_and_image(picture: Picture, name: str) -> tuple[Mask, Image]:
     plate = _read(picture.background, name)
     if plate.shape != image.shape:
         raise SequenceError(f"{name}: image and background differ in size")
-    return foreground(image, plate), image
+    return foreground(image, Plate(plate)), image
 
 
 def _read(path: Path, name: str) -> Image:

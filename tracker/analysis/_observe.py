@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.arrays import Array32, Integers, Mask, frozen
-from tracker.imaging.background import Region
+from tracker.arrays import Array32, Integers, Mask, Region, frozen
 from tracker.imaging.edges import EdgeSegments, chamfer_image
 from tracker.kernels.images.acceptance import expected_distances
 from tracker.observation import ViewObservation

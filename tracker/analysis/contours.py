@@ -11,11 +11,10 @@ import pydantic
 
 from tracker.analysis import Analysis
 from tracker.analysis._observe import accepted_segments, view_observation
-from tracker.arrays import Array32, Image, Mask, frozen
+from tracker.arrays import Array32, Image, Mask, Region, frozen
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.expectation import expected_samples, region_around
-from tracker.imaging.background import Region
 from tracker.imaging.edges import EdgeSegments, canny, gradient, segment_edges
 from tracker.kernels.images.acceptance import marked
 from tracker.observation import Observation, ViewObservation

@@ -13,7 +13,7 @@ import numpy as np
 import pydantic
 
 from tracker.account import Account
-from tracker.arrays import Array, Image, Integers, Mask, Numbers16, frozen
+from tracker.arrays import Array, Image, Integers, Mask, Numbers16, Region, frozen
 from tracker.comparison import Comparison
 from tracker.components import component
 from tracker.contours import Contours
@@ -23,7 +23,6 @@ from tracker.evidence._colours import FLOOR, Colours
 from tracker.evidence._shares import over_views
 from tracker.expectation import expected_samples, region_around
 from tracker.geometry.superquadrics import box_bounds
-from tracker.imaging.background import Region
 from tracker.kernels.regions.colours import Picture, encode
 from tracker.kernels.regions.equations import shift_equations
 from tracker.kernels.regions.lines import Rule, Samples, find_shifts

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from tracker.arrays import Image
 from tracker.comparison import Comparison
 from tracker.contours import Contours
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence
 from tracker.frame import Frame
 from tracker.objective import Objective
+from tracker.plate import Plate
 from tracker.progress import Progress, silent
 from tracker.scene import Scene
 from tracker.sight import Sight
@@ -26,7 +26,7 @@ class Stages:
     synthesis: Synthesis
     evidence: Evidence
     estimation: Estimation
-    backgrounds: tuple[Image | None, ...]
+    plates: tuple[Plate | None, ...]
     progress: Progress = silent
     """Told what the search is doing."""
 
@@ -38,7 +38,7 @@ class Stages:
 
     def objective(self, frame: Frame, scene: Scene, person: int, expected: Contours | None = None) -> Objective:
         """The objective of a person's pose in a frame, looked at everywhere or near expected contours."""
-        observed = self.evidence.observe(Sight(frame, self.backgrounds), expected)
+        observed = self.evidence.observe(Sight(frame, self.plates), expected)
         return Objective(Comparison(scene, person, self.synthesis, observed), self.evidence)
 
 
@@ -46,7 +46,7 @@ class Stages:
 class Initialization(Protocol):
     """A component that finds start poses."""
 
-    def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
+    def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Refuses, before the first frame, what cannot work whatever the frames show.
 
         Args:

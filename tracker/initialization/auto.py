@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tracker.arrays import Image, Mask
+from tracker.arrays import Mask
 from tracker.components import FilePath, component
 from tracker.errors import ConfigError
 from tracker.frame import Frame
@@ -10,6 +10,7 @@ from tracker.initialization import Initialization, Stages
 from tracker.initialization.given import GivenInitialization
 from tracker.initialization.pca import PcaInitialization
 from tracker.initialization.stance import StanceInitialization
+from tracker.plate import Plate
 from tracker.scene import Scene
 from tracker.start import Start
 
@@ -28,7 +29,7 @@ class AutoInitialization:
     stance: StanceInitialization = StanceInitialization()
     """How a person is found without background plates."""
 
-    def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
+    def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Refuses what the start chosen cannot do; see `tracker.initialization.Initialization.check`."""
         n_plates = sum(plate is not None for plate in plates)
         if n_plates == 1 and self.poses is None:
@@ -40,10 +41,10 @@ class AutoInitialization:
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
-        known = tuple(frame.mask(v) if plate is None else plate for v, plate in enumerate(stages.backgrounds))
+        known = tuple(frame.mask(v) if plate is None else plate for v, plate in enumerate(stages.plates))
         return self._chosen(known, stages.seen_before).start(frame, scene, stages)
 
-    def _chosen(self, plates: tuple[Image | Mask | None, ...], seen_before: bool = False) -> Initialization:
+    def _chosen(self, plates: tuple[Plate | Mask | None, ...], seen_before: bool = False) -> Initialization:
         n_plates = sum(plate is not None for plate in plates)
         if self.poses is not None and not (seen_before and n_plates >= 2):
             return GivenInitialization(poses=self.poses)

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker.arrays import Array, Image
+from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.components import FilePath, component
 from tracker.errors import ConfigError, nearest
 from tracker.frame import Frame
 from tracker.initialization import Stages
+from tracker.plate import Plate
 from tracker.scene import Person, Scene
 from tracker.start import Start
 
@@ -25,7 +26,7 @@ class GivenInitialization:
     poses: FilePath
     """CSV with the columns `frame`, `person` and every parameter with its unit (`torso_x_m`, ...)."""
 
-    def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
+    def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Reads every pose that may be used; see `tracker.initialization.Initialization.check`."""
         rows = _rows(self.poses)
         for person in scene.persons:

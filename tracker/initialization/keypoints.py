@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pydantic
 
-from tracker.arrays import Array, Image
+from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.components import PathPattern, component
 from tracker.errors import ConfigError, InitializationError, SequenceError
@@ -17,6 +17,7 @@ from tracker.initialization._inverse_kinematics import fitted_pose
 from tracker.initialization._skeletons import Skeleton, skeletons
 from tracker.keypoint_layouts.views import KeypointViews
 from tracker.keypoints import landmarks_meant, limbs, swapped_sides
+from tracker.plate import Plate
 from tracker.scene import Scene
 from tracker.start import Start
 
@@ -44,7 +45,7 @@ class KeypointInitialization:
     least_confidence: float = pydantic.Field(default=0.3, ge=0, le=1)
     """Keypoints of less confidence, a share of 1, are left out."""
 
-    def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
+    def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Opens the files and asks what of each body their keypoints mean; see `Initialization.check`."""
         try:
             names = KeypointViews.open(self.path, scene.rig.names, self.names).names

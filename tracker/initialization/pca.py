@@ -14,7 +14,6 @@ from tracker.errors import ConfigError, InitializationError
 from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
-from tracker.imaging.background import departing, in_light_of
 from tracker.initialization import Stages
 from tracker.initialization._hypotheses import apart, coarse_poses, hypothesis, ranked, turned_round, with_held
 from tracker.initialization._persons import Found, find_persons, in_order
@@ -22,6 +21,7 @@ from tracker.initialization._placement import placements, without_legs
 from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
 from tracker.initialization._visual_hull import shadow
 from tracker.objective import Objective
+from tracker.plate import Plate, departing, in_light_of
 from tracker.rig import Rig
 from tracker.scene import Scene
 from tracker.start import AxisFit, Hypothesis, Start, confidence
@@ -69,7 +69,7 @@ class PcaInitialization:
     finalists: int = pydantic.Field(default=3, ge=1)
     """Refined hypotheses, different from one another, that the run's own estimation decides between."""
 
-    def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
+    def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Needs the plates of two views; see `tracker.initialization.Initialization.check`."""
         lacking = [name for name, plate in zip(scene.rig.names, plates, strict=True) if plate is None]
         n_plates = len(plates) - len(lacking)
@@ -178,7 +178,7 @@ def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> 
     points = [*(person.points for person in found), *held]
     images: list[Image | None] = []
     masks: list[Mask | None] = []
-    for v, (image, plate) in enumerate(zip(frame.images, stages.backgrounds, strict=True)):
+    for v, (image, plate) in enumerate(zip(frame.images, stages.plates, strict=True)):
         given = frame.mask(v)
         if image is None or (plate is None and given is None):
             images.append(None)
@@ -196,7 +196,7 @@ def _foregrounds(frame: Frame, stages: Stages, scene: Scene) -> tuple[Mask | Non
     What looks like a shadow may be skin, and in space a shadow is no thicker than the floor it lies on.
     """
     found = []
-    for v, (image, plate) in enumerate(zip(frame.images, stages.backgrounds, strict=True)):
+    for v, (image, plate) in enumerate(zip(frame.images, stages.plates, strict=True)):
         differing = None if image is None or plate is None else departing(image, plate, _SIGMAS)
         given = frame.mask(v)
         found.append(differing if given is None else given)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pydantic
 
-from tracker.arrays import Array, Image
+from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.components import component
 from tracker.errors import ConfigError, InitializationError
@@ -15,6 +15,7 @@ from tracker.initialization._directions import DirectionImages, direction_images
 from tracker.initialization._floor import floor_places, shown_share
 from tracker.initialization._hypotheses import different, hypothesis, ranked, turned_round, with_held
 from tracker.initialization._stances import on_floor, posed, turned
+from tracker.plate import Plate
 from tracker.scene import Person, Scene
 from tracker.start import Hypothesis, Start, confidence
 from tracker.synthesis.cpu import CpuSynthesis
@@ -66,7 +67,7 @@ class StanceInitialization:
     """Least share of what edges can gain that the best refined pose gains, chance being 0; below it nobody was found.
     In empty rooms something reached 0.09 to 0.13, up to 94 % of its contour on edges; persons reach 0.2 to 0.37."""
 
-    def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
+    def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Needs one person, and floor that the views show; see `tracker.initialization.Initialization.check`."""
         if len(scene.persons) != 1:
             raise ConfigError(

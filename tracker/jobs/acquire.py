@@ -21,7 +21,7 @@ from tracker.acquisition.calibrated_views import (
 from tracker.acquisition.figures import Panel
 from tracker.acquisition.fitting import Fit
 from tracker.acquisition.shape_space import ShapeSpace, space_of
-from tracker.arrays import Array, Image
+from tracker.arrays import Array
 from tracker.components import component
 from tracker.config import Table
 from tracker.errors import ConfigError, nearest
@@ -31,6 +31,7 @@ from tracker.initialization import Stages
 from tracker.jobs import ResultFolder, described, execute, job_from
 from tracker.jobs._acquired import Acquired, AcquireOutcome
 from tracker.jobs.track import OpenedTrack, TrackJob
+from tracker.plate import Plate
 from tracker.progress import Progress, silent
 from tracker.scene import Person, Scene
 from tracker.start import Start
@@ -127,7 +128,7 @@ class _KnownStart:
 
     found: Start
 
-    def check(self, scene: Scene, plates: tuple[Image | None, ...]) -> str:
+    def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Nothing can be wrong."""
         return "as in the pass before"
 
@@ -143,7 +144,7 @@ def _tracked(
     sequence, body = opened.sequence, sought.space.body(sought.shape)
     persons = list(opened.scene.persons)
     persons[sought.person] = Person(persons[sought.person].name, body, body.rest())
-    cycle = job.cycle(sequence.backgrounds)
+    cycle = job.cycle(sequence.plates)
     if known is not None:
         cycle = replace(cycle, initialization=_KnownStart(known))
     wanted, seen, start = chosen(sequence.n_frames, job.acquisition.frames), [], known
@@ -155,7 +156,7 @@ def _tracked(
             start = Start(tuple(one.q for one in step.scene.persons))
         if k in wanted and not lost[sought.person]:
             seen.append(Seen(step.frame, step.scene))
-    return seen, Watching(sequence.rig, job.synthesis, job.acquisition.analysis, sequence.backgrounds), start
+    return seen, Watching(sequence.rig, job.synthesis, job.acquisition.analysis, sequence.plates), start
 
 
 def acquisition_from(table: Table, source: str, folder: Path, name: str) -> Any:

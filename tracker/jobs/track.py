@@ -15,7 +15,6 @@ from typing import Annotated, ClassVar
 
 import pydantic
 
-from tracker.arrays import Image
 from tracker.body_description import BodyDescription
 from tracker.body_files import save_description
 from tracker.components import ReadBy, component, find, standard
@@ -27,6 +26,7 @@ from tracker.evidence import Evidence
 from tracker.initialization import Initialization
 from tracker.jobs import ResultFolder, described, versions
 from tracker.kernels.ahead import Group
+from tracker.plate import Plate
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
 from tracker.reading import Reading, Sequence
@@ -110,16 +110,16 @@ class TrackJob:
         scene = Scene(persons, sequence.rig)
         return OpenedTrack(sequence, scene, models, self.initialization.check(scene, sequence.known), done)
 
-    def cycle(self, backgrounds: tuple[Image | None, ...], progress: Progress = silent) -> Cycle:
+    def cycle(self, plates: tuple[Plate | None, ...], progress: Progress = silent) -> Cycle:
         """The tracking cycle of these components; a field of the cycle is one of the job, called the same.
 
         Args:
-            backgrounds: the clean plates of the views.
+            plates: the clean plates of the views.
             progress: told of what takes long.
         """
         names = {field.name for field in dataclasses.fields(self)} & {field.name for field in dataclasses.fields(Cycle)}
         parts = {name: getattr(self, name) for name in names}
-        return Cycle(**parts, backgrounds=backgrounds, progress=progress)
+        return Cycle(**parts, plates=plates, progress=progress)
 
     def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> TrackOutcome:
         """Tracks, and writes each frame as soon as it is done; see `tracker.jobs.Job.execute`."""
@@ -147,7 +147,7 @@ class TrackJob:
             details=details,
             resumed=frozenset(replay.index for replay in opened.done),
         )
-        cycle = self.cycle(sequence.backgrounds, progress)
+        cycle = self.cycle(sequence.plates, progress)
         steps = track(sequence.frames(), opened.scene, cycle, opened.done, sequence.frames)
         return _recorded(self.recordings, context, steps, folder, progress)
 

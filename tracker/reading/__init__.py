@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Protocol, runtime_checkable
 
-from tracker.arrays import Image
 from tracker.frame import Frame
+from tracker.plate import Plate
 from tracker.rig import Rig
 from tracker.views import Views
 
@@ -36,12 +36,12 @@ class Sequence(Protocol):
         ...
 
     @property
-    def backgrounds(self) -> tuple[Image | None, ...]:
-        """A clean plate (h, w, 3) for each view that has one, else None."""
+    def plates(self) -> tuple[Plate | None, ...]:
+        """A clean plate for each view that has one, else None."""
         ...
 
     @property
-    def known(self) -> tuple[Image | None, ...]:
+    def known(self) -> tuple[Plate | None, ...]:
         """What persons stand out against in each view: a plate, or nothing where masks tell; None for neither."""
         ...
 

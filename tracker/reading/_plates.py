@@ -6,14 +6,12 @@ import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
-
-from tracker.arrays import Image, frozen
+from tracker.arrays import Image
 from tracker.errors import SequenceError
-from tracker.imaging.background import MOST_LEVEL
 from tracker.imaging.plate_alignment import LEAST_INLIERS, aligned
-from tracker.imaging.recorded_plate import recorded_plate
+from tracker.plate import MOST_LEVEL, Plate
 from tracker.reading._pictures import check_size, downscaled, read_image
+from tracker.reading._recorded_plate import recorded_plate
 from tracker.reading._selection import view_paths
 from tracker.rig import Rig
 
@@ -28,13 +26,13 @@ _LEAST_IMAGES = 10
 log = logging.getLogger("tracker")
 
 
-def load_backgrounds(
+def load_plates(
     rig: Rig,
     pattern: str | None,
     downscale: int,
     clip: Callable[[Path], Image],
     fit_to: tuple[Image | None, ...] | None = None,
-) -> tuple[Image | None, ...]:
+) -> tuple[Plate | None, ...]:
     """Clean plates of all views.
 
     Args:
@@ -49,13 +47,13 @@ def load_backgrounds(
     """
     if pattern is None:
         return (None,) * len(rig)
-    plates: list[Image | None] = []
+    plates: list[Plate | None] = []
     for v, (camera, path) in enumerate(zip(rig.cameras, view_paths(pattern, rig.names), strict=True)):
         plate = _read_plate(camera.name, path, clip)
         if fit_to is not None:
             plate = _fitted_plate(camera.name, plate, path, fit_to[v])
         check_size(camera.name, plate, camera.size)
-        plates.append(frozen(downscaled(plate, downscale), np.uint8))
+        plates.append(Plate(downscaled(plate, downscale)))
     return tuple(plates)
 
 
@@ -80,19 +78,19 @@ def _fitted_plate(name: str, plate: Image, path: Path, image: Image | None) -> I
     return fitted
 
 
-def recorded_backgrounds(names: Sequence[str], images_of: Callable[[int], Sequence[Image]]) -> tuple[Image | None, ...]:
+def recorded_plates(names: Sequence[str], images_of: Callable[[int], Sequence[Image]]) -> tuple[Plate | None, ...]:
     """Plates of what most images show; None, with a warning that says why, for views where somebody stays.
 
     Args:
         names: of the views.
         images_of: images (h, w, 3) of a view, by its number, spread over the recording.
     """
-    plates: list[Image | None] = []
+    plates: list[Plate | None] = []
     for v, name in enumerate(names):
         plate, fault = _recorded(images_of(v))
         if fault:
             log.warning('view "%s": no plate can be made from the recording: %s', name, fault)
-        plates.append(None if plate is None else frozen(plate, np.uint8))
+        plates.append(None if plate is None else Plate(plate))
     return tuple(plates)
 
 

@@ -1,4 +1,4 @@
-"""What every reading shares: views, ranges, backgrounds, and the streaming of frames."""
+"""What every reading shares: views, ranges, plates, and the streaming of frames."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from tracker.arrays import Image
 from tracker.components import RECORDED
 from tracker.errors import SequenceError
 from tracker.frame import Frame
-from tracker.imaging.recorded_plate import N_SAMPLES
+from tracker.plate import Plate
 from tracker.reading._masks import MaskFiles, checked_masks, mask_paths
 from tracker.reading._pictures import check_size, downscaled
-from tracker.reading._plates import load_backgrounds, recorded_backgrounds
+from tracker.reading._plates import load_plates, recorded_plates
+from tracker.reading._recorded_plate import N_SAMPLES
 from tracker.reading._selection import (
     OnMissing,
     Selection,
@@ -198,17 +199,17 @@ class OpenSequence(OpenViews):
     rig: Rig
     """The cameras of the images as delivered (after downscaling)."""
 
-    backgrounds: tuple[Image | None, ...]
+    plates: tuple[Plate | None, ...]
     masks: MaskFiles | None = None
     """Silhouettes that the user brings."""
 
     @property
-    def known(self) -> tuple[Image | None, ...]:
+    def known(self) -> tuple[Plate | None, ...]:
         """What the persons stand out against in each view: the plate, or nothing (h, w, 3) where masks tell."""
         if self.masks is None:
-            return self.backgrounds
-        blank = (np.zeros((height, width, 3), dtype=np.uint8) for width, height in self.sizes)
-        pairs = zip(self.backgrounds, blank, self.masks.files, strict=True)
+            return self.plates
+        blank = (Plate(np.zeros((height, width, 3), dtype=np.uint8)) for width, height in self.sizes)
+        pairs = zip(self.plates, blank, self.masks.files, strict=True)
         return tuple(black if files else plate for plate, black, files in pairs)
 
     def frames(self) -> Iterator[Frame]:
@@ -228,28 +229,26 @@ def opened(settings: Settings, recording: Recording, rig: Rig) -> OpenSequence:
     """The sequence that the settings choose from a recording.
 
     Raises:
-        SequenceError: lengths, range or backgrounds do not fit.
+        SequenceError: lengths, range or plates do not fit.
     """
     views = _chosen_views(settings, recording, tuple(camera.size for camera in rig.cameras))
     return OpenSequence(
         **vars(views),
         rig=rig if settings.downscale == 1 else rig.downscaled(settings.downscale),
-        backgrounds=_opened_backgrounds(settings, recording, views, rig),
+        plates=_opened_plates(settings, recording, views, rig),
         masks=None if settings.masks is None else _opened_masks(settings.masks, recording, views),
     )
 
 
-def _opened_backgrounds(
-    settings: Settings, recording: Recording, views: OpenViews, rig: Rig
-) -> tuple[Image | None, ...]:
+def _opened_plates(settings: Settings, recording: Recording, views: OpenViews, rig: Rig) -> tuple[Plate | None, ...]:
     if settings.background != RECORDED:
         firsts = _first_images(views) if settings.align_background else None
-        return load_backgrounds(rig, settings.background, settings.downscale, recording.plate_of_clip, firsts)
+        return load_plates(rig, settings.background, settings.downscale, recording.plate_of_clip, firsts)
     if settings.align_background:
         raise SequenceError(
             f'align_background: nothing to align, background = "{RECORDED}" is made of these images: unset it'
         )
-    return recorded_backgrounds(views.names, lambda v: _spread_images(views, recording.lengths[v], v))
+    return recorded_plates(views.names, lambda v: _spread_images(views, recording.lengths[v], v))
 
 
 def _spread_images(views: OpenViews, length: int, v: int) -> list[Image]:

@@ -19,6 +19,7 @@ from tracker.arrays import Array, Image
 from tracker.body_files import load_body
 from tracker.files import whole_folder
 from tracker.frame import Frame
+from tracker.plate import Plate
 from tracker.progress import Progress, silent
 from tracker.resources import model_path
 from tracker.rig_layouts import save_rig
@@ -74,8 +75,8 @@ class Simulation:
     poses: tuple[Array, ...]
     """True poses (T, dof) of each person, rad and m."""
 
-    backgrounds: tuple[Image, ...]
-    """Noise-free plates."""
+    plates: tuple[Plate, ...]
+    """Free of noise."""
 
     def frames(self) -> Iterator[Frame]:
         """All frames; the same for the same seed."""
@@ -86,7 +87,7 @@ class Simulation:
                 scene = self.scene.with_poses(tuple(poses[t] for poses in self.poses))
 
                 def image(v: int, t: int = t, scene: Scene = scene) -> Image:
-                    picture, _ = draw_persons(self.backgrounds[v], scene.rig.cameras[v], scene, meshes)
+                    picture, _ = draw_persons(self.plates[v].picture, scene.rig.cameras[v], scene, meshes)
                     return _sensed(picture, self.recipe, (t, v))
 
                 yield Frame(t, float(time_s), tuple(pool.map(image, range(n_views))))
@@ -106,7 +107,8 @@ def simulate(recipe: Recipe) -> Simulation:
         for k in range(recipe.persons)
     )
     persons = tuple(Person(f"person{k + 1}", body, poses[k][0]) for k in range(recipe.persons))
-    return Simulation(recipe, Scene(persons, rig), poses, background_plates(rig, recipe.seed))
+    plates = tuple(Plate(picture) for picture in background_plates(rig, recipe.seed))
+    return Simulation(recipe, Scene(persons, rig), poses, plates)
 
 
 def _model(recipe: Recipe) -> Path:
@@ -158,8 +160,8 @@ def write_sequence(recipe: Recipe, folder: Path, progress: Progress = silent) ->
 
 def _write_plates(simulation: Simulation, folder: Path) -> None:
     folder.mkdir()
-    for v, (name, plate) in enumerate(zip(simulation.scene.rig.names, simulation.backgrounds, strict=True)):
-        cv2.imwrite(str(folder / f"{name}.png"), _sensed(plate, simulation.recipe, (1_000_000, v)))
+    for v, (name, plate) in enumerate(zip(simulation.scene.rig.names, simulation.plates, strict=True)):
+        cv2.imwrite(str(folder / f"{name}.png"), _sensed(plate.picture, simulation.recipe, (1_000_000, v)))
 
 
 def _write_videos(simulation: Simulation, folder: Path, progress: Progress) -> None:

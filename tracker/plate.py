@@ -1,21 +1,18 @@
-"""Background subtraction with a clean plate."""
+"""A clean plate: what a view shows without persons, and what differs from it in an image."""
 
 from __future__ import annotations
 
-import weakref
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from tracker.arrays import Image, Mask
+from tracker.arrays import Image, Mask, Region, frozen
 from tracker.imaging.light import SAMPLING, Light, light_of, sparse
 from tracker.kernels.images.changes import large_regions, mark_changes, median_change
 from tracker.kernels.images.shadows import MARGIN, ShadowRule, without_shadows
-
-Region = tuple[int, int, int, int]
-"""x, y, width, height, px."""
 
 # A shadow keeps the colour to 8 grey levels and loses up to 55 % of the light. Grey trousers before a grey floor
 # keep the colour too: where the texture does not show (correlation 0.7), only up to 20 % of loss is always a shadow,
@@ -37,75 +34,64 @@ _LEAST_SHARE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Plate:
-    """What of a clean plate every frame needs."""
+    """A view without persons; what every frame needs of it is made once."""
 
-    fine: Image
-    """(h, w, 3) as lightly smoothed as the image that is compared with it."""
+    picture: Image
+    """(h, w, 3) BGR, read-only."""
 
-    coarse: Image
-    """(h + 2 m, w + 2 m, 3) as smooth as the image whose light is compared with it, mirrored at the border; m is
-    `MARGIN`."""
+    def __post_init__(self) -> None:
+        if self.picture.flags.writeable or self.picture.base is not None:
+            object.__setattr__(self, "picture", frozen(self.picture, np.uint8))
 
-    sparse: Image
-    """(h / 4, w / 4, 3) every fourth pixel: enough to find light and noise."""
+    @cached_property
+    def fine(self) -> Image:
+        """(h, w, 3) as lightly smoothed as the image that is compared with it."""
+        smooth: Image = cv2.GaussianBlur(self.picture, (3, 3), 0)
+        return smooth
 
-    @classmethod
-    def of(cls, picture: Image) -> Plate:
-        """Prepares a picture (h, w, 3)."""
-        coarse = cv2.GaussianBlur(picture, (5, 5), 0)
-        whole = 0, 0, picture.shape[1], picture.shape[0]
-        return cls(cv2.GaussianBlur(picture, (3, 3), 0), _cut(coarse, whole, MARGIN), sparse(picture))
+    @cached_property
+    def coarse(self) -> Image:
+        """(h + 2 m, w + 2 m, 3) as smooth as the image whose light is compared with it, mirrored at the border.
 
+        m is `MARGIN`.
+        """
+        whole = 0, 0, self.picture.shape[1], self.picture.shape[0]
+        return _cut(cv2.GaussianBlur(self.picture, (5, 5), 0), whole, MARGIN)
 
-_plates: dict[int, tuple[weakref.ref[Image], Plate]] = {}
-"""Prepared plates by the identity of their pictures, with which they go."""
-
-
-def prepared(picture: Image) -> Plate:
-    """The plate of a picture; that of a read-only picture is kept as long as the picture itself.
-
-    A picture that can be written to may show something else the next time, and is prepared anew.
-    """
-    if picture.flags.writeable or picture.base is not None:
-        return Plate.of(picture)
-    key = id(picture)
-    kept = _plates.get(key)
-    if kept is not None and kept[0]() is picture:
-        return kept[1]
-    plate = Plate.of(picture)
-    _plates[key] = weakref.ref(picture, lambda _: _plates.pop(key, None)), plate
-    return plate
+    @cached_property
+    def sparse(self) -> Image:
+        """(h / 4, w / 4, 3) every fourth pixel: enough to find light and noise."""
+        return sparse(self.picture)
 
 
-def difference(image: Image, plate: Image) -> Image:
-    """Largest channel difference (h, w) uint8 of an image to a plate (h, w, 3) in its light, lightly smoothed."""
-    empty = prepared(plate)
-    light = light_of(sparse(image), empty.sparse)
-    expected = empty.fine if light is None else light.on(empty.fine)
+def difference(image: Image, plate: Plate) -> Image:
+    """Largest channel difference (h, w) uint8 of an image (h, w, 3) to a plate in its light, lightly smoothed."""
+    light = light_of(sparse(image), plate.sparse)
+    expected = plate.fine if light is None else light.on(plate.fine)
     blue, green, red = cv2.split(cv2.absdiff(cv2.GaussianBlur(image, (3, 3), 0), expected))
     largest: Image = cv2.max(cv2.max(blue, green), red)
     return largest
 
 
-def departing(image: Image, plate: Image, sigmas: float) -> Mask | None:
+def departing(image: Image, plate: Plate, sigmas: float) -> Mask | None:
     """Pixels (h, w) that differ from the plate, shadows included; None where everything does: see `MOST_LEVEL`."""
     level = threshold_level(image, plate, sigmas)
     return None if level > MOST_LEVEL * sigmas / 6.0 else difference(image, plate) > level
 
 
-def in_light_of(image: Image, plate: Image) -> Image:
-    """The plate (h, w, 3) as it would look in the light of an image."""
-    light = light_of(sparse(image), prepared(plate).sparse)
-    return plate if light is None else light.on(plate)
+def in_light_of(image: Image, plate: Plate) -> Image:
+    """The plate's picture (h, w, 3) as it would look in the light of an image."""
+    light = light_of(sparse(image), plate.sparse)
+    return plate.picture if light is None else light.on(plate.picture)
 
 
-def threshold_level(image: Image, plate: Image, sigmas: float = 6.0, least: float = 14.0) -> float:
+def threshold_level(image: Image, plate: Plate, sigmas: float = 6.0, least: float = 14.0) -> float:
     """Threshold of a difference image from its own noise, grey levels.
 
     The median of the differences to the plate in the image's light is the noise of the background, which covers most
     of the image; a sixteenth of the pixels is enough to find it.
     """
-    return _light_and_level(image, prepared(plate), sigmas, least)[1]
+    return _light_and_level(image, plate, sigmas, least)[1]
 
 
 def _light_and_level(image: Image, plate: Plate, sigmas: float, least: float) -> tuple[Light | None, float]:
@@ -128,20 +114,20 @@ class Changed(NamedTuple):
     """Threshold from the noise of the whole image, grey levels."""
 
 
-def changed(image: Image, plate: Image, region: Region | None = None, least: float = 14.0) -> Changed:
+def changed(image: Image, plate: Plate, region: Region | None = None, least: float = 14.0) -> Changed:
     """Pixels (h, w) that differ from the plate, and those of them that are not its shadow: the moving foreground.
 
     The plate is compared in the light of the image, where it differs slowly over the picture.
 
     Args:
-        image, plate: BGR (h, w, 3) of the same size.
+        image: BGR (h, w, 3), of the plate's size.
+        plate: what the view shows without persons.
         region: x, y, width, height to look in, px; None for the whole image.
         least: smallest threshold, grey levels.
     """
-    empty = prepared(plate)
     region = region or (0, 0, image.shape[1], image.shape[0])
-    light, level = _light_and_level(image, empty, 6.0, least)
-    moving = _moving(image, _lit(empty.fine, light, region), region, level)
+    light, level = _light_and_level(image, plate, 6.0, least)
+    moving = _moving(image, _lit(plate.fine, light, region), region, level)
     anything, mask = np.zeros(image.shape[:2], dtype=np.bool_), np.zeros(image.shape[:2], dtype=np.bool_)
     anything[_slices(region)] = moving
     x, y, width, height = cv2.boundingRect(moving)
@@ -151,7 +137,7 @@ def changed(image: Image, plate: Image, region: Region | None = None, least: flo
     objects = np.empty((active[3], active[2]), dtype=np.uint8)
     smooth = cv2.GaussianBlur(_cut(image, active, MARGIN), (5, 5), 0)
     seen = np.array(anything[_slices(active)]).view(np.uint8)
-    without_shadows(smooth, _lit(empty.coarse, light, active, MARGIN), (0, 0), seen, _SHADOW, objects)
+    without_shadows(smooth, _lit(plate.coarse, light, active, MARGIN), (0, 0), seen, _SHADOW, objects)
     cleaned = cv2.morphologyEx(cv2.morphologyEx(objects, cv2.MORPH_OPEN, _SQUARE), cv2.MORPH_CLOSE, _DISC)
     mask[_slices(active)] = _without_specks(cleaned)
     return Changed(anything, mask, level)
@@ -164,7 +150,7 @@ def _lit(picture: Image, light: Light | None, region: Region, margin: int = 0) -
     return np.ascontiguousarray(part) if light is None else light.on(part, (x - margin, y - margin))
 
 
-def foreground(image: Image, plate: Image, region: Region | None = None) -> Mask:
+def foreground(image: Image, plate: Plate, region: Region | None = None) -> Mask:
     """The moving foreground (h, w) of `changed`."""
     return changed(image, plate, region).foreground
 

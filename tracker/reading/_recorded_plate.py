@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 
 from tracker.arrays import Image
-from tracker.imaging.background import changed
 from tracker.imaging.light import light_of, sparse
 from tracker.kernels.images.modes import dominant_modes
+from tracker.plate import Plate, changed
 
 N_SAMPLES = 25
 """Images, spread over a recording, that a plate is made of."""
@@ -51,7 +51,8 @@ def recorded_plate(images: Sequence[Image]) -> RecordedPlate:
     shape = images[0].shape[:2]
     picture, counts, rivals = np.empty((*shape, 3), np.uint8), np.empty(shape, np.uint8), np.empty(shape, np.uint8)
     dominant_modes(pile, _REACH, picture, counts, rivals)
-    found = [changed(image, picture) for image in pile]
+    plate = Plate(picture)
+    found = [changed(image, plate) for image in pile]
     masks = np.array([one.foreground for one in found])
     doubted = (counts < _MOST * len(pile)) | (rivals >= _RIVALS * len(pile))
     undecided = cv2.morphologyEx((doubted & masks.any(axis=0)).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3)))
