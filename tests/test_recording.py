@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 import sys
+from base64 import b85encode
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -20,7 +21,7 @@ from tracker.estimate import Status
 from tracker.recording import DEFAULTS, RunContext, chosen_recordings
 from tracker.recording._series import Series, parameter_figure
 from tracker.recording.csv_table import CsvTable
-from tracker.recording.journal import FILE, Journal, read_journal
+from tracker.recording.journal import FILE, Expected, Journal, as_kept, open_journal
 from tracker.recording.overlay import Overlay
 from tracker.recording.plots import Plots
 from tracker.recording.report import Report
@@ -87,20 +88,72 @@ def test_tables_hold_the_estimates_in_degrees_and_metres(recorded, tmp_path):
     assert {row["x_m"] for row in joints if row["frame"] == "2"} == {""}
 
 
-def test_the_journal_is_exact_and_survives_a_torn_line(recorded, tmp_path):
+def test_the_journal_is_exact(recorded, tmp_path):
     record(Journal(), recorded, tmp_path)
-    with (tmp_path / FILE).open("a") as file:
-        file.write('{"frame": 5, "ti')
-    for replay, step in zip(read_journal(tmp_path), recorded[1], strict=True):
-        mine, theirs = replay.estimates[0], step.estimates[0]
-        np.testing.assert_array_equal(mine.q, theirs.q)
-        np.testing.assert_array_equal(mine.covariance, theirs.covariance)
-        assert (mine.status, mine.distance_px) == (theirs.status, theirs.distance_px)
-        assert replay.index == step.frame.index
-    lines = (tmp_path / FILE).read_text().splitlines()
-    (tmp_path / FILE).write_text("\n".join([lines[0], lines[1][:40], lines[2]]))
-    with pytest.raises(SequenceError, match="line 2 is damaged"):
-        read_journal(tmp_path)
+    journal = open_journal(tmp_path, Expected.of(recorded[0], start=0))
+    assert (len(journal), journal.fault) == (N_FRAMES, "")
+    for step in map(as_kept, recorded[1]):
+        replay = journal[step.frame.index]
+        for mine, theirs in zip(replay.estimates, step.estimates, strict=True):
+            np.testing.assert_array_equal(mine.q, theirs.q)
+            np.testing.assert_array_equal(mine.covariance, theirs.covariance)
+            assert (mine.status, mine.distance_px) == (theirs.status, theirs.distance_px)
+            for name in ("per_view_px", "per_part_px", "visible_px", "explained_px", "missed_px"):
+                np.testing.assert_array_equal(getattr(mine.account, name), getattr(theirs.account, name))
+
+
+def test_a_frame_of_one_person_takes_2_kb_in_the_journal(recorded, tmp_path):
+    record(Journal(), recorded, tmp_path)
+    assert (tmp_path / FILE).stat().st_size <= 2048 * N_FRAMES
+
+
+def test_kept_covariances_are_the_estimates_but_for_rounded_correlations(recorded):
+    for step in recorded[1]:
+        before, after = step.estimates[0].covariance, as_kept(step).estimates[0].covariance
+        np.testing.assert_array_equal(np.diag(before), np.diag(after))
+        scale = np.sqrt(np.outer(np.diag(before), np.diag(before)))
+        np.testing.assert_allclose(after / scale, before / scale, atol=0.5 / 32767 + 1e-9)
+        np.testing.assert_array_equal(as_kept(as_kept(step)).estimates[0].covariance, after)
+    unknown = replace(recorded[1][0].estimates[0], covariance=np.full((22, 22), np.nan))
+    kept = as_kept(replace(recorded[1][0], estimates=(unknown,))).estimates[0]
+    assert np.isnan(kept.covariance).all()
+
+
+SPOILT = {
+    "torn": lambda line: line[:40],
+    "not text": lambda line: b"\xff\xfe\x00" + line,
+    "not a journal's": lambda line: b'{"a": 1}\n',
+    "of another model": lambda line: re.sub(rb'"q":"[^"]*"', b'"q":"' + b85encode(bytes(8 * 21)) + b'"', line),
+    "out of order": lambda line: line.replace(b'"frame":2', b'"frame":1'),
+    "of another stride": lambda line: line.replace(b'"frame":2', b'"frame":3'),
+    "no numbers": lambda line: re.sub(
+        rb'"q":"[^"]*"', b'"q":"' + b85encode(np.full(22, np.nan).tobytes()) + b'"', line
+    ),
+    "brackets": lambda line: 100_000 * b"[" + b"\n",
+    "an endless line": lambda line: b'"' + (1 << 21) * b"x" + b"\n",
+}
+
+
+@pytest.mark.parametrize("spoilt", SPOILT)
+def test_the_journal_ends_before_the_first_line_that_is_not_its_own(spoilt, recorded, tmp_path):
+    record(Journal(), recorded, tmp_path)
+    lines = (tmp_path / FILE).read_bytes().splitlines(keepends=True)
+    good = b"".join(lines[:2])
+    (tmp_path / FILE).write_bytes(good + SPOILT[spoilt](lines[2]) + lines[3])
+    expected = Expected.of(recorded[0], start=0)
+    journal = open_journal(tmp_path, expected)
+    assert (list(journal), journal.n_bytes) == ([0, 1], len(good))
+    assert journal.fault.startswith("line 3 is damaged or of another run: ")
+    record(Journal(), (recorded[0], recorded[1]), tmp_path, resumed=frozenset(journal))
+    assert (tmp_path / FILE).read_bytes() == b"".join(lines)
+
+
+def test_a_journal_of_something_else_is_refused_as_a_whole(recorded, tmp_path):
+    (tmp_path / FILE).write_text('{"frame": 0, "q": [1.0]}\n')
+    with pytest.raises(SequenceError, match=r"line 1 is damaged or of another run.*run without --resume"):
+        open_journal(tmp_path)
+    (tmp_path / FILE).write_text('{"frame": 0, "q": [1.')
+    assert len(open_journal(tmp_path)) == 0
 
 
 def n_playable(path):

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import shutil
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,6 +35,7 @@ RESULTS = [
     "report.html",
     "log.txt",
     "config.toml",
+    "inputs.json",
     "models",
     "rig.toml",
 ]
@@ -68,7 +72,13 @@ def test_a_run_leaves_all_its_results(run, tmp_path):
     result = execute(run, tmp_path / "out")
     assert sorted(path.name for path in result.folder.iterdir()) == sorted(RESULTS)
     assert (result.n_frames, result.doubts.lost, result.interrupted) == (6, (), False)
-    assert {path.name for path in result.files} == set(RESULTS) - {"log.txt", "config.toml", "rig.toml", "models"}
+    assert {path.name for path in result.files} == set(RESULTS) - {
+        "log.txt",
+        "config.toml",
+        "inputs.json",
+        "rig.toml",
+        "models",
+    }
     assert result.files[0].name == "poses.csv"
     saved = json.loads((result.folder / "run.json").read_text())
     assert saved["complete"]
@@ -139,13 +149,120 @@ def test_a_result_is_self_contained_and_its_configuration_runs_again(run, tmp_pa
     assert (second / "poses.csv").read_bytes() == (first / "poses.csv").read_bytes()
 
 
-def test_a_run_is_not_resumed_with_another_configuration(run, tmp_path):
-    asked = part_of(run, 0, 2, run.recordings[-1:])
-    execute(asked, tmp_path / "out", progress=interrupt_after(1))
-    before = (tmp_path / "out" / "steps.jsonl").read_bytes()
-    with pytest.raises(ConfigError, match=r"reading.stop = 2, but 3 is asked for: resume with what it was made with"):
-        execute(part_of(run, 0, 3, run.recordings[-1:]), tmp_path / "out", resume=True)
-    assert (tmp_path / "out" / "steps.jsonl").read_bytes() == before
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file() and path.name != "log.txt"}
+
+
+def exact(folder: Path) -> dict[str, bytes]:
+    """What does not depend on the clock."""
+    tables = {name: (folder / name).read_bytes() for name in ("poses.csv", "sigmas.csv", "joints.csv", "overlay.mp4")}
+    lines = [json.loads(line) for line in (folder / "steps.jsonl").read_text().splitlines()]
+    timeless = [[{**one, "search_s": 0} for one in line["estimates"]] for line in lines]
+    return tables | {"steps.jsonl": json.dumps([timeless, [line["frame"] for line in lines]]).encode()}
+
+
+REFUSED = {
+    "another setting": (lambda job: replace(job, loss=LossRule(start_within=9)), r"loss\.start_within = \d+, but 9"),
+    "an earlier end": (lambda job: part_of(job, 0, 3, job.recordings), "reading.stop = 4, but 3.*only extend a run"),
+    "another begin": (lambda job: part_of(job, 1, 4, job.recordings), "reading.start = 0, but 1 is asked for"),
+}
+
+
+@pytest.fixture(scope="module")
+def interrupted(run, tmp_path_factory):
+    """A run over the first four frames, interrupted after two."""
+    folder = tmp_path_factory.mktemp("interrupted") / "out"
+    asked = part_of(run, 0, 4, run.recordings)
+    execute(asked, folder, progress=interrupt_after(2))
+    return asked, folder
+
+
+@pytest.mark.parametrize("change", REFUSED)
+def test_a_run_is_not_resumed_with_another_configuration(change, interrupted):
+    asked, folder = interrupted
+    other, words = REFUSED[change]
+    before = contents(folder)
+    with pytest.raises(ConfigError, match=words):
+        execute(other(asked), folder, resume=True)
+    assert contents(folder) == before
+
+
+@pytest.mark.parametrize("fault", ["changed", "gone"])
+@pytest.mark.parametrize("name", [".mp4", "rig.toml", "truth_poses.csv"])
+def test_a_run_is_not_resumed_with_other_inputs(name, fault, run, interrupted, tmp_path):
+    """The recording, the cameras and the start poses, at the path where the others were."""
+    folder = tmp_path / "out"
+    shutil.copytree(interrupted[1], folder)
+    told = json.loads((folder / "inputs.json").read_text())
+    path = next(path for path in told if path.endswith(name))
+    told[path] = told[path][:-1] + ("0" if told[path][-1] != "0" else "1")
+    if fault == "gone":
+        told[path + ".old"] = told.pop(path)
+    (folder / "inputs.json").write_text(json.dumps(told))
+    before = contents(folder)
+    with pytest.raises(ConfigError, match=f"{name}.* is (another file than when the run began|no longer there)"):
+        execute(interrupted[0], folder, resume=True)
+    assert contents(folder) == before
+
+
+def test_a_resumed_run_may_be_extended(run, interrupted, tmp_path):
+    """To the same bytes as a run that went so far at once."""
+    folder = tmp_path / "out"
+    shutil.copytree(interrupted[1], folder)
+    whole = execute(part_of(run, 0, 5, run.recordings), tmp_path / "whole").folder
+    resumed = execute(part_of(run, 0, 5, run.recordings), folder, resume=True)
+    assert (resumed.n_frames, resumed.interrupted) == (5, False)
+    assert exact(folder) == exact(whole)
+    assert load_job("track", folder / "config.toml").reading.stop == 5
+    with pytest.raises(ConfigError, match="only extend"):
+        execute(interrupted[0], folder, resume=True)
+
+
+def test_interrupted_while_it_catches_up_a_run_leaves_what_was_there(run, interrupted, tmp_path):
+    folder = tmp_path / "out"
+    shutil.copytree(interrupted[1], folder)
+    before = contents(folder)
+    execute(interrupted[0], folder, resume=True, progress=interrupt_after(1))
+    assert contents(folder) == before
+
+
+def test_a_journal_that_ends_in_something_else_is_cut_there_and_that_is_said(run, interrupted, tmp_path):
+    folder, said = tmp_path / "out", []
+    shutil.copytree(interrupted[1], folder)
+    with (folder / "steps.jsonl").open("ab") as file:
+        file.write(b"\xff\xfe{}\n" + b'{"frame": 2}\n')
+    execute(interrupted[0], folder, resume=True, progress=lambda what, *_: said.append(what))
+    assert any("line 3 is damaged or of another run" in one and "2 frames are kept" in one for one in said)
+    assert [row["frame"] for row in poses(folder)] == ["0", "1", "2", "3"]
+    assert "line 3 is damaged" in (folder / "log.txt").read_text()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_first_signal_lets_frame_and_report_be_finished(number, run, tmp_path):
+    def press(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
+        if what == "tracking" and done == 2:
+            os.kill(os.getpid(), number)
+
+    handlers = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    result = execute(run, tmp_path / "out", progress=press)
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == handlers
+    assert result.interrupted
+    assert result.n_frames in (2, 3)  # one more, if the signal comes after the question
+    assert {path.name for path in result.folder.iterdir()} == set(RESULTS)
+    assert len(poses(result.folder)) == result.n_frames
+
+
+def test_the_second_signal_leaves_whole_files(run, tmp_path):
+    def press(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
+        if (what == "tracking" and done == 2) or what == "writing the results":
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        execute(run, tmp_path / "out", progress=press)
+    left = {path.name for path in (tmp_path / "out").iterdir()}
+    assert left <= set(RESULTS)
+    assert {"poses.csv", "steps.jsonl", "run.json"} <= left
+    assert len(poses(tmp_path / "out")) == len((tmp_path / "out" / "steps.jsonl").read_text().splitlines())
 
 
 def test_a_run_whose_start_cannot_be_found_leaves_nothing(run, tmp_path):

@@ -140,7 +140,7 @@ def _value(kind: Any, value: Any, where: str, folder: Path) -> Any:
     for mark in getattr(kind, "__metadata__", ()):
         if isinstance(mark, ReadBy):
             return mark.function(value, where, folder)
-    entries = _entries(kind)
+    entries = entries_of(kind)
     if entries is not None:
         if not isinstance(value, list):
             raise ConfigError(f"{where}: expected a list, found {value!r}")
@@ -149,7 +149,7 @@ def _value(kind: Any, value: Any, where: str, folder: Path) -> Any:
     for option in _options(kind):
         if component_stage(option) is not None:
             return _component(option, value, where, folder)
-    path = _path_mark(kind)
+    path = path_mark(kind)
     if path is not None and isinstance(value, str):
         try:
             return path.resolved(expanded(value, where), folder)
@@ -171,7 +171,7 @@ def _component(kind: type[Any], value: Any, where: str, folder: Path) -> Any:
     return build_class(kind, {key: v for key, v in value.items() if key != "use"}, where, folder)
 
 
-def _entries(kind: Any) -> Any:
+def entries_of(kind: Any) -> Any:
     """X of tuple[X, ...]; None for other types."""
     arguments = typing.get_args(kind)
     return arguments[0] if typing.get_origin(kind) is tuple and arguments[1:] == (Ellipsis,) else None
@@ -192,9 +192,10 @@ def component_stage(kind: Any) -> str | None:
     return None
 
 
-def _path_mark(kind: Any) -> RelativePath | None:
+def path_mark(kind: Any) -> RelativePath | None:
+    """How a field's path is resolved; None for fields that hold none."""
     marks = (mark for mark in getattr(kind, "__metadata__", ()) if isinstance(mark, RelativePath))
-    inner = (_path_mark(argument) for argument in typing.get_args(kind))
+    inner = (path_mark(argument) for argument in typing.get_args(kind))
     return next(marks, None) or next((mark for mark in inner if mark is not None), None)
 
 
@@ -253,7 +254,7 @@ def _described(value: Any, kind: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, (tuple, list)):
-        return [_described(entry, _entries(kind)) for entry in value]
+        return [_described(entry, entries_of(kind)) for entry in value]
     if isinstance(value, dict):
         return {key: _described(entry, None) for key, entry in value.items()}
     return value

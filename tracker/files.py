@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +81,80 @@ def whole_folder(folder: Path) -> Iterator[Path]:
         unfinished.replace(folder)
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)
+
+
+class Successor:
+    """A file that is written beside the one it replaces, and takes its place when it has caught up with it."""
+
+    def __init__(self, path: Path, waits: bool) -> None:
+        """Chooses where to write.
+
+        Args:
+            path: the file to replace.
+            waits: whether it stays until `take_place`; if not, it is written at once.
+        """
+        self._final = path
+        self.path = path.with_name(f".{path.stem}{_LATER}{path.suffix}") if waits else path
+        """Where to write; an open file may be moved meanwhile."""
+
+    def take_place(self) -> Path:
+        """Moves it into place, once; returns that place."""
+        if self.path != self._final:
+            self.path.replace(self._final)
+            self.path = self._final
+        return self._final
+
+
+_LATER = "-later.part"
+
+
+def remove_successors(folder: Path) -> None:
+    """Removes what never took its place."""
+    for path in folder.glob(f".*{_LATER}*"):
+        path.unlink(missing_ok=True)
+
+
+class GrowingFile:
+    """A file that grows by whole blocks, each written at once: what does not fit on the disk is taken back."""
+
+    def __init__(self, path: Path, waits: bool = False, append: bool = False) -> None:
+        """Makes it.
+
+        Args:
+            path: of the file.
+            waits: whether what is there stays until `take_place`.
+            append: whether blocks are added to what is there.
+        """
+        self._successor = Successor(path, waits)
+        if not append:
+            self._successor.path.write_bytes(b"")
+
+    def add(self, content: str | bytes) -> None:
+        """Adds a block.
+
+        Raises:
+            OSError: it cannot be written; the file is as it was before.
+        """
+        block, done = content.encode() if isinstance(content, str) else content, 0
+        with self._successor.path.open("ab", buffering=0) as file:
+            begin = file.seek(0, os.SEEK_END)
+            try:
+                while done < len(block):
+                    done += file.write(block[done:])
+            except OSError:
+                file.truncate(begin)
+                raise
+
+    def take_place(self) -> Path:
+        """Replaces the file that it waited beside; returns its path."""
+        return self._successor.take_place()
+
+
+def csv_lines(rows: Iterable[Iterable[object]]) -> str:
+    """Rows of a CSV table as text."""
+    text = io.StringIO()
+    csv.writer(text).writerows(rows)
+    return text.getvalue()
 
 
 def write_whole(path: Path, content: str | bytes) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,11 +20,13 @@ from tracker.errors import ConfigError, nearest
 from tracker.estimate import Estimate
 from tracker.frame import Frame
 from tracker.recording.csv_table import joint_statuses
-from tracker.recording.journal import read_journal
+from tracker.recording.journal import Expected, open_journal
 from tracker.rig import Rig
 from tracker.rig_layouts import load_rig
 from tracker.scene import Person, Scene
 from tracker.trajectory import Replay, Step
+
+log = logging.getLogger("tracker")
 
 
 @dataclass(frozen=True)
@@ -245,10 +248,13 @@ def load_result(folder: Path | str) -> Result:
         raise ConfigError(f"{path}: damaged, or of another version ({type(error).__name__}: {error})") from error
     if missing:
         raise ConfigError(f"{path}: damaged, or of another version (KeyError: {missing[0]!r})")
-    replays = read_journal(path.parent)
-    if not replays:
+    scene = Scene(tuple(Person(name, body, body.rest()) for name, body in bodies.items()), rig)
+    journal = open_journal(path.parent, Expected.of(scene))
+    if journal.fault:
+        log.warning("%s: %s: what follows is left out", journal.path, journal.fault)
+    if not journal:
         raise ConfigError(f"{folder}: no frame was tracked in this run")
-    return Result(str(told["name"]), path.parent, rig, bodies, tuple(replays), told)
+    return Result(str(told["name"]), path.parent, rig, bodies, tuple(journal.values()), told)
 
 
 def _no_contours(n_views: int) -> Contours:

@@ -55,7 +55,7 @@ class Run:
         kernels = self.job.kernels
         if kernels is not None and not all_cached(kernels):
             warm_up(silent, kernels)
-        return track(sequence.frames(), self.scene, self.job.cycle(sequence.plates), (), sequence.frames)
+        return track(sequence.frames(), self.scene, self.job.cycle(sequence.plates), {}, sequence.frames)
 
     def execute(self, output: Path | str | None = None, resume: bool = False, progress: Progress = silent) -> Result:
         """Tracks into a result folder, as `bodytrack run` does.

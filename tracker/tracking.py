@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 
 from tracker.cycle import Clock, Cycle, State, advance, bootstrap, covered_px
 from tracker.frame import Frame
@@ -15,12 +16,14 @@ from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.trajectory import Replay, Step
 
+_NOTHING: Mapping[int, Replay] = MappingProxyType({})
+
 
 def track(
     frames: Iterator[Frame],
     scene: Scene,
     cycle: Cycle,
-    done: Sequence[Replay] = (),
+    done: Mapping[int, Replay] = _NOTHING,
     reopen: Reopen | None = None,
 ) -> Iterator[Step]:
     """Tracks all persons through a sequence.
@@ -29,7 +32,7 @@ def track(
         frames: synchronized images in order.
         scene: the persons (their poses do not matter) and the rig.
         cycle: the components.
-        done: frames already tracked by an interrupted run; they are replayed, not estimated again.
+        done: frames already tracked by an interrupted run, by number; they are replayed, not estimated again.
         reopen: opens the sequence anew, so that uncertain start poses can be rehearsed; None for no rehearsal.
 
     Yields:
@@ -39,9 +42,8 @@ def track(
         InitializationError: no start pose was found in the first frames.
     """
     state = State.before(scene)
-    replays = {replay.index: replay for replay in done}
     step: Step | None = None
-    with _Ahead(frames, cycle, replays) as ahead:
+    with _Ahead(frames, cycle, done) as ahead:
         for n_frames in itertools.count(1):
             clock = Clock()
             with clock("waiting"):
@@ -49,8 +51,8 @@ def track(
             if sight is None:
                 return
             frame = sight.frame
-            if frame.index in replays:
-                step = _replayed(frame, scene, cycle, replays[frame.index])
+            if frame.index in done:
+                step = _replayed(frame, scene, cycle, done[frame.index])
             elif all(history is None for history in state.histories):
                 choose = None
                 if reopen is not None:

@@ -14,9 +14,11 @@ import tomli_w
 from tracker.components import available, find
 from tracker.config import Table, build_class, component_name, described_fields, read_config
 from tracker.errors import ConfigError, nearest
-from tracker.files import write_whole
+from tracker.files import write_json, write_whole
 from tracker.jobs._folder import CONFIG, ResultFolder, check_output, interrupted_folder, link_latest, logged, remembered
 from tracker.jobs._folder import result_folder as _result_folder
+from tracker.jobs._inputs import INPUTS, Fingerprints, check_inputs, fingerprints
+from tracker.jobs._resuming import check_same
 from tracker.kernels.ahead import Group, all_cached, warm_up
 from tracker.progress import Progress, silent
 
@@ -33,7 +35,7 @@ class Job(Protocol):
     """The kernels that it needs, compiled before the folder is made."""
 
     resumable: ClassVar[bool]
-    """Whether an interrupted one can be continued."""
+    """Whether an interrupted one can be continued; what it opens has the recording as its `sequence` then."""
 
     @property
     def name(self) -> str:
@@ -140,41 +142,31 @@ def execute(job: Job, output: Path | None = None, resume: bool = False, progress
         for remark in remarks:
             log.handle(remark)
         write_whole(folder.path / CONFIG, tomli_w.dumps(described(job)))
+        if job.resumable:
+            folder.inputs = _inputs(job, opened)
+            write_json(folder.path / INPUTS, folder.inputs)
         return job.execute(opened, folder, progress)
 
 
 def _resumed(job: Job, folder: Path, progress: Progress) -> Any:
     if not job.resumable:
         raise ConfigError(f"a job of the kind {component_name(type(job))} cannot be resumed: do it anew")
-    _check_same(job, folder)
-    with remembered() as remarks:
-        opened = job.open(folder)
-    _tell(remarks, progress)
-    _compile(job, progress)
+    check_same(described(job), folder)
     with logged(folder):
-        return job.execute(opened, ResultFolder(folder, latest=False, kept=True), progress)
+        with remembered() as remarks:
+            opened = job.open(folder)
+        inputs = _inputs(job, opened)
+        check_inputs(folder, inputs)
+        _tell(remarks, progress)
+        _compile(job, progress)
+        write_json(folder / INPUTS, inputs)
+        write_whole(folder / CONFIG, tomli_w.dumps(described(job)))
+        return job.execute(opened, ResultFolder(folder, latest=False, kept=True, inputs=inputs), progress)
 
 
-def _check_same(job: Job, folder: Path) -> None:
-    """Half a result of one configuration and half of another would be neither's."""
-    if not (folder / CONFIG).is_file():
-        raise ConfigError(f"{folder}: no {CONFIG} there that tells how it was made; run without --resume")
-    before, now = _flat(read_config(folder / CONFIG)), _flat(described(job))
-    for key in sorted(before.keys() | now.keys()):
-        if before.get(key) != now.get(key):
-            raise ConfigError(
-                f"{folder / CONFIG}: {key} = {before.get(key)!r}, but {now.get(key)!r} is asked for: resume with what "
-                "it was made with, or run anew without --resume"
-            )
-
-
-def _flat(value: Any, key: str = "") -> dict[str, Any]:
-    """The values of nested tables and lists by their dotted keys."""
-    if isinstance(value, dict) and value:
-        return {name: leaf for k, entry in value.items() for name, leaf in _flat(entry, f"{key}.{k}").items()}
-    if isinstance(value, list) and value:
-        return {name: leaf for k, entry in enumerate(value) for name, leaf in _flat(entry, f"{key}.{k}").items()}
-    return {key.removeprefix("."): value}
+def _inputs(job: Job, opened: Any) -> Fingerprints:
+    """Fingerprints of the inputs of a job that can be resumed; nothing for the others."""
+    return fingerprints(job, opened.sequence.rig.names) if job.resumable else {}
 
 
 def _tell(remarks: Sequence[logging.LogRecord], progress: Progress) -> None:

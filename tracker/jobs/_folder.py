@@ -9,8 +9,8 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TextIO
 
@@ -34,6 +34,8 @@ class ResultFolder:
     """Whether the link `latest` beside it is to show it."""
 
     kept: bool = False
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    """Fingerprints of the files that the job reads."""
 
     def keep(self) -> None:
         """Something has been computed: from now on what is there stays, whatever happens."""

@@ -33,6 +33,7 @@ from tracker.following.sequence import follow, prepared
 from tracker.following.tables import csv_lines, ply_bytes, trc_text
 from tracker.frame import Frame
 from tracker.jobs import ResultFolder, described
+from tracker.jobs._stopping import stopping
 from tracker.kernels.ahead import Group
 from tracker.lsm.surface import SurfaceMeasurement, measure_surface
 from tracker.point_trajectories import PointStatus, PointTrajectories
@@ -183,23 +184,27 @@ class FollowJob:
             self.following, preparation, rig, self._frames(opened), self._births(rig), known, density=density
         )
         n_points = 0
-        try:
-            for k, (frame, points) in enumerate(steps):
-                if not counts.frames and self.key_points:
-                    places = clicked_places(self.key_points, rig)
-                    points_around(frame.positions, list(self.key_points), places, self.key_point_reach_mm / 1000)
-                append(record, frame)
-                counts.frames.append(frame.index)
-                counts.times.append(frame.time_s)
-                n_points += int(frame.alive.sum())
-                if len(counts.frames) % self.saved_frames == 0:
-                    _save_state(folder.path / STATE, points, counts, record.stat().st_size)
-                folder.keep()
-                seconds = max(time.perf_counter() - begin, 1e-9)
-                rate = f"{int(frame.alive.sum())} points seen, {n_points / seconds:.0f} points/s"
-                progress("following", len(counts.frames), sequence.n_frames, rate if k else "")
-        except KeyboardInterrupt:
-            counts.interrupted = True
+        with stopping() as stop:
+            try:
+                for k, (frame, points) in enumerate(steps):
+                    if not counts.frames and self.key_points:
+                        places = clicked_places(self.key_points, rig)
+                        points_around(frame.positions, list(self.key_points), places, self.key_point_reach_mm / 1000)
+                    append(record, frame)
+                    counts.frames.append(frame.index)
+                    counts.times.append(frame.time_s)
+                    n_points += int(frame.alive.sum())
+                    if len(counts.frames) % self.saved_frames == 0:
+                        _save_state(folder.path / STATE, points, counts, record.stat().st_size)
+                    folder.keep()
+                    seconds = max(time.perf_counter() - begin, 1e-9)
+                    rate = f"{int(frame.alive.sum())} points seen, {n_points / seconds:.0f} points/s"
+                    progress("following", len(counts.frames), sequence.n_frames, rate if k else "")
+                    stop.patient = True
+                    if stop.asked and len(counts.frames) < sequence.n_frames:
+                        raise KeyboardInterrupt
+            except KeyboardInterrupt:
+                counts.interrupted = True
         counts.seconds = time.perf_counter() - begin
         return counts
 

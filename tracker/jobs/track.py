@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import hashlib
 import logging
 import time
 from collections import Counter, deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -23,21 +22,23 @@ from tracker.doubts import Doubts
 from tracker.errors import TrackerError
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence
+from tracker.files import remove_successors
 from tracker.initialization import Initialization
 from tracker.jobs import ResultFolder, described, versions
+from tracker.jobs._stopping import stopping
 from tracker.kernels.ahead import Group
 from tracker.plate import Plate
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
 from tracker.reading import Reading, Sequence
 from tracker.recording import DEFAULTS, Recorder, Recording, RunContext, chosen_recordings, described_recordings
-from tracker.recording.journal import read_journal
+from tracker.recording.journal import Expected, OpenJournal, as_kept, open_journal
 from tracker.rig_layouts import save_rig
 from tracker.scene import Person, Scene
 from tracker.subject import Subject
 from tracker.synthesis import Synthesis
 from tracker.tracking import track
-from tracker.trajectory import Replay, Step
+from tracker.trajectory import Step
 
 log = logging.getLogger("tracker")
 
@@ -103,12 +104,20 @@ class TrackJob:
 
     def open(self, earlier: Path | None = None) -> OpenedTrack:
         """Opens the recording, reads the models and what an interrupted run has left; see `tracker.jobs.Job.open`."""
-        done = tuple(read_journal(earlier)) if earlier is not None else ()
         models = {subject.name: subject.description() for subject in self.persons}
         persons = tuple(Person(one.name, body, body.rest()) for one, body in ((p, p.body()) for p in self.persons))
         sequence = self.reading.open()
         scene = Scene(persons, sequence.rig)
+        done = None if earlier is None else self._earlier(earlier, scene)
         return OpenedTrack(sequence, scene, models, self.initialization.check(scene, sequence.known), done)
+
+    def _earlier(self, folder: Path, scene: Scene) -> OpenJournal:
+        """What an interrupted run has left; what is cut off is logged."""
+        first, stride = getattr(self.reading, "start", 0), getattr(self.reading, "stride", 1)
+        found = open_journal(folder, Expected.of(scene, first, stride))
+        if found.fault:
+            log.warning("%s: %s: cut there, %d frames are kept", found.path, found.fault, len(found))
+        return found
 
     def cycle(self, plates: tuple[Plate | None, ...], progress: Progress = silent) -> Cycle:
         """The tracking cycle of these components; a field of the cycle is one of the job, called the same.
@@ -135,7 +144,7 @@ class TrackJob:
             "config": described(self),
             "choices": {stage: choice for stage, choice in choices.items() if choice},
             "versions": versions(),
-            "inputs": self._input_hashes(sequence.rig.names),
+            "inputs": dict(folder.inputs),
         }
         context = RunContext(
             name=self.name,
@@ -145,20 +154,11 @@ class TrackJob:
             interval_s=sequence.interval_s,
             n_frames=sequence.n_frames,
             details=details,
-            resumed=frozenset(replay.index for replay in opened.done),
+            resumed=frozenset(opened.done or ()),
         )
         cycle = self.cycle(sequence.plates, progress)
-        steps = track(sequence.frames(), opened.scene, cycle, opened.done, sequence.frames)
-        return _recorded(self.recordings, context, steps, folder, progress)
-
-    def _input_hashes(self, views: tuple[str, ...]) -> dict[str, str]:
-        """SHA-256 of every input file."""
-        patterns = [getattr(self.reading, name, None) for name in ("rig", "path", "background")]
-        files = [subject.model for subject in self.persons]
-        for pattern in patterns:
-            files += [Path(str(pattern).replace("{view}", view)) for view in views] if pattern else []
-        files = [inner for file in files for inner in (sorted(file.iterdir()) if file.is_dir() else [file])]
-        return {str(file): _sha256(file) for file in dict.fromkeys(files) if file.is_file()}
+        steps = track(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
+        return _recorded(self.recordings, context, map(as_kept, steps), folder, progress)
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ class OpenedTrack:
     start: str = ""
     """What the start poses go by."""
 
-    done: tuple[Replay, ...] = ()
+    done: OpenJournal | None = None
     """Frames of an interrupted run."""
 
 
@@ -208,10 +208,10 @@ def _recorded(
     folder: ResultFolder,
     progress: Progress,
 ) -> TrackOutcome:
-    """Feeds every recorder; they are finished whatever happens."""
+    """Feeds every recorder; they are finished whatever happens, once there is more than was there before."""
     begin, doubts, n_frames, interrupted, pace = time.perf_counter(), Doubts(), 0, False, _Pace()
     files: list[Path] = []
-    with contextlib.ExitStack() as finishing:
+    with stopping() as stop, _successors(context.folder), contextlib.ExitStack() as finishing:
         recorders: list[Recorder] = []
         for recording in recordings:
             recorders.append(recording.begin(context))
@@ -226,6 +226,9 @@ def _recorded(
                 doubts = doubts.after(step)
                 _log_step(step)
                 progress("tracking", n_frames, context.n_frames, pace.after(step, doubts))
+                stop.patient = n_frames >= len(context.resumed)
+                if stop.asked and n_frames < context.n_frames:
+                    raise KeyboardInterrupt
         except KeyboardInterrupt:
             if not folder.kept:
                 raise
@@ -234,8 +237,21 @@ def _recorded(
         except TrackerError as error:
             log.error("%s", error)
             raise
+        finally:
+            if n_frames < len(context.resumed):
+                finishing.pop_all()  # what the interrupted run has left is more
     seconds = time.perf_counter() - begin
     return TrackOutcome(context.folder, n_frames, doubts, seconds, interrupted, tuple(files))
+
+
+@contextlib.contextmanager
+def _successors(folder: Path) -> Iterator[None]:
+    """Removes what recorders began to write in place of other files and did not put there."""
+    remove_successors(folder)
+    try:
+        yield
+    finally:
+        remove_successors(folder)
 
 
 def _finish(recorder: Recorder, files: list[Path]) -> None:
@@ -280,8 +296,3 @@ def _log_step(step: Step) -> None:
         log.info("frame %d: foreground of view %s not used: %s", step.frame.index, step.scene.rig.names[v], fault)
     if step.frame.missing:
         log.warning("frame %d: views %s are missing", step.frame.index, step.frame.missing)
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

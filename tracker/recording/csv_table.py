@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
-from contextlib import ExitStack
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 import pydantic
@@ -14,6 +11,7 @@ import pydantic
 from tracker.arrays import Array
 from tracker.components import component
 from tracker.estimate import Estimate, Status
+from tracker.files import GrowingFile, csv_lines
 from tracker.recording import RunContext
 from tracker.scene import Person
 from tracker.trajectory import Step
@@ -38,36 +36,35 @@ class CsvRecorder:
     """The open tables."""
 
     def __init__(self, run: RunContext, decimals: int) -> None:
-        self._decimals = decimals
+        self._run, self._decimals = run, decimals
         self._columns = parameter_columns(run.scene.persons)
-        self._stack = ExitStack()
-        self._written: list[Path] = []
-        self._poses = self._open(run, "poses.csv", (*_POSE_COLUMNS, *self._columns))
-        self._sigmas = self._open(run, "sigmas.csv", (*_POSE_COLUMNS, *self._columns))
-        self._joints = self._open(run, "joints.csv", _JOINT_COLUMNS)
+        self._poses = self._open("poses.csv", (*_POSE_COLUMNS, *self._columns))
+        self._sigmas = self._open("sigmas.csv", (*_POSE_COLUMNS, *self._columns))
+        self._joints = self._open("joints.csv", _JOINT_COLUMNS)
 
-    def _open(self, run: RunContext, name: str, columns: Sequence[str]) -> TextIO:
-        self._written.append(run.folder / name)
-        file = self._stack.enter_context(self._written[-1].open("w", newline="", encoding="utf-8"))
-        csv.writer(file).writerow(columns)
-        file.flush()
+    def _open(self, name: str, columns: Sequence[str]) -> GrowingFile:
+        file = GrowingFile(self._run.folder / name, waits=bool(self._run.resumed))
+        file.add(csv_lines([columns]))
         return file
 
     def write(self, step: Step) -> None:
         """Adds the rows of one frame."""
+        poses, sigmas, joints = [], [], []
         for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
             start = [step.frame.index, f"{step.frame.time_s:.6f}", person.name]
             head = [*start, str(estimate.verdict), " ".join(estimate.ambiguous), f"{estimate.distance_px:.4f}"]
             sigma = np.sqrt(np.maximum(np.diag(estimate.covariance), 0.0))
-            csv.writer(self._poses).writerow([*head, *self._values(person, estimate, estimate.q)])
-            csv.writer(self._sigmas).writerow([*head, *self._values(person, estimate, sigma)])
+            poses.append([*head, *self._values(person, estimate, estimate.q)])
+            sigmas.append([*head, *self._values(person, estimate, sigma)])
             points = person.body.landmarks_in_world(estimate.q)
             statuses = joint_statuses(person, estimate)
             for mark in person.body.reported:
                 where = ["", "", ""] if estimate.lost else [self._text(value) for value in points[mark]]
-                csv.writer(self._joints).writerow([*start, person.body.landmark_names[mark], *where, statuses[mark]])
-        for file in (self._poses, self._sigmas, self._joints):
-            file.flush()
+                joints.append([*start, person.body.landmark_names[mark], *where, statuses[mark]])
+        for file, rows in ((self._poses, poses), (self._sigmas, sigmas), (self._joints, joints)):
+            file.add(csv_lines(rows))
+            if step.frame.index not in self._run.resumed:
+                file.take_place()
 
     def _values(self, person: Person, estimate: Estimate, values: Array) -> list[str]:
         shown = dict(zip((p.column for p in person.body.parameters), in_table_units(person, values), strict=True))
@@ -77,9 +74,8 @@ class CsvRecorder:
         return f"{value:.{self._decimals}f}" if np.isfinite(value) else ""
 
     def finish(self) -> tuple[Path, ...]:
-        """Closes the tables."""
-        self._stack.close()
-        return tuple(self._written)
+        """Names the tables."""
+        return tuple(file.take_place() for file in (self._poses, self._sigmas, self._joints))
 
 
 def joint_statuses(person: Person, estimate: Estimate) -> list[str]:

@@ -2,35 +2,43 @@
 
 from __future__ import annotations
 
-import json
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TextIO
+from typing import BinaryIO
 
-import numpy as np
-
-from tracker.account import Account
-from tracker.arrays import Array
 from tracker.components import component
 from tracker.errors import SequenceError
-from tracker.estimate import Estimate, Status
-from tracker.files import write_whole
+from tracker.files import GrowingFile
 from tracker.recording import RunContext
+from tracker.recording._journal_line import as_kept, line_of, replay_of
+from tracker.scene import Scene
 from tracker.trajectory import Replay, Step
 
+__all__ = ["Expected", "Journal", "OpenJournal", "as_kept", "open_journal"]
+
 FILE = "steps.jsonl"
-_LISTS = "per_view_px", "per_part_px", "visible_px", "explained_px", "missed_px"
+_LONGEST = 2**20
+"""Bytes of a line: a hundred persons."""
 
 
 @component
 class Journal:
-    """`steps.jsonl`: every number of every estimate, exact to the last bit."""
+    """`steps.jsonl`: every number of every estimate, exact to the last bit; 2 KB a frame and person.
+
+    Arrays are little-endian float64 in base 85, as Python's `base64.b85decode` reads them. Correlations of the pose
+    parameters, the upper triangle row by row, are int16 with 32767 for 1 and -32768 where not known. `account` is
+    compressed (zlib): distances of the views, then four numbers a part, in the order of `tracker.account.Account`.
+    """
 
     def begin(self, run: RunContext) -> JournalRecorder:
-        """Opens the journal; the lines of an interrupted run stay, but for a torn last one."""
+        """Opens the journal; the lines of an interrupted run stay, what follows the last good one is cut off."""
         path = run.folder / FILE
         if run.resumed:
-            lines = path.read_text(encoding="utf-8").splitlines()[: len(run.resumed)]
-            write_whole(path, "".join(f"{line}\n" for line in lines))
+            with path.open("r+b") as file:
+                kept = itertools.islice(_lines(file), len(run.resumed))
+                file.truncate(sum(len(line) for _, line in kept))
         return JournalRecorder(path, run.resumed)
 
 
@@ -38,98 +46,142 @@ class JournalRecorder:
     """The open journal."""
 
     def __init__(self, path: Path, present: frozenset[int]) -> None:
-        self._path, self._present = path, present
-        self._file: TextIO = path.open("a" if present else "w", encoding="utf-8")
+        self._present, self._file = present, GrowingFile(path, append=bool(present))
 
     def write(self, step: Step) -> None:
         """Adds one line for a frame that is not in it yet."""
-        if step.frame.index in self._present:
-            return
-        line = {
-            "frame": step.frame.index,
-            "time_s": step.frame.time_s,
-            "seconds": step.seconds,
-            "overlap": None if step.overlap is None else step.overlap.tolist(),
-            "untrusted": {str(v): fault for v, fault in step.untrusted.items()},
-            "estimates": [_to_json(estimate) for estimate in step.estimates],
-        }
-        self._file.write(json.dumps(line) + "\n")
-        self._file.flush()
+        if step.frame.index not in self._present:
+            self._file.add(line_of(step))
 
     def finish(self) -> tuple[Path, ...]:
-        """Closes the journal."""
-        self._file.close()
-        return (self._path,)
+        """Names the journal."""
+        return (self._file.take_place(),)
 
 
-def read_journal(folder: Path) -> list[Replay]:
-    """The frames of an interrupted run; a last line torn by a kill is left out.
+@dataclass(frozen=True)
+class OpenJournal(Mapping[int, Replay]):
+    """The frames of a run; each is read when it is asked for, so that memory does not grow with them."""
+
+    path: Path
+    n_bytes: int
+    """Length of the good lines."""
+
+    fault: str
+    """What follows them and why it cannot be used; empty if nothing does."""
+
+    _begins: dict[int, int] = field(default_factory=dict)
+    """Frame -> where its line begins."""
+
+    def __getitem__(self, frame: int) -> Replay:
+        """One frame."""
+        with self.path.open("rb") as file:
+            file.seek(self._begins[frame])
+            return replay_of(file.readline(_LONGEST))
+
+    def __iter__(self) -> Iterator[int]:
+        """Frame numbers in order."""
+        return iter(self._begins)
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self._begins)
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What a run's journal must hold."""
+
+    dofs: tuple[int, ...]
+    """Parameters of each person."""
+
+    n_parts: tuple[int, ...]
+    n_views: int
+    start: int | None = None
+    """First frame; None for any."""
+
+    stride: int = 1
+
+    @staticmethod
+    def of(scene: Scene, start: int | None = None, stride: int = 1) -> Expected:
+        """What a run of a scene writes."""
+        bodies = [person.body for person in scene.persons]
+        dofs, n_parts = tuple(body.dof for body in bodies), tuple(len(body.parts) for body in bodies)
+        return Expected(dofs, n_parts, len(scene.rig), start, stride)
+
+    def fault(self, replay: Replay, before: int | None) -> str:
+        """Why a line cannot be one of this run's; empty if it can.
+
+        Args:
+            replay: what the line tells.
+            before: frame of the line before it.
+        """
+        after = self.start if before is None else before + self.stride
+        if self.start is not None and replay.index != after:
+            return f"frame {replay.index} where frame {after} is expected"
+        if tuple(len(estimate.q) for estimate in replay.estimates) != self.dofs:
+            return "poses of other models"
+        for estimate, n_parts in zip(replay.estimates, self.n_parts, strict=True):
+            account = estimate.account
+            if len(account.per_view_px) != self.n_views or len(account.per_part_px) != n_parts:
+                return "other views or parts"
+        if replay.overlap is not None and len(replay.overlap) != self.n_views:
+            return "other views"
+        return ""
+
+
+def open_journal(folder: Path, expected: Expected | None = None) -> OpenJournal:
+    """The journal of an interrupted run, every line looked at.
 
     Args:
         folder: result folder.
+        expected: what its lines must hold; None for anything.
+
+    Returns:
+        The frames up to the first line that is torn, damaged or of another run.
 
     Raises:
-        SequenceError: no journal there, or a line before the last is damaged.
+        SequenceError: no journal there, or not even its first line can be used.
     """
     path = folder / FILE
     if not path.is_file():
         raise SequenceError(f"{path}: no journal to resume from; run without --resume")
-    lines = path.read_text(encoding="utf-8").splitlines()
-    replays = []
-    for n, line in enumerate(lines, start=1):
-        try:
-            replays.append(_replay(json.loads(line)))
-        except (json.JSONDecodeError, KeyError, AttributeError, TypeError, ValueError) as error:
-            if n < len(lines):
-                raise SequenceError(f"{path}: line {n} is damaged ({error}); run without --resume") from error
-    return replays
+    begins: dict[int, int] = {}
+    before, end, fault = None, 0, ""
+    try:
+        with path.open("rb") as file:
+            for begin, line in _lines(file):
+                replay, fault = _checked(line, expected, before)
+                if replay is None:
+                    break
+                begins[replay.index], before, end = begin, replay.index, begin + len(line)
+    except OSError as error:
+        raise SequenceError(f"{path}: cannot read the journal: {error.strerror}") from error
+    if fault:
+        fault = f"line {len(begins) + 1} is damaged or of another run: {fault}"
+    if fault and not begins and b"\n" in line:
+        raise SequenceError(f"{path}: {fault}; run without --resume")
+    return OpenJournal(path, end, fault, begins)
 
 
-def _to_json(estimate: Estimate) -> dict[str, Any]:
-    return {
-        "q": estimate.q.tolist(),
-        "covariance": estimate.covariance.tolist(),
-        "account": {
-            "distance_px": estimate.account.distance_px,
-            **{name: getattr(estimate.account, name).tolist() for name in _LISTS},
-        },
-        "penalty_px": estimate.penalty_px,
-        "evaluations": estimate.evaluations,
-        "search_s": estimate.search_s,
-        "status": str(estimate.status),
-        "doubtful": estimate.doubtful,
-        "ambiguous": list(estimate.ambiguous),
-    }
+def _lines(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+    """Lines with where they begin; one that is too long is cut."""
+    begin = 0
+    while line := file.readline(_LONGEST):
+        yield begin, line
+        begin += len(line)
 
 
-def _replay(entry: dict[str, Any]) -> Replay:
-    overlap = entry["overlap"]
-    return Replay(
-        index=int(entry["frame"]),
-        time_s=float(entry["time_s"]),
-        estimates=tuple(_estimate(values) for values in entry["estimates"]),
-        seconds={str(stage): float(value) for stage, value in entry["seconds"].items()},
-        overlap=None if overlap is None else _array(overlap),
-        untrusted={int(v): str(fault) for v, fault in entry["untrusted"].items()},
-    )
-
-
-def _estimate(values: dict[str, Any]) -> Estimate:
-    return Estimate(
-        q=_array(values["q"]),
-        covariance=_array(values["covariance"]),
-        account=Account(
-            distance_px=float(values["account"]["distance_px"]),
-            **{name: _array(values["account"][name]) for name in _LISTS},
-        ),
-        penalty_px=float(values["penalty_px"]),
-        evaluations=int(values["evaluations"]),
-        search_s=float(values["search_s"]),
-        status=Status(values["status"]),
-        doubtful=bool(values["doubtful"]),
-        ambiguous=tuple(str(group) for group in values["ambiguous"]),
-    )
-
-
-def _array(values: list[Any]) -> Array:
-    return np.array(values, dtype=np.float64)
+def _checked(line: bytes, expected: Expected | None, before: int | None) -> tuple[Replay | None, str]:
+    """What a line tells, or why it cannot be used."""
+    if not line.endswith(b"\n"):
+        return None, "it is torn"
+    try:
+        replay = replay_of(line)
+    except SequenceError as error:
+        return None, str(error)
+    except (KeyError, AttributeError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        return None, f"not a line of a journal ({type(error).__name__}: {str(error)[:80]})"
+    if before is not None and replay.index <= before:
+        return None, f"frame {replay.index} after frame {before}"
+    fault = "" if expected is None else expected.fault(replay, before)
+    return (None, fault) if fault else (replay, "")

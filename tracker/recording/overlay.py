@@ -13,6 +13,7 @@ from av.packet import Packet
 from av.video.stream import VideoStream
 
 from tracker.components import component
+from tracker.files import Successor
 from tracker.recording import RunContext
 from tracker.recording._drawing import draw_step
 from tracker.trajectory import Step
@@ -46,8 +47,8 @@ class OverlayRecorder:
     """The open video; its size is known with the first frame, and so is the time it starts at."""
 
     def __init__(self, run: RunContext, settings: Overlay) -> None:
-        self._run, self._settings, self._path = run, settings, run.folder / "overlay.mp4"
-        self._path.unlink(missing_ok=True)
+        self._run, self._settings = run, settings
+        self._file = Successor(run.folder / "overlay.mp4", waits=bool(run.resumed))
         self._container: OutputContainer | None = None
         self._stream: VideoStream | None = None
         self._start_s = 0.0
@@ -58,13 +59,15 @@ class OverlayRecorder:
         if self._container is None or self._stream is None:
             # Fragments: what was written before a kill stays playable.
             fragmented = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
-            self._container = av.open(str(self._path), "w", options=fragmented)
+            self._container = av.open(str(self._file.path), "w", options=fragmented)
             self._stream = self._open_stream(self._container, picture.shape[1], picture.shape[0])
             self._start_s = step.frame.time_s
         frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="bgr24")
         frame.time_base = Fraction(1, _TICKS)
         frame.pts = round((step.frame.time_s - self._start_s) * _TICKS)
         self._mux(self._container, self._stream.encode(frame))
+        if step.frame.index not in self._run.resumed:
+            self._file.take_place()
 
     def _open_stream(self, container: OutputContainer, width: int, height: int) -> VideoStream:
         rate = Fraction(1 / self._run.interval_s).limit_denominator(1001)
@@ -87,4 +90,4 @@ class OverlayRecorder:
             return ()
         self._mux(self._container, self._stream.encode(None))
         self._container.close()
-        return (self._path,)
+        return (self._file.take_place(),)

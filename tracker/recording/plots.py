@@ -7,6 +7,7 @@ from pathlib import Path
 import pydantic
 
 from tracker.components import component
+from tracker.files import replacing
 from tracker.recording import RunContext
 from tracker.recording._series import Series, parameter_figure
 from tracker.trajectory import Step
@@ -41,5 +42,6 @@ class PlotsRecorder:
         for k, person in enumerate(persons):
             name = "parameters.png" if len(persons) == 1 else f"parameters_{person.name}.png"
             written.append(self._run.folder / name)
-            parameter_figure(self._series, k).savefig(written[-1], dpi=self._dpi)
+            with replacing(written[-1]) as unfinished:
+                parameter_figure(self._series, k).savefig(unfinished, dpi=self._dpi)
         return tuple(written)

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from tracker.arrays import Image
 from tracker.components import component
+from tracker.files import write_whole
 from tracker.recording import RunContext
 from tracker.recording._drawing import STATUS_COLOURS, draw_axes, draw_step, encoded, tile
 from tracker.recording._series import Series, distance_figure, parameter_figure
@@ -79,7 +80,7 @@ class ReportRecorder:
         environment = jinja2.Environment(loader=jinja2.PackageLoader("tracker.recording", "."), autoescape=True)
         page = environment.get_template("_report.html").render(self._content())
         path = self._run.folder / "report.html"
-        path.write_text(page, encoding="utf-8")
+        write_whole(path, page)
         return (path,)
 
     def _content(self) -> dict[str, Any]:

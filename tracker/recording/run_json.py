@@ -18,9 +18,10 @@ class RunJson:
     """`run.json`: resolved configuration, versions, input hashes and headline numbers."""
 
     def begin(self, run: RunContext) -> RunJsonRecorder:
-        """Writes what is known before the first frame."""
+        """Writes what is known before the first frame; what an interrupted run has told stays meanwhile."""
         recorder = RunJsonRecorder(run)
-        recorder.save(complete=False)
+        if not run.resumed:
+            recorder.save(complete=False)
         return recorder
 
 
@@ -28,11 +29,14 @@ class RunJsonRecorder:
     """The numbers so far."""
 
     def __init__(self, run: RunContext) -> None:
-        self._run, self._series = run, Series(run.scene)
+        self._run, self._series, self._waits = run, Series(run.scene), bool(run.resumed)
 
     def write(self, step: Step) -> None:
         """Adds one frame."""
         self._series.add(step)
+        if self._waits and step.frame.index not in self._run.resumed:
+            self._waits = False
+            self.save(complete=False)
 
     def finish(self) -> tuple[Path, ...]:
         """Writes the file again with the run's summary."""

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-from contextlib import ExitStack
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 import pydantic
 
 from tracker.components import component
 from tracker.estimate import Estimate
+from tracker.files import GrowingFile, csv_lines
 from tracker.recording import RunContext
 from tracker.scene import Person
 from tracker.trajectory import Step
@@ -39,18 +37,15 @@ class WideRecorder:
     """The open tables, one a person."""
 
     def __init__(self, run: RunContext, decimals: int) -> None:
-        self._decimals, self._stack = decimals, ExitStack()
-        persons = run.scene.persons
-        self._paths = tuple(run.folder / f"{person.name}_wide.csv" for person in persons)
-        self._files = [self._opened(path, person) for path, person in zip(self._paths, persons, strict=True)]
+        self._run, self._decimals = run, decimals
+        self._files = [self._opened(person) for person in run.scene.persons]
 
-    def _opened(self, path: Path, person: Person) -> TextIO:
-        file = self._stack.enter_context(path.open("w", newline="", encoding="utf-8"))
+    def _opened(self, person: Person) -> GrowingFile:
+        file = GrowingFile(self._run.folder / f"{person.name}_wide.csv", waits=bool(self._run.resumed))
         parameters = person.body.parameters
         sigmas = [f"{parameter.name}_sigma_{parameter.unit}" for parameter in parameters]
         places = [f"{name}_{axis}_m" for name in person.body.landmark_names for axis in "xyz"]
-        csv.writer(file).writerow([*_FIRST, *(parameter.column for parameter in parameters), *sigmas, *places])
-        file.flush()
+        file.add(csv_lines([[*_FIRST, *(parameter.column for parameter in parameters), *sigmas, *places]]))
         return file
 
     def write(self, step: Step) -> None:
@@ -58,8 +53,9 @@ class WideRecorder:
         for file, person, estimate in zip(self._files, step.scene.persons, step.estimates, strict=True):
             told = str(estimate.verdict), " ".join(estimate.ambiguous), f"{estimate.distance_px:.4f}"
             row = [step.frame.index, f"{step.frame.time_s:.6f}", *told, *self._values(person, estimate)]
-            csv.writer(file).writerow(row)
-            file.flush()
+            file.add(csv_lines([row]))
+            if step.frame.index not in self._run.resumed:
+                file.take_place()
 
     def _values(self, person: Person, estimate: Estimate) -> list[str]:
         body = person.body
@@ -70,6 +66,5 @@ class WideRecorder:
         return ["" if estimate.lost or np.isnan(value) else f"{value:.{self._decimals}f}" for value in values]
 
     def finish(self) -> tuple[Path, ...]:
-        """Closes the tables."""
-        self._stack.close()
-        return self._paths
+        """Names the tables."""
+        return tuple(file.take_place() for file in self._files)

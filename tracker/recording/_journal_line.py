@@ -1,0 +1,162 @@
+"""One line of the journal: a step as text, and back to the same bits."""
+
+from __future__ import annotations
+
+import json
+import math
+import zlib
+from base64 import b85decode, b85encode
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tracker.account import Account
+from tracker.arrays import Array
+from tracker.errors import SequenceError
+from tracker.estimate import Estimate, Status
+from tracker.trajectory import Replay, Step
+
+_LISTS = "per_view_px", "per_part_px", "visible_px", "explained_px", "missed_px"
+
+_ONE = 2**15 - 1
+"""A correlation of 1; they are kept to 1 in 33 000, far below what covariances of a linearized model are worth."""
+
+_UNKNOWN = -(2**15)
+
+_LARGEST = 2**20
+"""Bytes of an account: thousands of parts."""
+
+
+def as_kept(step: Step) -> Step:
+    """The step with covariances as the journal keeps them, so that a resumed run writes the same bytes."""
+    return replace(step, estimates=tuple(_as_kept(estimate) for estimate in step.estimates))
+
+
+def line_of(step: Step) -> str:
+    """The line of a frame, with its end."""
+    return json.dumps(_line(step), separators=(",", ":")) + "\n"
+
+
+def replay_of(line: bytes) -> Replay:
+    """What a line tells.
+
+    Raises:
+        SequenceError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError: no such line.
+    """
+    entry = json.loads(line)
+    overlap, time_s = entry["overlap"], float(entry["time_s"])
+    if not math.isfinite(time_s):
+        raise SequenceError("a time that is not finite")
+    return Replay(
+        index=int(entry["frame"]),
+        time_s=time_s,
+        estimates=tuple(_estimate(values) for values in entry["estimates"]),
+        seconds={str(stage): float(value) for stage, value in entry["seconds"].items()},
+        overlap=None if overlap is None else _unpacked(overlap),
+        untrusted={int(v): str(fault) for v, fault in entry["untrusted"].items()},
+    )
+
+
+def _line(step: Step) -> dict[str, Any]:
+    return {
+        "frame": step.frame.index,
+        "time_s": step.frame.time_s,
+        "seconds": {stage: round(value, 6) for stage, value in step.seconds.items()},
+        "overlap": None if step.overlap is None else _packed(step.overlap),
+        "untrusted": {str(v): fault for v, fault in step.untrusted.items()},
+        "estimates": [_to_json(estimate) for estimate in step.estimates],
+    }
+
+
+def _to_json(estimate: Estimate) -> dict[str, Any]:
+    variances, correlations = _spread(estimate.covariance)
+    return {
+        "q": _packed(estimate.q),
+        "variances": _packed(variances),
+        "correlations": b85encode(correlations.astype("<i2").tobytes()).decode(),
+        "distance_px": estimate.account.distance_px,
+        "views": len(estimate.account.per_view_px),
+        "account": _deflated(np.concatenate([getattr(estimate.account, name) for name in _LISTS])),
+        "penalty_px": estimate.penalty_px,
+        "evaluations": estimate.evaluations,
+        "search_s": estimate.search_s,
+        "status": str(estimate.status),
+        "doubtful": estimate.doubtful,
+        "ambiguous": list(estimate.ambiguous),
+    }
+
+
+def _estimate(values: dict[str, Any]) -> Estimate:
+    q = _unpacked(values["q"])
+    if not np.isfinite(q).all():
+        raise SequenceError("a pose that is not finite")
+    correlations = np.frombuffer(b85decode(values["correlations"]), dtype="<i2")
+    return Estimate(
+        q=q,
+        covariance=_gathered(_unpacked(values["variances"]), correlations),
+        account=Account(
+            distance_px=float(values["distance_px"]),
+            **dict(zip(_LISTS, _inflated(values["account"], int(values["views"])), strict=True)),
+        ),
+        penalty_px=float(values["penalty_px"]),
+        evaluations=int(values["evaluations"]),
+        search_s=float(values["search_s"]),
+        status=Status(values["status"]),
+        doubtful=bool(values["doubtful"]),
+        ambiguous=tuple(str(group) for group in values["ambiguous"]),
+    )
+
+
+def _as_kept(estimate: Estimate) -> Estimate:
+    return replace(estimate, covariance=_gathered(*_spread(estimate.covariance)))
+
+
+def _spread(covariance: Array) -> tuple[Array, Array]:
+    """Variances (dof,), and correlations of the upper triangle as whole numbers."""
+    variances = np.diag(covariance).copy()
+    rows, columns = np.triu_indices(len(variances), 1)
+    scale = np.sqrt(np.maximum(variances[rows] * variances[columns], 0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.clip(covariance[rows, columns] / scale, -1, 1)
+    correlations: Array = np.where(np.isfinite(ratios), np.round(np.nan_to_num(ratios) * _ONE), _UNKNOWN)
+    return variances, correlations
+
+
+def _gathered(variances: Array, correlations: Array) -> Array:
+    rows, columns = np.triu_indices(len(variances), 1)
+    scale = np.sqrt(np.maximum(variances[rows] * variances[columns], 0))
+    covariance: Array = np.diag(variances)
+    values = np.where(correlations == _UNKNOWN, np.nan, correlations / _ONE * scale)
+    covariance[rows, columns] = covariance[columns, rows] = values
+    return covariance
+
+
+def _packed(values: Array) -> str:
+    return b85encode(np.asarray(values, dtype="<f8").tobytes()).decode()
+
+
+def _unpacked(text: str) -> Array:
+    return np.frombuffer(b85decode(text), dtype="<f8").astype(np.float64)
+
+
+def _deflated(values: Array) -> str:
+    """Packed numbers, compressed: most of what is visible is explained, and most parts miss nothing."""
+    return b85encode(zlib.compress(np.asarray(values, dtype="<f8").tobytes(), 9)).decode()
+
+
+def _inflated(text: str, n_views: int) -> list[Array]:
+    """The lists of an account.
+
+    Raises:
+        SequenceError: it is no such text, or longer than any account.
+    """
+    inflating = zlib.decompressobj()
+    try:
+        content = inflating.decompress(b85decode(text), _LARGEST)
+    except zlib.error as error:
+        raise SequenceError(str(error)) from error
+    if inflating.unconsumed_tail or not inflating.eof:
+        raise SequenceError("an account that is too long or torn")
+    values = np.frombuffer(content, dtype="<f8").astype(np.float64)
+    return [values[:n_views], *values[n_views:].reshape(len(_LISTS) - 1, -1)]
