@@ -6,6 +6,7 @@ import ast
 import builtins
 import functools
 import graphlib
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -346,6 +347,41 @@ def _optional(module: Module, modules: Modules) -> set[str]:
     return {target.partition(".")[0] for target, _ in imported(module, modules)} & OPTIONAL
 
 
+def bare_constants(modules: Modules) -> list[str]:
+    """Numbers that a module is built on say what they are or where they come from, in a comment or a docstring.
+
+    A comment above a block of them speaks for all of it. Names of columns say it themselves.
+    """
+    faults = []
+    for module in modules.values():
+        if module.name.startswith(f"{KERNELS}.rows."):
+            continue
+        lines, below = module.source.split("\n"), [*module.tree.body[1:], None]
+        for node, after in zip(module.tree.body, below, strict=True):
+            if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None and _numeric(node.value):
+                above = next((s for s in lines[node.lineno - 2 :: -1] if not _CONSTANT.match(s)), "")
+                said = "#" in lines[node.lineno - 1] or (node.lineno > 1 and above.startswith("#"))
+                if not said and not _is_text(after):
+                    faults.append(f"{module.name}: {lines[node.lineno - 1]}")
+    return faults
+
+
+_CONSTANT = re.compile(r"_?[A-Za-z0-9_, ]+(: [^=]+)? = ")
+
+
+def _numeric(value: ast.expr) -> bool:
+    """Whether a value has numbers in it that are no index and no part of a comprehension."""
+    if isinstance(value, ast.Subscript | ast.ListComp | ast.GeneratorExp | ast.DictComp | ast.SetComp | ast.Lambda):
+        return False
+    if isinstance(value, ast.Constant):
+        return isinstance(value.value, int | float) and not isinstance(value.value, bool)
+    return any(_numeric(inner) for inner in ast.iter_child_nodes(value) if isinstance(inner, ast.expr))
+
+
+def _is_text(node: ast.stmt | None) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
 Law = Callable[[Modules], list[str]]
 
 LAWS: tuple[Law, ...] = (
@@ -361,6 +397,7 @@ LAWS: tuple[Law, ...] = (
     unlike_kernels,
     compiled_late,
     stray_optional_imports,
+    bare_constants,
 )
 
 VIOLATIONS: tuple[tuple[Law, dict[str, str]], ...] = (
@@ -400,6 +437,8 @@ VIOLATIONS: tuple[tuple[Law, dict[str, str]], ...] = (
         stray_optional_imports,
         {"tracker.synthesis.egl": "import moderngl", "tracker.jobs": "import tracker.synthesis.egl"},
     ),
+    (bare_constants, {"tracker.rig": "_NEAR_M = 0.3"}),
+    (bare_constants, {"tracker.rig": "x = 1\n# Of something else.\nimport numpy\n\n_SIZE = np.array([1, 2])"}),
 )
 
 

@@ -14,8 +14,11 @@ from tracker.observation import Observation, ViewObservation
 from tracker.scene import Scene
 from tracker.synthesis import Synthesis
 
+# Of the steps of a mask's outline: a choice.
 _SMOOTHING_PX = 1.2
+# Of the chamfer image: what a pose is searched from.
 _REACH_PX = 40.0
+# A choice: points beyond add cost and hardly accuracy.
 _SCENE_POINTS = 500
 
 # A sample is on the outline if the model does not cover the pixel this far outside of it, px.

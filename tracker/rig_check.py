@@ -13,7 +13,9 @@ from tracker.camera import Camera
 from tracker.errors import CalibrationError
 from tracker.rig import Rig
 
+# BGR, told apart on dark and bright.
 _COLOURS = ((66, 135, 245), (72, 199, 116), (235, 120, 60), (200, 90, 200), (60, 200, 220), (120, 120, 250))
+# Lines of a view in another one: more can't be told apart.
 _N_FEATURES = 6
 
 

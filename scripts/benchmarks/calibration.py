@@ -20,10 +20,12 @@ from tracker.simulation.bars import SIZE, BarRecording, Faults, every, four_arou
 Arrangement = tuple[str, Callable[[np.random.Generator], Rig], float, float]
 """Name, maker of the rig, length of the bar in metres, and the ratio to reach."""
 
+# Those that LSMTA, section 2.1, and a usual studio have.
 _ARRANGEMENTS: tuple[Arrangement, ...] = (
     ("three in line", three_in_line, 0.6, 1.06),
     ("four around", four_around, 1.0, 1.12),
 )
+# Centres of targets are good to 0.05 to 0.1 px; the interior is begun with a tenth off.
 _NOISES_PX = (0.05, 0.1)
 _FOCAL_OFF = 0.1
 

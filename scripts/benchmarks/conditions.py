@@ -15,6 +15,7 @@ from tracker.plate import Plate
 from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, Simulation
 
+# Of the simulations, as PAL has.
 FPS = 25.0
 
 

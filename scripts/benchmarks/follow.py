@@ -31,8 +31,10 @@ from tracker.rig import Rig
 from tracker.rig_layouts import load_rig
 from tracker.triangulation import triangulate
 
+# As issue and paper have: points on the shirt, and what counts as another material point.
 N_POINTS, WRONG_MM = 1500, 5.0
 VIEWS = ("left", "centre", "right")
+# The middle one of three cameras in line holds the templates.
 CENTRE = 1
 
 Change = Callable[[int, tuple[Image, ...]], tuple[Image, ...]]

@@ -17,9 +17,12 @@ from tracker.arrays import Array, Image, Mask
 from tracker.lsm.matching import LeastSquaresMatching, Matches, PatchImage
 
 Result = TypeVar("Result")
+# A patch of a surface that is turned by some degrees, more than two pixels from its start.
 AFFINE = np.array([[1.01, 0.02], [-0.015, 0.99]])
 SHIFT = np.array([2.3, 1.6])
+# px, the paper's and a large one.
 PATCHES = (13, 21)
+# What was asked of the first release.
 AIM_RATE, AIM_RMS, AIM_BIAS, AIM_RATIO, AIM_SIGMA = {13: 100e3, 21: 45e3}, {13: 0.010, 21: 0.006}, 0.002, 20, (0.8, 1.3)
 ECC_EPS = (1e-6, 1e-4)
 """Increments of the correlation at which ECC stops: about 0.003 and 0.03 px from the end."""

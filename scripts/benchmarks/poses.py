@@ -25,6 +25,7 @@ from tracker.simulation.rendering import draw_persons, mesh_of
 from tracker.simulation.sequence import Recipe, simulate
 from tracker.synthesis.cpu import CpuSynthesis
 
+# PAL, and the size of the paper's images.
 SIZES = ((720, 576), (384, 288))
 Score = Callable[[Array], object]
 """Compares poses (B, dof) with the observation."""

@@ -17,6 +17,7 @@ from rich.table import Table
 from benchmarks.recorded import Recorded, recorded
 from benchmarks.recording_run import Asked, Code, Score, as_cells, from_cells, scored
 
+# Enough to compile, start, and track.
 _QUICK_FRAMES = 4
 _Value = Callable[[Score], float]
 _ERRORS: dict[str, tuple[_Value, str]] = {

@@ -16,12 +16,14 @@ from tracker.body import BodyModel
 from tracker.simulation.sequence import Recipe, Simulation, simulate
 
 MOVEMENTS = ("two_elbow_rotation", "walking_on_the_spot", "arm_swing")
+# Degrees in every joint: twice what a bootstrapping leaves, and twice that again.
 START_ERRORS = (5, 10, 15, 20)
 _COLUMNS = (
     *("frames", "lost", "longest loss", "until recovered", "limb off", "joints mean mm", "joints 95 % mm"),
     *("hinge RMS deg", "verdict"),
 )
 _START_COLUMNS = ("n", "< 20 mm in 10 frames", "flagged lost", "silently wrong", "joints mean mm", "hinge RMS deg")
+# Tracked poses are good to 5 mm; 10 frames are 0.4 s.
 _CONVERGED_MM, _START_FRAMES = 20.0, 10
 
 

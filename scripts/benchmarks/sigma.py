@@ -22,8 +22,10 @@ from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, Simulation, simulate
 from tracker.synthesis.cpu import CpuSynthesis
 
+# What was asked of the first release.
 AIM = (0.7, 1.5)
 _MOVEMENTS = ("two_elbow_rotation", "walking_on_the_spot", "arm_swing", "squat")
+# Of edge points; reach and margin are those of the default analysis.
 _NOISE_PX, _REACH_PX, _MARGIN_PX = 0.7, 40.0, 48
 Pairs = tuple[Array, Array]
 """Errors and predicted standard deviations, both (N, dof), rad and m."""

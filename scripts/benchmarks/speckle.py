@@ -8,6 +8,7 @@ import numpy as np
 
 from tracker.arrays import Array, Image
 
+# What a patch and its search need at the border.
 MARGIN_PX = 24
 
 

@@ -24,8 +24,10 @@ from tracker.lsm.surface import Surface, measure_surface, residual_rms_px
 from tracker.triangulation import triangulate
 
 CONFIGS = Path(__file__).parents[2] / "configs" / "surfaces"
+# Of the cylinder and its positions, by the README of the recording.
 RADIUS_MM = 57.15
 N_POSITIONS = 5
+# Numbers of the middle pictures of the triplets of neighbouring pictures of the temple.
 TRIPLETS = range(14, 31, 2)
 
 

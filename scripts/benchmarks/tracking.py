@@ -21,6 +21,7 @@ from tracker.reading.video import VideoReading
 from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, simulate, write_sequence
 
+# VGA and PAL.
 SIZES = ((640, 480), (720, 576))
 STAGES = ("waiting", "prediction", "synthesis", "observation", "estimation", "search", "refinement", "initialization")
 """The order in which stages are shown; others that the tracking tells follow."""

@@ -15,6 +15,9 @@ _FIELDS = ("joints", "starts", "ends", "radii", "squareness", "taper", "landmark
 _SAME_M = 0.006
 
 SQUARENESS = (0.1, 1.0)
+"""Exponents a superquadric may have here: below 0.1 it has corners, above 1 it is no longer convex (Solina & Bajcsy
+1990)."""
+
 MOST_TAPER = 0.7
 """Limits of `TaperedSuperquadric`."""
 

@@ -18,6 +18,7 @@ from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.synthesis.cpu import CpuSynthesis
 
+# Of the picture of the body in the report; its layout has room for this.
 _SHADED_PX = (480, 480)
 
 

@@ -30,7 +30,9 @@ _LEAST_POINTS = 12
 # Distance at which a point of a contour is an outlier, metres.
 _CLAMP_M = 0.03
 
+# Coarse to fine, in units of the parameters: the last steps are a few per cent, less than edges of a pixel show.
 _STEPS = {"radius": (0.12, 0.06, 0.03), "taper": (0.16, 0.08, 0.04), "squareness": (0.2, 0.1, 0.05)}
+# 1 cm apart on a limb of 0.4 m.
 _N_RINGS = 41
 
 

@@ -20,8 +20,11 @@ from tracker.rig_layouts import load_rig
 # An orthographic picture is one from very far: over the depth of a body its scale changes by less than 0.1 %.
 _FAR_M = 1000.0
 
+# At 80 px, a pixel is 2 cm of a person: nothing thinner than a forearm could be measured below.
 _LEAST_HEIGHT_PX = 80
+# A second region of a fifth of the largest is a second person or furniture, no hand or foot torn off: a choice.
 _SECOND_SHARE = 0.2
+# Specks at the border are noise; a body cut off there meets it along more than this share of its height.
 _BORDER_SHARE = 0.01
 
 

@@ -17,6 +17,7 @@ from tracker.body_description import BodyDescription
 from tracker.components import component
 from tracker.errors import ModelError
 
+# Of the differences: half the digits of double precision for parameters of about 1.
 _STEP = 1e-5
 
 

@@ -17,6 +17,7 @@ from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.synthesis import Synthesis
 
+# Poses at a time: bounds the memory.
 _BATCH = 128
 
 

@@ -11,6 +11,7 @@ from tracker.calibration._self_calibration import Adjustment
 from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "central", "right")
+# Above 0.98, the variance of one parameter is more than 25 times what it would be with the other one known.
 _CORRELATED = 0.98
 
 

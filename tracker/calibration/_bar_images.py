@@ -17,8 +17,11 @@ from tracker.errors import CalibrationError
 from tracker.progress import Progress
 from tracker.views import Views
 
+# A median is free of the bar where it passes in fewer than half of the images; of many spots the brightest are kept.
 _BACKGROUND_FRAMES, _MOST_CANDIDATES = 31, 8
+# Frames: a ball that was not seen for longer may be anywhere by then.
 _LOST_AFTER = 3
+# How far a ball may be from where it is expected: a choice; three times that as long as its velocity is not known.
 _GATE_PX = 12.0
 
 

@@ -19,6 +19,7 @@ from tracker.kernels.rows import bundle_camera
 Seen = dict[tuple[int, int], tuple[Array, Array]]
 """(view, frame) -> corners in the board's frame (N, 3) metres, and their pixels (N, 2)."""
 
+# Zhang 2000, section 3.1: three views of a plane determine the interior.
 _FEWEST_BOARDS = 3
 
 

@@ -18,6 +18,7 @@ from tracker.errors import CalibrationError
 from tracker.kernels.adjustment.bundle import N_OBJECT, Objects, Observed, reduce_normal, residuals_of
 from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
+# A bound: who reaches it has not converged, and is told so.
 _MOST_STEPS = 40
 
 

@@ -13,6 +13,7 @@ from tracker.calibration._objects import Bars
 from tracker.calibration._states import camera_of
 from tracker.kernels.rows import bundle_camera
 
+# All pairs of eight cameras; beyond, more pairs hardly change the medians and cost time.
 _MOST_PAIRS = 28
 
 

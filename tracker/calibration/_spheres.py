@@ -13,6 +13,7 @@ from scipy.special import erfc
 from tracker.arrays import Array
 from tracker.calibration._targets import Target
 
+# Background around a ball to tell its level by (a choice), and a bound of the steps.
 _MARGIN_PX, _N_STEPS = 4.0, 25
 _LEAST_SCALE = 3.0
 """Grey levels that a difference may have at least without counting as another object's."""

@@ -24,6 +24,7 @@ from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 _EPIPOLAR_PX, _RESECTION_PX = 4.0, 20.0
 """Errors that are taken for distortion and a wrong focal length."""
 
+# Ten bars are 20 points, four times the five that an essential matrix needs; of many, 100 spread evenly do.
 _FEWEST_BARS, _SAMPLED_BARS = 10, 100
 
 

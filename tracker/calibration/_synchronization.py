@@ -15,6 +15,7 @@ from tracker.kernels.rows import bundle_camera
 from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
 _OFFSET = GROUPS["time_offset"][0]
+# Free-running cameras are up to half a frame apart; by fewer than 20 moving points nothing is told: a choice.
 _ALLOWED_FRAMES, _FEWEST_MOVING = 0.5, 20
 
 

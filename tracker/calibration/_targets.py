@@ -11,8 +11,11 @@ from scipy.ndimage import gaussian_filter1d
 
 from tracker.arrays import Array, Image, Mask
 
+# A choice: a ray every 7.5 degrees, read eight times a pixel.
 _N_RAYS, _STEP_PX = 48, 0.125
+# Of the profiles along the rays: about what lens and sensor do anyway.
 _EDGE_SMOOTHING_PX = 1.0
+# A third of the rays: an ellipse has five unknowns, and a third of an outline still spans it.
 _FEWEST_EDGES = 16
 
 

@@ -27,6 +27,7 @@ __all__ = ["BoardImages", "ChessboardCalibration"]
 
 Group = Literal["camera_constant", "principal_point", "affinity", "radial", "decentring"]
 
+# Three times what a pose needs, so that a wrong corner shows.
 _FEWEST_CORNERS = 6
 
 

@@ -28,7 +28,9 @@ __all__ = ["ScenePointsCalibration"]
 
 Group = Literal["camera_constant", "principal_point", "affinity", "radial", "decentring"]
 
+# Twice the three that a resection needs: OpenCV's iterative start wants six if they are not in a plane.
 _FEWEST_POINTS = 6
+# The interior is only roughly known then; wrong points are off by more, the adjustment finds the rest.
 _RESECTION_PX = 25.0
 
 

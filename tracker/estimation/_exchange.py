@@ -7,6 +7,7 @@ import numpy as np
 from tracker.arrays import Array
 from tracker.body import BodyModel
 
+# A bound of the Gauss-Newton steps.
 _STEPS = 12
 # Damping of the inverse kinematics, in the units of its normal equations, m^2: a twist that no joint shows stays.
 _DAMPING = 1e-4

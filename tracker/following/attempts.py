@@ -14,6 +14,7 @@ from tracker.following.sightings import NewKeys, Sightings
 from tracker.following.starts import correlated, flow, led, predicted
 from tracker.point_trajectories import PointStatus
 
+# Each carries points one neighbour further: six reach across a gap of twelve points.
 _ROUNDS = 6
 
 

@@ -104,4 +104,5 @@ def textured_places(grey: Image, spacing_px: int) -> Array:
     return np.asarray(found, dtype=np.float64).reshape(-1, 2)
 
 
+# Of the strongest corner: lower than any that matching follows, so that it decides.
 _WEAKEST = 0.005

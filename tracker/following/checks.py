@@ -10,6 +10,7 @@ from tracker.following.neighbours import expected
 from tracker.following.sightings import Sightings
 from tracker.point_trajectories import PointStatus
 
+# What two views that found the same point may differ by: a choice.
 _PROJECTED_PX = 1.5
 
 

@@ -11,7 +11,9 @@ from tracker.arrays import Array, Integers, Mask
 from tracker.components import component
 from tracker.point_trajectories import PointStatus, PointTrajectories
 
+# The median of fewer than four neighbours is moved by one wrong one.
 _LEAST_IN_VOXEL = 4
+# Usual deviations among the neighbours: a choice.
 _SPREADS = 4.0
 
 

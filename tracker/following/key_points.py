@@ -13,7 +13,9 @@ from tracker.errors import ConfigError, MatchingError, nearest
 from tracker.point_trajectories import PointTrajectories
 from tracker.rig import Rig
 
+# A rigid motion has six unknowns; more than 40 points add little and reach farther than the surface is rigid.
 _LEAST, _MOST = 6, 40
+# Times the median: a point of another surface.
 _WORST = 3.0
 
 
@@ -59,6 +61,7 @@ def clicked_places(clicks: Mapping[str, Mapping[str, tuple[float, float]]], rig:
     return places
 
 
+# A click by hand is good to some pixels.
 _CLICK_PX = 10.0
 
 

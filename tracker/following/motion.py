@@ -9,6 +9,7 @@ import numpy as np
 from tracker.arrays import Array
 from tracker.point_trajectories import PointTrajectories
 
+# A parabola through four has one redundant observation.
 _LEAST_FRAMES = 4
 
 

@@ -9,6 +9,9 @@ from tracker.following.keys import Starts
 from tracker.following.points import Points
 
 LEAST = 6
+"""An affinity has six unknowns in two coordinates: three points; twice as many, so that a wrong one shows."""
+
+# Regularizes an affinity over neighbours that lie within some pixels; neighbours at 8 px count half.
 _STIFFNESS_PX2, _NEAR_PX = 1.0, 8.0
 
 

@@ -16,8 +16,11 @@ from tracker.point_trajectories import PointStatus, PointTrajectories
 from tracker.rig import Rig
 
 _COLOURS = "turbo"
+# Of a view in the report.
 _WIDTH_PX = 700
+# Of the trails: a third of a second at 25 frames/s.
 _TAIL_FRAMES = 8
+# More are a carpet.
 _MOST_LINES = 3000
 
 
@@ -51,6 +54,7 @@ def _drawn(picture: Image, rows: Rows, view: int, frame: int) -> Image:
     return canvas
 
 
+# BGR, as OpenCV draws.
 _STATUS_COLOURS = {
     int(PointStatus.FOLLOWED): (90, 220, 90),
     int(PointStatus.REKEYED): (40, 150, 255),

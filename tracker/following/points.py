@@ -17,6 +17,7 @@ from tracker.point_trajectories import PointFrame, PointStatus
 N_NEAREST, N_FARTHER = 12, 12
 """Neighbours of a point: the nearest ones, and some spread over its reach, which stay when all near ones hide."""
 
+# Neighbours asked for at once: more than any template patch has.
 _DENSEST = 300
 
 

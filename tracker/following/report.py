@@ -39,6 +39,7 @@ def _warning(summary: Mapping[str, object]) -> str:
     return f"<p class='warn'>{' '.join(said)}</p>" if said else ""
 
 
+# Below half of the points of the first frame, the report warns.
 _FEW = 0.5
 
 

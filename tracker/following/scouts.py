@@ -12,8 +12,12 @@ from tracker.following.points import Points
 from tracker.kernels.patches.keys import key_side
 from tracker.lsm.matching import PatchImage
 
+# So many hidden points are tried a frame, for speed; each with the motion of 24 seen ones, at least the six of an
+# affinity.
 _N_SCOUTS, _N_FAR, _LEAST_FAR = 200, 24, 6
+# A hidden surface moves on unseen: what correlation may find it within.
 _REACH_PX = 20
+# A choice: a start only, matching decides.
 _LEAST_CORRELATION = 0.7
 _SPLINE = np.array([1, 4, 1], dtype=np.float64) / 6
 """Grey values of cubic B-spline coefficients at whole pixels."""

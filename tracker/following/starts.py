@@ -8,8 +8,11 @@ from scipy.spatial import cKDTree
 
 from tracker.arrays import Array, Image, Integers
 
+# OpenCV's defaults of pyramidal Lucas-Kanade.
 _WINDOW_PX, _LEVELS = 21, 3
+# Followed by optical flow; the others start where the five nearest of these lead.
 _N_LEADERS, _FOLLOWED_LEADERS = 400, 5
+# px, half the side of what is correlated: a choice.
 _CORRELATED_HALF = 6
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from tracker.arrays import Array, frozen
 
+# Keeps powers of 0 finite.
 _TINY = 1e-12
 
 

@@ -7,12 +7,16 @@ import numpy as np
 
 from tracker.arrays import Array, Image
 
+# px: features of larger pictures are noise, and cost time.
 _FEATURES_WIDTH = 960
+# Stricter than the 0.8 of Lowe 2004, section 7.1: one wrong plate is worse than one refused.
 _RATIO = 0.75
+# Of the small picture: a choice.
 _OFF_PX = 2.0
 LEAST_INLIERS = 40
 """Features in common under which a plate does not belong to an image."""
 
+# Every ninth pixel is enough for 24 levels of grey.
 _THIN, _LEVELS = 3, 24
 
 

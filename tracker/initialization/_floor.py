@@ -9,6 +9,7 @@ from tracker.body import BodyModel
 from tracker.camera import Camera
 from tracker.rig import Rig
 
+# Poses at a time: bounds the memory.
 _BATCH = 4096
 
 

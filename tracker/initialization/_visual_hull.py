@@ -16,8 +16,11 @@ from tracker.rig import Rig
 STEP_M = 0.04
 """Edge of a voxel, metres."""
 
+# A cube of the first pass has 27 of the second.
 _COARSE = 3
+# A tall man with an arm raised.
 _HEIGHT_M = 2.4
+# Least and largest half side of the floor that is searched.
 _REACH_M = (1.5, 5.0)
 
 

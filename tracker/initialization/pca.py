@@ -26,6 +26,7 @@ from tracker.rig import Rig
 from tracker.scene import Scene
 from tracker.start import AxisFit, Hypothesis, Start, confidence
 
+# Poses at a time: bounds the memory.
 _BATCH = 128
 # A limb that is missing in a mask is worse than a speck, which is nothing in space: less than in tracking.
 _SIGMAS = 4.0

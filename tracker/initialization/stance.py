@@ -20,6 +20,7 @@ from tracker.scene import Person, Scene
 from tracker.start import Hypothesis, Start, confidence
 from tracker.synthesis.cpu import CpuSynthesis
 
+# Poses at a time: bounds the memory.
 _BATCH = 256
 # Contours for thousands of poses: a third of the samples that estimates are made with.
 _ROUGH = CpuSynthesis(step_px=16.0, n_eta=6, n_omega=12)

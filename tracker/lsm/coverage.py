@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from tracker.arrays import Array
 
+# Below half of the region, a surface is no success.
 _ENOUGH = 0.5
 
 

@@ -11,6 +11,7 @@ from tracker.arrays import Array, Mask, frozen
 from tracker.kernels.patches.matching import HALF_PATCH
 from tracker.lsm.growth import MatchField
 
+# A larger correction is no curvature but a wrong neighbour; a plane has three unknowns.
 _LARGEST_PX = 0.5
 _MIN_NEIGHBOURS = 9
 
@@ -70,6 +71,7 @@ def _slopes(valid: Mask, affine: Array, axes: tuple[Array, Array], window: int) 
     return n, np.stack(second, axis=-1)
 
 
+# px^2: neighbours within half a pixel tell no slope.
 _NO_SPREAD = 0.25
 
 
@@ -82,6 +84,7 @@ def _consistency(usable: Mask, shift: Array, window: int) -> Array:
     return weights
 
 
+# Keeps 0 / 0 away.
 _NO_SHIFT_PX2 = 1e-12
 
 

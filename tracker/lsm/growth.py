@@ -16,7 +16,9 @@ from tracker.kernels.patches.matching import MATCHED, N_FOUND
 from tracker.lsm.matching import FAILURES, LeastSquaresMatching, Matches, PatchImage
 from tracker.progress import Progress, silent
 
+# So that progress is told, and Ctrl-C heard, again and again.
 _ATTEMPTS_A_CALL = 20_000
+# Region of a point that must not grow; -1 is one without a seed.
 _OUTSIDE_REGION = -2
 
 

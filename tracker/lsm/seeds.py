@@ -107,8 +107,11 @@ class Seeds:
         return Candidates(at, start, (affine,))
 
 
+# The fundamental matrix has seven degrees of freedom; where it is known, six matches still show a wrong one.
 _FEW = 6
+# Lowe 2004, section 7.1.
 _RATIO = 0.8
+# Matches that agree with their neighbours: below a third, the rest agrees by chance.
 _LEAST_AGREEING = 0.3
 
 

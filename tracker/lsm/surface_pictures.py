@@ -14,6 +14,7 @@ from tracker.lsm.points import SurfacePoints
 from tracker.lsm.surface import Surface
 from tracker.rig import Rig
 
+# Of the longer side in the report, and the width of one in the figure.
 _PICTURE_PX = 900
 _WIDTH_INCH = 6.0
 _COLOURS = "viridis"

@@ -16,8 +16,11 @@ from tracker.frame import Frame
 from tracker.imaging.local_contrast import wallis_filter
 from tracker.rig import Rig
 
+# Grey levels between the darkest and the brightest percentile: a lens cap's noise.
 _BLANK_GREY = 3.0
+# What is added to measure how much is there already.
 _BLUR_TEST_PX = 1.5
+# Against the noise of single pixels, which would be taken for sharpness; taken off again.
 _PRESMOOTHING_PX = 0.8
 
 

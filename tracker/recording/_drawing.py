@@ -12,8 +12,10 @@ from tracker.scene import Scene
 from tracker.start import AxisFit
 from tracker.trajectory import Step
 
+# BGR.
 _WHITE, _GREY, _RED, _CYAN = (255, 255, 255), (150, 150, 150), (40, 40, 230), (230, 200, 60)
 _ORANGE = (40, 140, 255)
+# Binary digits after the point in OpenCV's drawing; width of what lies between parts.
 _SUBPIXEL = 4
 _BETWEEN_PX = 4.0
 

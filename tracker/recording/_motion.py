@@ -31,6 +31,7 @@ _GAP = 0.75
 
 log = logging.getLogger("tracker")
 
+# Three markers spread around a segment.
 _AROUND = np.radians([0.0, 120.0, 240.0])
 _ALONG = np.radians([30.0, 0.0, -30.0])
 """Longitudes and latitudes of a segment's three surface points: around it and along it, so that they fix its turn."""

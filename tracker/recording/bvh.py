@@ -15,6 +15,7 @@ from tracker.files import write_whole
 from tracker.recording import RunContext
 from tracker.recording._motion import Y_UP, Motion, MotionRecorder, euler_angles
 
+# A metre in the unit that programs expect of BVH.
 _CM = 100.0
 _ORDER: Final = "ZXY"
 """Order of the rotation channels: R = Rz Rx Ry, the usual one; the sides of X = 90 degrees lie far from any spine."""

@@ -16,6 +16,7 @@ from tracker.files import replacing
 from tracker.recording import RunContext
 from tracker.recording._motion import Y_UP, Motion, MotionRecorder, markers_of
 
+# By the format.
 _BLOCK_BYTES = 512
 _ROTATION_FLOATS = 17
 """Of a ROTATION signal in a frame: a 4x4 matrix column by column, and its reliability."""

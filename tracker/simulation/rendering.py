@@ -14,8 +14,11 @@ from tracker.camera import Camera
 from tracker.kernels.pictures.rasterization import rasterize
 from tracker.scene import Person, Scene
 
+# The chords of 36 faces lie at most 0.4 % of the radius inside the surface: 0.6 mm at a trunk.
 _N_ETA, _N_OMEGA = 25, 36
+# A pixel is the mean of four.
 _SUPERSAMPLE = 2
+# From above, a little from the front, as in a gym; a lamp straight above would hide the floor shadow.
 _LIGHT = np.array([0.35, -0.2, 0.92]) / np.linalg.norm([0.35, -0.2, 0.92])
 
 # BGR of the garments in the order of the model file; a body with more of them wears the first ones again. Sleeves
@@ -24,6 +27,7 @@ _WARDROBES: tuple[tuple[tuple[int, int, int], ...], ...] = (
     ((128, 60, 38), (70, 170, 215), (62, 58, 60), (28, 26, 30)),
     ((52, 96, 46), (60, 60, 190), (120, 96, 70), (40, 44, 60)),
 )
+# BGR.
 _SKIN, _HAIR = (132, 160, 205), (30, 34, 44)
 
 

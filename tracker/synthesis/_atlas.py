@@ -19,8 +19,11 @@ from tracker.synthesis._pictures import Picture, solids_of
 from tracker.synthesis._tiles import Batch
 
 _SHADERS = Path(__file__).parent / "_shaders"
+# GL_CLIP_DISTANCE0, which moderngl does not name.
 _CLIP_DISTANCE0 = 0x3000
+# The first with compute shaders.
 _VERSION = 430
+# To begin with; what does not fit is drawn again with more.
 _EDGES_PER_TILE = 4096
 
 # storage bindings, as in the shaders

@@ -10,6 +10,7 @@ import numpy as np
 from tracker.arrays import Array, Integers
 from tracker.camera import Camera
 
+# What every GL 4.3 can draw.
 _LARGEST_PX = 8192
 
 

@@ -23,8 +23,11 @@ from tracker.synthesis._meshes import NEAREST_M, Meshes
 from tracker.synthesis._pictures import Picture
 from tracker.synthesis._pinhole import Pinhole, pinhole_of
 
+# Farther than the far wall of a gym.
 _FARTHEST_M = 60.0
+# OpenGL's camera looks along -z, with y up.
 _FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+# Times the pixels of the image, so that the lens can be bent afterwards.
 _FINE = 2
 
 

@@ -145,5 +145,7 @@ def intersect_rays(
         residuals[k] = np.sqrt(squares / (2 * n_views))
 
 
+# A bound: from the linear intersection each Newton step doubles the digits.
 _MOST_STEPS = 10
+# Far below any measurement, far above rounding.
 _SMALL_STEP_M = 1e-8

@@ -15,6 +15,7 @@ from tracker.kernels.projection import project_point
 from tracker.kernels.rows import solid, spot, superquadric
 from tracker.kernels.rows.camera import CENTRE_X, CENTRE_Y, CENTRE_Z, FX
 
+# A Python float in a formula would make the compiled code compute it in double precision.
 _ZERO: Any = np.float32(0.0)
 _HALF: Any = np.float32(0.5)
 _ONE: Any = np.float32(1.0)

@@ -8,9 +8,16 @@ from tracker.arrays import Array, Integers, Mask
 from tracker.kernels.compilation import compiled
 
 LEAST_NEIGHBOURS = 6
+"""Twice the unknowns of a plane through their differences."""
+
 LARGEST_PX = 0.5
+"""A larger correction is no curvature but a wrong neighbour."""
+
 NO_SPREAD_PX2 = 1.0
+"""Regularizes neighbours that lie at one place."""
+
 NO_SHIFT_PX2 = 1e-12
+"""Keeps 0 / 0 away."""
 
 
 @compiled

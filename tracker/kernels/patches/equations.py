@@ -10,6 +10,8 @@ from tracker.arrays import Array, Array32
 from tracker.kernels.compilation import compiled
 
 N_PARAMETERS = 8
+"""Two shifts, four of the affinity, gain and offset of the grey values (Gruen 1985)."""
+
 AFFINE = (1, 2, 4, 5)
 """Positions of the four affine terms; 0 and 3 are the shifts, 6 and 7 brightness and contrast."""
 

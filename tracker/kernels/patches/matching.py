@@ -34,6 +34,7 @@ WARP, SIGMA0, COVARIANCE, CORRELATION, HALF_PATCH, N_FOUND = slice(0, 6), 8, sli
 covariance of the shift xx yy xy px^2, 12 correlation, 13 iterations, 14 half the patch px.
 """
 
+# Grey levels: rounding.
 _NO_TEXTURE = 1e-3
 
 

@@ -13,6 +13,7 @@ from tracker.kernels.contours.scoring import moving_parts
 from tracker.kernels.pictures.silhouettes import widen
 from tracker.kernels.projection import project_point
 
+# Marks pixels that parts which stand still cover.
 _STILL = -1
 # A part nearer to a camera than this has no outline that could be filled, metres.
 _NEAREST_M = 0.05

@@ -15,10 +15,12 @@ from tracker.kernels.compilation import compiled
 from tracker.kernels.rows import region
 
 N_COLOURS = 4096
+"""16 levels of each channel."""
 
 EVEN = 127
 """Entry of a posterior table that tells nothing; 0 is surely outside, 254 surely inside."""
 
+# Of the posterior.
 _BINS = 16
 
 LEAST_PIXELS = 20.0
