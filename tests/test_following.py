@@ -15,7 +15,7 @@ from tracker.errors import SequenceError
 from tracker.following.births import chosen_evenly, points_of_image, points_of_surface
 from tracker.following.density import Density
 from tracker.following.following import Following
-from tracker.following.keys import Keys, Quality, Starts, look
+from tracker.following.keys import Keys, Quality, Starts, find_keys
 from tracker.following.neighbours import expected
 from tracker.following.points import restored
 from tracker.following.sequence import follow
@@ -228,7 +228,7 @@ def test_keys_match_as_whole_images_do():
     start = at @ affine.T + shift + 0.3
     whole = matching.match(template, search, at, start)
     keys = Keys.cut(template, at, matching.patch_px // 2)
-    found = look(
+    found = find_keys(
         matching,
         Quality(np.inf, np.inf, 0.0, np.inf),
         keys,
@@ -241,7 +241,7 @@ def test_keys_match_as_whole_images_do():
     np.testing.assert_allclose(found.pixels[found.good], whole.pixels[whole.good], atol=1e-5)
     np.testing.assert_allclose(found.affine[found.good], whole.affine[whole.good], atol=1e-5)
     between = Keys.cut(template, at + 0.3, matching.patch_px // 2)
-    moved = look(
+    moved = find_keys(
         matching,
         Quality(np.inf, np.inf, 0.0, np.inf),
         between,

@@ -5,10 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-
-from tracker.arrays import Array
-
 Side = tuple[str, str]
 
 
@@ -35,10 +31,3 @@ class Mirror:
 
     def _without_side(self, name: str) -> str:
         return "_".join(word for word in name.split("_") if word not in self.sides)
-
-    @property
-    def reflection(self) -> Array:
-        """(3, 3) reflection of vectors of the reference pose in the plane of symmetry."""
-        normal = np.array(self.across) / np.linalg.norm(self.across)
-        flip: Array = np.eye(3) - 2 * np.outer(normal, normal)
-        return flip

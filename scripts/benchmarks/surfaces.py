@@ -27,7 +27,7 @@ CONFIGS = Path(__file__).parents[2] / "configs" / "surfaces"
 # Of the cylinder and its positions, by the README of the recording.
 RADIUS_MM = 57.15
 N_POSITIONS = 5
-# Numbers of the middle pictures of the triplets of neighbouring pictures of the temple.
+# Middle ones of the triplets of neighbouring pictures of the temple.
 TRIPLETS = range(14, 31, 2)
 
 

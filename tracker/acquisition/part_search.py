@@ -58,11 +58,11 @@ def searched_parts(
     return shape
 
 
-Seen = tuple[Integers, Array, Array]
+BackProjected = tuple[Integers, Array, Array]
 """Part (N,), contour point (N, 3) and viewing direction (N, 3), the latter in the part's frame."""
 
 
-def _back_projected(found: Fit, look: int, silhouette: Silhouette, synthesis: Synthesis) -> Seen:
+def _back_projected(found: Fit, look: int, silhouette: Silhouette, synthesis: Synthesis) -> BackProjected:
     """3-D occluding contours: image contours back-projected to the depth of the model's contours beside them."""
     body, q, camera = found.body, found.pose(look), silhouette.camera
     scene = scene_of(body, q, silhouette)
@@ -93,7 +93,9 @@ def _scale(focal_px: float, contours: Contours, in_camera: object) -> float:
     return float(focal_px / np.median(in_camera(points)[:, 2]))
 
 
-def _sections(space: ShapeSpace, body: BodyModel, name: str, seen: Sequence[Seen]) -> Iterator[tuple[int, Array]]:
+def _sections(
+    space: ShapeSpace, body: BodyModel, name: str, seen: Sequence[BackProjected]
+) -> Iterator[tuple[int, Array]]:
     """For each radius of a part (0 front, 1 side) the points (N, 2) lateral and along that show it."""
     names = [part.name for part in body.parts]
     mates = {names.index(name)}

@@ -6,9 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tracker.arrays import Array, Integers
+from tracker.arrays import Integers
 from tracker.calibration._self_calibration import Adjustment
-from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "central", "right")
 # Above 0.98, the variance of one parameter is more than 25 times what it would be with the other one known.
@@ -89,8 +88,3 @@ def region(row: int, column: int) -> str:
 def listed(words: list[str]) -> str:
     """`a, b and c`."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
-
-
-def precision_table(adjustment: Adjustment) -> Array:
-    """(V, 17) standard errors; NaN where a parameter was not determined."""
-    return np.where(adjustment.free, adjustment.sigmas, np.nan).reshape(-1, N_UNKNOWNS)

@@ -16,14 +16,16 @@ from tracker.calibration._states import nominal_state, pinhole_of
 from tracker.errors import CalibrationError
 from tracker.kernels.rows import bundle_camera
 
-Seen = dict[tuple[int, int], tuple[Array, Array]]
+SeenCorners = dict[tuple[int, int], tuple[Array, Array]]
 """(view, frame) -> corners in the board's frame (N, 3) metres, and their pixels (N, 2)."""
 
 # Zhang 2000, section 3.1: three views of a plane determine the interior.
 _FEWEST_BOARDS = 3
 
 
-def board_start(seen: Seen, names: Sequence[str], sizes: Sequence[tuple[int, int]]) -> tuple[State, Observations]:
+def board_start(
+    seen: SeenCorners, names: Sequence[str], sizes: Sequence[tuple[int, int]]
+) -> tuple[State, Observations]:
     """Cameras, board poses and observations.
 
     Args:
@@ -49,7 +51,7 @@ def board_start(seen: Seen, names: Sequence[str], sizes: Sequence[tuple[int, int
     return _assembled(seen, frames, cameras, np.stack(world_from_board))
 
 
-def _camera(seen: Seen, view: int, name: str, size: tuple[int, int]) -> Array:
+def _camera(seen: SeenCorners, view: int, name: str, size: tuple[int, int]) -> Array:
     """(23,) camera constant from the boards' homographies, principal point in the middle."""
     mine = [found for (v, _), found in sorted(seen.items()) if v == view]
     if len(mine) < _FEWEST_BOARDS:
@@ -119,7 +121,7 @@ def _median_motion(motions: Array) -> Array:
     return best
 
 
-def _assembled(seen: Seen, frames: list[int], cameras: Array, poses: Array) -> tuple[State, Observations]:
+def _assembled(seen: SeenCorners, frames: list[int], cameras: Array, poses: Array) -> tuple[State, Observations]:
     """One point for every corner of every pose that a view shows; the observations sorted by pose."""
     shapes: list[Array] = []
     pixels: list[Array] = []

@@ -26,7 +26,7 @@ from tracker.kernels.rows import bundle_camera
 from tracker.kernels.rows import bundle_unknown as unknown
 from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
-View = tuple[str, tuple[int, int]]
+NamedSize = tuple[str, tuple[int, int]]
 """Name and image size, px."""
 
 _REJECTED_AT = 4.0
@@ -270,7 +270,7 @@ def _inverse(normal: Array, loose: Array | None) -> Array:
 
 
 def _least_determined(
-    state: State, free: Mask, covariance: Array, views: Sequence[View]
+    state: State, free: Mask, covariance: Array, views: Sequence[NamedSize]
 ) -> tuple[tuple[int, int], Held] | None:
     """The additional or interior parameter whose standard error is largest beside what it may be, if too large."""
     names = [name for name, _ in views]

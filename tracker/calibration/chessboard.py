@@ -11,7 +11,7 @@ import pydantic
 
 from tracker.arrays import Array, Image
 from tracker.calibration._advice import advice
-from tracker.calibration._board_start import Seen, board_start
+from tracker.calibration._board_start import SeenCorners, board_start
 from tracker.calibration._boards import charuco_detector, find_charuco, find_corners
 from tracker.calibration._calibrated import Calibrated, Measure
 from tracker.calibration._objects import Boards
@@ -37,7 +37,7 @@ class BoardImages:
 
     names: tuple[str, ...]
     sizes: tuple[tuple[int, int], ...]
-    seen: Seen
+    seen: SeenCorners
 
 
 @component
@@ -77,7 +77,7 @@ class ChessboardCalibration:
     def calibrate(self, views: Views, progress: Progress) -> Calibrated:
         """Finds the board in the views and adjusts; see `tracker.calibration.Calibration.calibrate`."""
         find = self._finder()
-        seen: Seen = {}
+        seen: SeenCorners = {}
         pictures: dict[str, Image] = {}
         for k, frame in enumerate(views.frames()):
             progress("finding boards", k + 1, views.n_frames)

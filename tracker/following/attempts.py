@@ -6,7 +6,7 @@ import numpy as np
 
 from tracker.arrays import Array, Integers
 from tracker.following.checks import accept_found
-from tracker.following.keys import Keys, Starts, look
+from tracker.following.keys import Keys, Starts, find_keys
 from tracker.following.neighbours import expected
 from tracker.following.points import carried
 from tracker.following.scouts import chosen_scouts, correlated_keys, far_expectation
@@ -33,7 +33,7 @@ def look_for_keys(sightings: Sightings) -> None:
             if len(rows):
                 start = _started(sightings, v, rows, linear[rows], attempt)
                 starts = Starts(start, sightings.affine[v, rows])
-                found = look(following.matching, following.quality, points.keys[v], rows, image, starts=starts)
+                found = find_keys(following.matching, following.quality, points.keys[v], rows, image, starts=starts)
                 sightings.put(v, rows, found)
 
 
@@ -98,7 +98,7 @@ def look_for_previous(sightings: Sightings) -> None:
         linear = predicted(sightings.points.pixels[v, new.rows], sightings.points.before[v, new.rows])
         starts = Starts(_started(sightings, v, new.rows, linear, 1), np.tile(np.eye(2), (len(new.rows), 1, 1)))
         own = np.arange(len(new.rows))
-        found = look(following.matching, following.quality, new.keys, own, image, starts=starts)
+        found = find_keys(following.matching, following.quality, new.keys, own, image, starts=starts)
         sightings.put(v, new.rows, found)
         good = found.good
         rows = new.rows[good]
@@ -173,7 +173,7 @@ def _look_expected(sightings: Sightings, view: int, rows: Integers, expectation:
         keys, drift = points.keys[view], points.drift[view, rows]
         affine = expectation.affine @ np.linalg.inv(points.key_from_birth[view, rows])
         starts = Starts(expectation.pixels, affine)
-    found = look(following.matching, following.quality, keys, rows, image, starts=starts)
+    found = find_keys(following.matching, following.quality, keys, rows, image, starts=starts)
     near = np.linalg.norm(found.pixels - expectation.pixels, axis=1) <= following.max_surprise_px
     sightings.drift[view, rows] = drift
     sightings.put(view, rows[near], found.select(near))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tracker.arrays import Integers, Mask
-from tracker.following.keys import Keys, Starts, look
+from tracker.following.keys import Keys, Starts, find_keys
 from tracker.following.neighbours import expected
 from tracker.following.sightings import Sightings
 from tracker.point_trajectories import PointStatus
@@ -67,7 +67,7 @@ def _differs_across(sightings: Sightings, rows: Integers) -> Mask:
             affine = looks[v, rows[own]] @ np.linalg.inv(looks[t, rows[own]])
             place = sightings.pixels[v, rows[own]]
             starts = Starts(place, affine)
-            found = look(following.matching, following.quality, keys, np.arange(len(own)), search, starts=starts)
+            found = find_keys(following.matching, following.quality, keys, np.arange(len(own)), search, starts=starts)
             differs[own] |= ~(np.linalg.norm(found.pixels - place, axis=1) <= following.max_across_px)
     return differs
 
@@ -84,7 +84,7 @@ def look_where_projected(sightings: Sightings) -> None:
             continue
         place = camera.project(sightings.positions[rows])
         starts = Starts(place, points.affine[v, rows])
-        found = look(following.matching, following.quality, points.keys[v], rows, image, starts=starts)
+        found = find_keys(following.matching, following.quality, points.keys[v], rows, image, starts=starts)
         near = np.linalg.norm(found.pixels - place, axis=1) <= _PROJECTED_PX
         rows = rows[near]
         sightings.put(v, rows, found.select(near))

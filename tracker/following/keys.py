@@ -110,7 +110,7 @@ def _stretch(affine: Array) -> Array:
         return np.where(determinant > 0, np.maximum(longest, longest / determinant), np.inf)
 
 
-def look(
+def find_keys(
     matching: LeastSquaresMatching, quality: Quality, keys: Keys, which: Integers, image: PatchImage, *, starts: Starts
 ) -> Sighting:
     """Looks for the key patches of M points in an image.

@@ -20,7 +20,7 @@ from tracker.lsm.growth import Growth, MatchField
 from tracker.lsm.matching import LeastSquaresMatching, Matches, PatchImage
 from tracker.lsm.points import SurfacePoints, intersect, voxel_filtered
 from tracker.lsm.seeds import Candidates, Seeds, matched_seeds
-from tracker.lsm.views import Preparation, View
+from tracker.lsm.views import Preparation, PreparedView
 from tracker.progress import Progress, silent, within
 from tracker.rig import Rig
 
@@ -30,7 +30,7 @@ class Surface:
     """A measured surface, and what it was measured from."""
 
     points: SurfacePoints
-    views: tuple[View, ...]
+    views: tuple[PreparedView, ...]
     template: int
     """Index of the view that the others were compared with."""
 
@@ -157,7 +157,7 @@ _Pairs = tuple[tuple[PatchImage, PatchImage], ...]
 
 
 def _matched(
-    measurement: SurfaceMeasurement, views: tuple[View, View], pairs: _Pairs, progress: Progress
+    measurement: SurfaceMeasurement, views: tuple[PreparedView, PreparedView], pairs: _Pairs, progress: Progress
 ) -> tuple[MatchField, Attempt]:
     """Seeds, growth and neighbourhood filter for one search image."""
     growth, neighbourhood = measurement.growth, measurement.neighbourhood
@@ -198,7 +198,7 @@ def _seeds(
     return good, faults
 
 
-def _coloured(points: SurfacePoints, view: View, template: int) -> SurfacePoints:
+def _coloured(points: SurfacePoints, view: PreparedView, template: int) -> SurfacePoints:
     if len(points) == 0:
         return points
     columns, rows = np.round(points.pixels[template]).astype(int).T

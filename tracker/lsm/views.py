@@ -25,7 +25,7 @@ _PRESMOOTHING_PX = 0.8
 
 
 @dataclass(frozen=True)
-class View:
+class PreparedView:
     """An image with its camera, ready to be matched."""
 
     camera: Camera
@@ -81,7 +81,7 @@ class Preparation:
     max_blur_px: float = pydantic.Field(default=2.5, gt=0)
     """Images whose edges are wider than this (standard deviation) are refused as blurred, px."""
 
-    def views(self, frame: Frame, rig: Rig) -> tuple[View, ...]:
+    def views(self, frame: Frame, rig: Rig) -> tuple[PreparedView, ...]:
         """The views of a frame, in the rig's order.
 
         Raises:
@@ -90,7 +90,7 @@ class Preparation:
         """
         return tuple(self._view(camera, image, frame) for camera, image in zip(rig.cameras, frame.images, strict=True))
 
-    def _view(self, camera: Camera, image: Image | None, frame: Frame) -> View:
+    def _view(self, camera: Camera, image: Image | None, frame: Frame) -> PreparedView:
         if image is None:
             raise SequenceError(f'view "{camera.name}" has no image in frame {frame.index}')
         if self.odd_lines_only:
@@ -101,7 +101,7 @@ class Preparation:
         enhanced = None
         if self.enhance_contrast:
             enhanced = wallis_filter(grey, self.window_px | 1, self.contrast_grey, self.expansion)
-        return View(camera, picture, grey.astype(np.float32), enhanced)
+        return PreparedView(camera, picture, grey.astype(np.float32), enhanced)
 
     def _check(self, name: str, grey: Image) -> None:
         darkest, brightest = np.percentile(grey, (0.5, 99.5))

@@ -35,7 +35,7 @@ _MOST_SEARCHED = 1500
 _View = TypeVar("_View")
 
 
-class View(Protocol):
+class ImageStream(Protocol):
     """One view's images, read in ascending order."""
 
     def read(self, index: int) -> Image | None:
@@ -71,7 +71,7 @@ class Settings(Protocol):
 
 
 @dataclass(frozen=True)
-class Recording:
+class Footage:
     """What a reading component has found on disk."""
 
     names: tuple[str, ...]
@@ -81,7 +81,7 @@ class Recording:
     lengths: tuple[int, ...]
     """Number of images of each view, 0 where it is absent."""
 
-    open_views: Callable[[], tuple[View, ...]]
+    open_views: Callable[[], tuple[ImageStream, ...]]
     plate_of_clip: Callable[[Path], Image]
     first: int = 0
     """Number in the file names of the images, or of masks, that belongs to a view's image 0."""
@@ -128,7 +128,7 @@ class OpenViews:
     offsets: tuple[int, ...]
     downscale: int
     on_missing: OnMissing
-    open_views: Callable[[], tuple[View, ...]]
+    open_views: Callable[[], tuple[ImageStream, ...]]
 
     @property
     def sizes(self) -> tuple[tuple[int, int], ...]:
@@ -161,7 +161,7 @@ class OpenViews:
                     waiting = request(indices[k + 1])
                 yield Frame(index, index / self.fps, images)
 
-    def image(self, v: int, view: View, index: int) -> Image | None:
+    def image(self, v: int, view: ImageStream, index: int) -> Image | None:
         """An image (h, w, 3) of one view as delivered; None where it may be and is missing.
 
         Args:
@@ -225,30 +225,30 @@ class OpenSequence(OpenViews):
             yield replace(frame, masks=tuple(None if image is None else mask for image, mask in shown))
 
 
-def opened(settings: Settings, recording: Recording, rig: Rig) -> OpenSequence:
-    """The sequence that the settings choose from a recording.
+def opened(settings: Settings, footage: Footage, rig: Rig) -> OpenSequence:
+    """The sequence that the settings choose from the footage.
 
     Raises:
         SequenceError: lengths, range or plates do not fit.
     """
-    views = _chosen_views(settings, recording, tuple(camera.size for camera in rig.cameras))
+    views = _chosen_views(settings, footage, tuple(camera.size for camera in rig.cameras))
     return OpenSequence(
         **vars(views),
         rig=rig if settings.downscale == 1 else rig.downscaled(settings.downscale),
-        plates=_opened_plates(settings, recording, views, rig),
-        masks=None if settings.masks is None else _opened_masks(settings.masks, recording, views),
+        plates=_opened_plates(settings, footage, views, rig),
+        masks=None if settings.masks is None else _opened_masks(settings.masks, footage, views),
     )
 
 
-def _opened_plates(settings: Settings, recording: Recording, views: OpenViews, rig: Rig) -> tuple[Plate | None, ...]:
+def _opened_plates(settings: Settings, footage: Footage, views: OpenViews, rig: Rig) -> tuple[Plate | None, ...]:
     if settings.background != RECORDED:
         firsts = _first_images(views) if settings.align_background else None
-        return load_plates(rig, settings.background, settings.downscale, recording.plate_of_clip, firsts)
+        return load_plates(rig, settings.background, settings.downscale, footage.plate_of_clip, firsts)
     if settings.align_background:
         raise SequenceError(
             f'align_background: nothing to align, background = "{RECORDED}" is made of these images: unset it'
         )
-    return recorded_plates(views.names, lambda v: _spread_images(views, recording.lengths[v], v))
+    return recorded_plates(views.names, lambda v: _spread_images(views, footage.lengths[v], v))
 
 
 def _spread_images(views: OpenViews, length: int, v: int) -> list[Image]:
@@ -262,22 +262,22 @@ def _spread_images(views: OpenViews, length: int, v: int) -> list[Image]:
     return [image for image in found if image is not None]
 
 
-def _opened_masks(pattern: str, recording: Recording, views: OpenViews) -> MaskFiles:
+def _opened_masks(pattern: str, footage: Footage, views: OpenViews) -> MaskFiles:
     paths = mask_paths(pattern, views.names)
     by_name = dict(zip(views.names, paths, strict=True))
     files = opened_views(views.names, lambda name: numbered_files(name, by_name[name]), views.on_missing)
-    offsets = tuple(recording.first + offset for offset in views.offsets)
+    offsets = tuple(footage.first + offset for offset in views.offsets)
     found = MaskFiles(tuple(one or {} for one in files), views.names, views.source_sizes, offsets, views.downscale)
     return checked_masks(found, views.selection, views.on_missing)
 
 
-def opened_uncalibrated(settings: Settings, recording: Recording) -> OpenViews:
+def opened_uncalibrated(settings: Settings, footage: Footage) -> OpenViews:
     """The views that the settings choose from a recording of cameras without a calibration.
 
     Raises:
         SequenceError: lengths or range do not fit, or a view lacks the first image, which tells its size.
     """
-    views = _chosen_views(settings, recording, ())
+    views = _chosen_views(settings, footage, ())
     sizes = []
     for name, image in zip(views.names, _first_images(views), strict=True):
         if image is None:
@@ -286,18 +286,18 @@ def opened_uncalibrated(settings: Settings, recording: Recording) -> OpenViews:
     return replace(views, source_sizes=tuple(sizes))
 
 
-def _chosen_views(settings: Settings, recording: Recording, sizes: tuple[tuple[int, int], ...]) -> OpenViews:
-    offsets = chosen_offsets(recording.names, settings.offsets)
-    length = common_length(recording.names, recording.lengths, offsets, settings.on_missing, settings.stop)
+def _chosen_views(settings: Settings, footage: Footage, sizes: tuple[tuple[int, int], ...]) -> OpenViews:
+    offsets = chosen_offsets(footage.names, settings.offsets)
+    length = common_length(footage.names, footage.lengths, offsets, settings.on_missing, settings.stop)
     return OpenViews(
-        names=recording.names,
+        names=footage.names,
         source_sizes=sizes,
-        fps=recording.fps,
+        fps=footage.fps,
         selection=selected(settings.start, settings.stop, settings.stride, length),
         offsets=offsets,
         downscale=settings.downscale,
         on_missing=settings.on_missing,
-        open_views=recording.open_views,
+        open_views=footage.open_views,
     )
 
 

@@ -13,9 +13,9 @@ from tracker.errors import SequenceError
 from tracker.reading._pictures import read_image
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, numbered_files, view_paths
 from tracker.reading._sequence import (
+    Footage,
     OpenSequence,
     OpenViews,
-    Recording,
     opened,
     opened_uncalibrated,
     opened_views,
@@ -72,20 +72,20 @@ class ImageReading:
     def open(self) -> OpenSequence:
         """Opens all views; see `tracker.reading.Reading.open`."""
         rig = chosen_rig(self.rig, self.views)
-        return opened(self, self._recording(rig.names), rig)
+        return opened(self, self._footage(rig.names), rig)
 
     def open_uncalibrated(self) -> OpenViews:
         """Opens all views; see `tracker.reading.Reading.open_uncalibrated`."""
-        return opened_uncalibrated(self, self._recording(chosen_names(self.views)))
+        return opened_uncalibrated(self, self._footage(chosen_names(self.views)))
 
-    def _recording(self, names: tuple[str, ...]) -> Recording:
+    def _footage(self, names: tuple[str, ...]) -> Footage:
         paths = dict(zip(names, view_paths(self.path, names), strict=True))
         found = opened_views(names, lambda name: numbered_files(name, paths[name]), self.on_missing)
         # one origin for all views: one that lacks its first images must not be shifted against the others
         first = min(min(numbered) for numbered in found if numbered)
         views = tuple(_ImageView(numbered or {}, first) for numbered in found)
         lengths = tuple(max(view.files, default=first - 1) - first + 1 for view in views)
-        return Recording(names, self.fps, lengths, lambda: views, plate_of_clip, first)
+        return Footage(names, self.fps, lengths, lambda: views, plate_of_clip, first)
 
 
 def intact_image(path: Path) -> Image:

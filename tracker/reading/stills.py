@@ -13,9 +13,9 @@ from tracker.errors import SequenceError
 from tracker.reading._pictures import read_image
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
 from tracker.reading._sequence import (
+    Footage,
     OpenSequence,
     OpenViews,
-    Recording,
     opened,
     opened_uncalibrated,
     opened_views,
@@ -45,20 +45,20 @@ class StillReading:
     def open(self) -> OpenSequence:
         """Opens all views; see `tracker.reading.Reading.open`."""
         rig = chosen_rig(self.rig, self.views)
-        return opened(self._settings, self._recording(rig.names), rig)
+        return opened(self._settings, self._footage(rig.names), rig)
 
     def open_uncalibrated(self) -> OpenViews:
         """Opens all views; see `tracker.reading.Reading.open_uncalibrated`."""
-        return opened_uncalibrated(self._settings, self._recording(chosen_names(self.views)))
+        return opened_uncalibrated(self._settings, self._footage(chosen_names(self.views)))
 
     @property
     def _settings(self) -> _OneFrame:
         return _OneFrame(self.background, self.downscale)
 
-    def _recording(self, names: tuple[str, ...]) -> Recording:
+    def _footage(self, names: tuple[str, ...]) -> Footage:
         paths = dict(zip(names, view_paths(self.path, names), strict=True))
         views = tuple(view for view in opened_views(names, lambda name: _still(name, paths[name]), "error") if view)
-        return Recording(names, 1.0, (1,) * len(names), lambda: views, plate_of_clip)
+        return Footage(names, 1.0, (1,) * len(names), lambda: views, plate_of_clip)
 
 
 def _still(name: str, path: Path) -> _Still:

@@ -14,10 +14,10 @@ from tracker.errors import SequenceError
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
 from tracker.reading._sequence import (
     AbsentView,
+    Footage,
+    ImageStream,
     OpenSequence,
     OpenViews,
-    Recording,
-    View,
     opened,
     opened_uncalibrated,
     opened_views,
@@ -76,26 +76,26 @@ class VideoReading:
     def open(self) -> OpenSequence:
         """Opens all views; see `tracker.reading.Reading.open`."""
         rig = chosen_rig(self.rig, self.views)
-        return opened(self, self._recording(rig.names), rig)
+        return opened(self, self._footage(rig.names), rig)
 
     def open_uncalibrated(self) -> OpenViews:
         """Opens all views; see `tracker.reading.Reading.open_uncalibrated`."""
-        return opened_uncalibrated(self, self._recording(chosen_names(self.views)))
+        return opened_uncalibrated(self, self._footage(chosen_names(self.views)))
 
-    def _recording(self, names: tuple[str, ...]) -> Recording:
+    def _footage(self, names: tuple[str, ...]) -> Footage:
         paths = dict(zip(names, view_paths(self.path, names), strict=True))
         headers = opened_views(names, lambda name: _header(paths[name], name, self.on_missing), self.on_missing)
         rates = [(name, header[1]) for name, header in zip(names, headers, strict=True) if header]
 
-        def views() -> tuple[View, ...]:
+        def views() -> tuple[ImageStream, ...]:
             files = zip(paths.values(), headers, strict=True)
             return tuple(VideoView(path) if header else AbsentView() for path, header in files)
 
         lengths = tuple(header[0] if header else 0 for header in headers)
-        return Recording(names, self.fps or _common_fps(rates), lengths, views, plate_of_clip)
+        return Footage(names, self.fps or _common_fps(rates), lengths, views, plate_of_clip)
 
 
-class VideoView(View):
+class VideoView(ImageStream):
     """Decodes one file forwards; reading an earlier frame than the last one is not possible."""
 
     def __init__(self, path: Path) -> None:
