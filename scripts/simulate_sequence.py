@@ -23,7 +23,7 @@ def main(
     persons: Annotated[int, typer.Option(min=1, max=2, help="Number of persons.")] = 1,
     noise_grey: Annotated[float, typer.Option(min=0, help="Sensor noise, grey levels.")] = 3.0,
     model: Annotated[str, typer.Option(help="Bundled body model, or a model file.")] = "gavrila22",
-    seed: Annotated[int, typer.Option(help="Chooses the room and the noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Chooses the room and the noise.")] = 0,
 ) -> None:
     """Simulates a clothed person, or an animal, in a cluttered room, seen by four cameras."""
     recipe = Recipe(movement, model, seconds, fps, size, heading_deg, persons, noise_grey, seed=seed)

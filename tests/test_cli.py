@@ -64,6 +64,51 @@ def test_debug_shows_the_traceback(tmp_path):
     assert "Traceback" in done.stderr
 
 
+def test_debug_may_stand_anywhere(tmp_path):
+    done = bodytrack("run", "nowhere.toml", "--debug", folder=tmp_path)
+    assert "Traceback" in done.stderr
+
+
+BORDER = """
+import os, sys
+from tracker.cli import app, main
+
+@app.command()
+def fails():
+    raise {error}
+
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "words"),
+    [
+        ("RuntimeError('two\\nlines [red]')", 1, "RuntimeError: two lines [red]: this is a fault of bodytrack; please"),
+        ("OSError(28, os.strerror(28), 'a.csv')", 2, "a.csv: no space left on device; free some space"),
+        ("RecursionError()", 1, "RecursionError: : this is a fault"),
+    ],
+)
+def test_whatever_escapes_is_one_line(error, code, words):
+    command = [sys.executable, "-c", BORDER.format(error=error), "fails"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (code, "")
+    assert words in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    shown = subprocess.run([*command, "--debug"], capture_output=True, text=True, check=False)
+    assert "Traceback" in shown.stderr
+
+
+def test_code_from_outside_is_told_first_and_can_be_forbidden(sequence, tmp_path):
+    (tmp_path / "my_lab.py").write_text("print('it ran')\n")
+    command = ["run", sequence / "config.toml", "--output", tmp_path / "out", "--set", 'estimation.use="my_lab:Mine"']
+    done = bodytrack(*command, folder=tmp_path)
+    assert done.stdout.splitlines()[:2] == ["runs code from outside bodytrack: my_lab:Mine", "it ran"]
+    refused = bodytrack(*command, "--no-plugins", folder=tmp_path)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert "--no-plugins forbids" in refused.stderr
+
+
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["calibrate", "--help"], ["--version"]])
 def test_what_the_command_line_is_like_is_told_without_loading_libraries(arguments):
     script = "import sys\nfrom tracker.cli import app\napp(standalone_mode=False)\nprint(*sys.modules, file=sys.stderr)"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextvars
 import dataclasses
 import datetime
 import importlib
@@ -22,6 +23,7 @@ import tracker.similarity
 from tracker.components import available, find
 from tracker.config import build, component_stage, describe
 from tracker.errors import ConfigError
+from tracker.plugins import ask_before_plugins
 
 UNITS = ("px", "degrees", "metres", "seconds", "grey levels", "share", "frames", "per second", "factor", "rate")
 
@@ -175,12 +177,59 @@ def test_a_new_file_is_a_new_component(tmp_path, monkeypatch):
 
 
 def test_a_component_of_another_package_is_named_by_module_and_class(tmp_path, monkeypatch):
-    (tmp_path / "my_lab_measures.py").write_text(NEW.format(name="Mine"))
+    (tmp_path / "my_lab_measures.py").write_text(NEW.format(name="Mine") + METHODS)
     monkeypatch.syspath_prepend(tmp_path)
     table = {"use": "my_lab_measures:Mine", "step_px": 3.0}
     component = build("similarity", table, "here", tmp_path)
     assert describe(component) == table
     assert build("similarity", describe(component), "again", tmp_path) == component
+
+
+METHODS = """
+    def distances(self, asked, poses): ...
+    def equations(self, asked, q, gate_px=9.0): ...
+"""
+
+
+@pytest.mark.parametrize(
+    ("methods", "words"),
+    [
+        ("", 'no method "distances"'),
+        ("    def distances(self, asked, poses): ...", 'no method "equations"'),
+        ("    distances = equations = 3", 'no method "distances"'),
+        (METHODS.replace("asked, poses", "asked"), r'the method "distances" takes \(self, asked\), expected'),
+        ("    raise OSError('no')", "OSError: no; expected an importable"),
+    ],
+)
+def test_a_component_that_does_not_fit_its_stage_is_refused(methods, words, tmp_path, monkeypatch):
+    name = f"my_lab_{abs(hash(words))}"
+    (tmp_path / f"{name}.py").write_text(NEW.format(name="Mine") + methods)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ConfigError, match=words):
+        build("similarity", {"use": f"{name}:Mine"}, "here", tmp_path)
+
+
+def test_who_is_asked_hears_of_code_from_outside_before_it_runs_and_may_forbid_it(tmp_path, monkeypatch):
+    (tmp_path / "my_lab_spy.py").write_text("raise AssertionError('it ran')")
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def ask(use):
+        raise ConfigError(f"{use} is forbidden")
+
+    def asked():
+        ask_before_plugins(ask)
+        build("similarity", {"use": "my_lab_spy:Mine"}, "here", tmp_path)
+
+    with pytest.raises(ConfigError, match="my_lab_spy:Mine is forbidden"):
+        contextvars.copy_context().run(asked)
+
+
+@pytest.mark.parametrize(
+    "use", [":", "a:", ":B", "a b:C", "..a:B", "a/b:C", "a:B:C", "a:__class__.x y", "\0:B", 300 * "a" + ":B"]
+)
+def test_a_name_that_no_class_can_have_is_not_imported(use):
+    with pytest.raises(ConfigError, match="expected an importable"):
+        build("similarity", {"use": use}, "here", Path())
 
 
 @pytest.mark.parametrize("use", ["no_lab:Mine", "json:Nothing", "json:JSONDecoder", "chamfr", "__init__", "../rig"])

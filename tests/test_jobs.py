@@ -10,16 +10,18 @@ import time
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
 import pytest
 import tomli_w
 import typer
 from typer.testing import CliRunner
 
 import tracker.jobs
+from tracker.camera import Camera
 from tracker.commands.job import add_jobs
 from tracker.components import available, component, find
 from tracker.config import read_config
-from tracker.errors import ConfigError, SequenceError, TrackerError
+from tracker.errors import CalibrationError, ConfigError, SequenceError, TrackerError
 from tracker.files import replacing, whole_folder, write_json, write_whole
 from tracker.jobs import Job, ResultFolder, described, execute, job_from, load_job
 from tracker.jobs._folder import result_folder
@@ -250,19 +252,32 @@ def test_the_latest_link_moves_on_and_the_folder_tells_how_it_was_made(
     assert saved["results"] == 3
 
 
-@pytest.mark.parametrize("name", ["", "..", "a/b"])
+@pytest.mark.parametrize(
+    "name", ["", "..", "a/b", "../../../escaped", "a\\b", "a\0b", "/tmp/a", 300 * "a", " ", "a\nb"]
+)
 def test_a_name_that_is_none_for_a_folder_is_refused(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ConfigError, match="a name that a folder can have"):
-        execute(Waiting(name=name))
+    for resume in (False, True):
+        with pytest.raises(ConfigError, match="name = "):
+            execute(Waiting(name=name), resume=resume)
+    with pytest.raises(ConfigError, match="name = "):
+        execute(Waiting(name=name), tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["..", "a/b", "../../x", "a\\b", "a\0b", 300 * "a"])
+def test_persons_and_cameras_are_not_called_as_no_file_can_be(name: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"a person is called .*(files are called after|expected)"):
+        job_from("track", {**smallest("track"), "persons": [{"name": name}]}, "run.toml", tmp_path, "mine")
+    with pytest.raises(CalibrationError, match=r"camera .*(files are called after|expected)"):
+        Camera.looking_at(name, (640, 480), 500.0, (0.0, 0.0, 1.0), np.array([1.0, 0.0, 1.0]))
 
 
 def test_an_output_that_is_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("")
-    with pytest.raises(ConfigError, match="not empty"):
+    with pytest.raises(ConfigError, match="is a file"):
         execute(Waiting(), tmp_path / "out")
 
 

@@ -252,7 +252,9 @@ def uses(entry):
 )
 def test_recordings_change_the_defaults_or_replace_them(entry, chosen, monkeypatch):
     laboratory = ModuleType("my_lab.recordings")
-    laboratory.Nothing = component(type("Nothing", (), {"__module__": "my_lab.recordings"}))
+    laboratory.Nothing = component(
+        type("Nothing", (), {"__module__": "my_lab.recordings", "begin": lambda self, run: None})
+    )
     monkeypatch.setitem(sys.modules, "my_lab", ModuleType("my_lab"))
     monkeypatch.setitem(sys.modules, "my_lab.recordings", laboratory)
     assert uses(entry) == chosen

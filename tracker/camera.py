@@ -9,7 +9,7 @@ from scipy.linalg import rq
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, frozen, shape_fault
-from tracker.errors import CalibrationError
+from tracker.errors import CalibrationError, name_fault
 
 _PLUMB = 0.2
 """Length of the vertical in the image plane below which no side of the image is the upper one: 12 degrees off it."""
@@ -40,6 +40,8 @@ class Camera:
     """(4, 4) rigid motion, metres."""
 
     def __post_init__(self) -> None:
+        if unfit := name_fault(self.name):
+            raise CalibrationError(f"camera {unfit}")
         for field, shape in (("matrix", (3, 3)), ("distortion", (5,)), ("camera_from_world", (4, 4))):
             values = frozen(getattr(self, field))
             if fault := shape_fault(values, *shape):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from importlib.metadata import version
+from types import FrameType
 from typing import Annotated
 
 import typer
@@ -18,9 +20,10 @@ from tracker.commands.rig import rig_app
 from tracker.commands.run import demo, run
 from tracker.commands.show import show
 from tracker.commands.surface import measure
-from tracker.commands.terminal import console
+from tracker.commands.terminal import console, print_error
 from tracker.commands.warmup import warmup
-from tracker.errors import TrackerError
+from tracker.errors import ConfigError, TrackerError, os_fault
+from tracker.plugins import ask_before_plugins
 
 app = typer.Typer(
     add_completion=False,
@@ -36,19 +39,55 @@ app.add_typer(rig_app, name="rig")
 add_jobs(app)
 
 
+_DEBUG, _NO_PLUGINS = "--debug", "--no-plugins"
+
+
 def main() -> None:
-    """Entry point: every error a user can cause is one line and exit code 2."""
+    """Entry point: every error is one line; exit code 2 for what a user can cause, 1 for what is our fault."""
+    options, sys.argv[1:] = _split(sys.argv[1:])
+    signal.signal(signal.SIGTERM, _interrupt)
+    ask_before_plugins(_refuse_plugin if _NO_PLUGINS in options else _tell_plugin)
     try:
         app()
-    except TrackerError as error:
-        if "--debug" in sys.argv:
+    except Exception as error:
+        if _DEBUG in options:
             raise
-        text = str(error).replace("[", r"\[")
-        Console(stderr=True).print(f"[bold red]error:[/] {text}", soft_wrap=True, highlight=False)
-        raise SystemExit(2) from None
+        text, code = _told(error)
+        print_error(text)
+        raise SystemExit(code) from None
     except KeyboardInterrupt:
         Console(stderr=True).print("interrupted")
         raise SystemExit(130) from None
+
+
+def _split(arguments: list[str]) -> tuple[set[str], list[str]]:
+    """Options that may stand anywhere, and the other arguments."""
+    found = {_DEBUG, _NO_PLUGINS} & set(arguments)
+    return found, [argument for argument in arguments if argument not in found]
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """SIGTERM is taken for Ctrl-C: what was begun is put away."""
+    raise KeyboardInterrupt
+
+
+def _told(error: Exception) -> tuple[str, int]:
+    """What is told of an error, and the exit code."""
+    if isinstance(error, TrackerError):
+        return str(error), 2
+    if isinstance(error, OSError) and error.errno is not None:
+        return os_fault(error), 2
+    kind = type(error).__name__
+    place = f"{kind}: {error}".replace("\n", " ")
+    return f"{place[:300]}: this is a fault of bodytrack; please report it with what `bodytrack --debug ...` shows", 1
+
+
+def _tell_plugin(use: str) -> None:
+    console.print(f"runs code from outside bodytrack: {use}", style="yellow", highlight=False, markup=False)
+
+
+def _refuse_plugin(use: str) -> None:
+    raise ConfigError(f'use = "{use}": code from outside bodytrack, which --no-plugins forbids')
 
 
 def _print_version(wanted: bool) -> None:
@@ -62,6 +101,9 @@ def options(
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    debug: Annotated[bool, typer.Option(_DEBUG, help="Show the traceback of an error.")] = False,
+    no_plugins: Annotated[
+        bool, typer.Option(_NO_PLUGINS, help='Refuse components of other packages, use = "module:Class".')
+    ] = False,
 ) -> None:
     """Model-based, marker-less motion capture from calibrated views."""

@@ -13,6 +13,7 @@ import pydantic
 from pydantic.dataclasses import dataclass
 
 from tracker.errors import ConfigError, nearest
+from tracker.plugins import plugin
 from tracker.resources import model_path
 
 
@@ -127,10 +128,10 @@ def find(stage: str, use: str) -> type[Any]:
         use: file name in that folder, or ``my_lab.module:Class`` outside the package.
 
     Raises:
-        ConfigError: there is none of that name.
+        ConfigError: there is none of that name, or it does not fit the stage.
     """
     if ":" in use:
-        return _outside(use)
+        return plugin(use, contract(stage))
     if use not in available(stage):
         raise ConfigError(f'use = "{use}": no such component; {nearest(use, available(stage))}')
     module = importlib.import_module(f"tracker.{stage}.{use}")
@@ -146,14 +147,3 @@ def find(stage: str, use: str) -> type[Any]:
 
 def _is_component(cls: type[Any]) -> bool:
     return dataclasses.is_dataclass(cls) and "__pydantic_config__" in vars(cls) and not cls.__name__.startswith("_")
-
-
-def _outside(use: str) -> type[Any]:
-    module_name, _, class_name = use.partition(":")
-    try:
-        found = getattr(importlib.import_module(module_name), class_name)
-    except (ImportError, AttributeError) as error:
-        raise ConfigError(f'use = "{use}": {error}; expected an importable "package.module:Class"') from error
-    if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
-        raise ConfigError(f'use = "{use}": not a component, expected a class made with @component')
-    return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import errno
 from collections.abc import Iterable
 
 
@@ -52,3 +53,39 @@ def nearest(name: str, options: Iterable[str]) -> str:
     close = difflib.get_close_matches(name, valid, n=1, cutoff=0.5)
     hint = f'did you mean "{close[0]}"? ' if close else ""
     return f"{hint}valid: {', '.join(valid) if valid else 'none'}"
+
+
+def os_fault(error: OSError) -> str:
+    """One sentence about what the system refused: the file, why, and what to do."""
+    where = f"{error.filename}: " if error.filename is not None else ""
+    mended = {
+        errno.ENOSPC: "; free some space: what was written before is whole, and a run goes on with --resume",
+        errno.EDQUOT: "; free some space: what was written before is whole, and a run goes on with --resume",
+        errno.EACCES: "; choose another folder, or change its permissions",
+        errno.EROFS: "; choose another --output",
+        errno.ENAMETOOLONG: "; choose a shorter name",
+        errno.EMFILE: "; raise the limit: ulimit -n 4096",
+    }
+    told = (error.strerror or str(error)).replace("\n", " ")
+    return f"{where}{told[:1].lower()}{told[1:]}{mended.get(error.errno or 0, '')}"
+
+
+def name_fault(name: str) -> str:
+    """Why a name cannot become part of a file's name: of a run, a person, a camera, a model, a movement.
+
+    Args:
+        name: what was found.
+
+    Returns:
+        The reason, empty if it can.
+    """
+    if not name.strip() or name in (".", ".."):
+        return f"{name!r}: expected a name"
+    if len(name.encode(errors="replace")) > _LONGEST_NAME:
+        return f"{name[:20]!r}...: a name of {len(name)} characters, expected at most {_LONGEST_NAME} bytes"
+    wrong = next((sign for sign in name if sign in "/\\" or not sign.isprintable()), "")
+    return f"{name!r}: {wrong!r} in a name that files are called after" if wrong else ""
+
+
+_LONGEST_NAME = 120
+"""Bytes: file systems take 255, and names have endings and numbers."""

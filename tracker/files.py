@@ -58,7 +58,9 @@ def check_empty(folder: Path) -> None:
     Raises:
         ConfigError: it does, or it is a file.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+    if folder.exists() and not folder.is_dir():
+        raise ConfigError(f"{folder} is a file: choose another --output, a folder")
+    if folder.is_dir() and any(folder.iterdir()):
         raise ConfigError(f"{folder} is not empty: choose another --output")
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from tracker.arrays import Array, Image
 from tracker.camera import Camera
 from tracker.errors import CalibrationError
+from tracker.files import write_whole
 from tracker.rig import Rig
 
 # BGR, told apart on dark and bright.
@@ -261,7 +262,9 @@ def write_picture(picture: Image, path: Path) -> None:
 
     Raises:
         CalibrationError: the kind of file is unknown or the folder is missing.
+        OSError: it cannot be written.
     """
     if path.suffix.lower() not in (".png", ".jpg", ".jpeg") or not path.parent.is_dir():
         raise CalibrationError(f"{path}: expected a .png or .jpg in a folder that exists")
-    cv2.imwrite(str(path), picture)
+    _, content = cv2.imencode(path.suffix.lower(), picture)
+    write_whole(path, content.tobytes())

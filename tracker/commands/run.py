@@ -35,7 +35,7 @@ def demo(
     output: Annotated[Path | None, typer.Option(help="Result folder; default results/demo/TIME.")] = None,
     movement: Annotated[str, typer.Option(help="Movement simulated.")] = "two_elbow_rotation",
     frames: Annotated[int, typer.Option(min=5, help="Number of frames.")] = 75,
-    seed: Annotated[int, typer.Option(help="Chooses the room and the noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Chooses the room and the noise.")] = 0,
 ) -> None:
     """Simulates a clothed person in a cluttered room, tracks it from bootstrapping, and compares with the truth."""
     from tracker.jobs.demo import DemoJob

@@ -7,8 +7,20 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Column
+from rich.text import Text
 
 console = Console()
+
+
+def print_error(text: str) -> None:
+    """One line where errors go; signs that would move the cursor or begin another line are written out."""
+    plain = "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
+    told = Text.assemble(("error:", "bold red"), f" {plain[:_LONGEST]}{'...' if len(plain) > _LONGEST else ''}")
+    Console(stderr=True).print(told, soft_wrap=True, highlight=False)
+
+
+_LONGEST = 2000
+"""Signs of an error: a file can hold names of any length."""
 
 
 class ProgressBar:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TextIO
 
-from tracker.errors import ConfigError, SequenceError
+from tracker.errors import ConfigError, SequenceError, name_fault
 from tracker.files import check_empty
 
 CONFIG = "config.toml"
@@ -55,8 +55,8 @@ def check_output(name: str, output: Path | None) -> None:
     Raises:
         ConfigError: it holds something or is a file, or the name is none for a folder.
     """
-    if output is None and (not name or name in (".", "..") or Path(name).name != name):
-        raise ConfigError(f'name = "{name}": results go to results/NAME/TIME, so a name that a folder can have')
+    if fault := name_fault(name):
+        raise ConfigError(f"name = {fault}; results go to results/NAME/TIME")
     if output is not None:
         check_empty(output)
 
@@ -66,7 +66,10 @@ def interrupted_folder(name: str, output: Path | None) -> Path:
 
     Raises:
         SequenceError: there is none.
+        ConfigError: no folder can have the name.
     """
+    if fault := name_fault(name):
+        raise ConfigError(f"name = {fault}")
     folder = output or Path("results") / name / "latest"
     if not folder.is_dir():
         raise SequenceError(f"{folder}: no run to resume there; run without --resume")

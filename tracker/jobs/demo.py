@@ -36,7 +36,7 @@ class DemoJob:
     frames: int = pydantic.Field(default=75, ge=5)
     """Number of frames."""
 
-    seed: int = 0
+    seed: int = pydantic.Field(default=0, ge=0)
     """Chooses the room and the noise."""
 
     def open(self, earlier: Path | None = None) -> Recipe:

@@ -19,7 +19,7 @@ from tracker.body_files import save_description
 from tracker.components import ReadBy, component, find, standard
 from tracker.cycle import Cycle, LossRule
 from tracker.doubts import Doubts
-from tracker.errors import TrackerError
+from tracker.errors import TrackerError, name_fault
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence
 from tracker.files import remove_successors
@@ -97,6 +97,9 @@ class TrackJob:
     @classmethod
     def _are_named(cls, persons: tuple[Subject, ...]) -> tuple[Subject, ...]:
         named = tuple(replace(one, name=one.name or f"person{k}") for k, one in enumerate(persons, start=1))
+        for name in (one.name for one in named):
+            if fault := name_fault(name):
+                raise ValueError(f"a person is called {fault}")
         for name, n_times in Counter(one.name for one in named).items():
             if n_times > 1:
                 raise ValueError(f'two persons are called "{name}"')

@@ -48,7 +48,7 @@ class OpenCvLayout:
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
         """One file a camera, called after it."""
-        unfit = [name for name in rig.names if Path(name).name != name or name.startswith(".")]
+        unfit = [name for name in rig.names if name.startswith(".")]
         if unfit:
             raise CalibrationError(f'camera "{unfit[0]}": a name that no file can have')
         return {

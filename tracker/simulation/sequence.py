@@ -161,7 +161,8 @@ def write_sequence(recipe: Recipe, folder: Path, progress: Progress = silent) ->
 def _write_plates(simulation: Simulation, folder: Path) -> None:
     folder.mkdir()
     for v, (name, plate) in enumerate(zip(simulation.scene.rig.names, simulation.plates, strict=True)):
-        cv2.imwrite(str(folder / f"{name}.png"), _sensed(plate.picture, simulation.recipe, (1_000_000, v)))
+        _, content = cv2.imencode(".png", _sensed(plate.picture, simulation.recipe, (1_000_000, v)))
+        (folder / f"{name}.png").write_bytes(content.tobytes())
 
 
 def _write_videos(simulation: Simulation, folder: Path, progress: Progress) -> None:
