@@ -23,6 +23,7 @@ _ONE = 2**15 - 1
 """A correlation of 1; they are kept to 1 in 33 000, far below what covariances of a linearized model are worth."""
 
 _UNKNOWN = -(2**15)
+"""A correlation that is not known: int16 has this value to spare."""
 
 _LARGEST = 2**20
 """Bytes of an account: thousands of parts."""
