@@ -25,13 +25,13 @@ LAYERS = (
     "body_sections body body_defaults body_facts body_description body_files scene contours expectation observation "
     "keypoints keypoint_layouts account equations plate sight estimate start subject trajectory doubts "
     "triangulation views",
-    "reading calibration prediction synthesis analysis recording",
+    "reading calibration prediction synthesis analysis recording smoothing",
     "comparison outlines correspondences lsm following result",
     "similarity evidence objective",
     "estimation initialization",
     "cycle rehearsal tracking",
     "acquisition recognition evaluation simulation",
-    "jobs rig_check export batching run",
+    "jobs rig_check export smoothed batching run",
     "cli commands __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}

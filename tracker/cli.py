@@ -19,6 +19,7 @@ from tracker.commands.job import add_jobs
 from tracker.commands.rig import rig_app
 from tracker.commands.run import demo, run
 from tracker.commands.show import show
+from tracker.commands.smooth import smooth
 from tracker.commands.surface import measure
 from tracker.commands.terminal import console, print_error
 from tracker.commands.warmup import warmup
@@ -31,7 +32,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Model-based, marker-less motion capture from calibrated views.",
 )
-for _command in (demo, run, show, evaluate, export, acquire, warmup):
+for _command in (demo, run, show, evaluate, smooth, export, acquire, warmup):
     app.command()(_command)
 app.command("surface")(measure)
 app.add_typer(calibrate_app, name="calibrate")

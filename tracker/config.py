@@ -37,24 +37,40 @@ def read_config(path: Path, overrides: Sequence[str] = ()) -> Table:
         raise ConfigError(f"{path}: cannot read the configuration: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: not a TOML file: {error}") from error
-    for override in overrides:
-        _override(table, override)
+    override_table(table, overrides)
     return table
 
 
-def _override(table: Table, override: str) -> None:
-    keys, sign, text = override.partition("=")
-    if not sign or not keys.strip():
-        raise ConfigError(f'--set {override}: expected section.key=value, e.g. "estimation.step_deg=3"')
-    *sections, key = keys.strip().split(".")
-    for section in sections:
-        table = table.setdefault(section, {})
-        if not isinstance(table, dict):
-            raise ConfigError(f'--set {override}: "{section}" is a value, not a section')
-    try:
-        table[key] = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        table[key] = text.strip()
+def override_table(table: Table, overrides: Sequence[str]) -> None:
+    """Changes a table as `--set` asks for: `section.key=value`; entries of lists go by number, `persons.0.model=human`.
+
+    Raises:
+        ConfigError: an override is no `key=value`, or its section or entry is none.
+    """
+    for override in overrides:
+        keys, sign, text = override.partition("=")
+        if not sign or not keys.strip():
+            raise ConfigError(f'--set {override}: expected section.key=value, e.g. "estimation.step_deg=3"')
+        *sections, key = keys.strip().split(".")
+        place: Any = table
+        for section in sections:
+            place = (
+                place.setdefault(section, {}) if isinstance(place, dict) else place[_entry(place, section, override)]
+            )
+            if not isinstance(place, dict | list):
+                raise ConfigError(f'--set {override}: "{section}" is a value, not a section')
+        try:
+            value = tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            value = text.strip()
+        place[key if isinstance(place, dict) else _entry(place, key, override)] = value
+
+
+def _entry(entries: list[Any], number: str, override: str) -> int:
+    """The place in a list that an override names."""
+    if not number.isdecimal() or int(number) >= len(entries):
+        raise ConfigError(f'--set {override}: "{number}", expected the number of an entry, 0 to {len(entries) - 1}')
+    return int(number)
 
 
 def build(stage: str, table: Mapping[str, Any], where: str, folder: Path, default: str | None = None) -> Any:

@@ -24,6 +24,9 @@ class Status(StrEnum):
     DOUBTFUL = "doubtful"
     """Found, but the images do not support it as they should: to be looked at before it is used."""
 
+    FILLED = "filled"
+    """Not found, but between frames in which it was: what a smoothing puts into a short gap."""
+
     LOST = "lost"
     """Not found: the pose is the last prediction and not to be used."""
 

@@ -9,6 +9,9 @@ from pathlib import Path
 from tracker.recording import Recorder, Recording, RunContext
 from tracker.result import Result, load_result
 
+_DETAILS = "config", "choices", "versions", "inputs", "smoothing"
+"""What recordings tell of how a result was made."""
+
 
 def export(result: Path, recordings: Iterable[Recording], output: Path | None = None) -> tuple[Path, ...]:
     """Writes recordings that need poses and times only, no images.
@@ -36,7 +39,7 @@ def write_recordings(result: Result, recordings: Iterable[Recording], folder: Pa
         fps=result.fps,
         interval_s=result.interval_s,
         n_frames=len(result.replays),
-        details={key: result.details[key] for key in ("config", "versions", "inputs") if key in result.details},
+        details={key: result.details[key] for key in _DETAILS if key in result.details},
     )
     folder.mkdir(parents=True, exist_ok=True)
     files: list[Path] = []

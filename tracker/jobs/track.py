@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import logging
+import shutil
 import time
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping
@@ -17,9 +18,10 @@ import pydantic
 from tracker.body_description import BodyDescription
 from tracker.body_files import save_description
 from tracker.components import ReadBy, component, find, standard
+from tracker.config import component_name
 from tracker.cycle import Cycle, LossRule
 from tracker.doubts import Doubts
-from tracker.errors import TrackerError, name_fault
+from tracker.errors import ConfigError, TrackerError, name_fault
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence
 from tracker.files import remove_successors
@@ -33,8 +35,12 @@ from tracker.progress import Progress, silent
 from tracker.reading import Reading, Sequence
 from tracker.recording import DEFAULTS, Recorder, Recording, RunContext, chosen_recordings, described_recordings
 from tracker.recording.journal import Expected, OpenJournal, as_kept, open_journal
+from tracker.result import load_result
 from tracker.rig_layouts import save_rig
 from tracker.scene import Person, Scene
+from tracker.smoothed import FOLDER as SMOOTHED
+from tracker.smoothed import write_smoothed
+from tracker.smoothing import Smoothing
 from tracker.subject import Subject
 from tracker.synthesis import Synthesis
 from tracker.tracking import track
@@ -86,6 +92,9 @@ class TrackJob:
     )
     """What is written: a table changes the defaults (`overlay = false`, `c3d = true`), a list replaces them."""
 
+    smoothing: Smoothing | None = None
+    """How the poses are smoothed at the end, into the result folder `smoothed` beside the raw ones; None for not."""
+
     @pydantic.field_validator("reading")
     @classmethod
     def _is_calibrated(cls, reading: Reading) -> Reading:
@@ -110,6 +119,8 @@ class TrackJob:
         models = {subject.name: subject.description() for subject in self.persons}
         persons = tuple(Person(one.name, body, body.rest()) for one, body in ((p, p.body()) for p in self.persons))
         sequence = self.reading.open()
+        if self.smoothing is not None:
+            self._check_smoothing(self.smoothing, sequence.interval_s)
         scene = Scene(persons, sequence.rig)
         done = None if earlier is None else self._earlier(earlier, scene)
         return OpenedTrack(sequence, scene, models, self.initialization.check(scene, sequence.known), done)
@@ -121,6 +132,13 @@ class TrackJob:
         if found.fault:
             log.warning("%s: %s: cut there, %d frames are kept", found.path, found.fault, len(found))
         return found
+
+    def _check_smoothing(self, smoothing: Smoothing, interval_s: float) -> None:
+        """What would fail after the last frame fails before the first one."""
+        smoothing.check(interval_s)
+        uses = {component_name(type(recording)) for recording in self.recordings}
+        if missing := {"journal", "run_json"} - uses:
+            raise ConfigError(f"smoothing needs the recordings journal and run_json; add {', '.join(sorted(missing))}")
 
     def cycle(self, plates: tuple[Plate | None, ...], progress: Progress = silent) -> Cycle:
         """The tracking cycle of these components; a field of the cycle is one of the job, called the same.
@@ -161,7 +179,8 @@ class TrackJob:
         )
         cycle = self.cycle(sequence.plates, progress)
         steps = track(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
-        return _recorded(self.recordings, context, map(as_kept, steps), folder, progress)
+        outcome = _recorded(self.recordings, context, map(as_kept, steps), folder, progress)
+        return outcome if self.smoothing is None or not outcome.n_frames else _smoothed(outcome, self.smoothing)
 
 
 @dataclass(frozen=True)
@@ -195,6 +214,13 @@ class TrackOutcome:
     interrupted: bool = False
     files: tuple[Path, ...] = ()
     """What the recordings have left in the folder."""
+
+
+def _smoothed(outcome: TrackOutcome, smoothing: Smoothing) -> TrackOutcome:
+    """The outcome with the smooth result beside the raw one, in place of that of an interrupted run."""
+    shutil.rmtree(outcome.folder / SMOOTHED, ignore_errors=True)
+    folder = write_smoothed(load_result(outcome.folder), smoothing)
+    return replace(outcome, files=(*outcome.files, folder))
 
 
 def _save_inputs(opened: OpenedTrack, folder: Path) -> None:

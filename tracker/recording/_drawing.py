@@ -187,6 +187,7 @@ STATUS_COLOURS = {
     Status.BOOTSTRAPPED: "#7a5ea8",
     Status.RECOVERED: "#2e8b57",
     Status.DOUBTFUL: "#e67e22",
+    Status.FILLED: "#b0a160",
     Status.LOST: "#c0392b",
 }
 """Colours of the frames' states in plots and tables."""

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
+from tracker.estimate import Status
 from tracker.recording import RunContext
 from tracker.scene import Person
 from tracker.segments import Landmark
@@ -59,7 +60,8 @@ class Motion:
     """(T, dof, dof) of the poses; NaN where unknown."""
 
     shares: Array
-    """(T, P) share of each part's visible contour that the images explain; NaN where it is hidden, 0 in doubt."""
+    """(T, P) share of each part's visible contour that the images explain; NaN where it is hidden, 0 in doubt or if
+    it was filled in."""
 
     @cached_property
     def filled(self) -> Array:
@@ -168,7 +170,7 @@ class Motions:
                 shares = account.explained_px / account.visible_px
             for group in estimate.ambiguous:
                 shares[person.body.parts_of(group)] = 0
-            if estimate.doubtful:
+            if estimate.doubtful or estimate.status is Status.FILLED:
                 shares[:] = 0
             rows.append((estimate.q, estimate.lost, estimate.covariance, shares))
         self._steps.append((step.frame.time_s, rows))

@@ -1,0 +1,47 @@
+"""What smoothings have in common that treat every stretch by itself."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+import pydantic
+from scipy.interpolate import make_interp_spline
+
+from tracker.arrays import Array
+from tracker.components import component
+from tracker.smoothing import Smoothed, Stretch
+
+
+@component
+class Stretchwise:
+    """Poses at all times of each stretch; velocities and accelerations are those of a quintic spline through them."""
+
+    max_gap_s: float = pydantic.Field(default=0.2, ge=0)
+    """Longest gap that is filled, seconds without a pose; frames of longer ones stay lost."""
+
+    def check(self, interval_s: float) -> None:
+        """Any frame rate will do; see `tracker.smoothing.Smoothing.check`."""
+
+    def smooth(self, stretches: Sequence[Stretch]) -> list[Smoothed]:
+        """Smooths each; see `tracker.smoothing.Smoothing.smooth`."""
+        return [self._with_derivatives(stretch) for stretch in stretches]
+
+    @abstractmethod
+    def _smoothed(self, stretch: Stretch) -> Array:
+        """(T, dof) poses of a stretch, its unknown frames filled."""
+
+    def _with_derivatives(self, stretch: Stretch) -> Smoothed:
+        poses = self._smoothed(stretch)
+        spline = make_interp_spline(stretch.times_s, poses, k=5)
+        covariances = np.where(stretch.known[:, None, None], stretch.covariances, np.nan)
+        return Smoothed(poses, spline(stretch.times_s, nu=1), spline(stretch.times_s, nu=2), covariances)
+
+
+def without_gaps(stretch: Stretch) -> Array:
+    """(T, dof) poses, those of unknown frames interpolated in time."""
+    times = stretch.times_s[stretch.known]
+    columns = stretch.poses[stretch.known].T
+    filled: Array = np.stack([np.interp(stretch.times_s, times, column) for column in columns], axis=1)
+    return filled
