@@ -30,7 +30,7 @@ LAYERS = (
     "similarity evidence objective",
     "estimation initialization",
     "cycle rehearsal tracking",
-    "acquisition recognition evaluation simulation",
+    "acquisition recognition evaluation simulation inspection",
     "jobs rig_check export smoothed batching run",
     "cli commands __main__ scripts",
 )

@@ -26,6 +26,7 @@ from tracker.estimation import Estimation
 from tracker.evidence import Evidence
 from tracker.files import remove_successors
 from tracker.initialization import Initialization
+from tracker.inspection import findings, survey
 from tracker.jobs import ResultFolder, described, versions
 from tracker.jobs._stopping import stopping
 from tracker.kernels.ahead import Group
@@ -87,6 +88,10 @@ class TrackJob:
     loss: LossRule = LossRule()
     """When a person counts as lost."""
 
+    inspection: bool = True
+    """Look at the first frames for input that can hardly be right: exchanged or mirrored videos, views out of step,
+    another stature, more bodies than persons, somebody in a plate, a calibration not upright or not in metres."""
+
     recordings: Annotated[tuple[Recording, ...], ReadBy(chosen_recordings, described_recordings)] = pydantic.Field(
         default_factory=lambda: tuple(find("recording", use)() for use in DEFAULTS)
     )
@@ -140,6 +145,18 @@ class TrackJob:
         if missing := {"journal", "run_json"} - uses:
             raise ConfigError(f"smoothing needs the recordings journal and run_json; add {', '.join(sorted(missing))}")
 
+    def _looked_at(self, opened: OpenedTrack, progress: Progress) -> tuple[str, ...]:
+        """What looks wrong in the input, told before the first frame; an interrupted run was told already."""
+        if not self.inspection or opened.done:
+            return ()
+        progress("looking at the first frames")
+        sequence, stride = opened.sequence, getattr(self.reading, "stride", 1)
+        found = findings(survey(sequence.frames(), opened.scene, sequence.plates, stride))
+        for line in found:
+            log.warning("input: %s", line)
+            progress(f"input: {line}")
+        return found
+
     def cycle(self, plates: tuple[Plate | None, ...], progress: Progress = silent) -> Cycle:
         """The tracking cycle of these components; a field of the cycle is one of the job, called the same.
 
@@ -161,11 +178,13 @@ class TrackJob:
             if choice:
                 log.info("%s: %s", stage, choice)
                 progress(f"{stage}: {choice}")
+        found = self._looked_at(opened, progress)
         details = {
             "config": described(self),
             "choices": {stage: choice for stage, choice in choices.items() if choice},
             "versions": versions(),
             "inputs": dict(folder.inputs),
+            "findings": list(found),
         }
         context = RunContext(
             name=self.name,

@@ -1,0 +1,195 @@
+"""Recordings made wrong in one way each: the look at their first frames says which."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recordings import small_simulation
+
+from tracker.arrays import Array
+from tracker.camera import Camera
+from tracker.components import available, find
+from tracker.frame import Frame
+from tracker.inspection import Inspection, Survey, findings, survey
+from tracker.inspection._survey import N_FRAMES
+from tracker.plate import Plate
+from tracker.reading.video import VideoReading
+from tracker.rig import Rig
+from tracker.scene import Scene
+from tracker.simulation.sequence import Simulation
+
+LATE = 6
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    """A person who walks half a circle, off the middle of the rig."""
+    walking = small_simulation("walking_on_the_spot", n_frames=70)
+    return replace(walking, poses=(along_an_arc(walking.poses[0]),))
+
+
+def along_an_arc(poses: Array, first_deg: float = 20.0) -> Array:
+    there = np.array(poses)
+    angles = np.radians(first_deg) + np.linspace(0, np.pi, len(there))
+    there[:, 0] += 0.8 * np.cos(angles)
+    there[:, 1] += 0.8 * np.sin(angles)
+    return there
+
+
+@pytest.fixture(scope="module")
+def frames(simulation: Simulation) -> tuple[Frame, ...]:
+    return tuple(simulation.frames())
+
+
+def told(frames: tuple[Frame, ...], scene: Scene, plates: tuple[Plate | None, ...]) -> tuple[str, ...]:
+    return findings(survey(frames, scene, plates))
+
+
+def shown_by(frames: tuple[Frame, ...], order: list[int]) -> tuple[Frame, ...]:
+    return tuple(replace(frame, images=tuple(frame.images[v] for v in order)) for frame in frames)
+
+
+def late(frames: tuple[Frame, ...], view: int, by: int) -> tuple[Frame, ...]:
+    """The frames as a view shows them that began to record earlier: its images come `by` frames late."""
+    pairs = zip(frames[by:], frames, strict=False)
+    return tuple(
+        replace(now, images=tuple((old if v == view else now).images[v] for v in range(4))) for now, old in pairs
+    )
+
+
+def mirrored(frames: tuple[Frame, ...], plates: tuple[Plate, ...], views: set[int]) -> tuple[list[Frame], list[Plate]]:
+    def turned(v: int, image: Array) -> Array:
+        return np.ascontiguousarray(image[:, ::-1]) if v in views else image
+
+    shown = [replace(f, images=tuple(turned(v, i) for v, i in enumerate(f.images))) for f in frames]  # type: ignore[arg-type]
+    return shown, [Plate(turned(v, plate.picture)) for v, plate in enumerate(plates)]  # type: ignore[arg-type]
+
+
+def moved(rig: Rig, turn: Array, scale: float = 1.0) -> Rig:
+    """The rig in another world: points there are `scale * turn @ x`."""
+    cameras = []
+    for camera in rig.cameras:
+        motion = np.eye(4)
+        motion[:3, :3] = camera.camera_from_world[:3, :3] @ turn.T
+        motion[:3, 3] = scale * camera.camera_from_world[:3, 3]
+        cameras.append(Camera(camera.name, camera.size, camera.matrix, camera.distortion, motion))
+    return Rig(tuple(cameras))
+
+
+def test_a_right_recording_has_no_findings(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    assert told(frames, simulation.scene, simulation.plates) == ()
+    assert told(frames, simulation.scene, (None,) * 4) == ()
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["plates", "no plates"])
+def test_exchanged_videos(known: bool, simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    order = [1, 0, 2, 3]
+    plates = tuple(simulation.plates[v] if known else None for v in order)
+    (line,) = told(shown_by(frames, order), simulation.scene, plates)
+    names = simulation.scene.rig.names
+    assert f'"{names[0]}" and "{names[1]}" look exchanged' in line
+
+
+@pytest.mark.parametrize(
+    ("views", "words"), [({2}, 'of "{2}" look mirrored'), ({0, 1, 2, 3}, "all images look mirrored")]
+)
+def test_mirrored_images(views: set[int], words: str, simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    shown, plates = mirrored(frames, simulation.plates, views)
+    lines = told(tuple(shown), simulation.scene, tuple(plates))
+    assert any(words.format(*simulation.scene.rig.names) in line for line in lines)
+
+
+def test_another_rig(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    """Every camera was turned by some degrees after it was calibrated."""
+    rng, cameras = np.random.default_rng(3), []
+    for camera in simulation.scene.rig.cameras:
+        turned = Camera.looking_at(
+            camera.name, camera.size, camera.matrix[0, 0], tuple(camera.centre), rng.normal(0, 1.2, 3)
+        )
+        cameras.append(turned)
+    scene = Scene(simulation.scene.persons, Rig(tuple(cameras)))
+    assert any("do not meet in space" in line for line in told(frames, scene, simulation.plates))
+
+
+@pytest.mark.parametrize("by", [LATE, -LATE])
+def test_a_view_out_of_step(by: int, simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    shown = late(frames, 2, by) if by > 0 else late(frames[::-1], 2, -by)[::-1]
+    name = simulation.scene.rig.names[2]
+    (line,) = told(shown, simulation.scene, simulation.plates)
+    assert f'view "{name}" looks' in line
+    proposed = int(line.partition(f"{name} = ")[2].partition(" ")[0])
+    # images come late: the frame is found `by` images later than where it is looked for
+    assert abs(proposed - by) <= 1
+
+
+def test_another_stature(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    person = simulation.scene.persons[0]
+    for factor, word in ((0.6, "taller"), (1.7, "smaller")):
+        body = replace(person.body, stature_m=factor * person.body.stature_m)
+        scene = Scene((replace(person, body=body),), simulation.scene.rig)
+        (line,) = told(frames, scene, simulation.plates)
+        assert word in line
+
+
+def test_a_world_that_is_not_upright_or_not_in_metres(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    rig, persons = simulation.scene.rig, simulation.scene.persons
+    y_up = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    lines = told(frames[:3], Scene(persons, moved(rig, y_up)), simulation.plates)
+    assert any("y axis up" in line for line in lines)
+    lines = told(frames[:3], Scene(persons, moved(rig, np.eye(3), 1000.0)), simulation.plates)
+    assert any("millimetres" in line for line in lines)
+
+
+def test_more_bodies_than_persons() -> None:
+    two = small_simulation("arm_swing", n_frames=6, persons=2)
+    shown = tuple(two.frames())
+    assert told(shown, two.scene, two.plates) == ()
+    (line,) = told(shown, Scene(two.scene.persons[:1], two.scene.rig), two.plates)
+    assert "2 bodies" in line
+    assert "1 person is" in line
+
+
+def test_somebody_in_a_plate(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    """The plate is an image of the recording, taken where its person has not been again."""
+    then = next(replace(simulation, poses=(simulation.poses[0][::-1],)).frames())
+    plates = (Plate(then.images[0]), *simulation.plates[1:])  # type: ignore[arg-type]
+    lines = told(frames[:40], simulation.scene, plates)
+    assert any(f'plate of view "{simulation.scene.rig.names[0]}" shows something' in line for line in lines)
+
+
+@pytest.mark.parametrize("use", available("inspection"))
+def test_every_inspection_keeps_its_contract(use: str, simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    inspection = find("inspection", use)()
+    assert isinstance(inspection, Inspection)
+    nothing = tuple(replace(frame, images=(None,) * 4) for frame in frames[:4])
+    for seen in (survey((), simulation.scene, simulation.plates), survey(nothing, simulation.scene, (None,) * 4)):
+        assert list(inspection.findings(seen)) == []
+
+
+def test_no_more_frames_are_read_than_are_looked_at(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    asked = 0
+
+    def endless() -> Iterator[Frame]:
+        nonlocal asked
+        while True:
+            asked += 1
+            yield frames[0]
+
+    seen: Survey = survey(endless(), simulation.scene, simulation.plates)
+    assert asked == N_FRAMES == len(seen.foregrounds)
+
+
+@pytest.mark.parametrize("name", ["D-TwoElbowRot", "N-WalkCircle"])
+def test_rendered_recordings_have_no_findings(name: str, data: Callable[[str], Path], simulation: Simulation) -> None:
+    folder = data(f"room/{name}")
+    reading = VideoReading(
+        path=str(folder / "{view}.mp4"),
+        rig=folder / "calibration.json",
+        background=str(folder / "background" / "{view}.png"),
+    )
+    sequence = reading.open()
+    assert told(tuple(sequence.frames()), Scene(simulation.scene.persons, sequence.rig), sequence.plates) == ()  # type: ignore[arg-type]

@@ -1,0 +1,148 @@
+"""The first frames of a recording, small: foregrounds of all views, and the tracks of their middles, tops and ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+
+import cv2
+import numpy as np
+
+from tracker.arrays import Array, Image, Mask, frozen
+from tracker.frame import Frame
+from tracker.plate import Plate, changed
+from tracker.rig import Rig
+from tracker.scene import Scene
+
+FACTOR = 4
+"""Pixels of an image to one of a survey: a person 400 px high is 100 px high there, its middle good to a pixel."""
+
+N_FRAMES = 100
+"""Frames looked at: four seconds of a usual recording, a second of decoding."""
+
+# Less of an image than this is noise.
+_LEAST_SHARE = 0.002
+# Grey levels by which neighbouring frames differ where something moves.
+_MOVED = 20
+# Images that the usual look of a view is taken from.
+_N_KEPT = 9
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What T frames of V views show."""
+
+    scene: Scene
+    """The persons that are to be followed, and the rig."""
+
+    plates: tuple[Plate | None, ...]
+    """Small clean plates."""
+
+    stride: int
+    """Images from one frame to the next."""
+
+    pictures: tuple[Image | None, ...]
+    """Small pictures: what each view shows in most of the frames; None where it is missing."""
+
+    foregrounds: tuple[tuple[Mask | None, ...], ...]
+    """T x V small foregrounds; without plate or mask what moves; None where nothing is known."""
+
+    @property
+    def rig(self) -> Rig:
+        """The cameras of the whole images."""
+        return self.scene.rig
+
+    def stands_out(self, view: int) -> bool:
+        """Whether a view has a plate: whoever stands still is in its foregrounds too."""
+        return self.plates[view] is not None
+
+    @cached_property
+    def middles(self) -> Array:
+        """(V, T, 2) middles of the foregrounds, px of the whole image; NaN where there is none."""
+        return self._marks(_middle)
+
+    @cached_property
+    def tops(self) -> Array:
+        """(V, T, 2) upper ends of the foregrounds; NaN where there is none or the border cuts it."""
+        return self._marks(_top)
+
+    @cached_property
+    def ends(self) -> Array:
+        """(V, T, 2) lower ends of the foregrounds; NaN where there is none or the border cuts it."""
+        return self._marks(_end)
+
+    def _marks(self, mark: Callable[[Mask], Array]) -> Array:
+        marks = np.full((len(self.rig), len(self.foregrounds), 2), np.nan)
+        for t, masks in enumerate(self.foregrounds):
+            for v, mask in enumerate(masks):
+                if mask is not None and np.count_nonzero(mask) > _LEAST_SHARE * mask.size:
+                    marks[v, t] = mark(mask)
+        return frozen(FACTOR * marks + (FACTOR - 1) / 2)
+
+
+def survey(frames: Iterable[Frame], scene: Scene, plates: tuple[Plate | None, ...], stride: int = 1) -> Survey:
+    """Looks at the first `N_FRAMES` frames.
+
+    Args:
+        frames: of the recording, from the first one on.
+        scene: persons and rig.
+        plates: the clean plates of the views.
+        stride: images from one frame to the next.
+    """
+    small = tuple(None if plate is None else Plate(_small(plate.picture)) for plate in plates)
+    before: list[Image | None] = [None] * len(plates)
+    masks, kept = [], []
+    for t, frame in enumerate(islice(frames, N_FRAMES)):
+        images = [None if image is None else _small(image) for image in frame.images]
+        masks.append(tuple(_foreground(frame, v, images[v], small[v], before[v]) for v in range(len(plates))))
+        if t % (N_FRAMES // _N_KEPT) == 0:
+            kept.append(images)
+        before = images
+    pictures = tuple(_usual([images[v] for images in kept]) for v in range(len(plates)))
+    return Survey(scene, small, stride, pictures, tuple(masks))
+
+
+def _small(image: Image) -> Image:
+    size = image.shape[1] // FACTOR, image.shape[0] // FACTOR
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+
+
+def _foreground(frame: Frame, v: int, image: Image | None, plate: Plate | None, before: Image | None) -> Mask | None:
+    given = frame.mask(v)
+    if given is not None:
+        return _small(given.astype(np.uint8)) > 0
+    if image is None or (plate is None and before is None):
+        return None
+    if plate is not None:
+        return changed(image, plate).foreground
+    assert before is not None
+    moved = (cv2.absdiff(image, before).max(axis=2) > _MOVED).astype(np.uint8)
+    opened: Mask = cv2.morphologyEx(moved, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)) > 0
+    return opened
+
+
+def _usual(images: list[Image | None]) -> Image | None:
+    there = [image for image in images if image is not None]
+    return None if not there else np.median(np.stack(there), axis=0).astype(np.uint8)
+
+
+def _middle(mask: Mask) -> Array:
+    rows, columns = np.nonzero(mask)
+    return np.array([columns.mean(), rows.mean()])
+
+
+def _top(mask: Mask) -> Array:
+    return _outermost(mask, np.nonzero(mask)[0].min())
+
+
+def _end(mask: Mask) -> Array:
+    return _outermost(mask, np.nonzero(mask)[0].max())
+
+
+def _outermost(mask: Mask, row: int) -> Array:
+    """The middle of an outermost row of a mask; NaN at the border of the image."""
+    if row in (0, len(mask) - 1):
+        return np.full(2, np.nan)
+    return np.array([np.flatnonzero(mask[row]).mean(), float(row)])

@@ -1,0 +1,56 @@
+"""More bodies than persons: somebody in the foreground who is not in the configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+import pydantic
+
+from tracker.arrays import Mask
+from tracker.camera import Camera
+from tracker.components import component
+from tracker.inspection import Survey
+from tracker.inspection._survey import FACTOR
+
+
+@component
+class BodiesInspection:
+    """Counts what is as high as a person in the foreground of each view.
+
+    Persons before one another are one body, so a view shows at most as many as there are: at least two views must show
+    too many, in most frames.
+    """
+
+    share: float = pydantic.Field(default=0.55, gt=0, lt=1)
+    """Share of the height of a person standing there, from which on a region counts as a body."""
+
+    def findings(self, seen: Survey) -> Iterator[str]:
+        """See `tracker.inspection.Inspection.findings`."""
+        stature = min((person.body.stature_m for person in seen.scene.persons), default=0.0)
+        views = [v for v in range(len(seen.rig)) if seen.stands_out(v)]
+        if stature <= 0 or len(views) < 2:
+            return
+        centres, _ = seen.rig.triangulate(seen.middles)
+        counts = [
+            sorted(self._bodies(masks[v], seen.rig.cameras[v], centre, stature) for v in views)[-2]
+            for masks, centre in zip(seen.foregrounds, centres, strict=True)
+            if np.isfinite(centre).all()
+        ]
+        found, expected = int(np.median(counts)) if counts else 0, len(seen.scene.persons)
+        if found > expected:
+            yield (
+                f"{found} bodies are in the foreground of most of the first frames, {expected} "
+                f"{'person is' if expected == 1 else 'persons are'} to be followed: add the others to [[persons]], or "
+                "their contours will disturb"
+            )
+
+    def _bodies(self, mask: Mask | None, camera: Camera, centre: np.ndarray, stature: float) -> int:
+        """Regions of a small foreground that are high enough for a person at a place."""
+        if mask is None:
+            return 0
+        depth = float(camera.camera_from_world[2] @ np.append(centre, 1.0))
+        expected = camera.matrix[1, 1] * stature / max(depth, 0.1) / FACTOR
+        heights = cv2.connectedComponentsWithStats(mask.astype(np.uint8))[2][1:, cv2.CC_STAT_HEIGHT]
+        return int((heights > self.share * expected).sum())
