@@ -20,7 +20,7 @@ import tracker.errors
 ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
-    "errors arrays plugins components config resources files progress geometry imaging kernels",
+    "errors arrays plugins components config resources files source_files progress geometry imaging kernels",
     "camera rig rig_layouts frame shape segments mirror point_trajectories "
     "body_sections body body_defaults body_facts body_description body_files scene contours expectation observation "
     "keypoints keypoint_layouts account equations plate sight estimate start subject trajectory doubts "

@@ -145,5 +145,5 @@ def test_files_that_are_not_there_or_not_toml(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match=r"broken\.toml: not a TOML file"):
         load_body(tmp_path / "broken.toml")
     (tmp_path / "binary.toml").write_bytes(b"\xff\x00\xfe")
-    with pytest.raises(ModelError, match=r"binary\.toml: not a TOML file"):
+    with pytest.raises(ModelError, match=r"binary\.toml: not a text file in UTF-8"):
         load_body(tmp_path / "binary.toml")

@@ -202,7 +202,7 @@ def test_the_service_of_colours_says_what_the_contours_say(use, scene, frame, cy
     synthesis, q = working(use, scene), scene.persons[0].q
     poses = np.tile(q, (3, 1))
     poses[1:, scene.persons[0].body.group("left_arm")] += np.array([[0.1], [-0.2]])
-    evidence, sight = RegionEvidence(), Sight(frame, cycle.backgrounds)
+    evidence, sight = RegionEvidence(), Sight(frame, cycle.plates)
     known = evidence.learned(None, sight, scene, cycle.synthesis.contours(scene), np.ones(1, dtype=bool))
     picture = evidence.observe(sight, cycle.synthesis.contours(scene), known).picture
     lines = Lines(picture, known.looks, np.ones(len(scene.shapes), dtype=bool), evidence.rule())

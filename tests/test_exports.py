@@ -453,7 +453,7 @@ def test_several_formats_at_once_into_the_result(tmp_path):
         (["RESULT"], "--to: expected one or more of"),
         (["RESULT", "--to", "trk"], '--to trk: no such format; did you mean "trc"'),
         (["NOWHERE", "--to", "trc"], "expected the folder of a run"),
-        (["DAMAGED", "--to", "trc"], "damaged, or of another version"),
+        (["DAMAGED", "--to", "trc"], "not a JSON file"),
         (["OTHER", "--to", "trc"], "damaged, or of another version (KeyError"),
         (["EMPTY", "--to", "trc"], "no frame was tracked"),
     ],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from tracker.body import BodyModel
 from tracker.body_description import BodyDescription
 from tracker.errors import ModelError
 from tracker.files import write_whole
+from tracker.source_files import toml_of
 
 
 def read_description(path: Path) -> BodyDescription:
@@ -23,13 +23,7 @@ def read_description(path: Path) -> BodyDescription:
         ModelError: the file is missing or wrong; the message names the entry.
     """
     try:
-        with path.open("rb") as file:
-            content = tomllib.load(file)
-        return BodyDescription.model_validate(content)
-    except OSError as error:
-        raise ModelError(f"{path}: cannot read the body model: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ModelError(f"{path}: not a TOML file: {error}") from error
+        return BodyDescription.model_validate(toml_of(path, ModelError, "the body model"))
     except pydantic.ValidationError as error:
         raise ModelError(f"{path}: {_first_fault(error)} (see models/gavrila22.toml)") from error
 

@@ -40,7 +40,7 @@ class Camera:
     """(4, 4) rigid motion, metres."""
 
     def __post_init__(self) -> None:
-        if unfit := name_fault(self.name):
+        if self.name and (unfit := name_fault(self.name)):  # one that is being calibrated may have none yet
             raise CalibrationError(f"camera {unfit}")
         for field, shape in (("matrix", (3, 3)), ("distortion", (5,)), ("camera_from_world", (4, 4))):
             values = frozen(getattr(self, field))

@@ -17,6 +17,7 @@ import pydantic
 
 from tracker.components import ReadBy, RelativePath, available, find
 from tracker.errors import ConfigError, ModelError, nearest
+from tracker.source_files import toml_of
 
 Table = dict[str, Any]
 
@@ -31,12 +32,7 @@ def read_config(path: Path, overrides: Sequence[str] = ()) -> Table:
     Raises:
         ConfigError: the file cannot be read, or an override is no `key=value`.
     """
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot read the configuration: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not a TOML file: {error}") from error
+    table = toml_of(path, ConfigError, "the configuration")
     override_table(table, overrides)
     return table
 
@@ -61,7 +57,7 @@ def override_table(table: Table, overrides: Sequence[str]) -> None:
                 raise ConfigError(f'--set {override}: "{section}" is a value, not a section')
         try:
             value = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
+        except (ValueError, RecursionError):
             value = text.strip()
         place[key if isinstance(place, dict) else _entry(place, key, override)] = value
 

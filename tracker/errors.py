@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import errno
+import itertools
 from collections.abc import Iterable
 
 
@@ -49,10 +50,26 @@ def nearest(name: str, options: Iterable[str]) -> str:
     Returns:
         For instance ``did you mean "chamfer"? valid: chamfer, overlap``.
     """
-    valid = sorted(options)
-    close = difflib.get_close_matches(name, valid, n=1, cutoff=0.5)
+    valid = sorted({shortened(str(option)) for option in itertools.islice(options, _MOST_LOOKED_AT)})
+    close = difflib.get_close_matches(name[:_LONGEST_QUOTE], valid, n=1, cutoff=0.5)
     hint = f'did you mean "{close[0]}"? ' if close else ""
-    return f"{hint}valid: {', '.join(valid) if valid else 'none'}"
+    more = f" and {len(valid) - _MOST_SHOWN} more" if len(valid) > _MOST_SHOWN else ""
+    return f"{hint}valid: {', '.join(valid[:_MOST_SHOWN]) if valid else 'none'}{more}"
+
+
+def shortened(text: str) -> str:
+    """What a file says, as long as a message can show."""
+    return text if len(text) <= _LONGEST_QUOTE else f"{text[:_LONGEST_QUOTE]}..."
+
+
+_LONGEST_QUOTE = 60
+"""Characters of a file that a message shows."""
+
+_MOST_SHOWN = 60
+"""Names that a message lists; a pose has 36 parameters."""
+
+_MOST_LOOKED_AT = 2000
+"""Names that are compared: a file can have any number."""
 
 
 def os_fault(error: OSError) -> str:

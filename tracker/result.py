@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import logging
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +16,7 @@ from tracker.arrays import Array, Integers, Mask, frozen
 from tracker.body import BodyModel
 from tracker.body_files import load_body
 from tracker.contours import Contours
-from tracker.errors import ConfigError, nearest
+from tracker.errors import ConfigError, name_fault, nearest
 from tracker.estimate import Estimate
 from tracker.frame import Frame
 from tracker.recording.csv_table import joint_statuses
@@ -24,6 +24,7 @@ from tracker.recording.journal import Expected, open_journal
 from tracker.rig import Rig
 from tracker.rig_layouts import load_rig
 from tracker.scene import Person, Scene
+from tracker.source_files import json_of, one_line
 from tracker.trajectory import Replay, Step
 
 log = logging.getLogger("tracker")
@@ -234,27 +235,41 @@ def load_result(folder: Path | str) -> Result:
         TrackerError: the folder is not that of a run, or something in it is damaged.
     """
     path = Path(folder) / "run.json"
-    try:
-        told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        rig, models = load_rig(path.parent / "rig.toml"), path.parent / "models"
-        bodies = {entry["name"]: load_body(models / f"{entry['name']}.toml") for entry in told["persons"]}
-        missing = [key for key in ("name", "fps", "interval_s", "summary") if key not in told]
-    except OSError as error:
+    if not path.is_file():
         raise ConfigError(
-            f"{path}: {error.strerror}: expected the folder of a run with the recordings run_json and journal, "
+            f"{path}: no such file: expected the folder of a run with the recordings run_json and journal, "
             "for instance results/my_run/latest"
-        ) from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise ConfigError(f"{path}: damaged, or of another version ({type(error).__name__}: {error})") from error
-    if missing:
-        raise ConfigError(f"{path}: damaged, or of another version (KeyError: {missing[0]!r})")
+        )
+    told = _told(path)
+    rig, models = load_rig(path.parent / "rig.toml"), path.parent / "models"
+    bodies = {name: load_body(models / f"{name}.toml") for name in told["names"]}
     scene = Scene(tuple(Person(name, body, body.rest()) for name, body in bodies.items()), rig)
     journal = open_journal(path.parent, Expected.of(scene))
     if journal.fault:
         log.warning("%s: %s: what follows is left out", journal.path, journal.fault)
     if not journal:
         raise ConfigError(f"{folder}: no frame was tracked in this run")
-    return Result(str(told["name"]), path.parent, rig, bodies, tuple(journal.values()), told)
+    return Result(told["name"], path.parent, rig, bodies, tuple(journal.values()), told)
+
+
+def _told(path: Path) -> dict[str, Any]:
+    """What run.json tells, and under `names` those of the persons.
+
+    Raises:
+        ConfigError: something that a run writes there is missing or cannot be.
+    """
+    try:
+        told: dict[str, Any] = dict(json_of(path, ConfigError))
+        names = [str(entry["name"]) for entry in told["persons"]]
+        fault = next((fault for fault in map(name_fault, (*names, str(told["name"]))) if fault), "")
+        intervals = float(told["fps"]), float(told["interval_s"])
+        dict(told["summary"])
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+        kind = type(error).__name__
+        raise ConfigError(f"{path}: damaged, or of another version ({kind}: {one_line(error)})") from error
+    if fault or not names or not all(0 < value < math.inf for value in intervals):
+        raise ConfigError(f"{path}: damaged: {fault or 'persons, fps or interval_s cannot be'}")
+    return {**told, "names": names, "name": str(told["name"])}
 
 
 def _no_contours(n_views: int) -> Contours:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from tracker.calibration._boards import find_corners
 from tracker.components import FilePath, PathPattern, component
 from tracker.errors import CalibrationError
 from tracker.rig import Rig
+from tracker.source_files import number_in, rows_of
 
 
 @component
@@ -184,20 +184,17 @@ def read_points(path: Path, views: tuple[str, ...]) -> tuple[Array, Array]:
     Raises:
         CalibrationError: the file or a column is missing, or a value is no number.
     """
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError) as error:
-        raise CalibrationError(f"{path}: cannot read the points") from error
-    columns = rows[0].keys() if rows else ()
+    rows = rows_of(path, CalibrationError)
     wanted = ["x", "y", "z", *(f"{view}_{axis}" for view in views for axis in "uv")]
-    missing = [name for name in wanted if name not in columns]
+    missing = [name for name in wanted if name not in rows[0]]
     if missing:
         raise CalibrationError(f"{path}: no column {', '.join(missing)}; expected {', '.join(wanted)}")
-    try:
-        table = np.array([[float(row[name]) if row[name].strip() else np.nan for name in wanted] for row in rows])
-    except (ValueError, AttributeError) as error:
-        raise CalibrationError(f"{path}: a value is no number: {error}") from error
+    table = np.array(
+        [
+            [number_in(row, name, path, CalibrationError) if row[name].strip() else np.nan for name in wanted]
+            for row in rows
+        ]
+    )
     return table[:, :3], np.moveaxis(table[:, 3:].reshape(len(table), len(views), 2), 1, 0)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from tracker.arrays import Array
 from tracker.errors import SequenceError
 from tracker.evaluation.joint_names import JointNames, names_of
 from tracker.evaluation.tables import Frames, JointTable, read_joints, read_rows
+from tracker.source_files import frame_in, json_of, number_in, one_line
 
 # Persons who share no joint in no frame are matched last.
 _NOWHERE_M = 1e6
@@ -94,7 +94,7 @@ def evaluate(result: Path, truth: Path) -> Evaluation:
     path = _truth_file(truth)
     found, true, names = read_joints(result / "joints.csv"), read_joints(path), names_of(result)
     pairs = _matched(found, true, names)
-    frames_run = sorted({int(float(row["frame"])) for row in read_rows(result / "poses.csv")})
+    frames_run = sorted({frame_in(row, result / "poses.csv", SequenceError) for row in read_rows(result / "poses.csv")})
     poses = path.with_name(path.name.replace("joints", "poses"))
     errors, curves = [], []
     for person, other in pairs:
@@ -214,14 +214,16 @@ def _hinges(
 
 def _with_parameters(table: PersonErrors, result: Path, truth: Path) -> PersonErrors:
     """Adds the RMS error of each pose parameter, angles wrapped to half a turn."""
-    mine = {row["frame"]: row for row in read_rows(result) if row["person"] == table.person}
-    theirs = {row["frame"]: row for row in read_rows(truth) if row["person"] == table.truth}
+    mine = {frame_in(row, result, SequenceError): row for row in read_rows(result) if row.get("person") == table.person}
+    theirs = {frame_in(row, truth, SequenceError): row for row in read_rows(truth) if row.get("person") == table.truth}
     errors: dict[str, list[float]] = {}
     for frame, row in mine.items():
         for column, value in row.items():
             true = theirs.get(frame, {}).get(column, "")
             if value and true and column.endswith(("_deg", "_m")):
-                gap = float(value) - float(true)
+                gap = number_in(row, column, result, SequenceError) - number_in(
+                    theirs[frame], column, truth, SequenceError
+                )
                 errors.setdefault(column, []).append((gap + 180) % 360 - 180 if column.endswith("_deg") else gap)
     rms = {column: float(np.sqrt(np.mean(np.square(gaps)))) for column, gaps in errors.items()}
     return PersonErrors(**{**vars(table), "parameters": rms})
@@ -231,8 +233,11 @@ def _overlaps(result: Path) -> dict[str, float]:
     path = result / "run.json"
     if not path.is_file():
         return {}
-    summary = json.loads(path.read_text(encoding="utf-8")).get("summary", {})
-    return {str(view): float(value) for view, value in summary.get("silhouette_iou", {}).items()}
+    try:
+        told = json_of(path, SequenceError)["summary"]["silhouette_iou"]
+        return {str(view): float(value) for view, value in told.items()}
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise SequenceError(f"{path}: damaged, expected what a run writes there: {one_line(error)}") from error
 
 
 def error_figure(evaluation: Evaluation) -> Figure:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from tracker.body_sections import Joints
 from tracker.errors import SequenceError
 from tracker.mirror import Mirror
 from tracker.resources import model_path
+from tracker.source_files import json_of, one_line
 
 
 @dataclass(frozen=True)
@@ -61,10 +61,10 @@ def names_of(result: Path) -> dict[str, JointNames]:
     path = result / "run.json"
     if path.is_file():
         try:
-            entries: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8")).get("persons", [])
+            entries: list[dict[str, Any]] = json_of(path, SequenceError).get("persons", [])
             for entry in (entry for entry in entries if "joints" in entry):
                 one, other = entry["sides"]
                 names[entry["name"]] = JointNames(Joints.model_validate(entry["joints"]), Mirror((one, other)))
-        except (ValueError, KeyError, AttributeError, pydantic.ValidationError) as error:
-            raise SequenceError(f"{path}: damaged, expected what a run writes there: {error}") from error
+        except (ValueError, KeyError, AttributeError, TypeError, pydantic.ValidationError) as error:
+            raise SequenceError(f"{path}: damaged, expected what a run writes there: {one_line(error)}") from error
     return names

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.errors import SequenceError, nearest
+from tracker.source_files import frame_in, number_in, rows_of
 
 Frames = dict[int, dict[str, Array]]
 """Frame -> joint -> (3,) metres."""
@@ -27,7 +27,7 @@ def read_joints(path: Path) -> JointTable:
     """Reads a long table with the columns frame, joint, x, y, z (or x_m, ...) and perhaps person.
 
     Raises:
-        SequenceError: the file cannot be read or lacks a column.
+        SequenceError: the file cannot be read, lacks a column, or has something else than numbers in it.
     """
     rows = read_rows(path)
     axes = ("x_m", "y_m", "z_m") if "x_m" in rows[0] else ("x", "y", "z")
@@ -39,8 +39,8 @@ def read_joints(path: Path) -> JointTable:
         if any(row[axis] == "" for axis in axes):
             continue
         frames = persons.setdefault(row.get("person") or "1", {})
-        point = np.array([float(row[axis]) for axis in axes])
-        frames.setdefault(int(float(row["frame"])), {})[row["joint"]] = point
+        point = np.array([number_in(row, axis, path, SequenceError) for axis in axes])
+        frames.setdefault(frame_in(row, path, SequenceError), {})[row["joint"]] = point
     return JointTable(persons)
 
 
@@ -50,11 +50,4 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     Raises:
         SequenceError: the file is missing, no text, or empty.
     """
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError) as error:
-        raise SequenceError(f"{path}: cannot read the table: {error}") from error
-    if not rows:
-        raise SequenceError(f"{path}: the table is empty")
-    return rows
+    return rows_of(path, SequenceError)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 
@@ -11,11 +10,12 @@ import numpy as np
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.components import FilePath, component
-from tracker.errors import ConfigError, nearest
+from tracker.errors import ConfigError, nearest, shortened
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.plate import Plate
 from tracker.scene import Person, Scene
+from tracker.source_files import number_in, rows_of
 from tracker.start import Start
 
 
@@ -59,14 +59,7 @@ def _rows(path: Path) -> list[dict[str, str]]:
     if not path.is_file():
         beside = [other.name for other in path.parent.glob("*.csv")] if path.parent.is_dir() else []
         raise ConfigError(f"{path}: no such file of start poses; {nearest(path.name, beside)}")
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: cannot read the start poses: {error}") from error
-    if not rows:
-        raise ConfigError(f"{path}: no start pose in it, expected the layout of poses.csv")
-    return rows
+    return rows_of(path, ConfigError)
 
 
 def _parameters(row: dict[str, str], body: BodyModel, path: Path) -> Array:
@@ -91,15 +84,9 @@ def _parameters(row: dict[str, str], body: BodyModel, path: Path) -> Array:
 
 
 def _number(row: dict[str, str], column: str, path: Path) -> float:
-    if column not in row:
-        raise ConfigError(f'{path}: no column "{column}"; {nearest(column, row)}')
     try:
-        value = float(row[column])
-    except (TypeError, ValueError):
-        value = math.nan
-    if not math.isfinite(value):
+        return number_in(row, column, path, ConfigError)
+    except ConfigError as error:
         raise ConfigError(
-            f'{path}: frame {row.get("frame")}: "{column}" is {row[column]!r}, expected a finite number; '
-            'delete the row, or give it the status "lost"'
-        )
-    return value
+            f'{error} (frame {shortened(row["frame"])}); delete the row, or give it the status "lost"'
+        ) from error

@@ -22,7 +22,19 @@ from tracker.jobs._resuming import check_same
 from tracker.kernels.ahead import Group, all_cached, warm_up
 from tracker.progress import Progress, silent
 
-__all__ = ["Job", "ResultFolder", "described", "execute", "job_from", "link_latest", "load_job", "versions"]
+__all__ = [
+    "INPUTS",
+    "Job",
+    "ResultFolder",
+    "check_inputs",
+    "check_same",
+    "described",
+    "execute",
+    "job_from",
+    "link_latest",
+    "load_job",
+    "versions",
+]
 
 log = logging.getLogger("tracker")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from tracker.arrays import Array
 from tracker.errors import SequenceError
 from tracker.keypoints import LAYOUTS, Detections
+from tracker.source_files import json_of
 
 _NUMBER = re.compile(r"\d+")
 
@@ -74,12 +74,8 @@ def _layout(files: dict[int, Path]) -> tuple[str, ...]:
 def _people(path: Path) -> list[Array]:
     """(K, 3) keypoints of everybody in a file; NaN where the confidence is 0."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json_of(path, SequenceError)
         return [_keypoints(person["pose_keypoints_2d"], path) for person in content["people"]]
-    except OSError as error:
-        raise SequenceError(f"{path}: cannot read the keypoints: {error.strerror}") from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise SequenceError(f"{path}: not a JSON file: {error}") from error
     except (KeyError, TypeError) as error:
         raise SequenceError(
             f'{path}: not as OpenPose writes it, expected {{"people": [{{"pose_keypoints_2d": [x, y, c, ...]}}]}}'
@@ -89,7 +85,7 @@ def _people(path: Path) -> list[Array]:
 def _keypoints(values: Any, path: Path) -> Array:
     try:
         flat = np.array(values, dtype=np.float64)
-    except ValueError as error:
+    except (ValueError, TypeError, OverflowError) as error:
         raise SequenceError(f"{path}: pose_keypoints_2d has an entry that is no number") from error
     if flat.ndim != 1 or len(flat) % 3 or not np.isfinite(flat).all():
         raise SequenceError(f"{path}: pose_keypoints_2d has {flat.size} numbers, expected finite x, y, confidence each")

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from pathlib import Path
 
 import numpy as np
 
 from tracker.arrays import Array
-from tracker.errors import SequenceError
+from tracker.errors import SequenceError, shortened
 from tracker.keypoints import Detections, plain_name
+from tracker.source_files import cells_of
 
 _NUMBER = re.compile(r"\d+")
 _Rows = list[list[str]]
@@ -26,13 +26,7 @@ def read_table(path: Path) -> dict[int, Detections]:
     Raises:
         SequenceError: it cannot be read or is neither.
     """
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = [row for row in csv.reader(file) if row]
-    except OSError as error:
-        raise SequenceError(f"{path}: cannot read the keypoints: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise SequenceError(f"{path}: not a CSV table: {error}") from error
+    rows = cells_of(path, SequenceError)
     if rows and "frame_idx" in rows[0]:
         found = _sleap(rows, path)
     elif rows and rows[0][0].strip().lower() == "scorer":
@@ -55,6 +49,8 @@ def _deeplabcut(rows: _Rows, path: Path) -> dict[int, Detections]:
     if not {"bodyparts", "coords"} <= heads.keys():
         raise SequenceError(f'{path}: no header rows "bodyparts" and "coords", as DeepLabCut writes them')
     n_columns = len(heads["bodyparts"])
+    if n_columns == 0 or any(len(head) != n_columns for head in heads.values()):
+        raise SequenceError(f"{path}: header rows of different lengths, expected a cell a column in each")
     people = heads.get("individuals", ["one"] * n_columns)
     columns = {
         (person, plain_name(part), axis): k
@@ -69,7 +65,7 @@ def _deeplabcut(rows: _Rows, path: Path) -> dict[int, Detections]:
     found = {}
     for n, row in enumerate(rows):
         if len(row) != n_columns + 1:
-            raise SequenceError(f"{path}: {len(row)} cells in the row of {row[0]}, expected {n_columns + 1}")
+            raise SequenceError(f"{path}: {len(row)} cells in the row of {shortened(row[0])}, expected {n_columns + 1}")
         numbers = _NUMBER.findall(row[-1 - n_columns])
         values = np.array([*(_number(cell, path) for cell in row[1:]), np.nan])
         found[int(numbers[-1]) if numbers else n] = Detections(names, _present(values[np.array(places)]))
@@ -112,4 +108,4 @@ def _number(cell: str, path: Path) -> float:
     try:
         return float(cell)
     except ValueError as error:
-        raise SequenceError(f'{path}: "{cell}" found, expected a number') from error
+        raise SequenceError(f'{path}: "{shortened(cell)}" found, expected a number') from error
