@@ -21,6 +21,28 @@ from tracker.trajectory import Step
 _MARKERS = {"abduction": "x", "elevation": "o", "twist": "+", "extension": "*"}
 _LINES = {"x": ":", "y": "-.", "z": "-"}
 
+_LEAST_DEG, _LEAST_M = 30.0, 0.2
+"""Least range that a panel of parameters shows."""
+
+_USUAL_PX = 10.0
+"""Range of the distances that is shown even if all are smaller: those of two runs compare at a glance."""
+
+_APART_S = 0.25
+"""Time that frames of a list lie apart: one bad moment is one entry."""
+
+
+@dataclass(frozen=True)
+class Bad:
+    """A frame to look at."""
+
+    frame: int
+    time_s: float
+    person: str
+    status: str
+    ambiguous: str
+    explained: float
+    distance_px: float
+
 
 @dataclass
 class Series:
@@ -82,6 +104,43 @@ class Series:
             if len(overlaps) and np.isfinite(overlaps[:, v]).any()
         }
 
+    def strips(self) -> list[tuple[str, list[tuple[float, str]]]]:
+        """Name of each person, and how long each status lasts, one after the other: shares of the run's time."""
+        lasting = np.diff(self.spans())[:, 0]
+        shares = lasting / lasting.sum()
+        strips = []
+        for k, person in enumerate(self.scene.persons):
+            runs: list[tuple[float, str]] = []
+            for share, statuses in zip(shares.tolist(), self.statuses, strict=True):
+                if runs and runs[-1][1] == statuses[k]:
+                    runs[-1] = runs[-1][0] + share, statuses[k]
+                else:
+                    runs.append((share, statuses[k]))
+            strips.append((person.name, runs))
+        return strips
+
+    def worst(self, n_most: int = 12) -> list[Bad]:
+        """Frames to look at, the worst first: lost, doubtful, with ambiguous limbs, then least explained."""
+        grave = {"lost": 0, "doubtful": 1}
+        ranked = sorted(
+            (grave.get(status, 2), -len(limbs), share, t, k)
+            for t in range(len(self.frames))
+            for k, (status, limbs, share) in enumerate(
+                zip(self.statuses[t], self.ambiguous[t], self.explained[t], strict=True)
+            )
+        )
+        chosen: list[tuple[int, int]] = []
+        for _, _, _, t, k in ranked:
+            near = any(abs(self.times_s[t] - self.times_s[other]) < _APART_S for other, who in chosen if who == k)
+            if not near and len(chosen) < n_most:
+                chosen.append((t, k))
+        return [self._bad(t, k) for t, k in chosen]
+
+    def _bad(self, t: int, k: int) -> Bad:
+        limbs = ", ".join(limb.replace("_", " ") for limb in self.ambiguous[t][k])
+        told = self.frames[t], self.times_s[t], self.scene.persons[k].name, self.statuses[t][k], limbs
+        return Bad(*told, self.explained[t][k], self.distances[t][k])
+
     def summary(self) -> dict[str, Any]:
         """Headline numbers of the run so far."""
         if not self.frames:
@@ -135,8 +194,18 @@ def parameter_figure(series: Series, person: int) -> Figure:
                 metres.plot(series.times_s, shown[:, k], "k", ls=_LINES.get(short, "--"), lw=1, label=f"{short} (m)")
         axis.set_ylabel(f"{title.replace('_', ' ')}\ndegrees")
         _legend(axis, metres)
+        _at_least(axis, _LEAST_DEG)
+        if metres is not None:
+            _at_least(metres, _LEAST_M)
     _label_time(axes, series)
     return figure
+
+
+def _at_least(axis: Axes, extent: float) -> None:
+    """Widens the range of an axis, so that jitter of somebody who stands still does not look like movement."""
+    low, high = axis.get_ylim()
+    if high - low < extent:
+        axis.set_ylim((low + high - extent) / 2, (low + high + extent) / 2)
 
 
 def _legend(axis: Axes, metres: Axes | None) -> None:
@@ -181,6 +250,9 @@ def distance_figure(series: Series) -> Figure:
         for v, name in enumerate(series.scene.rig.names):
             axes[2].plot(series.times_s, overlaps[:, v], lw=1, label=name)
         axes[2].set_ylabel("silhouette IoU")
+        axes[2].set_ylim(0, 1)
+    axes[0].set_ylim(0, max(_USUAL_PX, 1.05 * float(np.nanmax(series.distances))))
+    axes[1].set_ylim(0, 100)
     for axis in axes:
         axis.grid(alpha=0.3)
         axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1), fontsize=8, frameon=False)

@@ -12,12 +12,13 @@ import pydantic
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tracker.arrays import Array, Integers
+from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.components import component
 from tracker.files import write_whole
 from tracker.recording import RunContext
 from tracker.recording._motion import Motion, MotionRecorder
+from tracker.recording._surfaces import surface_of
 
 _TYPES = {"<f4": 5126, "|u1": 5121, "<u4": 5125}
 """Component types of the format, by numpy's."""
@@ -77,29 +78,17 @@ class Glb:
 
     def _mesh(self, body: BodyModel, buffer: _Buffer) -> dict[str, Any]:
         """The surfaces of all parts in the reference pose; each vertex hangs on its part's segment."""
-        eta, omega = np.meshgrid(
-            np.linspace(-np.pi / 2, np.pi / 2, self.n_eta), 2 * np.pi * np.arange(self.n_omega) / self.n_omega
-        )
-        segments = {segment.name: k for k, segment in enumerate(body.segments)}
-        points, normals, bones = [], [], []
-        for part in body.parts:
-            local, upright = part.shape.surface(eta.T, omega.T)
-            turn, shift = part.model_from_part[:3, :3], part.model_from_part[:3, 3]
-            points.append(local.reshape(-1, 3) @ turn.T + shift)
-            normals.append(upright.reshape(-1, 3) @ turn.T)
-            bones.append(np.full(len(points[-1]), segments[part.segment]))
-        one = _triangles(self.n_eta, self.n_omega)
-        faces = np.concatenate([one + k * self.n_eta * self.n_omega for k in range(len(body.parts))])
-        joints = np.pad(np.concatenate(bones)[:, None], ((0, 0), (0, 3))).astype("u1")
+        surface = surface_of(body, self.n_eta, self.n_omega)
+        joints = np.pad(surface.segments[:, None], ((0, 0), (0, 3))).astype("u1")
         attributes = {
-            "POSITION": buffer.add(np.concatenate(points), "VEC3", _VERTICES, bounded=True),
-            "NORMAL": buffer.add(np.concatenate(normals), "VEC3", _VERTICES),
+            "POSITION": buffer.add(surface.points, "VEC3", _VERTICES, bounded=True),
+            "NORMAL": buffer.add(surface.normals, "VEC3", _VERTICES),
             "JOINTS_0": buffer.add(joints, "VEC4", _VERTICES),
             "WEIGHTS_0": buffer.add(np.tile([1.0, 0, 0, 0], (len(joints), 1)), "VEC4", _VERTICES),
         }
         return {
             "attributes": attributes,
-            "indices": buffer.add(faces.ravel().astype("<u4"), "SCALAR", _INDICES),
+            "indices": buffer.add(surface.faces.ravel().astype("<u4"), "SCALAR", _INDICES),
             "material": 0,
         }
 
@@ -130,16 +119,6 @@ class _Buffer:
         """The entries of the document that tell what the buffer holds."""
         buffers = [{"byteLength": len(self.content)}]
         return {"accessors": self._accessors, "bufferViews": self._views, "buffers": buffers}
-
-
-def _triangles(n_eta: int, n_omega: int) -> Integers:
-    """(F, 3) vertices of the faces, against the clock as seen from outside; at the poles one a column, not two."""
-    rows, columns = np.meshgrid(np.arange(n_eta - 1), np.arange(n_omega), indexing="ij")
-    right = (columns + 1) % n_omega
-    low, high = rows * n_omega, (rows + 1) * n_omega
-    lower = np.stack([low + columns, low + right, high + right], axis=-1)[1:]
-    upper = np.stack([low + columns, high + right, high + columns], axis=-1)[:-1]
-    return np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)])
 
 
 def _inverse_binds(body: BodyModel, buffer: _Buffer) -> int:

@@ -18,6 +18,7 @@ from tracker.components import component
 from tracker.files import write_whole
 from tracker.recording import RunContext
 from tracker.recording._drawing import STATUS_COLOURS, draw_axes, draw_step, encoded, tile
+from tracker.recording._player import Player
 from tracker.recording._series import Series, distance_figure, parameter_figure
 from tracker.start import Hypothesis, Start
 from tracker.trajectory import Step
@@ -27,11 +28,17 @@ from tracker.trajectory import Step
 class Report:
     """`report.html`: numbers, overlay pictures and plots in one file."""
 
-    pictures: int = pydantic.Field(default=6, ge=1)
-    """Overlay pictures, evenly over the run; the worst frame and lost frames come on top."""
+    pictures: int = pydantic.Field(default=4, ge=1)
+    """Overlay pictures, evenly over the run; the worst frame and as many lost frames come on top."""
 
     width_px: int = pydantic.Field(default=1000, ge=200)
     """Width of the pictures, px."""
+
+    player: bool = True
+    """The bodies, the cameras and a small video of all views, to play and to scrub; 1 to 2 MB for 1000 frames."""
+
+    player_frames: int = pydantic.Field(default=1500, ge=2)
+    """Frames that the player holds at the most; of longer runs it shows every second, third, ..."""
 
     def begin(self, run: RunContext) -> ReportRecorder:
         """Collects numbers and pictures; the page is written at the end."""
@@ -48,15 +55,18 @@ class ReportRecorder:
         self._worst: tuple[float, int, bytes] | None = None
         self._axes: list[Image] = []
         self._start: Start | None = None
+        self._player = Player(run, settings.player_frames) if settings.player else None
 
     def write(self, step: Step) -> None:
         """Adds one frame."""
         k = len(self._series.frames)
         self._series.add(step)
+        if self._player is not None:
+            self._player.add(step)
         lost = any(estimate.lost for estimate in step.estimates)
         distance = max(estimate.distance_px for estimate in step.estimates)
         worst = self._worst is None or distance > self._worst[0]
-        shown = k % self._every == 0 or (lost and len(self._pictures) < 4 * self._settings.pictures)
+        shown = k % self._every == 0 or (lost and len(self._pictures) < 2 * self._settings.pictures)
         if shown or worst:
             picture = encoded(draw_step(step, self._run.scene, self._settings.width_px, close=True))
             if shown:
@@ -77,8 +87,8 @@ class ReportRecorder:
         """Writes the page."""
         if not self._series.frames:
             return ()
-        environment = jinja2.Environment(loader=jinja2.PackageLoader("tracker.recording", "."), autoescape=True)
-        page = environment.get_template("_report.html").render(self._content())
+        environment = jinja2.Environment(loader=jinja2.PackageLoader("tracker.recording", "_report"), autoescape=True)
+        page = environment.get_template("report.html").render(self._content())
         path = self._run.folder / "report.html"
         write_whole(path, page)
         return (path,)
@@ -95,7 +105,10 @@ class ReportRecorder:
             "run": self._run,
             "summary": self._series.summary(),
             "colours": {str(status): colour for status, colour in STATUS_COLOURS.items()},
-            "timeline": self._timeline(),
+            "strips": self._series.strips(),
+            "ends": (float(self._series.spans()[0, 0]), float(self._series.spans()[-1, 1])),
+            "worst": self._series.worst(),
+            "player": None if self._player is None else self._player.content(),
             "pictures": pictures,
             "axes": None if axes is None else _uri(axes, "jpeg"),
             "starts": self._start_rows(),
@@ -105,11 +118,6 @@ class ReportRecorder:
             "config": tomli_w.dumps(self._run.details.get("config", {})),
             "versions": self._run.details.get("versions", {}),
         }
-
-    def _timeline(self) -> list[tuple[float, list[str]]]:
-        """Share of the run's time, times the number of frames, and the statuses of each frame."""
-        lasting = np.diff(self._series.spans())[:, 0]
-        return list(zip((lasting / lasting.mean()).tolist(), self._series.statuses, strict=True))
 
     def _start_rows(self) -> list[tuple[str, float, list[Hypothesis]]]:
         """Name, confidence and ranked hypotheses of each person that was bootstrapped."""
@@ -140,5 +148,5 @@ def _uri(data: bytes, kind: str) -> str:
 
 def _figure_uri(figure: Figure) -> str:
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
+    figure.savefig(buffer, format="png", dpi=95)
     return _uri(buffer.getvalue(), "png")

@@ -1,0 +1,118 @@
+"""What the report's player needs: the bodies, their movements, the cameras and a video, as text for the page."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tracker.arrays import Array, Integers
+from tracker.camera import Camera
+from tracker.estimate import Estimate
+from tracker.recording import RunContext
+from tracker.recording._motion import Motion, Motions
+from tracker.recording._preview import FPS, Preview
+from tracker.recording._surfaces import surface_of
+from tracker.scene import Person
+from tracker.trajectory import Step
+
+_N_ETA, _N_OMEGA = 9, 12
+"""Latitudes and longitudes of a part's mesh: 100 kB a body."""
+
+_SURE, _UNSURE, _LOST = 0, 1, 2
+"""What is known of a segment in a frame, as player.js colours it."""
+
+
+class Player:
+    """The frames so far; of runs that are longer than `most_frames` every second, third, ..."""
+
+    def __init__(self, run: RunContext, most_frames: int) -> None:
+        self._run, self._every = run, max(1, -(-run.n_frames // most_frames))
+        self._motions, self._preview = Motions(run), Preview(run)
+        self._known: list[list[NDArray[np.uint8]]] = []
+        self._frames: list[int] = []
+        self._n_added = 0
+
+    def add(self, step: Step) -> None:
+        """Takes one frame."""
+        self._n_added += 1
+        if (self._n_added - 1) % self._every:
+            return
+        self._frames.append(step.frame.index)
+        self._motions.add(step)
+        self._known.append([_known(p, e) for p, e in zip(step.scene.persons, step.estimates, strict=True)])
+        self._preview.add(step)
+
+    def content(self) -> dict[str, str]:
+        """Texts for the page: the scene as JSON, the video and the libraries."""
+        motions = self._motions.all()
+        scene = {
+            "frames": self._frames,
+            "times": [round(float(time_s), 4) for time_s in motions[0].times_s],
+            "interval": self._run.interval_s * self._every,
+            "fps": FPS,
+            "persons": [self._person(k, motion) for k, motion in enumerate(motions)],
+            "cameras": [
+                _camera(camera, window)
+                for camera, window in zip(self._run.scene.rig.cameras, self._preview.windows, strict=True)
+            ],
+        }
+        folder = files("tracker.recording") / "_report"
+        return {
+            "scene": json.dumps(scene, separators=(",", ":")).replace("<", "\\u003c"),
+            "video": base64.b64encode(self._preview.finish()).decode(),
+            "three": base64.b64encode((folder / "three.min.js.gz").read_bytes()).decode(),
+            "script": (folder / "player.js").read_text(encoding="utf-8"),
+        }
+
+    def _person(self, k: int, motion: Motion) -> dict[str, Any]:
+        """Mesh, placements and what is known of a person's segments."""
+        surface = surface_of(motion.body, _N_ETA, _N_OMEGA)
+        joints = np.array([segment.joint for segment in motion.body.segments])
+        placed = motion.segments(motion.filled)
+        turns = Rotation.from_matrix(placed[..., :3, :3].reshape(-1, 3, 3)).as_quat().reshape(*placed.shape[:2], 4)
+        return {
+            "name": motion.name,
+            "segments": [segment.name for segment in motion.body.segments],
+            "points": _text(surface.points - joints[surface.segments], "<f4"),
+            "normals": _text(surface.normals, "<f4"),
+            "bones": _text(surface.segments, "u1"),
+            "faces": _text(surface.faces, "<u4"),
+            "placed": _text(np.concatenate([placed[..., :3, 3], turns], axis=-1), "<f4"),
+            "known": _text(np.array([known[k] for known in self._known]), "u1"),
+        }
+
+
+def _known(person: Person, estimate: Estimate) -> NDArray[np.uint8]:
+    """(S,) what is known of each segment."""
+    body = person.body
+    state = _LOST if estimate.lost else _UNSURE if estimate.doubtful else _SURE
+    known = np.full(len(body.segments), state, dtype=np.uint8)
+    for group in () if estimate.lost else estimate.ambiguous:
+        moved = {part.segment for part, mine in zip(body.parts, body.parts_of(group), strict=True) if mine}
+        known[[segment.name in moved for segment in body.segments]] = _UNSURE
+    return known
+
+
+def _camera(camera: Camera, window: Array) -> dict[str, Any]:
+    """Where a camera stands, how its image spreads at a metre, and where that lies in the video."""
+    (fx, _, cx), (_, fy, cy) = camera.matrix[:2]
+    width, height = camera.size
+    spread = [(-0.5 - cx) / fx, (-0.5 - cy) / fy, (width - 0.5 - cx) / fx, (height - 0.5 - cy) / fy]
+    return {
+        "name": camera.name,
+        "world_from_camera": np.linalg.inv(camera.camera_from_world).round(6).tolist(),
+        "spread": [round(float(value), 5) for value in spread],
+        "window": [round(float(value), 6) for value in window],
+    }
+
+
+def _text(values: Array | Integers | NDArray[np.uint8], dtype: str) -> str:
+    """An array's bytes, compressed, as text."""
+    return base64.b64encode(gzip.compress(np.ascontiguousarray(values, dtype=dtype).tobytes(), mtime=0)).decode()

@@ -1,0 +1,59 @@
+"""The surface of a body as one mesh, each vertex on its segment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tracker.arrays import Array, Integers
+from tracker.body import BodyModel
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The parts' surfaces in the reference pose, metres."""
+
+    points: Array
+    """(N, 3) vertices."""
+
+    normals: Array
+    """(N, 3) outwards, unit length."""
+
+    segments: Integers
+    """(N,) segment that each vertex hangs on."""
+
+    faces: Integers
+    """(F, 3) vertices, against the clock as seen from outside."""
+
+
+def surface_of(body: BodyModel, n_eta: int, n_omega: int) -> Surface:
+    """Meshes all parts of a body.
+
+    Args:
+        body: whose parts they are.
+        n_eta: latitudes of a part's mesh, poles included.
+        n_omega: longitudes.
+    """
+    eta, omega = np.meshgrid(np.linspace(-np.pi / 2, np.pi / 2, n_eta), 2 * np.pi * np.arange(n_omega) / n_omega)
+    numbers = {segment.name: k for k, segment in enumerate(body.segments)}
+    points, normals, segments = [], [], []
+    for part in body.parts:
+        local, upright = part.shape.surface(eta.T, omega.T)
+        turn, shift = part.model_from_part[:3, :3], part.model_from_part[:3, 3]
+        points.append(local.reshape(-1, 3) @ turn.T + shift)
+        normals.append(upright.reshape(-1, 3) @ turn.T)
+        segments.append(np.full(len(points[-1]), numbers[part.segment]))
+    one = _triangles(n_eta, n_omega)
+    faces = np.concatenate([one + k * n_eta * n_omega for k in range(len(body.parts))])
+    return Surface(np.concatenate(points), np.concatenate(normals), np.concatenate(segments), faces)
+
+
+def _triangles(n_eta: int, n_omega: int) -> Integers:
+    """(F, 3) vertices of the faces, against the clock as seen from outside; at the poles one a column, not two."""
+    rows, columns = np.meshgrid(np.arange(n_eta - 1), np.arange(n_omega), indexing="ij")
+    right = (columns + 1) % n_omega
+    low, high = rows * n_omega, (rows + 1) * n_omega
+    lower = np.stack([low + columns, low + right, high + right], axis=-1)[1:]
+    upper = np.stack([low + columns, high + right, high + columns], axis=-1)[:-1]
+    return np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)])
