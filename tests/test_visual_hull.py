@@ -104,10 +104,10 @@ def test_a_lost_person_is_looked_for_beside_the_known_one(body: BodyModel) -> No
 
 def test_too_few_persons_are_named(body: BodyModel) -> None:
     person = standing(body, "one", 0.0, 0.0)
-    with pytest.raises(InitializationError, match=r"shows 1 upright person\(s\), expected 2"):
+    with pytest.raises(InitializationError, match=r"shows 1 person\(s\), expected 2"):
         find_persons(silhouettes(person), RIG, (person, person), ())
     empty = tuple(np.zeros_like(mask) for mask in silhouettes(person))
-    with pytest.raises(InitializationError, match=r"shows 0 upright person\(s\), expected 1"):
+    with pytest.raises(InitializationError, match=r"shows 0 person\(s\), expected 1"):
         find_persons(empty, RIG, (person,), ())
 
 

@@ -10,13 +10,12 @@ from scipy.optimize import linear_sum_assignment
 
 from tracker.arrays import Array, Mask
 from tracker.errors import InitializationError
+from tracker.initialization._likeness import Size, like_a_person, misfit, size_of, smallest, tall
 from tracker.initialization._torso_axis import hull_axis, region_axes, torso_axis
-from tracker.initialization._visual_hull import STEP_M, Hull, connected, shadow, visual_hull
+from tracker.initialization._visual_hull import Hull, connected, shadow, visual_hull
 from tracker.rig import Rig
 from tracker.scene import Person
 
-# A person standing or crouching, against legs alone, chairs and shadows on the floor.
-_LEAST_HEIGHT, _MOST_HEIGHT, _LEAST_VOLUME_M3, _VOLUME_M3 = 0.5, 1.6, 0.012, 0.08
 # Where only two views look, the hull also has ghosts, whose foreground is that of others but for 3 to 10 %.
 _OWN = 0.25
 # A view in which so much of a person's region may belong to another one does not show its axis.
@@ -27,8 +26,6 @@ _REACH, _FEW = 0.6, 50
 _LYING_REACH = 1.2
 _MARGIN_M = 0.03
 _EROSIONS = 4
-# Heights of a standing person, arms hanging or raised, in statures.
-_STANDING = 0.9, 1.3
 # Gaps of this share of the image's longer side are closed.
 _GAP = 0.006
 
@@ -64,40 +61,38 @@ def find_persons(
     Raises:
         InitializationError: fewer than K.
     """
-    statures = sorted((_upright_height(person) for person in persons), reverse=True)
+    sizes = [size_of(person) for person in persons]
+    statures = sorted((size.stature_m for size in sizes), reverse=True)
     reach_m = max(_reach(person) for person in persons)
     most = 1 if sum(mask is not None for mask in masks) > 2 else 0
     masks = tuple(None if mask is None else _cleaned(mask) for mask in masks)
     hull = visual_hull(rig, masks, most)
     hull = hull.part(~_taken(hull.points, held))
     erosions = range(_EROSIONS + 1 if len(persons) + len(held) > 1 else 1)
-    trials = [_pieces(hull.part(hull.lacking <= n), m, statures, reach_m) for n in range(most + 1) for m in erosions]
+    trials = [_pieces(hull.part(hull.lacking <= n), m, sizes, reach_m) for n in range(most + 1) for m in erosions]
     trials = [_showing(pieces, masks, rig) for pieces in trials]
     enough = [pieces[: len(persons)] for pieces in trials if len(pieces) >= len(persons)]
     if enough:
-        best = min(enough, key=lambda pieces: _misfit(pieces, statures) - 0.5 * _covered(pieces, masks, rig))
+        best = min(enough, key=lambda pieces: misfit(pieces, statures) - 0.5 * _covered(pieces, masks, rig))
         return _with_regions(best, masks, rig)
     n_pieces = max(len(pieces) for pieces in trials)
     raise InitializationError(
-        f"the foreground of all views shows {n_pieces} upright person(s), expected {len(persons)}: check the "
-        "background plates; persons must stand apart at the start; start at another frame or give the poses"
+        f"the foreground of all views shows {n_pieces} person(s), expected {len(persons)}: check the "
+        "background plates; persons must be apart at the start; start at another frame or give the poses"
     )
 
 
-def _height(points: Array) -> float:
-    low, high = np.percentile(points[:, 2], [0.5, 99.5])
-    return float(high - low) + STEP_M
-
-
-def _pieces(hull: Hull, erosions: int, statures: list[float], reach_m: float) -> list[Hull]:
+def _pieces(hull: Hull, erosions: int, sizes: list[Size], reach_m: float) -> list[Hull]:
     """Pieces of a hull that can be persons, the likeliest first."""
-    pieces = []
+    pieces, statures = [], [size.stature_m for size in sizes]
     for whole in connected(hull, erosions):
         if len(whole.points) > _FEW:
             piece = _within_reach(whole, reach_m)
-            if _like_a_person(piece, min(statures)):
+            if not tall(piece.points, min(statures)):
+                piece = whole  # what lies has no upright axis, and a length that counts
+            if like_a_person(piece, smallest(sizes)):
                 pieces.append(piece)
-    return sorted(pieces, key=lambda piece: _misfit([piece], [float(np.mean(statures))]))
+    return sorted(pieces, key=lambda piece: misfit([piece], [float(np.mean(statures))]))
 
 
 def _showing(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) -> list[Hull]:
@@ -121,23 +116,6 @@ def _within_reach(piece: Hull, reach_m: float) -> Hull:
     return piece.part(np.linalg.norm(lateral, axis=1) < reach_m)
 
 
-def _misfit(pieces: list[Hull], statures: list[float]) -> float:
-    """How unlike standing persons of so many statures the pieces are.
-
-    The share of the stature by which they are too low, or too high even for raised arms; how far their axes lean;
-    the share of the views that do not look at them, or see nothing there; less for a body's volume.
-    """
-    ordered = sorted(pieces, key=lambda piece: _height(piece.points), reverse=True)
-    misfit = 0.0
-    for piece, stature in zip(ordered, statures, strict=True):
-        share = _height(piece.points) / stature
-        misfit += max(_STANDING[0] - share, 0.0) + max(share - _STANDING[1], 0.0)
-        misfit += 0.25 * (1 - float(hull_axis(piece.points).direction[2]))
-        misfit += 0.5 * (1 - float(piece.seen.mean())) + 0.08 * float(piece.lacking.mean())
-        misfit -= 0.3 * min(len(piece.points) * STEP_M**3 / _VOLUME_M3, 1.0)
-    return misfit
-
-
 def _covered(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) -> float:
     """Share of the foreground of all views that the pieces explain."""
     inside = total = 0
@@ -152,7 +130,7 @@ def _covered(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) -> fl
 def in_order(found: list[Found], persons: tuple[Person, ...], rig: Rig, seen_before: bool) -> list[Found]:
     """Which of the found is which person: by who is taller, and by where a lost person was seen last."""
     heads = np.array([_head_top(other, rig) for other in found])
-    statures = np.array([_upright_height(person) for person in persons])
+    statures = np.array([size_of(person).stature_m for person in persons])
     costs = np.abs((heads - heads.mean())[None] - (statures - statures.mean())[:, None])
     if seen_before:
         last = np.array([person.body.landmarks_in_world(person.q).mean(axis=0) for person in persons])
@@ -177,16 +155,11 @@ def _cleaned(mask: Mask) -> Mask:
     return cleaned
 
 
-def _upright_height(person: Person) -> float:
-    marks = person.body.landmarks_in_world(person.body.rest())
-    return person.body.stature_m or float(np.ptp(marks[:, 2]))
-
-
 def _reach(person: Person) -> float:
     """How far from a vertical line through its middle a body can be: hands of a person, head and tail of an animal."""
     marks = person.body.landmarks_in_world(person.body.rest())[:, :2]
     length = float(np.linalg.norm(marks - np.median(marks, axis=0), axis=1).max(initial=0.0))
-    return max(_REACH * _upright_height(person), _LYING_REACH * length)
+    return max(_REACH * size_of(person).stature_m, _LYING_REACH * length)
 
 
 def _taken(points: Array, held: tuple[Person, ...]) -> Mask:
@@ -200,11 +173,6 @@ def _taken(points: Array, held: tuple[Person, ...]) -> Mask:
             along = np.clip((points - start) @ (end - start) / max(float((end - start) @ (end - start)), 1e-9), 0, 1)
             taken |= np.linalg.norm(points - start - along[:, None] * (end - start), axis=1) < _HELD_M
     return taken
-
-
-def _like_a_person(piece: Hull, stature_m: float) -> bool:
-    height, volume = float(np.ptp(piece.points[:, 2])) + STEP_M, len(piece.points) * STEP_M**3
-    return _LEAST_HEIGHT * stature_m < height < _MOST_HEIGHT * stature_m and volume > _LEAST_VOLUME_M3
 
 
 def _with_regions(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) -> list[Found]:

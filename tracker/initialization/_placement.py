@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -9,8 +11,9 @@ from tracker.arrays import Array, Integers
 from tracker.body import BodyModel
 from tracker.errors import ModelError
 from tracker.initialization._persons import Found
+from tracker.initialization._stances import Stance, on_floor, posed, turned
 from tracker.initialization._torso_axis import TorsoAxis
-from tracker.initialization._visual_hull import shadow
+from tracker.initialization._visual_hull import STEP_M, shadow
 from tracker.rig import Rig
 
 # Bodies whose axis is nearer to the vertical stand upright; those of animals lie.
@@ -19,6 +22,10 @@ _UPRIGHT = np.cos(np.radians(45.0))
 _LEGS = 0.5
 _FLOOR_PERCENT = 0.5
 _MARGIN_M = 0.03
+# Specks beyond the ends of a piece.
+_EDGE_PERCENT = 1.0
+# Two voxels: a shadow is flat.
+_SHADOW_M = 0.08
 
 
 def axis_marks(body: BodyModel) -> Integers:
@@ -77,13 +84,30 @@ def placements(body: BodyModel, axis: TorsoAxis, points: Array) -> list[Array]:
 
     Args:
         body: the body.
-        axis: from the foreground. It shows where the head is of a body that stands upright, for the head is up; of
-            one that lies both ways are possible.
+        axis: from the foreground. It says where the head of a body is that stands upright in its model file; of an
+            animal both ways are possible.
         points: (N, 3) voxels of the body without its legs, metres: their middle is where a lying one is.
     """
     if stands_upright(body):
         return [_upright(body, axis)]
     return [_lying(body, sign * axis.direction, points.mean(axis=0)) for sign in (1.0, -1.0)]
+
+
+def laid_in(body: BodyModel, stances: Sequence[Stance], points: Array, headings: Array) -> Array:
+    """Stances (N, dof) in every heading in the middle of a piece of the visual hull, on its lowest point.
+
+    Args:
+        body: the body.
+        stances: standing, seated, crouching, lying.
+        points: (N, 3) voxels, metres.
+        headings: (M,) turns about the vertical, rad.
+    """
+    floor_m = float(np.percentile(points[:, 2], _FLOOR_PERCENT)) - STEP_M / 2
+    # The shadow on the floor belongs to the piece.
+    above = points[points[:, 2] > floor_m + _SHADOW_M]
+    low, high = np.percentile(above if len(above) else points, [_EDGE_PERCENT, 100 - _EDGE_PERCENT], axis=0)
+    poses = np.concatenate([turned(body, posed(body, stance), headings) for stance in stances])
+    return on_floor(body, poses, np.tile((low + high)[:2] / 2, (len(poses), 1)), floor_m)
 
 
 def _upright(body: BodyModel, axis: TorsoAxis) -> Array:

@@ -16,6 +16,9 @@ from tracker.rig import Rig
 # Bins of the head histogram, metres, and how far from the axis its points may lie: half a shoulder width.
 _BIN_M = 0.02
 _LATERAL_M = 0.2
+_LEANING = np.cos(np.radians(45.0))
+# Specks beyond the end of a person.
+_END_PERCENT = 1.0
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,16 @@ class TorsoAxis:
 
     direction: Array
     """(3,) unit vector from the pelvis to the head."""
+
+    @property
+    def leans(self) -> bool:
+        """Whether it is nearer to the floor than to the vertical: then the head may be at either end."""
+        return bool(self.direction[2] < _LEANING)
+
+    def other_way(self, points: Array) -> TorsoAxis:
+        """The same line with the head at the other end of the voxels (N, 3), metres."""
+        along = (points - self.head_top) @ self.direction
+        return TorsoAxis(self.head_top + np.percentile(along, _END_PERCENT) * self.direction, -self.direction)
 
 
 def region_axes(regions: tuple[Mask | None, ...], min_pixels: int) -> list[tuple[PrincipalAxis, ...]]:
@@ -97,7 +110,7 @@ def _line(rig: Rig, axes: list[tuple[PrincipalAxis, ...]], views: tuple[int, ...
         normals.append(normal / np.linalg.norm(normal))
     centres = np.array([rig.cameras[v].centre for v in views])
     point, direction, strength = line_from_planes(np.array(normals), centres)
-    # The head is up: bootstrapping assumes an upright person, as the paper's does.
+    # The head is up, as the paper assumes; who lies is tried the other way round as well.
     return None if strength < 0.1 else (point, direction if direction[2] > 0 else -direction)
 
 

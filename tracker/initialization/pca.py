@@ -9,15 +9,25 @@ import numpy as np
 import pydantic
 
 from tracker.arrays import Array, Image, Mask
+from tracker.body import BodyModel
 from tracker.components import component
-from tracker.errors import ConfigError, InitializationError
+from tracker.errors import ConfigError, InitializationError, ModelError
 from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
 from tracker.initialization import Stages
-from tracker.initialization._hypotheses import apart, coarse_poses, hypothesis, ranked, turned_round, with_held
+from tracker.initialization._hypotheses import (
+    apart,
+    coarse_poses,
+    different,
+    hypothesis,
+    ranked,
+    turned_round,
+    with_held,
+)
+from tracker.initialization._likeness import size_of, standing
 from tracker.initialization._persons import Found, find_persons, in_order
-from tracker.initialization._placement import placements, without_legs
+from tracker.initialization._placement import laid_in, placements, stands_upright, without_legs
 from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
 from tracker.initialization._visual_hull import shadow
 from tracker.objective import Objective
@@ -33,14 +43,22 @@ _SIGMAS = 4.0
 # What is farther than this from every voxel of a person does not belong to one; of a known person only the joints
 # are at hand, so that hands and feet must lie within it.
 _AROUND_M = 0.15
+# Stances whose landmarks are closer on average lead to the same pose.
+_APART_M = 0.25
+# Of somebody who lies shadows hide more: of V-Dance's first frame, crouching, and P-Floor's, on the forearms, the right
+# pose was fourth to sixth before the run's estimation, best after it.
+_MORE_OF_LOW = 2
+# Limits are kept in rad.
+_ROUNDED_DEG = 1e-6
 
 
 @component
 class PcaInitialization:
     """Background subtraction, iterated PCA in every view, the body's axis in space, then a coarse-to-fine search.
 
-    Persons must not overlap in the images and stand upright before a known background. The axis of a body that lies in
-    its model file, an animal's trunk, is followed both ways.
+    Persons must not overlap in the images, before a known background. Of those who stand the head is up. Somebody lower
+    may lie either way round the axis, or crouch, sit or lie as the stances of the body's file. The axis of a body that
+    lies in its model file, an animal's trunk, is followed both ways.
     """
 
     min_area: float = pydantic.Field(default=0.002, gt=0, lt=1)
@@ -80,7 +98,25 @@ class PcaInitialization:
                 f'{", ".join(lacking)}): add `background = "background/{{view}}.png"` to [reading], or start without '
                 'plates by initialization = { use = "stance" } or { use = "given", poses = "start.csv" }'
             )
+        for person in scene.persons:
+            self._check_values(person.body)
         return f"pca, the background plates of {n_plates} views"
+
+    def _check_values(self, body: BodyModel) -> None:
+        for name, values in (self.coarse_deg or {}).items():
+            try:
+                columns = body.columns(name)
+            except ModelError as error:
+                raise ConfigError(f"initialization.coarse_deg: {error}") from error
+            if not values:
+                raise ConfigError(f'initialization.coarse_deg: no value of "{name}", expected some degrees')
+            low, high = np.degrees(body.limits[columns].T)
+            for value in values:
+                if (value < low - _ROUNDED_DEG).any() or (value > high + _ROUNDED_DEG).any():
+                    raise ConfigError(
+                        f'initialization.coarse_deg: "{name}" is {value:g}, outside the limits {low.max():g} to '
+                        f'{high.min():g} deg of model "{body.name}"'
+                    )
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
@@ -126,19 +162,34 @@ class PcaInitialization:
         objective = stages.objective(cleared, scene, len(scene.persons) - 1)
         stages.progress("bootstrapping: coarse search of the turn and the limbs")
         points = without_legs(found, body, scene.rig).points
-        starts = [q for axis in axes for q in placements(body, axis, points)]
-        values = body.start.coarse_deg if self.coarse_deg is None else self.coarse_deg
-        coarse = coarse_poses(body, starts, np.arange(-180.0, 180.0, self.turn_step_deg), values)
-        distances = np.concatenate([objective(coarse[i : i + _BATCH]) for i in range(0, len(coarse), _BATCH)])
-        tried = apart(body, coarse, distances, (self.hypotheses, self.apart_deg))
+        tried = self._coarse(objective, [q for axis in axes for q in placements(body, axis, points)])
+        low = stands_upright(body) and not standing(points, size_of(scene.persons[-1]).stature_m)
+        if low:
+            tried += self._low(objective, axes, points)
         refined = []
         for n, q in enumerate(tried, start=1):
-            stages.progress(f"bootstrapping: hypothesis {n} of {self.hypotheses}")
+            stages.progress(f"bootstrapping: hypothesis {n} of {len(tried)}")
             refined.append(self._refined(objective, q))
         stages.progress("bootstrapping: the best hypothesis turned round")
         best = ranked(body, refined)[0].q
         refined.append(self._refined(objective, turned_round(body, best)))
-        return ranked(body, refined)[: self.finalists]
+        return ranked(body, refined)[: _MORE_OF_LOW * self.finalists if low else self.finalists]
+
+    def _coarse(self, objective: Objective, starts: list[Array]) -> list[Array]:
+        """The likeliest poses (dof,) among the start poses with all turns and further values, of different turns."""
+        body = objective.body
+        values = body.start.coarse_deg if self.coarse_deg is None else self.coarse_deg
+        poses = coarse_poses(body, starts, np.arange(-180.0, 180.0, self.turn_step_deg), values)
+        return apart(body, poses, _in_batches(objective, poses), (self.hypotheses, self.apart_deg))
+
+    def _low(self, objective: Objective, axes: list[TorsoAxis], points: Array) -> list[Array]:
+        """The likeliest poses (dof,) of somebody too low to stand: head down on the axes, or in one of the stances."""
+        body, n = objective.body, self.hypotheses
+        down = [q for axis in axes if axis.leans for q in placements(body, axis.other_way(points), points)]
+        headings = np.radians(np.arange(-180.0, 180.0, self.turn_step_deg))
+        poses = laid_in(body, body.start.stances_deg, points, headings)
+        ordered = poses[np.argsort(_in_batches(objective, poses), kind="stable")]
+        return [*(self._coarse(objective, down) if down else ()), *different(body, ordered, n, _APART_M)]
 
     def _refined(self, objective: Objective, q: Array) -> Hypothesis:
         """What the fine search and the refinement make of a pose."""
@@ -164,9 +215,13 @@ class PcaInitialization:
             ranking = again[k]
             objective = objective.about(scene, k)
             estimates = [stages.estimation.estimate(objective, one.q[None]) for one in ranking]
-            again[k] = ranked(objective.body, [hypothesis(objective.body, one) for one in estimates])
+            again[k] = ranked(objective.body, [hypothesis(objective.body, one) for one in estimates])[: self.finalists]
             scene = scene.with_pose(k, again[k][0].q)
         return again
+
+
+def _in_batches(objective: Objective, poses: Array) -> Array:
+    return np.concatenate([objective(poses[i : i + _BATCH]) for i in range(0, len(poses), _BATCH)])
 
 
 def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> Frame:
