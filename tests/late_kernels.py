@@ -32,7 +32,7 @@ def signatures() -> set[tuple[str, str]]:
 def track(folder: Path) -> None:
     """A few frames, bootstrapped by plates, by all kinds of evidence."""
     config = write_sequence(Recipe("arm_swing", seconds=0.12, size=(360, 288)), folder / "sequence")
-    for evidence in ("together", "regions"):
+    for evidence in ("auto", "regions"):
         result = execute(load_job("track", config, [f"evidence.use={evidence}"]), folder / evidence)
         assert result.n_frames == 3
 

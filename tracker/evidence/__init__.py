@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
 from tracker.account import Account
@@ -24,7 +25,7 @@ class Evidence(Protocol):
     """A component that answers for one kind of evidence. Search and refinement know none of them by name.
 
     One pose has one number: what `distances` ranks by is what `account` reports. Components derive from this class
-    and inherit the optional methods, `look` and `learned`.
+    and inherit the optional methods, `told`, `look` and `learned`.
     """
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Observed:
@@ -58,6 +59,14 @@ class Evidence(Protocol):
     def account(self, asked: Comparison, q: Array) -> Account:
         """How well a pose (dof,) explains what was observed; its distance is the one that `distances` gives."""
         ...
+
+    def told(self, known: Sequence[object | None]) -> str:
+        """In one line what it goes by, if that depends on the recording; by default nothing.
+
+        Args:
+            known: what is known of each view without persons, a plate or that there are masks; None for neither.
+        """
+        return ""
 
     def look(self, sight: Sight, around: Contours) -> None:
         """Does ahead what needs no exact prediction, and leaves it in the sight; by default nothing.

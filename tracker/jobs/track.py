@@ -73,7 +73,7 @@ class TrackJob:
     synthesis: Synthesis = standard("synthesis", "cpu")
     """What the images should show."""
 
-    evidence: Evidence = standard("evidence", "together")
+    evidence: Evidence = standard("evidence", "auto")
     """What they do show, and how well a pose explains it."""
 
     prediction: Prediction = standard("prediction", "polynomial")
@@ -173,7 +173,11 @@ class TrackJob:
         sequence = opened.sequence
         _save_inputs(opened, folder.path)
         progress(f"{self.name}: {sequence.n_frames} frames, results in {folder.path}")
-        choices = {"synthesis": getattr(self.synthesis, "choice", ""), "initialization": opened.start}
+        choices = {
+            "synthesis": getattr(self.synthesis, "choice", ""),
+            "evidence": self.evidence.told(sequence.known),
+            "initialization": opened.start,
+        }
         for stage, choice in choices.items():
             if choice:
                 log.info("%s: %s", stage, choice)

@@ -45,10 +45,10 @@ _F8, _F4, _I8, _B1 = np.float64, np.float32, np.int64, np.bool_
 _I4, _I2, _U1 = np.int32, np.int16, np.uint8
 
 
-Group = Literal["tracking", "regions", "matching", "calibration"]
+Group = Literal["tracking", "matching", "calibration"]
 """What kernels are for; a run compiles those that it needs."""
 
-GROUPS: tuple[Group, ...] = "tracking", "regions", "matching", "calibration"
+GROUPS: tuple[Group, ...] = "tracking", "matching", "calibration"
 
 
 def _own(dtype: Any, *shape: int) -> Any:
@@ -111,7 +111,7 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
 
 
 def _region_calls() -> list[tuple[Any, tuple[Any, ...]]]:
-    """As `_tracking_calls`, for the evidence of colours, which few runs ask for."""
+    """As `_tracking_calls`, for the evidence of colours."""
     picture = Picture(_frozen(np.uint16, 0), np.zeros((1, 5), _I8))
     picture.layout.setflags(write=False)
     tables, known = Tables(_frozen(_F4, 1, 1, N_COLOURS), _frozen(_F4, 1, 1, N_COLOURS)), _frozen(_B1, 1, 1)
@@ -176,8 +176,7 @@ def _calibration_calls() -> list[tuple[Any, tuple[Any, ...]]]:
 
 
 _CALLS = {
-    "tracking": _tracking_calls,
-    "regions": _region_calls,
+    "tracking": lambda: [*_tracking_calls(), *_region_calls()],
     "matching": _matching_calls,
     "calibration": _calibration_calls,
 }
