@@ -210,7 +210,7 @@ def test_scores_equal_their_plain_twin(truth: Scene, body: BodyModel) -> None:
             for side in (-1, 1):
                 pixels = view.pixels[m] + side * along[:, None] * steps[m] * view.normals[m]
                 colour = colour_numbers(images[v], pixels)
-                other = np.where((side < 0) | (along < np.mean(SPOTS)), beside[b, v, m, 0], beside[b, v, m, 1])
+                other = np.full(4, beside[b, v, m, 0])
                 share = looks.posteriors[v, p, colour] / 254
                 for s in np.flatnonzero(other >= 0):
                     own, theirs = (looks.tables.inside[v, q, colour[s]] + RULE.floor for q in (p, other[s]))

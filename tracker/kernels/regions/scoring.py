@@ -16,9 +16,10 @@ from tracker.kernels.contours.occlusion import cover, place_solids, view_solids
 from tracker.kernels.contours.scoring import moving_parts
 from tracker.kernels.contours.tracing import trace_view, tracing_workspace
 from tracker.kernels.regions.colours import Picture, colour_at
-from tracker.kernels.regions.lines import BACKGROUND, DEEPEST, NEAR, Looks, Rule, inside_share, pixels_per_metre
-from tracker.kernels.regions.sides import nearest_beside, place_spots
+from tracker.kernels.regions.lines import BACKGROUND, DEEPEST, Looks, Rule, inside_share, pixels_per_metre
+from tracker.kernels.regions.sides import nearest_beside, parts_near, place_spots
 from tracker.kernels.rows import region, sample, solid, spot
+from tracker.kernels.rows.camera import FX
 from tracker.kernels.rows.workspace import ROW
 
 _EXPLAINED = 0.45
@@ -51,13 +52,13 @@ class _Kept(NamedTuple):
     """(ROW, 13) from `trace_view`."""
 
     spots: Array
-    """(ROW, 2, 5) from `place_spots`."""
+    """(ROW, 1, 5) from `place_spots`."""
 
     sides: Integers
-    """(ROW, 2) part seen at each spot."""
+    """(ROW,) part seen at the spot."""
 
     depths: Array
-    """(ROW, 2) where a ray passes its middle, see `nearest_beside`."""
+    """(ROW,) where a ray passes its middle, see `nearest_beside`."""
 
     wrong: Array
     """(ROW, 2) share of the line on the wrong side, and how long a line is, px."""
@@ -65,49 +66,50 @@ class _Kept(NamedTuple):
 
 @compiled
 def _wrong_share(
-    lines: Lines,
+    picture: Picture,
+    looks: Looks,
     place: tuple[int, int, float, float, float, float],
-    sides: tuple[int, int],
-    step: float,
-    deep: float,
+    side: int,
+    spacing: tuple[float, float, float],
 ) -> float:
     """How much of a line lies on the wrong side of the contour, 0 to 1.
 
     Args:
-        lines: what it is compared with.
+        picture, looks: colours seen and known.
         place: view, part, pixel and unit image normal of the contour sample.
-        sides: parts seen at the `SPOTS`.
-        step: distance of the places on the line, px.
-        deep: how far the line may go into the part, px.
+        side: part seen at the first of the `SPOTS`: of all places but one it is the one that counts.
+        spacing: distance of the places on the line, px; how far it may go into the part, px; `Rule.floor`.
     """
     v, p, x, y, nu, nv = place
-    looks, floor = lines.looks, lines.rule.floor
+    step, deep, floor = spacing
     inside = outside = 0.0
     n_inside = 0
     for k in range(_COMPARED):
         along = 1.5 + 2.0 * k
         if k == 0 or along * step < deep:
-            colour = colour_at(lines.picture, v, x - nu * along * step, y - nv * along * step)
-            inside += inside_share(looks, v, p, sides[0], colour, floor)
+            colour = colour_at(picture, v, x - nu * along * step, y - nv * along * step)
+            inside += inside_share(looks, v, p, side, colour, floor)
             n_inside += 1
-        colour = colour_at(lines.picture, v, x + nu * along * step, y + nv * along * step)
-        outside += inside_share(looks, v, p, sides[0] if along < NEAR else sides[1], colour, floor)
+        colour = colour_at(picture, v, x + nu * along * step, y + nv * along * step)
+        outside += inside_share(looks, v, p, side, colour, floor)
     return 0.5 * (1.0 - inside / (254.0 * n_inside) + outside / (254.0 * _COMPARED))
 
 
 @compiled
 def _judged(
-    lines: Lines,
+    picture: Picture,
+    looks: Looks,
+    rule: Rule,
     cameras: Array,
     place: tuple[int, int, float, float, float, float],
     point: tuple[float, float, float],
-    sides: tuple[int, int],
+    side: int,
 ) -> tuple[float, float]:
     """Share of the line of a contour sample at a world point that is on the wrong side, and its length, px."""
     size = pixels_per_metre(cameras[place[0]], point[0], point[1], point[2])
-    step = max(size * lines.rule.step_m, 1.0)
-    deep = DEEPEST * size * lines.looks.half_extents[place[1]]
-    return _wrong_share(lines, place, sides, step, deep), 4.0 * _COMPARED * step
+    step = max(size * rule.step_m, 1.0)
+    spacing = step, DEEPEST * size * looks.half_extents[place[1]], rule.floor
+    return _wrong_share(picture, looks, place, side, spacing), 4.0 * _COMPARED * step
 
 
 @compiled
@@ -139,19 +141,19 @@ def score_lines(
         misfits: (B, V, P, 3) output: contour compared, px; times how much of the line lies on the wrong side, px;
             contour whose lines show the part inside and not outside, px.
     """
+    picture, looks, wanted, rule = lines
     for b in range(len(counts)):
         for v in range(counts.shape[1]):
-            if lines.picture.layout[v, region.WIDTH] == 0:
+            if picture.layout[v, region.WIDTH] == 0:
                 continue
             for m in range(counts[b, v]):
                 p, length = parts[b, v, m], float(positions[b, v, m, sample.LENGTH])
-                if length <= 0.0 or not lines.wanted[p] or not lines.looks.known[v, p]:
+                if length <= 0.0 or not wanted[p] or not looks.known[v, p]:
                     continue
                 point = float(points[b, v, m, 0]), float(points[b, v, m, 1]), float(points[b, v, m, 2])
                 x, y = float(positions[b, v, m, 0]), float(positions[b, v, m, 1])
                 place = v, p, x, y, float(positions[b, v, m, 2]), float(positions[b, v, m, 3])
-                sides = beside[b, v, m, 0], beside[b, v, m, 1]
-                wrong, line_px = _judged(lines, cameras, place, point, sides)
+                wrong, line_px = _judged(picture, looks, rule, cameras, place, point, beside[b, v, m, 0])
                 _add(length, wrong, line_px, p, misfits[b, v])
 
 
@@ -169,23 +171,37 @@ def _point(samples: Array32, i: int) -> tuple[float, float, float]:
 
 
 @compiled
-def _read_still(lines: Lines, cameras: Array, v: int, kept: _Kept, n_still: int, solids: Array32, still: Mask) -> None:
+def _read_still(
+    picture: Picture,
+    looks: Looks,
+    rule: Rule,
+    cameras: Array,
+    v: int,
+    kept: _Kept,
+    n_still: int,
+    solids: Array32,
+    still: Mask,
+) -> None:
     """Reads the lines of the parts that stand still, among themselves."""
+    near, last, n = np.zeros(len(solids), dtype=np.int64), BACKGROUND, 0
     for i in range(n_still):
         if kept.samples[i, sample.LENGTH] <= 0.0:
             continue
         place, point = _row(v, kept.samples, i), _point(kept.samples, i)
-        place_spots(cameras, v, point, (place[4], place[5]), lines.rule.step_m, kept.spots, i)
-        for k in range(2):
-            found = nearest_beside(solids, still, place[1], kept.spots, (i, k), (BACKGROUND, np.inf))
-            kept.sides[i, k], kept.depths[i, k] = found
-        sides = kept.sides[i, 0], kept.sides[i, 1]
-        kept.wrong[i, 0], kept.wrong[i, 1] = _judged(lines, cameras, place, point, sides)
+        place_spots(cameras, v, point, (place[4], place[5]), rule.step_m, kept.spots, i)
+        if place[1] != last:
+            last = place[1]
+            n = parts_near(solids, still, last, cameras[v, FX], rule.step_m, near)
+        side, depth = nearest_beside(solids, near, n, kept.spots, (i, 0), (BACKGROUND, np.inf))
+        kept.sides[i], kept.depths[i] = side, depth
+        kept.wrong[i, 0], kept.wrong[i, 1] = _judged(picture, looks, rule, cameras, place, point, side)
 
 
 @compiled
 def _add_still(
-    lines: Lines,
+    picture: Picture,
+    looks: Looks,
+    rule: Rule,
     cameras: Array,
     v: int,
     kept: _Kept,
@@ -206,32 +222,46 @@ def _add_still(
     for q in range(len(solids)):
         if moving[q] and solids[q, solid.NEAREST] > 0.0:
             cover(solids, q, contact_m, spots, n_still)
+    near, last, n = np.zeros(len(solids), dtype=np.int64), BACKGROUND, 0
     for i in range(n_still):
         if spots[spot.STATE + i] != 0.0 or kept.samples[i, sample.LENGTH] <= 0.0:
             continue
         p, wrong, line_px = int(kept.samples[i, sample.PART]), kept.wrong[i, 0], kept.wrong[i, 1]
-        first, _ = nearest_beside(solids, moving, p, kept.spots, (i, 0), (kept.sides[i, 0], kept.depths[i, 0]))
-        second, _ = nearest_beside(solids, moving, p, kept.spots, (i, 1), (kept.sides[i, 1], kept.depths[i, 1]))
-        if first != kept.sides[i, 0] or second != kept.sides[i, 1]:
+        if p != last:
+            last, n = p, parts_near(solids, moving, p, cameras[v, FX], rule.step_m, near)
+        side, _ = nearest_beside(solids, near, n, kept.spots, (i, 0), (kept.sides[i], kept.depths[i]))
+        if side != kept.sides[i]:
             place, point = _row(v, kept.samples, i), _point(kept.samples, i)
-            wrong, line_px = _judged(lines, cameras, place, point, (first, second))
+            wrong, line_px = _judged(picture, looks, rule, cameras, place, point, side)
         _add(float(kept.samples[i, sample.LENGTH]), wrong, line_px, p, misfits)
 
 
 @compiled
 def _add_traced(
-    lines: Lines, cameras: Array, v: int, traced: Array32, n: int, solids: Array32, spots: Array, misfits: Array
+    picture: Picture,
+    looks: Looks,
+    rule: Rule,
+    cameras: Array,
+    v: int,
+    traced: Array32,
+    n_traced: int,
+    solids: Array32,
+    spots: Array,
+    misfits: Array,
 ) -> None:
-    """Adds the lines of n traced samples."""
-    everything = np.ones(len(solids), dtype=np.bool_)
-    for i in range(n):
+    """Adds the lines of some traced samples."""
+    everything, near = np.ones(len(solids), dtype=np.bool_), np.zeros(len(solids), dtype=np.int64)
+    last, n = BACKGROUND, 0
+    for i in range(n_traced):
         if traced[i, sample.LENGTH] <= 0.0:
             continue
         place, point = _row(v, traced, i), _point(traced, i)
-        place_spots(cameras, v, point, (place[4], place[5]), lines.rule.step_m, spots, 0)
-        first, _ = nearest_beside(solids, everything, place[1], spots, (0, 0), (BACKGROUND, np.inf))
-        second, _ = nearest_beside(solids, everything, place[1], spots, (0, 1), (BACKGROUND, np.inf))
-        wrong, line_px = _judged(lines, cameras, place, point, (first, second))
+        place_spots(cameras, v, point, (place[4], place[5]), rule.step_m, spots, 0)
+        if place[1] != last:
+            last = place[1]
+            n = parts_near(solids, everything, last, cameras[v, FX], rule.step_m, near)
+        side, _ = nearest_beside(solids, near, n, spots, (0, 0), (BACKGROUND, np.inf))
+        wrong, line_px = _judged(picture, looks, rule, cameras, place, point, side)
         _add(float(traced[i, sample.LENGTH]), wrong, line_px, place[1], misfits)
 
 
@@ -257,6 +287,8 @@ def score_regions(
     Returns:
         (B, V, P, 3) see `score_lines`.
     """
+    # Taken out once: numba counts references to all arrays of a tuple whenever it is taken out of another.
+    picture, looks, wanted, rule = lines
     n_poses, n_views, n_parts = len(placements), len(cameras), len(shapes)
     misfits = np.zeros((n_poses, n_views, n_parts, 3))
     everything, moving = np.ones(n_parts, dtype=np.bool_), moving_parts(placements)
@@ -265,12 +297,12 @@ def score_regions(
         np.zeros((128 * n_parts, sample.N_COLUMNS), dtype=np.float32),
         np.zeros(spot.N_ROWS * ROW, dtype=np.float32),
     )
-    work, kept, own = tracing_workspace(n_parts, layout), _nothing_kept(), np.zeros((1, 2, 5))
+    work, kept, own = tracing_workspace(n_parts, layout), _nothing_kept(), np.zeros((1, 1, 5))
     for v in range(n_views if n_poses > 0 else 0):
-        if lines.picture.layout[v, region.WIDTH] == 0:
+        if picture.layout[v, region.WIDTH] == 0:
             continue
         camera, size = cameras[v].astype(np.float32), (sizes[v, 0], sizes[v, 1])
-        counts = lines.wanted & lines.looks.known[v]
+        counts = wanted & looks.known[v]
         n_still = 0
         if not moving.all():
             place_solids(placements, 0, shapes, bounds, solids)
@@ -279,16 +311,18 @@ def score_regions(
             n_still = trace_view(
                 grids, planes, layout, bounds, solids, camera, size, spacing, masks, work, kept.samples
             )
-            _read_still(lines, cameras, v, kept, n_still, solids, ~moving)
+            _read_still(picture, looks, rule, cameras, v, kept, n_still, solids, ~moving)
         # As many samples as there is room for may be too few: then all parts are traced for every pose.
         masks = (counts & moving, everything) if n_still < ROW else (counts, everything)
         for b in range(n_poses):
             place_solids(placements, b, shapes, bounds, solids)
             view_solids(shapes, bounds, cameras[v], spacing[1], solids)
             n = trace_view(grids, planes, layout, bounds, solids, camera, size, spacing, masks, work, traced)
-            _add_traced(lines, cameras, v, traced, n, solids, own, misfits[b, v])
+            _add_traced(picture, looks, rule, cameras, v, traced, n, solids, own, misfits[b, v])
             if 0 < n_still < ROW:
-                _add_still(lines, cameras, v, kept, n_still, solids, moving, spacing[1], spots, misfits[b, v])
+                _add_still(
+                    picture, looks, rule, cameras, v, kept, n_still, solids, moving, spacing[1], spots, misfits[b, v]
+                )
     return misfits
 
 
@@ -296,8 +330,8 @@ def score_regions(
 def _nothing_kept() -> _Kept:
     return _Kept(
         np.zeros((ROW, sample.N_COLUMNS), dtype=np.float32),
-        np.zeros((ROW, 2, 5)),
-        np.zeros((ROW, 2), dtype=np.int64),
-        np.zeros((ROW, 2)),
+        np.zeros((ROW, 1, 5)),
+        np.zeros(ROW, dtype=np.int64),
+        np.zeros(ROW),
         np.zeros((ROW, 2)),
     )
