@@ -1,0 +1,83 @@
+"""The default evidence: foregrounds where the recording has plates or masks, colours of the parts where it has none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
+
+from tracker.comparison import Comparison
+from tracker.evidence.auto import AutoEvidence
+from tracker.evidence.regions import ObservedRegions
+from tracker.evidence.silhouettes import Foregrounds
+from tracker.evidence.together import TogetherEvidence
+from tracker.frame import Frame
+from tracker.sight import Sight
+from tracker.simulation.sequence import Simulation
+from tracker.tracking import track
+
+EVIDENCE = AutoEvidence()
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    return small_simulation(n_frames=4)
+
+
+@pytest.fixture(scope="module")
+def frame(simulation: Simulation) -> Frame:
+    return next(iter(simulation.frames()))
+
+
+def second_kind(simulation: Simulation, sight: Sight) -> object:
+    """What the kind of evidence beside the contours has observed."""
+    contours = cycle_for(simulation).synthesis.contours(simulation.scene)
+    return EVIDENCE.observe(sight, contours).observed[1]
+
+
+def test_plates_of_two_views_make_it_look_at_the_foreground(simulation: Simulation, frame: Frame) -> None:
+    plates = simulation.plates
+    none: tuple[None, ...] = (None,) * len(plates)
+    for known, kind in (
+        (plates, Foregrounds),
+        (plates[:2] + none[2:], Foregrounds),
+        (plates[:1] + none[1:], ObservedRegions),
+    ):
+        assert isinstance(second_kind(simulation, Sight(frame, known)), kind)
+    assert isinstance(second_kind(simulation, Sight(frame)), ObservedRegions)
+
+
+def test_masks_are_as_good_as_plates_even_where_one_is_missing(simulation: Simulation, frame: Frame) -> None:
+    masks = tuple(np.ones(image.shape[:2], dtype=np.bool_) for image in frame.images if image is not None)
+    for given in (masks, (None,) * len(masks)):
+        assert isinstance(second_kind(simulation, Sight(replace(frame, masks=given))), Foregrounds)
+
+
+def test_its_numbers_are_those_of_the_one_chosen(simulation: Simulation, frame: Frame) -> None:
+    scene, cycle = simulation.scene, cycle_for(simulation)
+    contours, q = cycle.synthesis.contours(scene), scene.persons[0].q
+    for sight, one in ((Sight(frame), EVIDENCE.without), (Sight(frame, simulation.plates), EVIDENCE.with_plates)):
+        known = one.learned(None, sight, scene, contours, np.ones(1, dtype=np.bool_))
+        mine = Comparison(scene, 0, cycle.synthesis, EVIDENCE.observe(sight, contours, known))
+        plain = Comparison(scene, 0, cycle.synthesis, one.observe(sight, contours, known))
+        poses = q + np.array([[0.0], [0.02]])
+        np.testing.assert_array_equal(EVIDENCE.distances(mine, poses), one.distances(plain, poses))
+        np.testing.assert_array_equal(EVIDENCE.equations(mine, q, 20).vector, one.equations(plain, q, 20).vector)
+        assert EVIDENCE.account(mine, q).left_over == one.account(plain, q).left_over
+
+
+def test_it_says_what_it_goes_by() -> None:
+    assert EVIDENCE.told((None, None)) == "contours and colours of the parts, no background plates"
+    assert EVIDENCE.told((object(), object(), None)) == "contours and foreground, 2 of 3 views have plates or masks"
+    assert EVIDENCE.told((object(), None)).startswith("contours and colours of the parts, 1 of 2")
+    assert TogetherEvidence().told((None,)) == ""
+
+
+def test_without_plates_colours_track(simulation: Simulation) -> None:
+    cycle = cycle_for(simulation, TrueStart(simulation), evidence=EVIDENCE, plates=(None,) * len(simulation.plates))
+    steps = list(track(simulation.frames(), simulation.scene, cycle))
+    assert len(steps) == 4
+    for step in steps:
+        assert joint_errors_mm(simulation, 0, step.frame.index, step.estimates[0].q).mean() < 15
