@@ -73,6 +73,18 @@ def test_a_foreground_of_another_size_than_the_model_is_not_used(ratio: float, f
     assert fault in sight.untrusted.get(0, "")
 
 
+def test_a_plate_full_of_sharp_lines_is_trusted() -> None:
+    """A soft lens and noise make the median difference 5 to 7 grey levels there, in the same light."""
+    rng, empty = np.random.default_rng(6), np.full((*SIZE, 3), 120, np.uint8)
+    for x, y, u, v, grey in rng.integers(0, 320, (150, 5)).tolist():
+        cv2.line(empty, (x, y), (u, v), (grey % 256,) * 3, 2)
+    soft = cv2.GaussianBlur(with_person(empty).images[0], (0, 0), 0.6)  # type: ignore[arg-type]
+    noisy = np.clip(soft + rng.normal(0, 3.0, soft.shape), 0, 255).astype(np.uint8)
+    found = Sight(Frame(0, 0.0, (noisy,)), (Plate(empty),)).changes(0, WHOLE)
+    assert found is not None
+    assert found.silhouette[PERSON].mean() > 0.9
+
+
 def test_a_model_that_is_hardly_in_the_view_tells_nothing() -> None:
     plate = picture(2)
     assert Sight(with_person(plate), (Plate(plate),), np.array([20.0])).changes(0, WHOLE) is not None
