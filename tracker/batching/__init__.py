@@ -1,0 +1,228 @@
+"""Batching: many recordings tracked side by side, each in a process of its own."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol, runtime_checkable
+
+import cv2
+
+from tracker.errors import ConfigError, TrackerError, os_fault
+from tracker.files import write_whole
+from tracker.jobs import check_same, described, execute, job_from, load_job
+from tracker.jobs.track import TrackJob, TrackOutcome
+from tracker.kernels.ahead import Group, all_cached, warm_up
+from tracker.progress import Progress, silent
+
+State = Literal["done", "interrupted", "failed", "waiting"]
+TABLE = "batch.csv"
+"""In the folder of the batch."""
+
+THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+"""Environment of a process that has one core: libraries that take them all stand in each other's way."""
+
+_COLUMNS = "name", "state", "frames", "lost", "doubtful", "with_ambiguous_limbs", "seconds", "folder", "fault"
+
+
+@dataclass(frozen=True)
+class Task:
+    """One recording of a batch, with everything resolved: it can be done from anywhere."""
+
+    name: str
+    table: dict[str, Any]
+    """Its configuration, paths absolute."""
+
+    folder: Path
+    """Where its result goes, absolute."""
+
+    resume: bool = False
+    """Whether an interrupted run lies there."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """How one recording went."""
+
+    name: str
+    folder: Path
+    state: State
+    n_frames: int = 0
+    n_lost: int = 0
+    n_doubtful: int = 0
+    n_ambiguous: int = 0
+    """Frames in which some limb may be elsewhere."""
+
+    seconds: float = 0.0
+    fault: str = ""
+    """Why it failed, in one line."""
+
+
+@runtime_checkable
+class Batching(Protocol):
+    """A component that gets tasks done somewhere."""
+
+    def work(self, tasks: Sequence[Task], kernels: Sequence[Group]) -> Iterator[Summary]:
+        """Does tasks, each by `do`, whatever becomes of the others.
+
+        Args:
+            tasks: what to do.
+            kernels: compiled on each host before the first task.
+
+        Yields:
+            One summary a task as soon as it ends, in any order; after Ctrl-C those of what was begun.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Recordings to be tracked, all configurations checked."""
+
+    tasks: tuple[Task, ...]
+    finished: tuple[Summary, ...]
+    """Those that an earlier batch has finished."""
+
+    kernels: tuple[Group, ...]
+    folder: Path
+
+
+def plan(configs: Sequence[Path], overrides: Sequence[str], folder: Path, resume: bool = False) -> Batch:
+    """Checks all configurations and finds out what there is to do.
+
+    Args:
+        configs: of the recordings.
+        overrides: `section.key=value`, for all of them.
+        folder: of the batch; the result of each goes to a folder in it, called as the recording.
+        resume: leave out what is finished there, continue what was interrupted.
+
+    Raises:
+        ConfigError: some configurations are wrong, two have the same name, or results are there already.
+    """
+    jobs = _checked(configs, overrides)
+    target = folder.resolve()
+    tasks, finished = [], []
+    for name, job in jobs.items():
+        here = target / name
+        begun = here.is_dir() and any(here.iterdir())
+        if begun and not resume:
+            raise ConfigError(f"{here} is not empty: --resume goes on with it, or choose another --output")
+        if begun:
+            check_same(described(job), here)
+        if begun and (summary := _finished(name, here)):
+            finished.append(summary)
+        else:
+            tasks.append(Task(name, described(job), here, resume=begun))
+    kernels = tuple(dict.fromkeys(job.kernels for job in jobs.values() if job.kernels is not None))
+    return Batch(tuple(tasks), tuple(finished), kernels, target)
+
+
+def _checked(configs: Sequence[Path], overrides: Sequence[str]) -> dict[str, TrackJob]:
+    """The job of each configuration by its name; all that is wrong with them is said at once."""
+    jobs: dict[str, TrackJob] = {}
+    whose: dict[str, Path] = {}
+    faults = []
+    for path in configs:
+        try:
+            job = load_job("track", path, overrides)
+        except TrackerError as error:
+            faults.append(f"{path}: {error}")
+            continue
+        if job.name in jobs:
+            faults.append(f'{path}: name = "{job.name}" as in {whose[job.name]}: the results would be mixed')
+        jobs[job.name], whose[job.name] = job, path
+    if faults:
+        raise ConfigError(
+            f"{len(faults)} of {len(configs)} configurations are wrong, nothing was begun: {'; '.join(faults)}"
+        )
+    return jobs
+
+
+def _finished(name: str, folder: Path) -> Summary | None:
+    """The summary of a complete run; None for any other."""
+    try:
+        told = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        counts, limbs = Counter(told["summary"].get("by_status", {})), told["summary"].get("ambiguous_limbs", {})
+        found = told["summary"]["frames"], counts["lost"], counts["doubtful"], max(limbs.values(), default=0)
+        return Summary(name, folder, "done", *found) if told["complete"] else None
+    except (OSError, ValueError, KeyError, AttributeError):
+        return None
+
+
+def do(task: Task) -> Summary:
+    """Tracks one recording; whatever goes wrong with it is told, not raised."""
+    cv2.setNumThreads(1)
+    begin = time.perf_counter()
+    try:
+        job = job_from("track", task.table, task.name, Path("/"), task.name)
+        return _summary(task, execute(job, task.folder, task.resume))
+    except KeyboardInterrupt:
+        return Summary(task.name, task.folder, "interrupted", seconds=time.perf_counter() - begin)
+    except TrackerError as error:
+        fault = str(error)
+    except OSError as error:
+        fault = os_fault(error)
+    except Exception as error:
+        fault = f"{type(error).__name__}: {error}: a fault of bodytrack; run it alone with --debug"
+    return Summary(task.name, task.folder, "failed", seconds=time.perf_counter() - begin, fault=" ".join(fault.split()))
+
+
+def _summary(task: Task, outcome: TrackOutcome) -> Summary:
+    doubts = outcome.doubts
+    ambiguous = {frame for frames in doubts.ambiguous.values() for frame in frames}
+    state: State = "interrupted" if outcome.interrupted else "done"
+    found = outcome.n_frames, len(doubts.lost), len(doubts.doubtful), len(ambiguous)
+    return Summary(task.name, task.folder, state, *found, seconds=outcome.seconds)
+
+
+def compile_kernels(groups: Iterable[Group], progress: Progress = silent) -> None:
+    """Compiles what is not yet kept on disk."""
+    for group in groups:
+        if not all_cached(group):
+            warm_up(progress, group)
+
+
+def run(batch: Batch, batching: Batching, progress: Progress = silent) -> tuple[Summary, ...]:
+    """Tracks all recordings; `batch.csv` tells at any time how far they are.
+
+    Args:
+        batch: what to do.
+        batching: where.
+        progress: told how many are done.
+
+    Returns:
+        A summary of each recording, in the order of their names; `waiting` for what Ctrl-C kept from beginning.
+    """
+    batch.folder.mkdir(parents=True, exist_ok=True)
+    summaries = {task.name: Summary(task.name, task.folder, "waiting") for task in batch.tasks}
+    summaries |= {summary.name: summary for summary in batch.finished}
+    _write(batch.folder / TABLE, summaries.values())
+    n_tasks = len(batch.tasks)
+    progress("recordings", 0, n_tasks)
+    for n_done, summary in enumerate(batching.work(batch.tasks, batch.kernels), start=1):
+        summaries[summary.name] = summary
+        progress("recordings", n_done, n_tasks, f"{summary.name} {summary.state}")
+        _write(batch.folder / TABLE, summaries.values())
+    return tuple(summaries[name] for name in sorted(summaries))
+
+
+def _write(path: Path, summaries: Iterable[Summary]) -> None:
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(_COLUMNS)
+    for one in sorted(summaries, key=lambda summary: summary.name):
+        counts = one.n_frames, one.n_lost, one.n_doubtful, one.n_ambiguous
+        writer.writerow([one.name, one.state, *counts, f"{one.seconds:.1f}", one.folder, one.fault])
+    write_whole(path, text.getvalue())
+
+
+def n_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
