@@ -11,6 +11,15 @@ from collections.abc import Iterable
 class TrackerError(Exception):
     """Base of every error that the command line reports as one line and exit code 2."""
 
+    def __str__(self) -> str:
+        """One line of bounded length, whatever names and values a file holds."""
+        text = " ".join(super().__str__().split("\n"))
+        return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+
+
+_LONGEST = 2000
+"""Characters of a message; the longest of ours has 700."""
+
 
 class ConfigError(TrackerError):
     """A configuration file, an override or a component's parameters are wrong."""

@@ -15,12 +15,7 @@ console = Console()
 def print_error(text: str) -> None:
     """One line where errors go; signs that would move the cursor or begin another line are written out."""
     plain = "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
-    told = Text.assemble(("error:", "bold red"), f" {plain[:_LONGEST]}{'...' if len(plain) > _LONGEST else ''}")
-    Console(stderr=True).print(told, soft_wrap=True, highlight=False)
-
-
-_LONGEST = 2000
-"""Signs of an error: a file can hold names of any length."""
+    Console(stderr=True).print(Text.assemble(("error:", "bold red"), f" {plain}"), soft_wrap=True, highlight=False)
 
 
 class ProgressBar:

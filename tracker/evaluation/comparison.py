@@ -126,6 +126,8 @@ def _matched(found: JointTable, true: JointTable, names: dict[str, JointNames]) 
     """Pairs of persons with the least distance, each true person once."""
     if not found.persons:
         raise SequenceError("the result has no pose that is not lost")
+    if not true.persons:
+        raise SequenceError("the truth has no joint with a position")
     costs = np.array(
         [
             [

@@ -88,5 +88,5 @@ def _number(row: dict[str, str], column: str, path: Path) -> float:
         return number_in(row, column, path, ConfigError)
     except ConfigError as error:
         raise ConfigError(
-            f'{error} (frame {shortened(row["frame"])}); delete the row, or give it the status "lost"'
+            f'{error} (frame {shortened(row.get("frame", "?"))}); delete the row, or give it the status "lost"'
         ) from error

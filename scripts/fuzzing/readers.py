@@ -1,0 +1,223 @@
+"""Every reader of the product, with files that it reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from fuzzing import samples
+from fuzzing.mutations import BINARY, TEXT
+from fuzzing.trial import Reader
+from tracker.acquisition.pictures import Picture, read_silhouette
+from tracker.body_files import load_body, read_description
+from tracker.calibration import read_points
+from tracker.config import read_config
+from tracker.evaluation.comparison import evaluate
+from tracker.initialization.given import GivenInitialization
+from tracker.jobs import INPUTS, check_inputs, check_same, load_job
+from tracker.jobs.acquire import acquisition_from
+from tracker.keypoint_layouts import open_keypoints
+from tracker.reading.images import ImageReading
+from tracker.reading.stills import StillReading
+from tracker.reading.video import VideoReading
+from tracker.resources import model_path
+from tracker.result import load_result
+from tracker.rig_layouts import read_rig, save_rig
+from tracker.scene import Person, Scene
+
+RIGS = {
+    "anipose": "rig.toml",
+    "caliscope": "camera_array.toml",
+    "easymocap": "rig",
+    "json": "rig.json",
+    "opencv": "rig",
+    "pose2sim": "Calib.toml",
+    "qualisys": "rig.qca.txt",
+}
+"""Layouts that are written, and where to."""
+
+MIDDLEBURY = "2\n" + "".join(f"{k}.png 60 0 32 0 60 24 0 0 1 1 0 0 0 1 0 0 0 1 {k} 0 1\n" for k in range(2))
+
+
+def readers() -> tuple[Reader, ...]:
+    """All of them."""
+    return (*_rigs(), *_configurations(), *_tables(), *_images(), *_results())
+
+
+def _text(name: str, content: str, read: Callable[[Path], object], file: str) -> Reader:
+    """A reader of one text file that needs no others."""
+
+    def sample(folder: Path) -> None:
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        (folder / file).write_text(content)
+
+    return Reader(name, sample, read, TEXT, (file,))
+
+
+def _rigs() -> list[Reader]:
+    found = [_rig(layout, target) for layout, target in RIGS.items()]
+
+    def read(folder: Path) -> object:
+        return read_rig(folder / "a_par.txt", samples.SIZE)
+
+    return [*found, _text("rig middlebury", MIDDLEBURY, read, "a_par.txt")]
+
+
+def _rig(layout: str, target: str) -> Reader:
+    files = {"easymocap": ("rig/intri.yml", "rig/extri.yml"), "opencv": ("rig/left.yml",)}.get(layout, (target,))
+
+    def read(folder: Path) -> object:
+        return read_rig(folder / target)
+
+    return Reader(
+        f"rig {layout}", lambda folder: save_rig(samples.sample_rig(), folder / target, layout), read, TEXT, files
+    )
+
+
+def _configurations() -> list[Reader]:
+    def acquire(folder: Path) -> object:
+        return acquisition_from(read_config(folder / "run.toml"), "run.toml", folder, "run")
+
+    def job(use: str) -> Callable[[Path], object]:
+        return lambda folder: load_job(use, folder / "run.toml")
+
+    def model(folder: Path) -> object:
+        return load_body(folder / "model.toml")
+
+    def resumed(folder: Path) -> None:
+        check_same({"name": "sample"}, folder)
+
+    tables = {"track": samples.RUN, **samples.OTHER_JOBS}
+    return [
+        *(
+            _text(f"configuration {use}", content, acquire if use == "acquire" else job(use), "run.toml")
+            for use, content in tables.items()
+        ),
+        Reader("model", lambda folder: samples.write_model(folder / "model.toml"), model, TEXT, ("model.toml",)),
+        _text("resumed configuration", 'name = "sample"\n', resumed, "config.toml"),
+    ]
+
+
+def _tables() -> list[Reader]:
+    body, rig = load_body(model_path("gavrila22")), samples.sample_rig()
+    scene = Scene((Person("anna", body, body.rest()),), rig)
+
+    def start(folder: Path) -> object:
+        return GivenInitialization(poses=folder / "poses.csv").check(scene, (None, None))
+
+    def keypoints(file: str) -> Callable[[Path], object]:
+        return lambda folder: [open_keypoints(folder / file).at(frame) for frame in (0, 1)]
+
+    def points(folder: Path) -> object:
+        return read_points(folder / "points.csv", samples.VIEWS)
+
+    return [
+        Reader("start poses", samples.write_result, start, TEXT, ("poses.csv",)),
+        _text("keypoints openpose", samples.KEYPOINTS, keypoints("json"), "json/a_000000.json"),
+        _text("keypoints deeplabcut", samples.DEEPLABCUT, keypoints("dlc.csv"), "dlc.csv"),
+        _text("keypoints sleap", samples.SLEAP, keypoints("sleap.csv"), "sleap.csv"),
+        _text("measured points", samples.POINTS, points, "points.csv"),
+    ]
+
+
+def _images() -> list[Reader]:
+    return [
+        *(_stills(suffix) for suffix in (".png", ".jpg", ".tif", ".bmp", ".webp")),
+        _video(),
+        _numbered(),
+        _silhouette(),
+    ]
+
+
+def _stills(suffix: str) -> Reader:
+    def sample(folder: Path) -> None:
+        save_rig(samples.sample_rig(), folder / "rig.toml")
+        for view in samples.VIEWS:
+            samples.write_picture(folder / f"{view}{suffix}")
+
+    def read(folder: Path) -> object:
+        opened = StillReading(
+            path=str(folder / f"{{view}}{suffix}"),
+            rig=folder / "rig.toml",
+            background=str(folder / f"{{view}}{suffix}"),
+        ).open()
+        return list(opened.frames())
+
+    return Reader(f"picture {suffix}", sample, read, BINARY, (f"left{suffix}",))
+
+
+def _video() -> Reader:
+    def sample(folder: Path) -> None:
+        save_rig(samples.sample_rig(), folder / "rig.toml")
+        for view in samples.VIEWS:
+            samples.write_video(folder / f"{view}.mp4")
+
+    def read(folder: Path) -> object:
+        path = str(folder / "{view}.mp4")
+        skipping = VideoReading(path=path, rig=folder / "rig.toml", on_missing="skip").open()
+        seen = [frame.missing for frame in skipping.frames()]
+        strict = VideoReading(path=path, rig=folder / "rig.toml", background=path).open()
+        return seen, [frame.missing for frame in strict.frames()]
+
+    return Reader("video", sample, read, BINARY, ("left.mp4",))
+
+
+def _numbered() -> Reader:
+    def sample(folder: Path) -> None:
+        save_rig(samples.sample_rig(), folder / "rig.toml")
+        for view in samples.VIEWS:
+            for kind in ("images", "masks"):
+                (folder / kind / view).mkdir(parents=True)
+                for k in range(3):
+                    samples.write_picture(folder / kind / view / f"{k:03d}.png", k)
+
+    def read(folder: Path) -> object:
+        opened = ImageReading(
+            path=str(folder / "images" / "{view}" / "{frame}.png"),
+            rig=folder / "rig.toml",
+            fps=25.0,
+            masks=str(folder / "masks" / "{view}" / "{frame}.png"),
+        ).open()
+        return [frame.masks for frame in opened.frames()]
+
+    return Reader("masks", sample, read, BINARY, ("masks/left/001.png", "images/right/002.png"))
+
+
+def _silhouette() -> Reader:
+    def sample(folder: Path) -> None:
+        import cv2
+
+        mask = np.zeros((200, 100), dtype=np.uint8)
+        cv2.ellipse(mask, (50, 100), (25, 80), 0, 0, 360, 255, -1)
+        (folder / "mask.png").write_bytes(cv2.imencode(".png", mask)[1].tobytes())
+
+    def read(folder: Path) -> object:
+        return read_silhouette(Picture(mask=folder / "mask.png", px_per_m=100.0), "front", None)
+
+    return Reader("silhouette", sample, read, BINARY, ("mask.png",))
+
+
+def _results() -> list[Reader]:
+    def inputs(folder: Path) -> None:
+        check_inputs(folder, {"a.mp4": "5 bytes, sha256 00"})
+
+    def truth(folder: Path) -> object:
+        return evaluate(folder, folder / "truth_joints.csv")
+
+    def description(folder: Path) -> object:
+        return read_description(folder / "models" / "anna.toml").build()
+
+    return [
+        Reader("result", samples.write_result, load_result, TEXT, ("run.json", "steps.jsonl", "rig.toml")),
+        Reader("inputs", samples.write_result, inputs, TEXT, (INPUTS,)),
+        Reader(
+            "evaluation",
+            samples.write_result,
+            truth,
+            TEXT,
+            ("truth_joints.csv", "joints.csv", "poses.csv", "run.json", "truth_poses.csv"),
+        ),
+        Reader("scaled model", samples.write_result, description, TEXT, ("models/anna.toml",)),
+    ]
