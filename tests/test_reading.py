@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 import re
 import shutil
+import struct
 import threading
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +21,9 @@ from tracker import reading
 from tracker.arrays import Image
 from tracker.camera import Camera
 from tracker.errors import CalibrationError, SequenceError
-from tracker.reading.images import ImageReading
-from tracker.reading.video import VideoReading, VideoView
+from tracker.reading._timeline import timeline_of
+from tracker.reading.images import ImageReading, intact_image
+from tracker.reading.video import VideoReading, VideoView, open_clip
 from tracker.rig import Rig
 from tracker.rig_layouts import load_rig, save_rig
 
@@ -338,16 +341,19 @@ def test_a_frame_that_cannot_be_decoded_is_named(folder: Path) -> None:
     path = folder / "north.mp4"
     with av.open(str(path)) as container:
         packets = [packet for packet in container.demux(video=0) if packet.size]
-        broken = max(packets[6:], key=lambda packet: packet.size)
+        broken = max(packets[6:11], key=lambda packet: packet.size)
         start, size = broken.pos or 0, broken.size
     content = bytearray(path.read_bytes())
     content[start : start + size] = b"\x55" * size
     path.write_bytes(content)
-    with pytest.raises(SequenceError, match=r"north\.mp4: frame \d+ cannot be decoded .*corrupt.*on_missing"):
+    with pytest.raises(SequenceError, match=r"north\.mp4: frame \d+ cannot be decoded: .*corrupt.*on_missing"):
         list(videos(folder).open().frames())
-    last = list(videos(folder, on_missing="skip").open().frames())[-1]
-    assert 1 in last.missing
-    assert last.index == N_FRAMES - 1
+    found = [views[1] for views in shown(videos(folder, on_missing="skip"))]
+    whole_again = next(packet for packet in packets[packets.index(broken) :] if packet.is_keyframe)
+    key = sorted(packet.pts for packet in packets).index(whole_again.pts)
+    assert 0 < found.count(None) < 9
+    assert all(one in (None, (1, k)) for k, one in enumerate(found))
+    assert None not in found[key:]
 
 
 def test_a_header_that_tells_more_frames_than_there_are(folder: Path) -> None:
@@ -371,10 +377,127 @@ def test_lost_frames_do_not_shift_the_later_ones(folder: Path) -> None:
             target.mux(packet)
     (folder / "gap.mkv").replace(folder / "north.mkv")
     recording = dataclasses.replace(videos(folder), path=str(folder / "{view}.mkv"), stop=N_FRAMES - 1)
-    with pytest.raises(SequenceError, match=rf"north\.mkv: frame {lost} is lost"):
+    with pytest.raises(SequenceError, match=rf'view "north" has no image for frame {lost}; set on_missing'):
         list(recording.open().frames())
     expected = [(1, number) if number != lost else None for number in range(N_FRAMES - 1)]
     assert [views[1] for views in shown(dataclasses.replace(recording, on_missing="skip"))] == expected
+
+
+def written_at(path: Path, times_ms: list[int], pictures: list[Image]) -> None:
+    """A video whose images lie at other times than at an even pace."""
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=FPS, options={"bf": "0"})
+        stream.height, stream.width = pictures[0].shape[:2]
+        stream.pix_fmt, stream.codec_context.time_base = "yuv420p", Fraction(1, 1000)
+        for time_ms, image in zip(times_ms, pictures, strict=True):
+            frame = av.VideoFrame.from_ndarray(image, format="bgr24")
+            frame.pts, frame.time_base = time_ms, Fraction(1, 1000)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+
+
+def test_dropped_frames_are_missing_and_the_others_stay_at_their_times(folder: Path) -> None:
+    """A camera that drops frames writes the time stamps of the others; the pace is theirs."""
+    kept = [k for k in range(N_FRAMES) if k not in (3, 4, 11)]
+    written_at(folder / "north.mp4", [round(1000 * k / FPS) for k in kept], [picture(1, k) for k in kept])
+    opened = videos(folder, on_missing="skip").open()
+    assert opened.fps == FPS
+    found = [seen(frame.images[1]) for frame in opened.frames()]
+    assert found == [(1, k) if k in kept else None for k in range(N_FRAMES)]
+
+
+def test_a_frame_rate_that_varies_is_resampled_by_time_and_that_is_said(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    rng, at = np.random.default_rng(2), [0]
+    for _ in range(N_FRAMES - 1):
+        at.append(at[-1] + int(rng.choice([20, 40, 47, 61])))
+    written_at(folder / "north.mp4", at, pictures_of(1))
+    recording = dataclasses.replace(videos(folder), views=("north",))
+    opened = recording.open()
+    interval_ms = 1000 / opened.fps
+    assert "frame rate varies (20 to 61 ms): resampled to" in caplog.text
+    for k, frame in enumerate(opened.frames()):
+        found = seen(frame.images[0])
+        assert found is not None
+        assert abs(at[found[1]] - k * interval_ms) == min(abs(time_ms - k * interval_ms) for time_ms in at)
+
+
+def test_container_stamps_of_whole_milliseconds_are_an_even_pace() -> None:
+    for fps in (29.97, 59.94, 119.88, 24):
+        stamps: list[int | None] = [round(1000 * k / fps) for k in range(3000)]
+        found = timeline_of(stamps, 0.001, fps)
+        assert (found.stamps, found.remark) == (tuple(stamps), "")
+        assert found.fps == pytest.approx(fps, rel=1e-4)
+
+
+def test_without_time_stamps_images_are_frames() -> None:
+    assert timeline_of([None, 4, 5], 0.001, 25.0).stamps == (0, 1, 2)
+    assert timeline_of([7], 0.001, 25.0).stamps == (0,)
+    assert timeline_of([5, 5, 6], 0.001, 25.0).stamps == (0, 1, 2)
+
+
+TURNS = {90: (0, 1, -1, 0), 180: (-1, 0, 0, -1), 270: (0, -1, 1, 0)}
+"""Clockwise degrees -> the upper left of the display matrix."""
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_videos_are_turned_as_their_metadata_tell(turn: int, tmp_path: Path) -> None:
+    """As OpenCV, which most calibrations are made with, and players do."""
+    path = tmp_path / "phone.mp4"
+    image = picture(1, 3)
+    image[:20, :30] = (0, 0, 255)
+    write_video(path, 3 * [image])
+    content, unit = path.read_bytes(), 0x10000
+    upright = struct.pack(">9i", unit, 0, 0, 0, unit, 0, 0, 0, 0x40000000)
+    a, b, c, d = (unit * entry for entry in TURNS[turn])
+    turned = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 0x40000000)
+    header = content.index(b"tkhd")
+    place = content.index(upright, header)
+    path.write_bytes(content[:place] + turned + content[place + 36 :])
+    found = open_clip(path, "phone")[2].read(0)
+    oracle = cv2.VideoCapture(str(path)).read()[1]
+    assert found is not None
+    assert found.shape == oracle.shape
+    assert np.abs(found.astype(int) - oracle).max() <= 12  # two conversions of colours
+    np.testing.assert_allclose(found, np.rot90(open_clip(upright_copy(path, content), "x")[2].read(0), -turn // 90))
+
+
+def upright_copy(path: Path, content: bytes) -> Path:
+    copy = path.with_name("upright.mp4")
+    copy.write_bytes(content)
+    return copy
+
+
+def test_what_is_appended_to_a_jpeg_does_no_harm_and_a_preview_in_it_hides_no_cut(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    whole = cv2.imencode(".jpg", rng.integers(0, 255, (60, 80, 3), dtype=np.uint8))[1].tobytes()
+    small = cv2.imencode(".jpg", np.zeros((8, 8, 3), dtype=np.uint8))[1].tobytes()
+    preview = whole[:2] + b"\xff\xe1" + (len(small) + 2).to_bytes(2, "big") + small + whole[2:]
+    path = tmp_path / "a.jpg"
+    for content in (whole, preview, whole + 100_000 * b"motion", whole + small):
+        path.write_bytes(content)
+        np.testing.assert_array_equal(intact_image(path), cv2.imdecode(np.frombuffer(whole, np.uint8), 1))
+    for content in (whole[: len(whole) // 2], preview[: len(preview) // 2], whole[:-2], whole[:3], b"\xff\xd8"):
+        path.write_bytes(content)
+        with pytest.raises(SequenceError, match="corrupt or truncated"):
+            intact_image(path)
+
+
+def test_pictures_that_are_whole_and_not_read_say_why(tmp_path: Path) -> None:
+    path = tmp_path / "depth.tif"
+    cv2.imwrite(str(path), np.ones((8, 9), dtype=np.float32))
+    with pytest.raises(SequenceError, match="a TIFF of 32- or 64-bit numbers, expected 8 or 16 bits"):
+        intact_image(path)
+    cv2.imwrite(str(path), np.full((8, 9), 30_000, dtype=np.uint16))
+    assert intact_image(path).max() == 30_000 // 256 + 0
+    path = tmp_path / "bomb.png"
+    cv2.imwrite(str(path), np.zeros((8, 9), dtype=np.uint8))
+    content = bytearray(path.read_bytes())
+    content[16:24] = (100_000).to_bytes(4, "big") * 2
+    path.write_bytes(content)
+    with pytest.raises(SequenceError, match="says to have 100000x100000 px, expected at most 268 million"):
+        intact_image(path)
 
 
 def test_stop_within_the_shortest_view_needs_nothing_more(folder: Path) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from tracker.arrays import Mask, frozen
 from tracker.errors import CalibrationError, SequenceError
+from tracker.reading._pictures import read_raw
 from tracker.reading._selection import OnMissing, Selection, view_paths
 
 
@@ -39,7 +39,7 @@ class MaskFiles:
         path = self.files[view].get(index + self.offsets[view])
         if path is None:
             return None
-        picture = cv2.imdecode(np.frombuffer(path.read_bytes(), dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+        picture = read_raw(path)
         if picture is None:
             raise SequenceError(f"{path}: not an image that can be read: the file is corrupt or truncated")
         covered = picture if picture.ndim == 2 else picture[..., :3].max(axis=2)

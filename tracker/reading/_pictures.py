@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
 
 from tracker.arrays import Image
-from tracker.errors import CalibrationError
+from tracker.errors import CalibrationError, SequenceError
 
-_JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
+_JPEG_START, _PNG_START, _TIFF_STARTS = b"\xff\xd8", b"\x89PNG\r\n", (b"II*\0", b"MM\0*")
+_JPEG_SCAN, _JPEG_END = 0xDA, 0xD9
+"""Markers SOS and EOI (ITU-T T.81, table B.1)."""
+
+_SAMPLE_FORMAT = 339
+"""Tag of a TIFF."""
+
+_MOST_PIXELS = 2**28
+"""268 million, 0.8 GB: four times the largest camera."""
 
 
 def check_size(name: str, image: Image, expected: tuple[int, int]) -> None:
@@ -43,11 +52,82 @@ def downscaled(image: Image, factor: int) -> Image:
 
 
 def read_image(path: Path) -> Image | None:
-    """A BGR image (h, w, 3), None if the file is none or is cut off."""
+    """A BGR image (h, w, 3), None if the file is none or is cut off.
+
+    Raises:
+        SequenceError: the image is whole, but of a kind that is not read.
+    """
+    return _decoded(path, cv2.IMREAD_COLOR)
+
+
+def read_raw(path: Path) -> Image | None:
+    """An image with the channels and bits that it has, (h, w) or (h, w, c); else as `read_image`."""
+    return _decoded(path, cv2.IMREAD_UNCHANGED)
+
+
+def _decoded(path: Path, kind: int) -> Image | None:
     content = path.read_bytes()
-    # OpenCV fills a cut-off JPEG with grey without a word
-    cut_off = content.startswith(_JPEG_START) and _JPEG_END not in content[-1024:]
-    if not content or cut_off:
+    if not content or _cut_off(content):
         return None
-    image: Image | None = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)
+    if fault := _unfit(content):
+        raise SequenceError(f"{path}: {fault}")
+    try:
+        image: Image | None = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), kind)
+    except cv2.error:
+        return None
     return image
+
+
+def _cut_off(content: bytes) -> bool:
+    """Whether a JPEG ends before its last marker: OpenCV fills it with grey without a word.
+
+    What programs append behind that marker does not matter, and a preview within the header has one of its own.
+    """
+    if not content.startswith(_JPEG_START):
+        return False
+    place = 2
+    while place + 4 <= len(content):
+        mark = content[place + 1]
+        if content[place] != 0xFF or mark == 0xFF:
+            place += 1
+        elif mark == _JPEG_END:
+            return False
+        elif 0xD0 <= mark <= 0xD7 or mark in (0x00, 0x01):
+            place = _next_mark(content, place + 2)
+        else:
+            place += 2 + int.from_bytes(content[place + 2 : place + 4], "big")
+            if mark == _JPEG_SCAN:
+                place = _next_mark(content, place)
+    return content[place : place + 2] != bytes((0xFF, _JPEG_END))
+
+
+def _next_mark(content: bytes, place: int) -> int:
+    found = content.find(b"\xff", place)
+    return len(content) if found < 0 else found
+
+
+def _unfit(content: bytes) -> str:
+    """Why a whole image cannot be read; empty if it may be."""
+    if content.startswith(_PNG_START) and len(content) >= 24:
+        width, height = int.from_bytes(content[16:20], "big"), int.from_bytes(content[20:24], "big")
+        if width * height > _MOST_PIXELS:
+            return f"says to have {width}x{height} px, expected at most {_MOST_PIXELS / 1e6:.0f} million"
+    if content.startswith(_TIFF_STARTS) and _tiff_floats(content):
+        return "a TIFF of 32- or 64-bit numbers, expected 8 or 16 bits a channel: convert it, its range is not known"
+    return ""
+
+
+def _tiff_floats(content: bytes) -> bool:
+    """Whether the first image of a TIFF has floating-point samples: tag 339, SampleFormat, is 3."""
+    order: Literal["little", "big"] = "little" if content.startswith(b"II") else "big"
+    begin = int.from_bytes(content[4:8], order)
+    n_entries = int.from_bytes(content[begin : begin + 2], order)
+    for k in range(n_entries):
+        entry = content[begin + 2 + 12 * k : begin + 14 + 12 * k]
+        if int.from_bytes(entry[:2], order) == _SAMPLE_FORMAT:
+            count, value = int.from_bytes(entry[4:8], order), entry[8:10]
+            if count > 2:  # the values lie elsewhere
+                place = int.from_bytes(entry[8:12], order)
+                value = content[place : place + 2]
+            return int.from_bytes(value, order) == 3
+    return False

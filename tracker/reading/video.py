@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import logging
 from pathlib import Path
 
-import av
 import numpy as np
 import pydantic
 
@@ -22,6 +23,9 @@ from tracker.reading._sequence import (
     opened_uncalibrated,
     opened_views,
 )
+from tracker.reading._video_view import VideoView, timeline
+
+log = logging.getLogger("tracker")
 
 # Frames of a background clip that its median is taken over.
 _PLATE_FRAMES = 25
@@ -84,60 +88,19 @@ class VideoReading:
 
     def _footage(self, names: tuple[str, ...]) -> Footage:
         paths = dict(zip(names, view_paths(self.path, names), strict=True))
-        headers = opened_views(names, lambda name: _header(paths[name], name, self.on_missing), self.on_missing)
-        rates = [(name, header[1]) for name, header in zip(names, headers, strict=True) if header]
+        whole = self.on_missing == "error"
+        timelines = opened_views(names, lambda name: timeline(paths[name], name, whole), self.on_missing)
+        known = [(name, one) for name, one in zip(names, timelines, strict=True) if one]
+        for name, one in known:
+            if one.remark:
+                log.warning('view "%s": %s: %s', name, paths[name], one.remark)
 
         def views() -> tuple[ImageStream, ...]:
-            files = zip(paths.values(), headers, strict=True)
-            return tuple(VideoView(path) if header else AbsentView() for path, header in files)
+            files = zip(paths.values(), timelines, strict=True)
+            return tuple(VideoView(path, one) if one else AbsentView() for path, one in files)
 
-        lengths = tuple(header[0] if header else 0 for header in headers)
-        return Footage(names, self.fps or _common_fps(rates), lengths, views, plate_of_clip)
-
-
-class VideoView(ImageStream):
-    """Decodes one file forwards; reading an earlier frame than the last one is not possible."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._container = av.open(str(path))
-        stream = self._container.streams.video[0]
-        # AVI keeps no time stamps
-        timed = "avi" not in self._container.format.name
-        self._rate = float(stream.average_rate or 0) if timed else 0.0
-        self._decoder = self._container.decode(stream)
-        self._frame: av.VideoFrame | None = None
-        self._number = -1
-
-    def read(self, index: int) -> Image | None:
-        """Image `index` of the file, None past its end."""
-        while self._number < index:
-            if not self._advance():
-                return None
-        if self._number > index or self._frame is None:
-            raise SequenceError(
-                f"{self._path}: frame {index} is lost, the file goes on with frame {self._number}: it is corrupt; "
-                'set on_missing = "skip" to go on without it'
-            )
-        image: Image = self._frame.to_ndarray(format="bgr24").astype(np.uint8, copy=False)
-        return image
-
-    def _advance(self) -> bool:
-        """Decodes the next frame there is; its time stamp tells whether others before it were lost."""
-        try:
-            frame = next(self._decoder)
-        except StopIteration:
-            return False
-        except av.FFmpegError as error:
-            raise SequenceError(
-                f"{self._path}: frame {self._number + 1} cannot be decoded ({error.strerror}): the file is corrupt; "
-                'set on_missing = "skip" to go on without it'
-            ) from error
-        before = None if self._frame is None else self._frame.time
-        steps = 1 if before is None or frame.time is None else round((frame.time - before) * self._rate)
-        self._frame = frame
-        self._number += max(1, steps)
-        return True
+        fps = self.fps or _common_fps([(name, one.fps) for name, one in known])
+        return Footage(names, fps, tuple(len(one) if one else 0 for one in timelines), views, plate_of_clip)
 
 
 def open_clip(path: Path, name: str) -> tuple[int, float, VideoView]:
@@ -150,36 +113,8 @@ def open_clip(path: Path, name: str) -> tuple[int, float, VideoView]:
     Raises:
         SequenceError: no such file, not a video, or a truncated one.
     """
-    n_frames, fps = _header(path, name, "error")
-    return n_frames, fps, VideoView(path)
-
-
-def _header(path: Path, name: str, on_missing: OnMissing) -> tuple[int, float]:
-    """Number of frames and frames per second; the packets are counted, for headers may lie.
-
-    Raises:
-        SequenceError: no such file, not a video, or, where nothing may be missing, a truncated one.
-    """
-    if not path.is_file():
-        raise SequenceError(f'view "{name}": no file {path}')
-    try:
-        with av.open(str(path)) as container:
-            if not container.streams.video:
-                raise SequenceError(f'view "{name}": {path} has no video stream')
-            stream = container.streams.video[0]
-            fps = float(stream.average_rate or stream.guessed_rate or 0)
-            n_told = stream.frames
-            n_frames = sum(packet.size > 0 for packet in container.demux(stream))
-    except av.FFmpegError as error:
-        raise SequenceError(f'view "{name}": {path} is not a video that can be read: {error.strerror}') from error
-    if n_frames == 0:
-        raise SequenceError(f'view "{name}": {path} holds no frame')
-    if on_missing == "error" and n_frames < n_told:
-        raise SequenceError(
-            f'view "{name}": {path} holds {n_frames} of the {n_told} frames that its header tells: it is truncated; '
-            'copy it anew, or set on_missing = "skip"'
-        )
-    return n_frames, fps
+    found = timeline(path, name, whole=True)
+    return len(found), found.fps, VideoView(path, found)
 
 
 def _common_fps(rates: list[tuple[str, float]]) -> float:
@@ -198,9 +133,15 @@ def plate_of_clip(path: Path) -> Image:
     Raises:
         SequenceError: the clip cannot be read.
     """
-    n_frames, _ = _header(path, path.stem, "skip")
-    wanted = set(np.linspace(0, n_frames - 1, min(_PLATE_FRAMES, n_frames)).round().astype(int).tolist())
-    view = VideoView(path)
-    images = [image for image in (view.read(index) for index in sorted(wanted)) if image is not None]
-    plate: Image = np.median(np.stack(images), axis=0).astype(np.uint8)
+    found = timeline(path, path.stem, whole=False)
+    there = [index for index, stamp in enumerate(found.stamps) if stamp is not None]
+    wanted = np.linspace(0, len(there) - 1, min(_PLATE_FRAMES, len(there))).round().astype(int)
+    view, images = VideoView(path, found), []
+    for k in np.unique(wanted).tolist():
+        with contextlib.suppress(SequenceError):  # a median does without it
+            images.append(view.read(there[k]))
+    shown = [image for image in images if image is not None]
+    if not shown:
+        raise SequenceError(f"{path}: no frame of it can be decoded")
+    plate: Image = np.median(np.stack(shown), axis=0).astype(np.uint8)
     return plate

@@ -1,0 +1,125 @@
+"""One video file, decoded forwards."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import av
+import numpy as np
+
+from tracker.arrays import Image
+from tracker.errors import SequenceError
+from tracker.reading._sequence import ImageStream
+from tracker.reading._timeline import Timeline, timeline_of
+
+FAULTS = (av.FFmpegError, ValueError, OverflowError, MemoryError, EOFError)
+"""What PyAV raises of damaged files."""
+
+
+class VideoView(ImageStream):
+    """Decodes one file forwards; reading an earlier frame than the last one is not possible.
+
+    What cannot be decoded is missing, and so is what follows up to the next key frame: it was made of it. Images are
+    turned as the file's metadata tell, as players and calibrating programs do.
+    """
+
+    def __init__(self, path: Path, timeline: Timeline) -> None:
+        self._path, self._timeline = path, timeline
+        self._frames = _decoded(path, timeline.timed)
+        self._stamp, self._image = -(2**63), None  # type: tuple[int, av.VideoFrame | None]
+
+    def read(self, index: int) -> Image | None:
+        """Image of a frame, None past the end, and where the file has dropped it.
+
+        Raises:
+            SequenceError: it cannot be decoded.
+        """
+        stamp = self._timeline.stamps[index] if index < len(self._timeline) else None
+        if stamp is None:
+            return None
+        while self._stamp < stamp:
+            try:
+                self._stamp, self._image = next(self._frames)
+            except StopIteration:
+                self._stamp, self._image = 2**63, None
+        if self._stamp > stamp or self._image is None:
+            raise SequenceError(
+                f"{self._path}: frame {index} cannot be decoded: the file is corrupt; "
+                'set on_missing = "skip" to go on without it'
+            )
+        return _upright(self._image, self._path)
+
+
+def _decoded(path: Path, timed: bool) -> Iterator[tuple[int, av.VideoFrame]]:
+    """Time stamps, or numbers where there are none, and images; without those that are damaged."""
+    with av.open(str(path), metadata_errors="replace") as container:
+        stream, number, whole = container.streams.video[0], 0, True
+        packets = container.demux(stream)
+        while True:
+            try:
+                packet = next(packets)
+                frames = packet.decode()
+            except StopIteration:
+                return
+            except FAULTS:
+                whole, number = False, number + 1
+                if number > _MOST_FAULTS:
+                    return
+                continue
+            for frame in frames:
+                whole = not frame.is_corrupt and (whole or bool(frame.key_frame))
+                stamp = frame.pts if timed else number
+                number += 1
+                if whole and stamp is not None:
+                    yield stamp, frame
+
+
+_MOST_FAULTS = 10**7
+"""A demuxer that fails for ever is left: no recording has so many frames."""
+
+
+def _upright(frame: av.VideoFrame, path: Path) -> Image:
+    """BGR (h, w, 3), turned as the metadata tell (counter-clockwise degrees)."""
+    image: Image = frame.to_ndarray(format="bgr24").astype(np.uint8, copy=False)
+    quarters, rest = divmod(frame.rotation, 90)
+    if rest:
+        raise SequenceError(f"{path}: is to be shown turned by {frame.rotation} degrees, expected quarters of a turn")
+    return image if quarters % 4 == 0 else np.ascontiguousarray(np.rot90(image, quarters))
+
+
+def timeline(path: Path, name: str, whole: bool) -> Timeline:
+    """The frames of a file; its packets are read, for headers may lie.
+
+    Args:
+        path: the file.
+        name: of the view, for messages.
+        whole: whether nothing may be missing.
+
+    Raises:
+        SequenceError: no such file, not a video, or, where nothing may be missing, a truncated one.
+    """
+    if not path.is_file():
+        raise SequenceError(f'view "{name}": no file {path}')
+    try:
+        with av.open(str(path), metadata_errors="replace") as container:
+            if not container.streams.video:
+                raise SequenceError(f'view "{name}": {path} has no video stream')
+            stream = container.streams.video[0]
+            told_fps, n_told = float(stream.average_rate or stream.guessed_rate or 0), stream.frames
+            # AVI keeps no time stamps
+            timed = "avi" not in container.format.name
+            packets = (packet for packet in container.demux(stream) if packet.size > 0 and not packet.is_discard)
+            stamps = [packet.pts if timed else None for packet in packets]
+            unit_s = float(stream.time_base or 0)
+    except FAULTS as error:
+        told = getattr(error, "strerror", None) or type(error).__name__
+        raise SequenceError(f'view "{name}": {path} is not a video that can be read: {told}') from error
+    if not stamps:
+        raise SequenceError(f'view "{name}": {path} holds no frame')
+    if whole and len(stamps) < n_told:
+        raise SequenceError(
+            f'view "{name}": {path} holds {len(stamps)} of the {n_told} frames that its header tells: it is truncated; '
+            'copy it anew, or set on_missing = "skip"'
+        )
+    return timeline_of(stamps, unit_s, told_fps)
