@@ -11,6 +11,9 @@ from tracker.arrays import Array
 from tracker.errors import SequenceError, nearest
 from tracker.source_files import frame_in, number_in, rows_of
 
+_FARTHEST_M = 1e6
+"""No joint is a thousand kilometres away."""
+
 Frames = dict[int, dict[str, Array]]
 """Frame -> joint -> (3,) metres."""
 
@@ -40,6 +43,8 @@ def read_joints(path: Path) -> JointTable:
             continue
         frames = persons.setdefault(row.get("person") or "1", {})
         point = np.array([number_in(row, axis, path, SequenceError) for axis in axes])
+        if np.abs(point).max() > _FARTHEST_M:
+            raise SequenceError(f"{path}: {row['joint']} lies at {point.tolist()}, expected metres")
         frames.setdefault(frame_in(row, path, SequenceError), {})[row["joint"]] = point
     return JointTable(persons)
 
