@@ -12,7 +12,7 @@ import numpy as np
 
 from tracker.camera import Camera
 from tracker.components import available, find
-from tracker.errors import CalibrationError, ConfigError, nearest
+from tracker.errors import CalibrationError, ConfigError, nearest, os_fault
 from tracker.files import write_whole
 from tracker.rig import Rig
 
@@ -120,6 +120,8 @@ def read_rig(path: Path, size: tuple[int, int] | None = None) -> RigFile:
         _check_units(rig)
     except CalibrationError as error:
         raise CalibrationError(f"{path}: {error}") from error
+    except OSError as error:  # of a file that it names
+        raise CalibrationError(f"{path}: {os_fault(error)}") from error
     return RigFile(rig, use, listing.left_out, listing.remarks)
 
 
