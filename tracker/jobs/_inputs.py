@@ -60,7 +60,7 @@ def check_inputs(folder: Path, now: Mapping[str, str]) -> None:
         raise ConfigError(f"{path}: damaged, so its inputs cannot be compared: run anew without --resume") from error
     for name, fingerprint in pairs:
         if now.get(name) != fingerprint:
-            fault = "is another file than when the run began" if Path(name).exists() else "is no longer there"
+            fault = "is another file than when the run began" if name in now else "is no longer there"
             raise ConfigError(f"{name} {fault}: resume with what it was made from, or run anew without --resume")
 
 
