@@ -18,16 +18,19 @@ os.environ.setdefault("OPENCV_LOG_LEVEL", "OFF")
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(2**28))
 
 import typer
+from fuzzing.kills import difference, killed, left_alone
 from fuzzing.readers import readers
 from fuzzing.trial import Bench, Fault, smallest
 from rich.console import Console
 
+from tracker.simulation.sequence import Recipe, write_sequence
+
 KEPT = Path(__file__).resolve().parents[1] / "tests" / "fuzz" / "kept"
 
-_BATCH = 400
+_BATCH = 2000
 """Inputs of one process: one that dies or hangs costs no more."""
 
-_HANGS_S = 120.0
+_HANGS_S = 600.0
 """Real time of a process after which the input at work is what it hangs on."""
 
 _MEMORY = 6 * 2**30
@@ -36,13 +39,13 @@ _MEMORY = 6 * 2**30
 console = Console()
 
 
-def main(
+def spoil(
     minutes: Annotated[float, typer.Option(min=0, help="How long.")] = 1.0,
     seed: Annotated[int, typer.Option(min=0, help="Chooses what is spoilt.")] = 0,
     only: Annotated[str, typer.Option(help="Readers whose name begins so.")] = "",
     batch: Annotated[int, typer.Option(hidden=True)] = -1,
 ) -> None:
-    """Fuzzes every reader: `python scripts/fuzz.py --minutes 30 --seed 1`."""
+    """Spoils files for every reader: `python scripts/fuzz.py readers --minutes 30 --seed 1`."""
     if batch >= 0:
         _work(seed, batch, only)
         return
@@ -60,9 +63,28 @@ def main(
     raise typer.Exit(1 if faults else 0)
 
 
+def kills(
+    n: Annotated[int, typer.Option(min=1, help="Kills.")] = 50,
+    seed: Annotated[int, typer.Option(min=0, help="Chooses the instants.")] = 0,
+) -> None:
+    """Kills runs with -9 at random instants and resumes them: `python scripts/fuzz.py kills --n 50`."""
+    rng, done, anew = random.Random(seed), 0, 0
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        config = write_sequence(Recipe("arm_swing", seconds=0.4, size=(256, 208)), folder / "sequence")
+        seconds = left_alone(config, folder / "whole")
+        for k in range(-(-n // 10)):
+            found = killed(config, folder / f"killed{k}", min(10, n - done), rng, seconds)
+            fault = found.fault or difference(folder / "whole", folder / f"killed{k}")
+            done, anew = done + found.n_kills, anew + found.n_anew
+            console.print(f"{done} kills, {anew} before anything was computed: {fault or 'same bytes'}")
+            if fault:
+                raise typer.Exit(1)
+
+
 def _run(seed: int, batch: int, only: str) -> list[str]:
     """The faults that a process of its own has found, a line each."""
-    command = [sys.executable, __file__, "--seed", str(seed), "--batch", str(batch), "--only", only]
+    command = [sys.executable, __file__, "readers", "--seed", str(seed), "--batch", str(batch), "--only", only]
     with tempfile.TemporaryDirectory() as folder:
         scratch = {**os.environ, "TMPDIR": folder}
         try:
@@ -111,5 +133,6 @@ def _keep(fault: Fault) -> None:
 
 if __name__ == "__main__":
     app = typer.Typer(pretty_exceptions_enable=False)
-    app.command()(main)
+    app.command("readers")(spoil)
+    app.command()(kills)
     app()

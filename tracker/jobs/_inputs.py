@@ -54,7 +54,7 @@ def check_inputs(folder: Path, now: Mapping[str, str]) -> None:
         pairs = sorted(before.items())
     except FileNotFoundError as error:
         raise ConfigError(
-            f"{path}: no such file, so its inputs cannot be compared: run anew without --resume"
+            f"{folder}: was stopped before it computed anything, or is of another version: run anew without --resume"
         ) from error
     except (OSError, ValueError, AttributeError, RecursionError) as error:
         raise ConfigError(f"{path}: damaged, so its inputs cannot be compared: run anew without --resume") from error

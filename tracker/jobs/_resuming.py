@@ -26,6 +26,8 @@ def check_same(now: Table, folder: Path) -> None:
     path = folder / CONFIG
     if not path.is_file():
         raise ConfigError(f"{folder}: no {CONFIG} there that tells how it was made; run without --resume")
+    if path.stat().st_size == 0:
+        raise ConfigError(f"{folder}: was stopped before it computed anything: remove it, and run without --resume")
     before, wanted = _flat(read_config(path)), _flat(now)
     for key in sorted(before.keys() | wanted.keys()):
         then, asked = before.get(key), wanted.get(key)
