@@ -203,7 +203,9 @@ def test_the_service_of_colours_says_what_the_contours_say(use, scene, frame, cy
     poses = np.tile(q, (3, 1))
     poses[1:, scene.persons[0].body.group("left_arm")] += np.array([[0.1], [-0.2]])
     evidence, sight = RegionEvidence(), Sight(frame, cycle.plates)
-    known = evidence.learned(None, sight, scene, cycle.synthesis.contours(scene), np.ones(1, dtype=bool))
+    known = evidence.learned(
+        None, sight, scene, cycle.synthesis.contours(scene), np.ones(len(scene.shapes), dtype=bool)
+    )
     picture = evidence.observe(sight, cycle.synthesis.contours(scene), known).picture
     lines = Lines(picture, known.looks, np.ones(len(scene.shapes), dtype=bool), evidence.rule())
     found = synthesis.region_misfits(scene, 0, poses, lines)
@@ -246,7 +248,9 @@ def observed(scene: Scene, frame: Frame, cycle: Cycle) -> Callable[..., Comparis
         sight = Sight(replace(frame, images=images), cycle.plates)
         contours = cycle.synthesis.contours(scene)
         # what is learned from a frame is known in the next one
-        memory = evidence.learned(None, Sight(frame, cycle.plates), scene, contours, np.ones(1, dtype=bool))
+        memory = evidence.learned(
+            None, Sight(frame, cycle.plates), scene, contours, np.ones(len(scene.shapes), dtype=bool)
+        )
         return Comparison(scene, 0, cycle.synthesis, evidence.observe(sight, contours, memory))
 
     return ask
@@ -318,10 +322,8 @@ def test_without_images_evidence_says_nothing(use, scene, observed):
 def test_what_is_learned_is_learned_again(use, scene, frame, cycle):
     """A resumed run learns from the same frames the same."""
     evidence, contours = made("evidence", use), cycle.synthesis.contours(scene)
-    for trusted in ([True], [False]):
-        once, again = (
-            evidence.learned(None, Sight(frame, cycle.plates), scene, contours, np.array(trusted)) for _ in range(2)
-        )
+    for trusted in (np.ones(len(scene.shapes), dtype=bool), np.zeros(len(scene.shapes), dtype=bool)):
+        once, again = (evidence.learned(None, Sight(frame, cycle.plates), scene, contours, trusted) for _ in range(2))
         poses = scene.persons[0].q[None]
         seen = [
             Comparison(scene, 0, cycle.synthesis, evidence.observe(Sight(frame, cycle.plates), contours, memory))

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from observations import objective_of
 from recordings import TrueStart, cycle_for, small_simulation
 
-from tracker.cycle import LossRule, judged
+from tracker.cycle import LossRule, judged, trusted_parts
 from tracker.doubts import Doubts, ranges
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
@@ -59,7 +59,7 @@ def test_a_body_elsewhere_is_doubtful(truth: Scene, observation: Observation) ->
 
 
 def test_nothing_is_learned_from_a_doubtful_frame() -> None:
-    """Evidence is told whom it may trust; histories go on, for the next frame's prediction needs them."""
+    """Evidence is told what it may trust; histories go on, for the next frame's prediction needs them."""
     simulation = small_simulation(n_frames=3)
     told: list[list[bool]] = []
 
@@ -72,7 +72,7 @@ def test_nothing_is_learned_from_a_doubtful_frame() -> None:
         told.clear()
         cycle = cycle_for(simulation, TrueStart(simulation), evidence=Listening(), loss=LossRule(doubtful_above=above))
         steps = list(track(simulation.frames(), simulation.scene, cycle))
-        assert told == [[trusted]] * 3
+        assert told == [[trusted] * len(simulation.scene.shapes)] * 3
         verdicts = {Status.TRACKED, Status.BOOTSTRAPPED} if trusted else {Status.DOUBTFUL}
         assert {step.estimates[0].verdict for step in steps} == verdicts
         assert steps[-1].estimates[0].status is Status.TRACKED
@@ -118,3 +118,11 @@ def test_doubt_is_written_to_the_tables(truth: Scene, observation: Observation, 
     assert joints["0", "left_elbow"] == "ambiguous"
     assert joints["0", "right_elbow"] == "tracked"
     assert joints["1", "left_elbow"] == joints["1", "right_elbow"] == "doubtful"
+
+
+def test_an_ambiguous_limb_is_not_learned_from(truth: Scene, observation: Observation) -> None:
+    body = truth.persons[0].body
+    found = replace(estimate_of(truth, observation), ambiguous=("left_arm",), doubtful=False)
+    np.testing.assert_array_equal(trusted_parts(body, found), ~body.parts_of("left_arm"))
+    for doubtful in (replace(found, doubtful=True), replace(found, status=Status.LOST)):
+        assert not trusted_parts(body, doubtful).any()

@@ -9,7 +9,7 @@ import pytest
 from observations import bent, four_views
 from painted import painted
 
-from tracker.arrays import Array
+from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.comparison import Comparison
 from tracker.evidence._colours import Colours, corrected
@@ -21,7 +21,13 @@ from tracker.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
 
 EVIDENCE, SYNTHESIS = RegionEvidence(), CpuSynthesis()
-TRUSTED, DOUBTED = np.array([True]), np.array([False])
+
+
+def trusted(scene: Scene, *doubted: int) -> Mask:
+    """All parts of a scene but some."""
+    found = np.ones(len(scene.shapes), dtype=np.bool_)
+    found[list(doubted)] = False
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +43,7 @@ def sight(scene: Scene) -> Sight:
 
 @pytest.fixture(scope="module")
 def memory(scene: Scene, sight: Sight) -> Colours:
-    learned = EVIDENCE.learned(None, sight, scene, SYNTHESIS.contours(scene), TRUSTED)
+    learned = EVIDENCE.learned(None, sight, scene, SYNTHESIS.contours(scene), trusted(scene))
     assert learned is not None
     return learned
 
@@ -101,7 +107,7 @@ def test_a_refinement_finds_the_way_back(scene: Scene, sight: Sight, memory: Col
 def test_memory_is_a_frozen_value(scene: Scene, sight: Sight, memory: Colours) -> None:
     before = [values.copy() for values in (*memory.tables, memory.posteriors, memory.known)]
     other = Sight(Frame(1, 0.04, tuple(255 - image for image in sight.frame.images if image is not None)))
-    later = EVIDENCE.learned(memory, other, scene, SYNTHESIS.contours(scene), TRUSTED)
+    later = EVIDENCE.learned(memory, other, scene, SYNTHESIS.contours(scene), trusted(scene))
     assert later is not None
     assert (later.tables.inside != memory.tables.inside).any()
     for values, kept in zip((*memory.tables, memory.posteriors, memory.known), before, strict=True):
@@ -111,18 +117,37 @@ def test_memory_is_a_frozen_value(scene: Scene, sight: Sight, memory: Colours) -
 
 
 def test_nothing_is_learnt_from_who_is_doubted(scene: Scene, sight: Sight, memory: Colours) -> None:
-    contours = SYNTHESIS.contours(scene)
-    assert EVIDENCE.learned(None, sight, scene, contours, DOUBTED) is None
-    assert EVIDENCE.learned(memory, sight, scene, contours, DOUBTED) is memory
+    contours, nothing = SYNTHESIS.contours(scene), np.zeros(len(scene.shapes), dtype=np.bool_)
+    assert EVIDENCE.learned(None, sight, scene, contours, nothing) is None
+    assert EVIDENCE.learned(memory, sight, scene, contours, nothing) is memory
+
+
+def test_a_doubted_limb_teaches_nothing_and_is_forgotten_by_nothing(
+    body: BodyModel, scene: Scene, sight: Sight, memory: Colours
+) -> None:
+    arm = body.parts_of("left_arm")
+    q = scene.persons[0].q.copy()
+    q[body.index("left_arm_abduction")] += np.radians(70)
+    wrong = scene.with_pose(0, body.clamped(q))
+    contours = SYNTHESIS.contours(wrong)
+    doubted, believed = (
+        EVIDENCE.learned(memory, sight, wrong, contours, which)
+        for which in (trusted(scene, *np.flatnonzero(arm)), trusted(scene))
+    )
+    assert doubted is not None
+    assert believed is not None
+    np.testing.assert_array_equal(doubted.tables.inside[:, arm], memory.tables.inside[:, arm])
+    assert (doubted.tables.inside[:, ~arm] != memory.tables.inside[:, ~arm]).any()
+    assert (believed.tables.inside[:, arm] != memory.tables.inside[:, arm]).any()
 
 
 def test_of_two_persons_the_trusted_one_is_learnt(body: BodyModel, sight: Sight, scene: Scene) -> None:
     q = scene.persons[0].q.copy()
     q[0] += 0.8
     both = Scene((*scene.persons, Person("two", body, q)), scene.rig)
-    learned = EVIDENCE.learned(None, sight, both, SYNTHESIS.contours(both), np.array([False, True]))
-    assert learned is not None
     n_parts = len(body.parts)
+    learned = EVIDENCE.learned(None, sight, both, SYNTHESIS.contours(both), trusted(both, *range(n_parts)))
+    assert learned is not None
     assert not learned.known[:, :n_parts].any()
     assert learned.known[:, n_parts:].any()
 
@@ -130,7 +155,7 @@ def test_of_two_persons_the_trusted_one_is_learnt(body: BodyModel, sight: Sight,
 def test_a_missing_view_teaches_and_says_nothing(scene: Scene, sight: Sight) -> None:
     images = (None, *sight.frame.images[1:])
     blind = Sight(replace(sight.frame, images=images))
-    learned = EVIDENCE.learned(None, blind, scene, SYNTHESIS.contours(scene), TRUSTED)
+    learned = EVIDENCE.learned(None, blind, scene, SYNTHESIS.contours(scene), trusted(scene))
     assert learned is not None
     assert not learned.known[0].any()
     assert learned.known[1:].any()

@@ -112,7 +112,8 @@ class State:
                 history = History.start(step.frame.time_s, estimate.q)
             histories.append(history)
             frames_lost.append(lost + 1 if estimate.lost else 0)
-        trusted = np.array([not estimate.lost and not estimate.doubtful for estimate in step.estimates])
+        pairs = zip(step.scene.persons, step.estimates, strict=True)
+        trusted = np.concatenate([trusted_parts(person.body, estimate) for person, estimate in pairs])
         memory = evidence.learned(self.memory, sight, step.scene, step.fitted, trusted)
         return State(tuple(histories), tuple(frames_lost), memory)
 
@@ -243,6 +244,14 @@ def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = 
         doubtful=account.left_over > loss.doubtful_above,
         ambiguous=tuple(group for group, own in limbs if _much_left_over(own, loss.ambiguous_above)),
     )
+
+
+def trusted_parts(body: BodyModel, estimate: Estimate) -> Mask:
+    """(P,) parts of a person that are where they are taken to be, as far as is known."""
+    trusted: Mask = np.full(len(body.parts), not estimate.lost and not estimate.doubtful)
+    for group in estimate.ambiguous:
+        trusted &= ~body.parts_of(group)
+    return trusted
 
 
 def _much_left_over(account: Account, above: float) -> bool:

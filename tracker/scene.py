@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tracker.arrays import Array, Integers, frozen, shape_fault
+from tracker.arrays import Array, frozen, shape_fault
 from tracker.body import BodyModel
 from tracker.errors import ModelError
 from tracker.rig import Rig
@@ -51,13 +51,6 @@ class Scene:
     def shapes(self) -> Array:
         """(P, 7) packed superquadrics of all persons' parts."""
         return frozen(np.concatenate([person.body.shapes for person in self.persons]))
-
-    @cached_property
-    def part_persons(self) -> Integers:
-        """(P,) index of the person each part belongs to."""
-        counts = [len(person.body.parts) for person in self.persons]
-        owners: Integers = frozen(np.repeat(np.arange(len(counts)), counts), dtype=np.int64)
-        return owners
 
     def first_part(self, person: int) -> int:
         """Scene-wide number of the first part of a person."""

@@ -85,6 +85,6 @@ class Evidence(Protocol):
             sight: the frame.
             scene: all persons at their estimated poses.
             fitted: their contours.
-            trusted: (K,) persons whose poses can be learned from.
+            trusted: (P,) parts of the scene whose places can be learned from.
         """
         return memory

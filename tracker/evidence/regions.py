@@ -58,14 +58,14 @@ class ObservedRegions:
         same colours on both sides of its contour.
         """
         if self.memory is None and self.expected is not None and not self._first:
-            everybody = np.ones(len(scene.persons), dtype=np.bool_)
-            self._first.append(_taught(None, self.picture, scene, self.expected, everybody, spans))
+            everything = np.ones(len(scene.shapes), dtype=np.bool_)
+            self._first.append(_taught(None, self.picture, scene, self.expected, everything, spans))
         return self._first[0] if self._first else self.memory
 
 
 @component
 class RegionEvidence(Evidence):
-    """Colour of the parts on lines across their contours, learnt from the poses of trusted persons.
+    """Colour of the parts on lines across their contours, learnt where parts can be trusted.
 
     In a first frame the colours are those at the start pose; where there is none it is silent.
     """
@@ -133,7 +133,7 @@ class RegionEvidence(Evidence):
     def learned(
         self, memory: Colours | None, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask
     ) -> Colours | None:
-        """The colours beside the contours of trusted persons; see `Colours.after`."""
+        """The colours beside the contours of trusted parts; see `Colours.after`."""
         if not trusted.any():
             return memory
         picture = self._picture(sight, fitted, self.around_px)
@@ -206,13 +206,12 @@ def _taught(
     trusted: Mask,
     spans: tuple[float, float],
 ) -> Colours:
-    """What is known after the contours of the scene at its poses have taught the colours of trusted persons (K,)."""
+    """What is known after the contours of the scene at its poses have taught the colours of trusted parts (P,)."""
     memory = memory or Colours.none(len(scene.rig), scene.shapes)
     samples = _samples_of(contours)
     beside = _seen_beside(scene, scene.world_from_parts(), _first_of(contours), spans[0])[0]
     there = np.arange(samples.parts.shape[1]) < samples.counts[:, None]
-    persons = scene.part_persons[np.where(there, samples.parts, 0)]
-    useful = there & trusted[persons] & (samples.positions[..., 4] > 0)
+    useful = there & trusted[np.where(there, samples.parts, 0)] & (samples.positions[..., 4] > 0)
     return memory.after(picture, samples, beside, scene.rig.packed, useful, spans)
 
 
