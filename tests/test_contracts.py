@@ -22,7 +22,7 @@ from tracker.components import available
 from tracker.cycle import Cycle
 from tracker.errors import ConfigError, InitializationError, TrackerError
 from tracker.estimate import Estimate, Status
-from tracker.evidence import Evidence
+from tracker.evidence import GUESSED, Evidence
 from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.regions import RegionEvidence
 from tracker.frame import Frame
@@ -276,6 +276,17 @@ def test_one_pose_has_one_number(use, n_missing, scene, observed):
         assert (account.explained_px <= account.visible_px * (1 + 1e-9)).all()
         assert (account.missed_px >= 0).all()
         assert (np.isnan(account.per_part_px) == (account.visible_px == 0)).all()
+
+
+@each("evidence")
+def test_a_guess_is_a_question_like_any_other(use, scene, frame, cycle):
+    evidence, poses = made("evidence", use), around(scene, 3, 5.0, 0.03)
+    seen = evidence.observe(Sight(frame, cycle.plates), cycle.synthesis.contours(scene), GUESSED)
+    asked = Comparison(scene, 0, cycle.synthesis, seen)
+    distances = evidence.distances(asked, poses)
+    assert np.isfinite(distances).all()
+    for q, distance in zip(poses, distances, strict=True):
+        assert evidence.account(asked, q).distance_px == pytest.approx(distance, rel=1e-5)
 
 
 @each("evidence")

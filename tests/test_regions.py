@@ -12,6 +12,7 @@ from painted import painted
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.comparison import Comparison
+from tracker.evidence import GUESSED
 from tracker.evidence._colours import Colours, corrected
 from tracker.evidence.regions import RegionEvidence
 from tracker.frame import Frame
@@ -67,6 +68,13 @@ def test_a_start_pose_teaches_the_first_frame(scene: Scene, sight: Sight, memory
     poses = np.stack([q, scene.persons[0].body.clamped(q + 0.1)])
     known, first = (EVIDENCE.distances(asked(scene, sight, one), poses) for one in (memory, None))
     np.testing.assert_array_equal(first, known)
+
+
+def test_a_guessed_pose_does_not_confirm_itself(scene: Scene, sight: Sight) -> None:
+    q, contours = scene.persons[0].q, SYNTHESIS.contours(scene)
+    question = Comparison(scene, 0, SYNTHESIS, EVIDENCE.observe(sight, contours, GUESSED))
+    assert not EVIDENCE.distances(question, np.stack([q, q + 0.1])).any()
+    assert EVIDENCE.equations(question, q, 10.0).total == 0
 
 
 def test_a_wrong_start_pose_is_not_confirmed_by_its_own_colours(scene: Scene, sight: Sight, body: BodyModel) -> None:

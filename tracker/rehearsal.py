@@ -10,6 +10,7 @@ import numpy as np
 
 from tracker.cycle import Cycle, State, advance, settled
 from tracker.estimate import Estimate, Status
+from tracker.evidence import GUESSED
 from tracker.frame import Frame
 from tracker.scene import Scene
 from tracker.sight import Sight
@@ -83,7 +84,7 @@ def _ranked(
 def _begun(one: Hypothesis, start: Start, k: int, frame: Frame, scene: Scene, cycle: Cycle) -> _Trial:
     scene = scene.with_poses(start.poses).with_pose(k, one.q)
     sight = Sight(frame, cycle.plates)
-    observed = cycle.evidence.observe(sight, cycle.synthesis.contours(scene))
+    observed = cycle.evidence.observe(sight, cycle.synthesis.contours(scene), GUESSED)
     estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED)
     step = Step(frame, scene, estimates, cycle.synthesis.contours(scene))
     state = State.before(scene).after(sight, step, cycle.evidence)

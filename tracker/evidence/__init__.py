@@ -19,6 +19,9 @@ Observed = Any
 Memory = Any
 """What one kind of evidence has learned from the frames so far: its own frozen value; None at the start."""
 
+GUESSED: Memory = object()
+"""In place of a memory where the pose expected is one of several guesses: it must not teach what would confirm it."""
+
 
 @runtime_checkable
 class Evidence(Protocol):
@@ -35,7 +38,7 @@ class Evidence(Protocol):
             sight: the images, and the clean plates where there are some; missing views are None.
             expected: contours of the prediction (several poses where there are several candidates); None to look
                 everywhere and accept everything.
-            memory: what was learned up to the frame before.
+            memory: what was learned up to the frame before; `GUESSED` where the pose expected is but a guess.
 
         Returns:
             What `asked.observed` is in the questions that follow.

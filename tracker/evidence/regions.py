@@ -18,7 +18,7 @@ from tracker.comparison import Comparison
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.equations import Equations
-from tracker.evidence import Evidence
+from tracker.evidence import GUESSED, Evidence
 from tracker.evidence._colours import FLOOR, Colours
 from tracker.evidence._shares import over_views
 from tracker.expectation import expected_samples, region_around
@@ -47,7 +47,7 @@ class ObservedRegions:
     """What the frames before have taught."""
 
     expected: Contours | None
-    """Contours of the prediction: teach the colours where there was no frame before."""
+    """Contours of the prediction: teach the colours where there was no frame before; None if they must not."""
 
     _first: list[Colours] = field(default_factory=list, repr=False, compare=False)
 
@@ -67,7 +67,7 @@ class ObservedRegions:
 class RegionEvidence(Evidence):
     """Colour of the parts on lines across their contours, learnt where parts can be trusted.
 
-    In a first frame the colours are those at the start pose; where there is none it is silent.
+    In a first frame the colours are those at the start pose; where there is none, or it is but a guess, it is silent.
     """
 
     step_m: float = pydantic.Field(default=0.005, gt=0)
@@ -94,7 +94,8 @@ class RegionEvidence(Evidence):
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Colours | None = None) -> ObservedRegions:
         """Colours around the persons; see `tracker.evidence.Evidence.observe`."""
-        return ObservedRegions(self._picture(sight, expected, self.around_px), memory, expected)
+        picture = self._picture(sight, expected, self.around_px)
+        return ObservedRegions(picture, None, None) if memory is GUESSED else ObservedRegions(picture, memory, expected)
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) how much of a line across the contour lies on the wrong side, averaged over contour and views, px."""

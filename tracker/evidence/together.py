@@ -15,7 +15,7 @@ from tracker.components import component
 from tracker.contours import Contours
 from tracker.equations import Equations, combined
 from tracker.errors import ConfigError
-from tracker.evidence import Evidence, Memory, Observed
+from tracker.evidence import GUESSED, Evidence, Memory, Observed
 from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.scene import Scene
@@ -82,7 +82,7 @@ class TogetherEvidence(Evidence):
         return tuple(one.learned(known, sight, scene, fitted, trusted) for one, known in pairs)
 
     def _memories(self, memory: Memory) -> tuple[Memory, ...]:
-        return (None,) * len(self.of) if memory is None else memory
+        return (memory,) * len(self.of) if memory is None or memory is GUESSED else memory
 
     def _each(self, asked: Comparison, weights: tuple[float, ...]) -> Iterator[tuple[Evidence, float, Comparison]]:
         """Each kind of evidence that counts, with its weight and the question as it is put to it."""

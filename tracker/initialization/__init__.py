@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 from tracker.comparison import Comparison
 from tracker.contours import Contours
 from tracker.estimation import Estimation
-from tracker.evidence import Evidence
+from tracker.evidence import GUESSED, Evidence
 from tracker.frame import Frame
 from tracker.objective import Objective
 from tracker.plate import Plate
@@ -38,7 +38,7 @@ class Stages:
 
     def objective(self, frame: Frame, scene: Scene, person: int, expected: Contours | None = None) -> Objective:
         """The objective of a person's pose in a frame, looked at everywhere or near expected contours."""
-        observed = self.evidence.observe(Sight(frame, self.plates), expected)
+        observed = self.evidence.observe(Sight(frame, self.plates), expected, GUESSED)
         return Objective(Comparison(scene, person, self.synthesis, observed), self.evidence)
 
 
