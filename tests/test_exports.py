@@ -431,6 +431,8 @@ def test_sigmas_are_those_of_the_poses():
 
 @pytest.mark.parametrize("use", FORMATS)
 def test_a_finished_result_is_exported_as_while_tracking(movement, tmp_path, use):
+    if use == "isb_angles" and movement.scene.persons[0].body.name == "quadruped":
+        pytest.skip("the standard is for persons")
     wanted = movement.record(find("recording", use)(), tmp_path)
     result = movement.result(tmp_path / "result")
     told = CliRunner().invoke(app, ["export", str(result), "--to", use, "--output", str(tmp_path / "out")])

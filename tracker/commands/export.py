@@ -10,7 +10,7 @@ import typer
 from tracker.commands.terminal import console
 
 # Written out, for the folders' imports take longer than `--help` should; a test compares.
-FORMATS = ("bvh", "c3d", "glb", "mot", "osim", "trc", "wide_table")
+FORMATS = ("bvh", "c3d", "glb", "isb_angles", "mot", "osim", "trc", "wide_table")
 """Recordings that need poses and times only."""
 
 
