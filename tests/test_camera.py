@@ -12,6 +12,8 @@ import pytest
 from tracker.arrays import Array
 from tracker.camera import Camera
 from tracker.errors import CalibrationError
+from tracker.rig import Rig
+from tracker.rig_check import check_rig
 
 TERMS = ("k1", "k2", "p1", "p2", "k3")
 LENSES = {
@@ -120,6 +122,46 @@ def test_a_camera_that_looks_at_a_point() -> None:
     u, v = camera.project(target + np.array([0, 0, 0.1]))
     assert u == pytest.approx(319.5)
     assert v < 239.5
+
+
+FOLDING = np.array([-0.374, 0.304, 0.0, 0.0, -0.252])
+"""Of six views of a board: the radial terms fit where it was, and turn back beyond."""
+
+
+@pytest.mark.parametrize(
+    ("lens", "turns"),
+    [
+        (FOLDING, True),
+        ((-0.2, 0.05, 0.001, -0.002, 0.0), False),
+        ((0.1, 0, 0, 0, 0), False),
+        ((-0.3, 0, 0, 0, 0), True),
+    ],
+)
+def test_the_reach_ends_where_the_distortion_turns_back(lens: Any, turns: bool) -> None:
+    """Along every ray from the axis the image moves outwards, up to the reach and no farther."""
+    camera = replace(GOOD, distortion=np.array(lens), matrix=np.array([[500.0, 0, 360], [0, 500, 288], [0, 0, 1]]))
+    radii = np.linspace(0, min(camera.reach, 3.0), 2000)[1:-1]
+    k1, k2, _, _, k3 = camera.distortion
+    images = radii * (1 + k1 * radii**2 + k2 * radii**4 + k3 * radii**6)
+    assert (np.diff(images) > 0).all()
+    assert np.isfinite(camera.reach) == turns
+    if turns:
+        just, beyond = np.array([0.999, 1.001]) * camera.reach
+        ray = camera.camera_from_world[:3, :3].T @ np.array([[just, 0, 1], [beyond, 0, 1]]).T + camera.centre[:, None]
+        assert np.isfinite(camera.project(ray.T)).all(axis=1).tolist() == [True, False]
+
+
+def test_a_lens_that_turns_back_inside_the_image_is_told() -> None:
+    """Of the same lens a long one images only what lies within its reach."""
+    wide = replace(GOOD, distortion=FOLDING, matrix=np.array([[400.0, 0, 360], [0, 400, 288], [0, 0, 1]]))
+    long = replace(wide, matrix=np.array([[1500.0, 0, 360], [0, 1500, 288], [0, 0, 1]]))
+    radii = np.linspace(0, 1.2, 100_001)
+    images = radii * (1 - 0.374 * radii**2 + 0.304 * radii**4 - 0.252 * radii**6)
+    assert wide.turns_back_px == pytest.approx(400 * images[np.argmax(np.diff(images) < 0)], rel=1e-6)
+    assert long.turns_back_px is None
+    other = Camera.looking_at("other", (720, 576), 600.0, (0.0, 4.0, 1.5), np.array([0.0, 0.0, 1.0]))
+    doubts = check_rig(Rig((replace(wide, name="wide"), other))).doubts
+    assert any("wide's distortion turns back 2" in doubt and "inside the image" in doubt for doubt in doubts)
 
 
 def test_values_are_copied_and_cannot_be_changed() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import rq
@@ -88,16 +89,46 @@ class Camera:
         centre: Array = -rotation.T @ translation
         return centre
 
+    @cached_property
+    def reach(self) -> float:
+        """Distance from the axis, in the plane z = 1, at which the radial distortion turns back; inf if it never does.
+
+        ``r (1 + k1 r^2 + k2 r^4 + k3 r^6)`` grows up to its first root of ``1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6``. What
+        lies farther out would be imaged nearer to the centre again, over other things.
+        """
+        k1, k2, _, _, k3 = self.distortion
+        roots = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
+        squares = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
+        return float(np.sqrt(squares.min())) if len(squares) else np.inf
+
+    @cached_property
+    def turns_back_px(self) -> float | None:
+        """Distance from the principal point at which the distortion turns back, px; None if outside the image."""
+        if not np.isfinite(self.reach):
+            return None
+        width, height = self.size
+        corners = np.array([(0.0, 0.0), (width - 1, 0), (0, height - 1), (width - 1, height - 1)])
+        inverse = np.linalg.inv(self.matrix[:2, :2])
+        farthest = float(np.linalg.norm((corners - self.matrix[:2, 2]) @ inverse.T, axis=1).max())
+        k1, k2, _, _, k3 = self.distortion
+        square = self.reach**2
+        end = self.reach * (1 + square * (k1 + square * (k2 + square * k3)))
+        return float(end * self.matrix[0, 0]) if end <= farthest else None
+
     def in_camera(self, points: Array) -> Array:
         """World points (..., 3) in camera coordinates (..., 3), metres."""
         moved: Array = points @ self.camera_from_world[:3, :3].T + self.camera_from_world[:3, 3]
         return moved
 
     def project(self, points: Array) -> Array:
-        """World points (..., 3) metres to pixels (..., 2); NaN behind the camera."""
+        """World points (..., 3) metres to pixels (..., 2); NaN behind the camera, and beyond its `reach`."""
         local = self.in_camera(np.asarray(points, dtype=np.float64))
         depth = np.where(local[..., 2:] > 1e-9, local[..., 2:], np.nan)
-        image, _ = _distort(local[..., :2] / depth, self.distortion)
+        plane = local[..., :2] / depth
+        if np.isfinite(self.reach):
+            beyond = np.linalg.norm(plane, axis=-1, keepdims=True) > self.reach
+            plane = np.where(beyond, np.nan, plane)
+        image, _ = _distort(plane, self.distortion)
         pixels: Array = image @ self.matrix[:2, :2].T + self.matrix[:2, 2]
         return pixels
 

@@ -110,9 +110,9 @@ class Successor:
 _LATER = "-later.part"
 
 
-def remove_successors(folder: Path) -> None:
-    """Removes what never took its place."""
-    for path in folder.glob(f".*{_LATER}*"):
+def remove_unfinished(folder: Path) -> None:
+    """Removes files that were begun and never took their place, as a kill leaves them; nobody else may write there."""
+    for path in folder.rglob(".*.part*"):
         path.unlink(missing_ok=True)
 
 

@@ -139,6 +139,13 @@ def _doubts(rig: Rig, cameras: tuple[CameraCheck, ...], pairs: tuple[PairCheck, 
             )
         if not 15 < check.field_deg[0] < 130:
             doubts.append(f"{check.name} sees {check.field_deg[0]:.0f} degrees: is its focal length in px?")
+    for camera in rig.cameras:
+        if camera.turns_back_px is not None:
+            doubts.append(
+                f"{camera.name}'s distortion turns back {camera.turns_back_px:.0f} px from the principal point, inside "
+                "the image: what lies farther out cannot be measured; calibrate it anew with fewer radial terms "
+                "or pictures that show the board in the corners"
+            )
     up = [-camera.camera_from_world[1, 2] for camera in rig.cameras]
     if np.median(up) < 0.3:
         doubts.append("most cameras are tilted or upside down: is the world's z axis up?")

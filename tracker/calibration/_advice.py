@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tracker.arrays import Integers
-from tracker.calibration._self_calibration import Adjustment
+from tracker.calibration._self_calibration import Adjustment, Held
 
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "central", "right")
 # Above 0.98, the variance of one parameter is more than 25 times what it would be with the other one known.
@@ -52,13 +52,19 @@ def _about_views(adjustment: Adjustment, what: str) -> Iterator[str]:
             )
 
 
+def _why(held: Held) -> str:
+    if held.turns_back_px is not None:
+        return f"with it the lens turns back {held.turns_back_px:.0f} px from the centre, inside the image"
+    return f"{held.correlation:+.2f} with {held.partner}"
+
+
 def _about_all(adjustment: Adjustment, what: str, n_objects: int) -> Iterator[str]:
     if n_objects < 50:
         yield f"{n_objects} positions of the {what} are few: 100 to 200 that fill the volume are better"
     for name in adjustment.names:
         held = [entry for entry in adjustment.held if entry.camera == name]
         if held:
-            words = [f"{entry.parameter} ({entry.correlation:+.2f} with {entry.partner})" for entry in held]
+            words = [f"{entry.parameter} ({_why(entry)})" for entry in held]
             yield (
                 f"camera {name}: {listed(words)} cannot be determined from this recording, so the usual value was "
                 f"kept: record the {what} at more depths, directions and corners"

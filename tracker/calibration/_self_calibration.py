@@ -52,8 +52,15 @@ class Held:
     """The parameter it could not be told from."""
 
     correlation: float
+    turns_back_px: float | None = None
+    """Distance from the principal point at which the lens would image two directions in one place; None if nowhere."""
 
     def __str__(self) -> str:
+        if self.turns_back_px is not None:
+            return (
+                f'camera "{self.camera}": with {self.parameter} the distortion turns back {self.turns_back_px:.0f} px '
+                "from the principal point, inside the image: held at 0; show the board near the corners"
+            )
         return (
             f'camera "{self.camera}": {self.parameter} cannot be determined (standard error {self.sigma:.2g}, '
             f"{self.limit:.2g} at most; correlation {self.correlation:+.3f} with {self.partner}): held"
@@ -163,6 +170,7 @@ def self_calibrated(
     while True:
         covariance, s0, redundancy = precision(state, observations, used, free, sigma_px)
         worst = _least_determined(state, free, covariance, views)
+        worst = worst or _turning_back(state, free, views)
         if worst is None:
             break
         (view, k), entry = worst
@@ -288,6 +296,16 @@ def _least_determined(
         partner += f' of camera "{names[other // N_UNKNOWNS]}"'
     entry = Held(names[view], PARAMETERS[k], float(sigmas[view, k]), float(limits[view, k]), partner, float(row[other]))
     return (int(view), int(k)), entry
+
+
+def _turning_back(state: State, free: Mask, views: Sequence[NamedSize]) -> tuple[tuple[int, int], Held] | None:
+    """The highest radial term of a camera whose distortion turns back inside the image, as of few views it may."""
+    for view, (row, (name, size)) in enumerate(zip(state.cameras, views, strict=True)):
+        turns_px = camera_of(row, name, size).turns_back_px
+        terms = [k for k in (unknown.K3, unknown.K2, unknown.K1) if free[view, k]]
+        if turns_px is not None and terms:
+            return (view, terms[0]), Held(name, PARAMETERS[terms[0]], 0.0, 0.0, "", 0.0, turns_px)
+    return None
 
 
 def _limits(camera: Array, size: tuple[int, int]) -> Array:

@@ -24,7 +24,7 @@ from tracker.doubts import Doubts
 from tracker.errors import ConfigError, TrackerError, name_fault
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence
-from tracker.files import remove_successors
+from tracker.files import remove_unfinished
 from tracker.initialization import Initialization
 from tracker.inspection import findings, survey
 from tracker.jobs import ResultFolder, described, versions
@@ -263,7 +263,7 @@ def _recorded(
     """Feeds every recorder; they are finished whatever happens, once there is more than was there before."""
     begin, doubts, n_frames, interrupted, pace = time.perf_counter(), Doubts(), 0, False, _Pace()
     files: list[Path] = []
-    with stopping() as stop, _successors(context.folder), contextlib.ExitStack() as finishing:
+    with stopping() as stop, _tidied(context.folder), contextlib.ExitStack() as finishing:
         recorders: list[Recorder] = []
         for recording in recordings:
             recorders.append(recording.begin(context))
@@ -297,13 +297,13 @@ def _recorded(
 
 
 @contextlib.contextmanager
-def _successors(folder: Path) -> Iterator[None]:
+def _tidied(folder: Path) -> Iterator[None]:
     """Removes what recorders began to write in place of other files and did not put there."""
-    remove_successors(folder)
+    remove_unfinished(folder)
     try:
         yield
     finally:
-        remove_successors(folder)
+        remove_unfinished(folder)
 
 
 def _finish(recorder: Recorder, files: list[Path]) -> None:
