@@ -28,7 +28,6 @@ from tracker.errors import ConfigError, TrackerError, os_fault
 from tracker.plugins import ask_before_plugins
 
 app = typer.Typer(
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     help="Model-based, marker-less motion capture from calibrated views.",

@@ -9,10 +9,11 @@ import typer
 
 from tracker.commands.evaluate import print_evaluation
 from tracker.commands.options import Config, Frames, Output, Overrides, done, with_range
-from tracker.commands.terminal import console
+from tracker.commands.terminal import ProgressBar, console
+from tracker.errors import ConfigError
 
 if TYPE_CHECKING:
-    from tracker.jobs.track import TrackOutcome
+    from tracker.jobs.track import TrackJob, TrackOutcome
 
 
 def run(
@@ -21,11 +22,20 @@ def run(
     set_: Overrides = None,
     frames: Frames = None,
     resume: Annotated[bool, typer.Option(help="Continue an interrupted run in --output, or the latest one.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Check all, track a few frames, say what it takes.")
+    ] = False,
 ) -> None:
     """Tracks a sequence."""
     from tracker.jobs import load_job
 
-    outcome = done(load_job("track", config, with_range(set_, frames)), output, resume)
+    job = load_job("track", config, with_range(set_, frames))
+    if dry_run:
+        if resume:
+            raise ConfigError("--dry-run --resume: expected one of them; --resume checks all before it goes on")
+        _print_forecast(job)
+        return
+    outcome = done(job, output, resume)
     _print_tracked(outcome)
     if outcome.interrupted:
         raise typer.Exit(130)
@@ -46,6 +56,22 @@ def demo(
         print_evaluation(outcome.evaluation)
     if outcome.result.interrupted:
         raise typer.Exit(130)
+
+
+def _print_forecast(job: TrackJob) -> None:
+    from tracker.forecast import forecast
+
+    with ProgressBar() as progress:
+        told = forecast(job, progress=progress)
+    console.print(
+        f"{told.n_views} views, {told.n_frames} frames; of the first ones: start {told.start_s:.1f} s, then "
+        f"{1000 * told.frame_s:.0f} ms a frame",
+        highlight=False,
+    )
+    console.print(told.doubts.sentence(), style="" if told.doubts.none else "yellow", highlight=False)
+    minutes, seconds = divmod(round(told.seconds), 60)
+    about = f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
+    console.print(f"all of them take about {about} on this machine; nothing was written", highlight=False)
 
 
 def _print_tracked(outcome: TrackOutcome) -> None:

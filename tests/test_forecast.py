@@ -1,0 +1,59 @@
+"""A dry run: all that a run does, with a few frames, and nothing is left."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tracker.cli import app
+from tracker.doubts import Doubts
+from tracker.errors import ConfigError, TrackerError
+from tracker.forecast import Forecast, forecast
+from tracker.jobs import load_job
+from tracker.simulation.sequence import Recipe, write_sequence
+
+GIVEN = ["initialization.use=given", "initialization.poses=truth_poses.csv", "reading.stride=2", "smoothing=rts"]
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory) -> Path:
+    return write_sequence(
+        Recipe("arm_swing", seconds=0.4, size=(360, 288)), tmp_path_factory.mktemp("dry") / "sequence"
+    )
+
+
+def test_a_few_frames_tell_of_all_and_nothing_is_left(config, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    seen = []
+    told = forecast(
+        load_job("track", config, GIVEN), 3, lambda what, done=0, total=0, detail="": seen.append((what, total))
+    )
+    assert (told.n_frames, told.n_views, told.doubts.n_frames) == (5, 4, 3)
+    assert ("tracking", 3) in seen
+    assert told.start_s > 0
+    assert 0 < told.frame_s < told.seconds
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_time_is_that_of_the_start_and_of_the_other_frames():
+    assert Forecast(101, 4, 5.0, 0.04, Doubts()).seconds == pytest.approx(9.0)
+
+
+def test_the_command_says_how_long_it_takes(config):
+    overrides = [word for one in GIVEN for word in ("--set", one)]
+    told = CliRunner().invoke(app, ["run", str(config), "--dry-run", *overrides])
+    assert told.exit_code == 0, told.output
+    assert "4 views, 5 frames" in told.output
+    assert re.search(r"all of them take about \d+ s on this machine; nothing was written", told.output)
+    both = CliRunner().invoke(app, ["run", str(config), "--dry-run", "--resume", *overrides])
+    assert isinstance(both.exception, ConfigError)
+
+
+def test_what_would_end_the_run_is_said(config, tmp_path):
+    job = load_job("track", config, ["initialization.use=given", "initialization.poses=nowhere.csv"])
+    with pytest.raises(TrackerError, match=r"nowhere\.csv"):
+        forecast(job)
