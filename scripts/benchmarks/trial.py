@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,10 @@ from tracker.cycle import Cycle, LossRule
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate
 from tracker.estimation.hybrid import HybridEstimation
+from tracker.evidence import Evidence
+from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.contours import ContourEvidence
+from tracker.evidence.together import TogetherEvidence
 from tracker.frame import Frame
 from tracker.initialization import Initialization, Stages
 from tracker.initialization.pca import PcaInitialization
@@ -56,13 +59,25 @@ def default_cycle(start: Array, plates: tuple[Plate | None, ...], threads: int =
     """The components as they come, started at a known pose (dof,)."""
     return Cycle(
         synthesis=CpuSynthesis(),
-        evidence=ContourEvidence(analysis=ContourAnalysis(threads=threads, ahead_px=40.0 if threads > 1 else 0.0)),
+        evidence=_default_evidence(ContourAnalysis(threads=threads, ahead_px=40.0 if threads > 1 else 0.0)),
         prediction=PolynomialPrediction(),
         estimation=HybridEstimation(),
         initialization=KnownStart(start, PcaInitialization() if recovers else None),
         loss=LossRule(),
         plates=plates,
     )
+
+
+def _default_evidence(analysis: ContourAnalysis) -> Evidence:
+    """The evidence of a run without a section on it, with edges found by an analysis."""
+
+    def with_edges(evidence: Evidence) -> Evidence:
+        assert isinstance(evidence, TogetherEvidence)
+        changed = (replace(one, analysis=analysis) if isinstance(one, ContourEvidence) else one for one in evidence.of)
+        return replace(evidence, of=tuple(changed))
+
+    usual = AutoEvidence()
+    return replace(usual, with_plates=with_edges(usual.with_plates), without=with_edges(usual.without))
 
 
 @dataclass(frozen=True)
