@@ -22,7 +22,7 @@ from tracker.commands.job import add_jobs
 from tracker.components import available, component, find
 from tracker.config import read_config
 from tracker.errors import CalibrationError, ConfigError, SequenceError, TrackerError
-from tracker.files import replacing, whole_folder, write_json, write_whole
+from tracker.files import GrowingFile, remove_unfinished, replacing, whole_folder, write_json, write_whole
 from tracker.jobs import Job, ResultFolder, described, execute, job_from, load_job
 from tracker.jobs._folder import result_folder
 from tracker.kernels.ahead import Group, all_cached, warm_up
@@ -316,6 +316,43 @@ def test_a_replaced_file_keeps_its_mode_and_a_new_one_has_the_usual(tmp_path: Pa
     (tmp_path / "new").chmod(0o640)
     write_whole(tmp_path / "new", "y")
     assert (tmp_path / "new").stat().st_mode & 0o777 == 0o640
+
+
+LIMITED = """
+import resource, signal, sys
+from pathlib import Path
+from tracker.files import GrowingFile
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+file = GrowingFile(Path(sys.argv[1]))
+file.add(600 * "a")
+try:
+    file.add(600 * "b")
+except OSError as error:
+    print(error.filename)
+file.add(100 * "c")
+"""
+
+
+def test_what_does_not_fit_on_the_disk_is_taken_back(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", LIMITED, str(tmp_path / "table.csv")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == str(tmp_path / "table.csv")
+    assert (tmp_path / "table.csv").read_text() == 600 * "a" + 100 * "c"
+
+
+def test_a_file_that_waits_takes_its_place_later(tmp_path: Path) -> None:
+    (tmp_path / "table.csv").write_text("old")
+    file = GrowingFile(tmp_path / "table.csv", waits=True)
+    file.add("new")
+    assert (tmp_path / "table.csv").read_text() == "old"
+    file.take_place()
+    file.add(" and more")
+    assert [path.name for path in tmp_path.iterdir()] == ["table.csv"]
+    assert (tmp_path / "table.csv").read_text() == "new and more"
+    GrowingFile(tmp_path / "table.csv", waits=True)
+    remove_unfinished(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["table.csv"]
 
 
 def test_progress_says_what_it_is_a_step_of() -> None:

@@ -143,8 +143,9 @@ class GrowingFile:
             try:
                 while done < len(block):
                     done += file.write(block[done:])
-            except OSError:
+            except OSError as error:
                 file.truncate(begin)
+                error.filename = str(self._successor.path)
                 raise
 
     def take_place(self) -> Path:

@@ -159,7 +159,7 @@ def logged(folder: Path) -> Iterator[None]:
     """
     with (folder / LOG).open("a", encoding="utf-8") as file:
         _lock(file, folder)
-        handler = logging.StreamHandler(file)
+        handler = _Log(file)
         handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
         log.addHandler(handler)
         log.setLevel(logging.INFO)
@@ -167,6 +167,11 @@ def logged(folder: Path) -> Iterator[None]:
             yield
         finally:
             log.removeHandler(handler)
+
+
+class _Log(logging.StreamHandler[TextIO]):
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - the library's name
+        """A disk that is full is told where results are written; the log need not show tracebacks of its own."""
 
 
 def _lock(file: TextIO, folder: Path) -> None:
