@@ -18,6 +18,7 @@ from benchmarks import poses as pose_rates
 from benchmarks import recordings as tracked_recordings
 from benchmarks import robustness as survival
 from benchmarks import sigma as uncertainty
+from benchmarks import sizes as measured_sizes
 from benchmarks import surfaces as measured_surfaces
 from benchmarks import tracking as cycle_times
 from rich.console import Console
@@ -71,6 +72,12 @@ def recordings(
         only, tuple(models.split(",")), acquired, not without_plates, starts, settings, quick
     )
     tracked_recordings.compare(console, plan, python_path, output)
+
+
+@app.command()
+def sizes(quick: Quick = False) -> None:
+    """What 8 and 16 views, five persons, 4K and 2000 frames cost: processor time a frame and memory."""
+    measured_sizes.compare(console, quick)
 
 
 @app.command()

@@ -33,6 +33,7 @@ def benchmark(*arguments: str, **variables: str) -> str:
         (("robustness", "--only", "missing"), ("lost", "longest loss", "joints 95 % mm", "verdict", "tracked"), 1),
         (("robustness", "--only", "start 5"), ("< 20 mm in 10 frames", "flagged lost", "silently wrong"), 1),
         (("lsm",), ("inverse-compositional", "findTransformECC", "RMS px", "real error over predicted sigma"), 30),
+        (("sizes",), ("views", "persons", "ms/frame", "last/first quarter", "+MiB", "lost"), 2),
         (("sigma",), ("rendered RMS ratio", "noise robust", "torso_x", "all arm angles", "aim 0.7 to 1.5"), 27),
         (("calibration",), ("three in line", "four around", "3 of 3", "hold-out bar RMS mm", "error / sigma"), 4),
     ],
