@@ -16,6 +16,7 @@ from tracker.commands.batch import batch
 from tracker.commands.calibrate import calibrate_app
 from tracker.commands.evaluate import evaluate
 from tracker.commands.export import export
+from tracker.commands.init import init
 from tracker.commands.job import add_jobs
 from tracker.commands.rig import rig_app
 from tracker.commands.run import demo, run
@@ -32,7 +33,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Model-based, marker-less motion capture from calibrated views.",
 )
-for _command in (demo, run, batch, show, evaluate, smooth, export, acquire, warmup):
+for _command in (demo, init, run, batch, show, evaluate, smooth, export, acquire, warmup):
     app.command()(_command)
 app.command("surface")(measure)
 app.add_typer(calibrate_app, name="calibrate")

@@ -1,0 +1,100 @@
+"""A first configuration: what lies in a folder of videos is found, what is missing is said."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tracker.cli import app
+from tracker.draft import draft
+from tracker.errors import ConfigError, SequenceError
+from tracker.jobs import load_job
+from tracker.rig_layouts import load_rig, save_rig
+from tracker.simulation.sequence import Recipe, write_sequence
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("init") / "sequence"
+    write_sequence(Recipe("arm_swing", seconds=0.12, size=(360, 288)), folder)
+    return folder
+
+
+@pytest.fixture
+def study(recording, tmp_path) -> Path:
+    """Videos called as people call them, the calibration and plates in folders beside them."""
+    for folder in ("videos", "Calibration", "background"):
+        (tmp_path / folder).mkdir()
+    for view in ("FRONT", "LEFT", "RIGHT", "BACK"):
+        shutil.copy(recording / f"{view}.mp4", tmp_path / "videos" / f"trial1_{view}.mp4")
+        shutil.copy(recording / "background" / f"{view}.png", tmp_path / "background" / f"{view}_empty.png")
+    shutil.copy(recording / "rig.toml", tmp_path / "Calibration" / "Calib.toml")
+    (tmp_path / "other.toml").write_text("something = 'else'")
+    return tmp_path
+
+
+def test_views_cameras_and_plates_are_found(study, monkeypatch):
+    monkeypatch.chdir(study)
+    told = CliRunner().invoke(app, ["init", "videos"])
+    assert told.exit_code == 0, told.output
+    assert "FRONT: 360x288 px, 25 frames/s, 3 frames" in told.output
+    reading = tomllib.loads(Path("run.toml").read_text())["reading"]
+    assert reading == {
+        "use": "video",
+        "path": "videos/trial1_{view}.mp4",
+        "rig": "Calibration/Calib.toml",
+        "background": "background/{view}_empty.png",
+    }
+    job = load_job("track", study / "run.toml")
+    sequence = job.open().sequence
+    assert (job.name, sequence.n_frames, len(sequence.rig)) == (study.name, 3, 4)
+    again = CliRunner().invoke(app, ["init", "videos"])
+    assert isinstance(again.exception, ConfigError)
+
+
+def test_paths_start_where_the_configuration_lies(study):
+    (study / "configs").mkdir()
+    found = draft(study / "videos", study / "configs" / "run.toml")
+    assert tomllib.loads(found.text)["reading"]["path"] == "../videos/trial1_{view}.mp4"
+    assert found.remarks == ()
+
+
+def test_what_is_missing_or_does_not_fit_is_said(study):
+    shutil.rmtree(study / "background")
+    (study / "videos" / "trial1_BACK.mp4").rename(study / "videos" / "notes.mp4")
+    found = draft(study / "videos", study / "run.toml")
+    assert found.remarks[0] == "cameras without a video: BACK; `views` names those to be used"
+    assert found.remarks[1] == "left out, for their names follow another pattern: notes.mp4"
+    assert "no plates found" in found.remarks[2]
+    assert "# background" in found.text
+    shutil.rmtree(study / "Calibration")
+    found = draft(study / "videos", study / "run.toml")
+    assert "no calibration found" in found.remarks[0]
+    assert found.rig is None
+    assert "rig" not in tomllib.loads(found.text)["reading"]
+
+
+def test_images_of_another_size_than_calibrated_are_said(study, recording, tmp_path):
+    large = tmp_path / "large"
+    write_sequence(Recipe("arm_swing", seconds=0.08, size=(720, 576)), large)
+    save_rig(load_rig(large / "rig.toml"), study / "Calibration" / "Calib.toml")
+    found = draft(study / "videos", study / "run.toml")
+    assert found.remarks[0] == "trial1_BACK.mp4: 360x288 px, but calibrated at 720x576"
+
+
+def test_a_folder_without_videos_is_one_clear_line(tmp_path):
+    with pytest.raises(SequenceError, match="no videos there; expected one a view"):
+        draft(tmp_path, tmp_path / "run.toml")
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner" / "a.mp4").touch()
+    with pytest.raises(SequenceError, match=r"did you mean .*inner"):
+        draft(tmp_path, tmp_path / "run.toml")
+    with pytest.raises(SequenceError, match="expected a folder of videos"):
+        draft(tmp_path / "nowhere", tmp_path / "run.toml")
+    (tmp_path / "a.mp4").write_bytes(b"nothing")
+    with pytest.raises(SequenceError, match=r"a\.mp4 is not a video that can be read"):
+        draft(tmp_path, tmp_path / "run.toml")

@@ -1,0 +1,41 @@
+"""`bodytrack init`: a first configuration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tracker.commands.terminal import console
+
+
+def init(
+    videos: Annotated[Path, typer.Argument(help="Folder of the videos, one a view.")],
+    output: Annotated[Path, typer.Option(help="Configuration to write.")] = Path("run.toml"),
+    rig: Annotated[Path | None, typer.Option(help="Calibration; default: looked for near the videos.")] = None,
+) -> None:
+    """Writes a commented run.toml for a folder of videos: views, cameras and plates that lie there."""
+    from tracker.draft import draft
+    from tracker.errors import ConfigError
+    from tracker.files import write_whole
+
+    if output.exists():
+        raise ConfigError(f"{output} is there already: choose another --output")
+    if not output.resolve().parent.is_dir():
+        raise ConfigError(f"{output}: no such folder; make it, or choose another --output")
+    found = draft(videos, output, rig)
+    write_whole(output, found.text)
+    for one in found.footage:
+        frames = f", {one.n_frames} frames" if one.n_frames else ""
+        console.print(f"{one.view}: {one.size[0]}x{one.size[1]} px, {one.fps:.4g} frames/s{frames}", highlight=False)
+    console.print(
+        f"calibration: {found.rig or 'none'}; plates: {found.plates or 'none'}", highlight=False, soft_wrap=True
+    )
+    for remark in found.remarks:
+        console.print(remark, style="yellow", highlight=False, markup=False, soft_wrap=True)
+    console.print(
+        f"{output} written: set the persons' stature, then `bodytrack run {output} --dry-run`",
+        highlight=False,
+        soft_wrap=True,
+    )

@@ -1,0 +1,208 @@
+"""A draft of a run's configuration, made of what lies in a folder of videos."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import av
+import tomli_w
+
+from tracker.errors import CalibrationError, SequenceError
+from tracker.rig import Rig
+from tracker.rig_layouts import read_rig
+
+_VIDEOS = {".mp4", ".avi", ".mov", ".mkv", ".m4v", ".mpg", ".mpeg", ".webm", ".mts"}
+_PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"}
+_RIGS = {".toml", ".json", ".txt", ".xml"}
+_PLATE_WORDS = "background", "plate", "empty", "bg"
+_CALIBRATION_WORDS = "calib", "rig", "camera", "intri"
+
+
+@dataclass(frozen=True)
+class Footage:
+    """One video, as its header tells."""
+
+    path: Path
+    view: str
+    size: tuple[int, int]
+    fps: float
+    n_frames: int
+    """0 where the header does not tell."""
+
+
+@dataclass(frozen=True)
+class Draft:
+    """What was found, and the text made of it."""
+
+    footage: tuple[Footage, ...]
+    rig: Path | None
+    plates: str
+    """Pattern with `{view}`; empty where there are none."""
+
+    remarks: tuple[str, ...]
+    """What is missing or does not fit, in one line each."""
+
+    text: str
+    """The commented configuration."""
+
+
+def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
+    """Finds videos, cameras and plates, and writes down a configuration of them.
+
+    Args:
+        folder: of the videos, one a view.
+        target: where the configuration will lie; paths in it start there.
+        rig: the calibration; None to look for one in the folder and beside it.
+
+    Raises:
+        SequenceError: there are no videos, or one cannot be read.
+        CalibrationError: the calibration that is given cannot be used.
+    """
+    videos = _videos(folder)
+    if not videos:
+        inner = next((path for path in sorted(_listed(folder)) if path.is_dir() and _videos(path)), None)
+        expected = f"did you mean {inner}?" if inner else f"expected one a view, {' '.join(sorted(_VIDEOS))}"
+        raise SequenceError(f"{folder}: no videos there; {expected}")
+    found = (rig, read_rig(rig).rig) if rig is not None else _found_rig(folder, videos)
+    pattern, views = _pattern(videos, found[1] if found else None)
+    footage = tuple(_header(path, view) for view, path in sorted(views.items()))
+    plates = _found_plates(folder, [one.view for one in footage])
+    remarks = tuple(_remarks(footage, found, plates, sorted(set(videos) - set(views.values()))))
+    start = target.resolve().parent
+    chosen = found[0] if found else None
+    near = {"path": pattern, "rig": chosen, "background": plates}
+    told = {key: _relative(path, start) for key, path in near.items() if path is not None}
+    text = _text(_name(folder.resolve()), told)
+    return Draft(footage, chosen, str(plates or ""), remarks, text)
+
+
+def _videos(folder: Path) -> list[Path]:
+    return sorted(path for path in _listed(folder) if path.suffix.lower() in _VIDEOS)
+
+
+def _listed(folder: Path) -> list[Path]:
+    try:
+        return [path for path in folder.iterdir() if not path.name.startswith(".")]
+    except OSError as error:
+        raise SequenceError(f"{folder}: {error.strerror}, expected a folder of videos") from error
+
+
+def _near(folder: Path, words: tuple[str, ...]) -> Iterator[Path]:
+    """The folder, the one it lies in, and folders in both that are called after what is looked for."""
+    for place in (folder, folder.resolve().parent):
+        yield place
+        yield from sorted(p for p in _listed(place) if p.is_dir() and any(word in p.name.lower() for word in words))
+
+
+def _found_rig(folder: Path, videos: list[Path]) -> tuple[Path, Rig] | None:
+    """The calibration near the videos whose cameras most of them are called after."""
+    best: tuple[int, Path, Rig] | None = None
+    for place in _near(folder, _CALIBRATION_WORDS):
+        for path in sorted(p for p in _listed(place) if p.suffix.lower() in _RIGS):
+            try:
+                rig = read_rig(path).rig
+            except (CalibrationError, OSError, ValueError, KeyError):
+                continue  # something else
+            n_named = len(_pattern(videos, rig)[1])
+            if n_named and (best is None or n_named > best[0]):
+                best = n_named, path, rig
+    return None if best is None else (best[1], best[2])
+
+
+def _pattern(videos: list[Path], rig: Rig | None) -> tuple[Path, dict[str, Path]]:
+    """The pattern that most videos follow, and the video of each view.
+
+    With a rig, `{view}` is the camera's name in the file's name; without one, the whole name.
+    """
+    fitting: dict[Path, dict[str, Path]] = {}
+    for path in videos:
+        for name in [path.stem] if rig is None else [name for name in rig.names if name in path.stem]:
+            before, _, behind = path.stem.rpartition(name)
+            fitting.setdefault(path.with_name(f"{before}{{view}}{behind}{path.suffix}"), {})[name] = path
+    if not fitting:
+        return videos[0].with_name("{view}" + videos[0].suffix), {}
+    return max(fitting.items(), key=lambda item: len(item[1]))
+
+
+def _header(path: Path, view: str) -> Footage:
+    try:
+        with av.open(str(path)) as container:
+            stream = container.streams.video[0]
+            rate = float(stream.average_rate or stream.guessed_rate or 0)
+            return Footage(path, view, (stream.width, stream.height), rate, stream.frames)
+    except (av.FFmpegError, IndexError, OSError) as error:
+        raise SequenceError(f"{path} is not a video that can be read: {error}") from error
+
+
+def _found_plates(folder: Path, views: list[str]) -> Path | None:
+    """The pattern of pictures, one a view, in a folder called after plates."""
+    for place in _near(folder, _PLATE_WORDS):
+        if not any(word in place.name.lower() for word in _PLATE_WORDS):
+            continue
+        for path in sorted(p for p in _listed(place) if p.suffix.lower() in _PICTURES):
+            for view in (view for view in views if view in path.stem):
+                pattern = path.name.replace(view, "{view}")
+                if all((place / pattern.replace("{view}", other)).is_file() for other in views):
+                    return place / pattern
+    return None
+
+
+def _remarks(
+    footage: tuple[Footage, ...], found: tuple[Path, Rig] | None, plates: Path | None, unused: list[Path]
+) -> Iterator[str]:
+    if found is None:
+        yield "no calibration found whose cameras the videos are called after: give it by --rig, or as `rig`"
+    else:
+        sizes = {camera.name: camera.size for camera in found[1].cameras}
+        for one in footage:
+            if one.size != (size := sizes[one.view]):
+                yield f"{one.path.name}: {one.size[0]}x{one.size[1]} px, but calibrated at {size[0]}x{size[1]}"
+        if missing := sorted(set(sizes) - {one.view for one in footage}):
+            yield f"cameras without a video: {', '.join(missing)}; `views` names those to be used"
+    if unused:
+        yield f"left out, for their names follow another pattern: {', '.join(path.name for path in unused)}"
+    if len({round(one.fps, 2) for one in footage}) > 1:
+        yield "the videos have different frame rates: " + ", ".join(f"{one.view} {one.fps:.4g}" for one in footage)
+    if len({one.n_frames for one in footage}) > 1:
+        yield "the videos have different numbers of frames: `offsets` and `stop` make them fit"
+    if plates is None:
+        yield 'no plates found: film the empty room for some seconds, or try background = "median"'
+
+
+def _relative(path: Path, start: Path) -> str:
+    return Path(os.path.relpath(path.absolute(), start)).as_posix()
+
+
+def _name(folder: Path) -> str:
+    """Of the run: that of the folder, or of the one above it if it only says what is in it."""
+    return folder.parent.name if "video" in folder.name.lower() and folder.parent.name else folder.name
+
+
+def _text(name: str, paths: dict[str, str]) -> str:
+    """The configuration; `paths` by their keys, those that are missing become comments."""
+    told = {key: tomli_w.dumps({key: path}).strip() for key, path in paths.items()}
+    rig_line = told.get("rig", '# rig = "Calib.toml"                    # missing: the calibration of the cameras')
+    plate_line = told.get("background", '# background = "background/{view}.png"   # clean plates; or "median"')
+    return f"""\
+# Written by `bodytrack init`. `bodytrack run THIS --dry-run` checks it; `bodytrack show jobs` lists what else there is.
+{tomli_w.dumps({"name": name}).strip()}
+# "human" bends its spine, "gavrila22" is rigid and quicker. The stature scales it: measure it, with shoes.
+persons = [{{ name = "person1", model = "human", stature_m = 1.75 }}]
+
+[reading]
+use = "video"
+{told["path"]}   # {{view}} is the camera's name in the calibration
+{rig_line}
+{plate_line}
+# start = 0                 # first frame: one in which everybody stands apart, arms away from the body
+# downscale = 2             # half the size is enough for 1080p, and quicker
+
+# smoothing = "rts" above the first section takes away jitter at the end.
+
+[recordings]
+overlay = true              # the model over all views; false saves time
+# trc = true                # or c3d, osim, mot, bvh, glb, wide_table, isb_angles; also later: `bodytrack export`
+"""
