@@ -124,3 +124,9 @@ def test_a_component_describes_itself_with_all_its_fields():
     table = describe(component)
     assert table == {**table, "use": "chamfer", "outlier_px": 12.0, "outliers": "clamp"}
     assert build("similarity", table, "test", Path()) == component
+
+
+def test_an_override_is_one_value(tmp_path: Path) -> None:
+    (tmp_path / "run.toml").write_text("")
+    with pytest.raises(ConfigError, match="expected one value"):
+        read_config(tmp_path / "run.toml", ["name=1\nother=2"])

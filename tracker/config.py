@@ -56,10 +56,12 @@ def override_table(table: Table, overrides: Sequence[str]) -> None:
             if not isinstance(place, dict | list):
                 raise ConfigError(f'--set {override}: "{section}" is a value, not a section')
         try:
-            value = tomllib.loads(f"value = {text}")["value"]
+            read = tomllib.loads(f"value = {text}")
         except (ValueError, RecursionError):
-            value = text.strip()
-        place[key if isinstance(place, dict) else _entry(place, key, override)] = value
+            read = {"value": text.strip()}
+        if len(read) > 1:
+            raise ConfigError(f"--set {override}: expected one value")
+        place[key if isinstance(place, dict) else _entry(place, key, override)] = read["value"]
 
 
 def _entry(entries: list[Any], number: str, override: str) -> int:
