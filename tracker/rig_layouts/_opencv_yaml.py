@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,10 +90,15 @@ def opened(path: Path) -> OpenCvFile:
 
 
 def _depth(text: str) -> int:
-    """Deepest nesting of brackets."""
+    """Deepest nesting of brackets, or of the dashes of lists within one line."""
     code = np.frombuffer(text.encode(), dtype=np.uint8)
     opening, closing = np.isin(code, list(b"[{")), np.isin(code, list(b"]}"))
-    return int(np.cumsum(opening.astype(np.int64) - closing).max(initial=0))
+    brackets = int(np.cumsum(opening.astype(np.int64) - closing).max(initial=0))
+    return max(brackets, *(len(dashes) // 2 for dashes in _DASHES.findall(text)), 0)
+
+
+_DASHES = re.compile(r"(?:-[ \t]+){2,}")
+"""Lists in lists."""
 
 
 def _reason(error: BaseException) -> str:
