@@ -140,6 +140,17 @@ def test_the_smoother_is_the_least_squares_solution():
     np.testing.assert_allclose(smooth.poses, dense(stretch, noise), atol=1e-7)
 
 
+def test_long_stretches_are_smoothed_in_pieces_to_the_same_result(monkeypatch):
+    _, truth, _, _ = swinging(n=90, dof=2)
+    stretch = observed(truth, known=(np.arange(90) % 11 != 5))
+    whole = RauchTungStriebel().smooth([stretch])[0]
+    for chunk in (1, 30, 89, 90, 91):
+        monkeypatch.setattr("tracker.smoothing.rts._CHUNK", chunk)
+        pieces = RauchTungStriebel().smooth([stretch])[0]
+        for name in ("poses", "velocities", "accelerations", "covariances"):
+            np.testing.assert_array_equal(getattr(pieces, name), getattr(whole, name))
+
+
 def dense(stretch, noise):
     """Minimizes the squared residuals of poses and of movement over all states."""
     n, dof = stretch.poses.shape

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pydantic
@@ -24,6 +26,9 @@ _LEAST_SIGMA = 1e-5
 
 _LEAST_SHARE = 0.1
 """Share of a sigma that jitter is taken to have at the least: a parameter that stands still has none."""
+
+_CHUNK = 200
+"""Frames whose filtered states are held at a time: 60 MB with 36 parameters."""
 
 _FASTEST = np.array([30.0, 1000.0])
 """Rad/s or m/s, and per second: sigmas of the velocity and acceleration before the first frame."""
@@ -66,12 +71,12 @@ class Noise:
     """(dof,) jitter over the sigmas of the estimates."""
 
     def jitter(self, covariances: Array) -> Array:
-        """(T, dof, dof) covariances of the jitter alone."""
+        """(*B, dof, dof) covariances of the jitter alone."""
         jitter: Array = self.shares[:, None] * covariances * self.shares
         return jitter
 
     def rest(self, covariances: Array) -> Array:
-        """(T, dof, dof) what of the covariances is no jitter."""
+        """(*B, dof, dof) what of the covariances is no jitter."""
         rest = np.sqrt(1 - np.minimum(self.shares, 1) ** 2)
         slow: Array = rest[:, None] * covariances * rest
         return slow
@@ -136,21 +141,38 @@ def _innovations(stretch: Stretch, movement: Array, interval_s: float) -> Iterat
 
 
 def _smoothed(stretch: Stretch, noise: Noise) -> Smoothed:
-    """Forwards and backwards through a stretch, all parameters together."""
-    covariances = _told(stretch)
-    filtered = _filtered(stretch, noise, noise.jitter(covariances))
-    states, spreads = _backwards(filtered)
-    dof, h = stretch.poses.shape[1], noise.interval_s
-    value, velocity, acceleration = states.reshape(len(states), _ORDER, dof).transpose(1, 0, 2)
+    """Forwards and backwards through a stretch, all parameters together.
+
+    Covariances of all states would fill the memory (93 kB a frame with 36 parameters): those of the filter are kept
+    every `_CHUNK` frames, and found again from there on the way back.
+    """
+    n, dof = stretch.poses.shape
+    told = _told(stretch)
+    begins = list(range(0, max(n - 1, 1), _CHUNK))
+    kept = [_first(stretch, noise, told)]
+    for begin, end in pairwise(begins):
+        kept.append(deque(_onwards(stretch, noise, told, kept[-1], range(begin + 1, end + 1)), maxlen=1)[0])
+    states, spreads = np.zeros((n, _ORDER * dof)), np.zeros((n, dof, dof))
+    later: tuple[Array, Array] | None = None
+    for begin, start in zip(reversed(begins), reversed(kept), strict=True):
+        end = min(begin + _CHUNK, n - 1)
+        steps = [start, *_onwards(stretch, noise, told, start, range(begin + 1, end + 1))]
+        later = later or (steps[-1].state, steps[-1].spread)
+        states[end], spreads[end] = later[0], later[1][:dof, :dof]
+        for t in range(end - 1, begin - 1, -1):
+            later = _back(steps[t - begin], steps[t - begin + 1], *later)
+            states[t], spreads[t] = later[0], later[1][:dof, :dof]
+    value, velocity, acceleration = states.reshape(n, _ORDER, dof).transpose(1, 0, 2)
     known = np.flatnonzero(stretch.known)
-    nearest = known[np.abs(np.subtract.outer(stretch.times_s, stretch.times_s[known])).argmin(axis=1)]
-    whole = spreads[:, :dof, :dof] + noise.rest(covariances)[nearest]
-    return Smoothed(value, velocity / h, acceleration / h**2, whole)
+    places = np.searchsorted(known, np.arange(n))
+    nearest = known[np.minimum(places, len(known) - 1)]  # the next known one: slow errors hardly change in a gap
+    h = noise.interval_s
+    return Smoothed(value, velocity / h, acceleration / h**2, spreads + noise.rest(told[nearest]))
 
 
 @dataclass(frozen=True)
 class _Filtered:
-    """The state at one time, and how it came from the one before."""
+    """The state at one time given the frames so far, and how it came from the one before."""
 
     moved: Array
     predicted: Array
@@ -159,35 +181,42 @@ class _Filtered:
     spread: Array
 
 
-def _filtered(stretch: Stretch, noise: Noise, jitter: Array) -> list[_Filtered]:
-    """The Kalman filter; a state is all values, then all velocities, then all accelerations."""
+def _first(stretch: Stretch, noise: Noise, told: Array) -> _Filtered:
+    """The state in the first frame: all values, then all velocities, then all accelerations."""
     dof, h = stretch.poses.shape[1], noise.interval_s
     state: Array = np.concatenate([stretch.poses[0], np.zeros(2 * dof)])
     spread: Array = np.diag(np.repeat([0.0, *((_FASTEST * [h, h**2]) ** 2)], dof))
-    spread[:dof, :dof] = jitter[0]
-    steps = [_Filtered(np.eye(3 * dof), state, spread, state, spread)]
-    for t in range(1, len(stretch.times_s)):
-        moved, added = _step((stretch.times_s[t] - stretch.times_s[t - 1]) / h)
-        moved = np.asarray(np.kron(moved, np.eye(dof)), dtype=np.float64)
-        predicted: Array = moved @ state
-        predicted_spread = moved @ spread @ moved.T + np.kron(added, np.diag(noise.movement))
+    spread[:dof, :dof] = noise.jitter(told[0])
+    return _Filtered(np.eye(_ORDER), state, spread, state, spread)
+
+
+def _onwards(stretch: Stretch, noise: Noise, told: Array, start: _Filtered, frames: range) -> Iterator[_Filtered]:
+    """The Kalman filter from the frame before on."""
+    dof, state, spread = stretch.poses.shape[1], start.state, start.spread
+    for t in frames:
+        moved, added = _step((stretch.times_s[t] - stretch.times_s[t - 1]) / noise.interval_s)
+        whole = _lifted(moved, dof)
+        predicted: Array = whole @ state
+        predicted_spread: Array = whole @ spread @ whole.T + np.kron(added, np.diag(noise.movement))
         state, spread = predicted, predicted_spread
         if stretch.known[t]:
-            gain = np.linalg.solve(spread[:dof, :dof] + jitter[t], spread[:dof]).T
+            gain = np.linalg.solve(spread[:dof, :dof] + noise.jitter(told[t]), spread[:dof]).T
             state = state + gain @ (stretch.poses[t] - state[:dof])
             spread = _symmetric(spread - gain @ spread[:dof])
-        steps.append(_Filtered(moved, predicted, predicted_spread, state, spread))
-    return steps
+        yield _Filtered(moved, predicted, predicted_spread, state, spread)
 
 
-def _backwards(steps: Sequence[_Filtered]) -> tuple[Array, Array]:
-    """The smoother: states (T, 3 dof) and covariances (T, 3 dof, 3 dof) given all frames."""
-    states, spreads = [steps[-1].state], [steps[-1].spread]
-    for now, after in zip(steps[-2::-1], steps[:0:-1], strict=True):
-        back = np.linalg.solve(after.predicted_spread, after.moved @ now.spread).T
-        states.append(now.state + back @ (states[-1] - after.predicted))
-        spreads.append(_symmetric(now.spread + back @ (spreads[-1] - after.predicted_spread) @ back.T))
-    return np.array(states[::-1]), np.array(spreads[::-1])
+def _back(now: _Filtered, after: _Filtered, state: Array, spread: Array) -> tuple[Array, Array]:
+    """State and covariance given all frames, from those of the frame after."""
+    moved = _lifted(after.moved, len(state) // _ORDER)
+    back = np.linalg.solve(after.predicted_spread, moved @ now.spread).T
+    change = _symmetric(now.spread + back @ (spread - after.predicted_spread) @ back.T)
+    return now.state + back @ (state - after.predicted), change
+
+
+def _lifted(matrix: Array, dof: int) -> Array:
+    """A matrix for the three values of one parameter as that for all parameters."""
+    return np.asarray(np.kron(matrix, np.eye(dof)), dtype=np.float64)
 
 
 def _symmetric(matrix: Array) -> Array:
