@@ -15,20 +15,28 @@ from recordings import SMALL, cycle_for, small_simulation
 from tracker.body import BodyModel
 from tracker.body_files import load_body
 from tracker.components import find
-from tracker.errors import ConfigError
+from tracker.errors import ConfigError, InitializationError
+from tracker.estimation.hybrid import HybridEstimation
+from tracker.evidence.contours import ContourEvidence
+from tracker.frame import Frame
+from tracker.initialization import Stages
 from tracker.initialization._likeness import Size, like_a_person, size_of, smallest, standing, tall
 from tracker.initialization._placement import laid_in
+from tracker.initialization._scattering import ROUNDS, scattered
 from tracker.initialization._stances import on_floor, posed, turned
 from tracker.initialization._torso_axis import hull_axis
 from tracker.initialization._visual_hull import STEP_M, Hull
 from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.pca import PcaInitialization
+from tracker.initialization.stance import StanceInitialization
 from tracker.jobs.track import TrackJob
+from tracker.plate import Plate
 from tracker.reading.video import VideoReading
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.simulation.sequence import Simulation
 from tracker.subject import Subject
+from tracker.synthesis.cpu import CpuSynthesis
 
 CAUGHT_MM = 50.0
 """Mean distance of the joints that tracking catches: half the 10 cm that a search of the default estimation covers."""
@@ -84,6 +92,65 @@ def test_a_low_person_is_found_before_known_backgrounds(name: str, heading: floa
     start = cycle.initialization.start(frame, simulation.scene.with_poses((body.rest(),)), cycle.stages)
     marks, truth = body.landmarks_in_world(np.array([start.poses[0], simulation.poses[0][0]]))
     assert 1000 * np.linalg.norm(marks - truth, axis=1).mean() < CAUGHT_MM
+
+
+@pytest.mark.parametrize("name", ["on the back", "on the face"])
+def test_somebody_who_lies_is_found_on_edges_alone(name: str) -> None:
+    """Whether the face is up or down, edges of one frame may leave to those that follow."""
+    simulation = simulated(LOW[name], 0.7)
+    (frame,), body = simulation.frames(), simulation.scene.persons[0].body
+    cycle = cycle_for(simulation, AutoInitialization(), evidence=find("evidence", "together")(), plates=(None,) * 4)
+    start = cycle.initialization.start(frame, simulation.scene.with_poses((body.rest(),)), cycle.stages)
+    marks = body.landmarks_in_world(np.array([one.q for one in start.hypotheses[0]]))
+    errors = np.linalg.norm(marks - body.landmarks_in_world(simulation.poses[0][0]), axis=2).mean(axis=1)
+    assert 1000 * errors.min() < CAUGHT_MM
+
+
+# A search that scatters poses
+
+
+def test_scattered_poses_gather_where_the_score_is_best(body: BodyModel) -> None:
+    target = posed(body, LOW["seated"])
+    begin = np.array([posed(body, stance) for stance in body.start.stances_deg[:4]])  # they stand
+
+    def score(poses: np.ndarray) -> np.ndarray:
+        gaps = body.landmarks_in_world(poses) - body.landmarks_in_world(target)
+        return -np.linalg.norm(gaps, axis=2).mean(axis=1)
+
+    begin = begin[np.argsort(-score(begin))]
+    found = scattered(body, begin, score, ROUNDS)
+    scores = score(found)
+    assert (np.diff(scores) <= 0).all()
+    assert -scores[0] < 0.6 * -score(begin)[0]
+    np.testing.assert_array_equal(found, scattered(body, begin, score, ROUNDS))
+    np.testing.assert_allclose(found, body.clamped(found))
+
+
+def test_scattering_never_loses_the_best(body: BodyModel) -> None:
+    begin = np.array([posed(body, stance) for stance in body.start.stances_deg])
+    found = scattered(body, begin, lambda poses: -np.abs(poses - begin[0]).sum(axis=1), ROUNDS[:2])
+    np.testing.assert_array_equal(found[0], begin[0])
+
+
+# Plates that do not serve
+
+
+def test_plates_in_another_light_are_done_without(body: BodyModel) -> None:
+    """Where an image differs everywhere from its plate nobody stands out; edges are left."""
+    q = posed(body, {"arm_abduction": 85.0, "leg_abduction": 5.0})
+    (q,) = on_floor(body, turned(body, q, np.array([0.5])), np.array([[0.23, -0.31]]), 0.0)
+    scene = Scene((Person("one", body, q),), four_views())
+    masks = CpuSynthesis().silhouettes(scene)
+    images = tuple(np.where(mask[..., None], (60, 90, 160), 190).astype(np.uint8) for mask in masks)
+    rng = np.random.default_rng(0)
+    plates = tuple(Plate(rng.integers(0, 255, image.shape, dtype=np.uint8)) for image in images)
+    stages = Stages(CpuSynthesis(), ContourEvidence(), HybridEstimation(), plates)
+    auto = AutoInitialization(stance=StanceInitialization(stances_deg=body.start.stances_deg[:3], hypotheses=3))
+    start = auto.start(Frame(0, 0.0, images), scene, stages)
+    marks = body.landmarks_in_world(np.array([one.q for one in start.hypotheses[0]]))
+    assert np.linalg.norm(marks - body.landmarks_in_world(q), axis=2).mean(axis=1).min() < 0.03
+    with pytest.raises(InitializationError, match="no foreground in"):
+        auto.pca.start(Frame(0, 0.0, images), scene, stages)
 
 
 # Pieces of the hull that are persons, and those that are none

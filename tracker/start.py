@@ -62,14 +62,24 @@ class Start:
     """For each person 0 to 1, see `confidence`; empty if the poses were given."""
 
 
-def confidence(hypotheses: tuple[Hypothesis, ...]) -> float:
+def confidence(hypotheses: tuple[Hypothesis, ...], costs: Array | None = None) -> float:
     """How sure the first of ranked hypotheses is, 0 to 1.
 
     The share of its contour that the scene explains, times its lead: how much less it leaves over than the next one,
     where a fifth less counts as certain.
+
+    Args:
+        hypotheses: the best first.
+        costs: (N,) of another measure of the hypotheses, the less the better: the smaller lead of the two counts.
     """
     best = hypotheses[0]
     if len(hypotheses) == 1:
         return best.explained
-    lead = 1 - best.left_over / max(hypotheses[1].left_over, 1e-9)
+    lead = _lead(best.left_over, hypotheses[1].left_over)
+    if costs is not None:
+        lead = min(lead, _lead(float(costs[0]), float(costs[1:].min())))
     return best.explained * min(max(lead / _SURE_LEAD, 0.0), 1.0)
+
+
+def _lead(first: float, second: float) -> float:
+    return 1 - first / max(second, 1e-9)

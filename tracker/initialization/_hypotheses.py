@@ -90,10 +90,11 @@ def hypothesis(body: BodyModel, estimate: Estimate) -> Hypothesis:
     )
 
 
-def ranked(body: BodyModel, hypotheses: list[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """The hypothesis that leaves least over first; of those that are one and the same pose the best."""
+def ranked(body: BodyModel, hypotheses: list[Hypothesis], costs: Array | None = None) -> tuple[Hypothesis, ...]:
+    """The hypothesis of least cost (N,) first, else that which leaves least over; of those of one pose the best."""
+    order = np.argsort([one.left_over for one in hypotheses] if costs is None else costs, kind="stable")
     kept: list[Hypothesis] = []
-    for one in sorted(hypotheses, key=lambda one: one.left_over):
+    for one in (hypotheses[n] for n in order):
         if all(_gap_m(body, one.q, other.q) > _SAME_M for other in kept):
             kept.append(one)
     return tuple(kept)

@@ -8,7 +8,7 @@ from tracker.errors import ConfigError
 from tracker.frame import Frame
 from tracker.initialization import Initialization, Stages
 from tracker.initialization.given import GivenInitialization
-from tracker.initialization.pca import PcaInitialization
+from tracker.initialization.pca import PcaInitialization, foregrounds
 from tracker.initialization.stance import StanceInitialization
 from tracker.plate import Plate
 from tracker.scene import Scene
@@ -17,7 +17,10 @@ from tracker.start import Start
 
 @component
 class AutoInitialization:
-    """Given poses if there are any; `pca` with the background plates of two views or more; `stance` without plates."""
+    """Given poses if there are any; `pca` with the background plates of two views or more; `stance` without plates.
+
+    Also in a frame whose light is so far from that of the plates that nobody stands out against them.
+    """
 
     poses: FilePath | None = None
     """CSV of start poses, as for `given`. Who is lost later is looked for before the background plates, if two views
@@ -42,10 +45,22 @@ class AutoInitialization:
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
         known = tuple(frame.mask(v) if plate is None else plate for v, plate in enumerate(stages.plates))
-        return self._chosen(known, stages.seen_before).start(frame, scene, stages)
+        chosen = self._chosen(known, stages.seen_before)
+        alone = len(scene.persons) - len(stages.held) == 1
+        if chosen is self.pca and alone and _in_another_light(frame, stages.plates):
+            chosen = self.stance
+        return chosen.start(frame, scene, stages)
 
     def _chosen(self, plates: tuple[Plate | Mask | None, ...], seen_before: bool = False) -> Initialization:
         n_plates = sum(plate is not None for plate in plates)
         if self.poses is not None and not (seen_before and n_plates >= 2):
             return GivenInitialization(poses=self.poses)
         return self.pca if n_plates else self.stance
+
+
+def _in_another_light(frame: Frame, plates: tuple[Plate | None, ...]) -> bool:
+    """Whether so many images differ everywhere from their plates that nobody stands out in two views."""
+    shown = [plate if image is not None else None for image, plate in zip(frame.images, plates, strict=True)]
+    n_plates = sum(plate is not None for plate in shown)
+    n_usable = sum(mask is not None for mask in foregrounds(frame, plates))
+    return n_usable < 2 <= n_plates

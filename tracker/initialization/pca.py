@@ -120,7 +120,8 @@ class PcaInitialization:
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
-        masks = _foregrounds(frame, stages, scene)
+        masks = foregrounds(frame, stages.plates)
+        _enough(masks, frame, scene)
         stages.progress("bootstrapping: torso axis from the foreground")
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
         persons = tuple(scene.persons[k] for k in sought)
@@ -224,6 +225,15 @@ def _in_batches(objective: Objective, poses: Array) -> Array:
     return np.concatenate([objective(poses[i : i + _BATCH]) for i in range(0, len(poses), _BATCH)])
 
 
+def _enough(masks: tuple[Mask | None, ...], frame: Frame, scene: Scene) -> None:
+    if sum(mask is not None for mask in masks) < 2:
+        names = ", ".join(name for name, mask in zip(scene.rig.names, masks, strict=True) if mask is None)
+        raise InitializationError(
+            f"frame {frame.index}: no foreground in {names}: the images are missing or differ everywhere from the "
+            "background plates; take plates in this light, with the cameras where they are"
+        )
+
+
 def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> Frame:
     """The frame with the plates in place of all that is far from the persons found and the known ones.
 
@@ -246,20 +256,14 @@ def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> 
     return replace(frame, images=tuple(images), masks=tuple(masks))
 
 
-def _foregrounds(frame: Frame, stages: Stages, scene: Scene) -> tuple[Mask | None, ...]:
-    """What has changed in each view, shadows included.
+def foregrounds(frame: Frame, plates: tuple[Plate | None, ...]) -> tuple[Mask | None, ...]:
+    """What has changed (H, W) in each view, shadows included; None without a plate, or where everything differs.
 
     What looks like a shadow may be skin, and in space a shadow is no thicker than the floor it lies on.
     """
     found = []
-    for v, (image, plate) in enumerate(zip(frame.images, stages.plates, strict=True)):
+    for v, (image, plate) in enumerate(zip(frame.images, plates, strict=True)):
         differing = None if image is None or plate is None else departing(image, plate, _SIGMAS)
         given = frame.mask(v)
         found.append(differing if given is None else given)
-    if sum(mask is not None for mask in found) < 2:
-        names = ", ".join(name for name, mask in zip(scene.rig.names, found, strict=True) if mask is None)
-        raise InitializationError(
-            f"frame {frame.index}: no foreground in {names}: the images are missing or differ everywhere from the "
-            "background plates; take plates in this light, with the cameras where they are"
-        )
     return tuple(found)
