@@ -14,6 +14,7 @@ from tracker.evidence.regions import ObservedRegions
 from tracker.evidence.silhouettes import Foregrounds
 from tracker.evidence.together import TogetherEvidence
 from tracker.frame import Frame
+from tracker.recording._journal_line import line_of, replay_of
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.tracking import track
@@ -81,3 +82,13 @@ def test_without_plates_colours_track(simulation: Simulation) -> None:
     assert len(steps) == 4
     for step in steps:
         assert joint_errors_mm(simulation, 0, step.frame.index, step.estimates[0].q).mean() < 15
+
+
+def test_colours_are_learnt_again_where_a_run_is_resumed(simulation: Simulation) -> None:
+    cycle = cycle_for(simulation, TrueStart(simulation), evidence=EVIDENCE, plates=(None,) * len(simulation.plates))
+    whole = list(track(simulation.frames(), simulation.scene, cycle))
+    done = {step.frame.index: replay_of(line_of(step).encode()) for step in whole[:2]}
+    resumed = list(track(simulation.frames(), simulation.scene, cycle, done))
+    for step, again in zip(whole, resumed, strict=True):
+        np.testing.assert_array_equal(step.estimates[0].q, again.estimates[0].q)
+        np.testing.assert_array_equal(step.estimates[0].account.explained_px, again.estimates[0].account.explained_px)
