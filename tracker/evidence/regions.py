@@ -85,16 +85,17 @@ class RegionEvidence(Evidence):
     news: float = pydantic.Field(default=0.15, gt=0, le=1)
     """Share of a new frame in the colour tables: half of what was known is forgotten in four frames."""
 
-    around_px: float = pydantic.Field(default=60.0, ge=0)
-    """Colours are read so far around the prediction, px; beyond it they tell nothing."""
+    around: float = pydantic.Field(default=1 / 12, ge=0, le=1)
+    """Colours are read so far around the prediction, as a share of an image's longer side (60 px of 720, more than twice
+    what lines of 22 steps take there); beyond it they tell nothing."""
 
     def look(self, sight: Sight, around: Contours) -> None:
         """Reads the colours around the persons ahead."""
-        self._picture(sight, around, 2 * self.around_px)
+        self._picture(sight, around, 2 * self.around)
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Colours | None = None) -> ObservedRegions:
         """Colours around the persons; see `tracker.evidence.Evidence.observe`."""
-        picture = self._picture(sight, expected, self.around_px)
+        picture = self._picture(sight, expected, self.around)
         return ObservedRegions(picture, None, None) if memory is GUESSED else ObservedRegions(picture, memory, expected)
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
@@ -137,7 +138,7 @@ class RegionEvidence(Evidence):
         """The colours beside the contours of trusted parts; see `Colours.after`."""
         if not trusted.any():
             return memory
-        picture = self._picture(sight, fitted, self.around_px)
+        picture = self._picture(sight, fitted, self.around)
         return _taught(memory, picture, scene, fitted, trusted, self._spans)
 
     @property
@@ -161,15 +162,15 @@ class RegionEvidence(Evidence):
         misfits: Array = asked.synthesis.region_misfits(asked.scene, asked.person, poses, lines)
         return misfits
 
-    def _picture(self, sight: Sight, around: Contours | None, margin_px: float) -> Picture:
-        """Colour numbers of all views near some contours, or everywhere."""
+    def _picture(self, sight: Sight, around: Contours | None, margin: float) -> Picture:
+        """Colour numbers of all views near some contours, or everywhere; the margin is a share of the longer side."""
         codes, layout, start = [], [], 0
         for v, image in enumerate(sight.frame.images):
             if image is None:
                 layout.append((start, 0, 0, 0, 0))
                 continue
             near = np.zeros((0, 4), dtype=np.float32) if around is None else expected_samples(around, v)
-            region = region_around(near, (image.shape[1], image.shape[0]), margin_px)
+            region = region_around(near, (image.shape[1], image.shape[0]), margin * max(image.shape[:2]))
             seen, numbers = sight.once(RegionEvidence, v, region, partial(_encoded, image))
             layout.append((start, *seen))
             codes.append(numbers)
