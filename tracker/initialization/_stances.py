@@ -47,14 +47,6 @@ def turned(body: BodyModel, q: Array, headings: Array) -> Array:
     return body.clamped(poses)
 
 
-def with_middle(body: BodyModel, poses: Array, middles: Array) -> Array:
-    """Poses (N, dof) moved so that the boxes around their landmarks have their middles at places (N, 3), metres."""
-    low, high = _box(body, poses)
-    moved = poses.copy()
-    moved[:, body.root.shifts] += middles - (low + high) / 2
-    return moved
-
-
 def on_floor(body: BodyModel, poses: Array, places: Array, floor_m: float) -> Array:
     """Poses (N, dof) moved so that their lowest part is on the floor and their landmarks are around places (N, 2)."""
     low, high = _box(body, poses)
