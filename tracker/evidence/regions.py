@@ -86,8 +86,8 @@ class RegionEvidence(Evidence):
     """Share of a new frame in the colour tables: half of what was known is forgotten in four frames."""
 
     around: float = pydantic.Field(default=1 / 12, ge=0, le=1)
-    """Colours are read so far around the prediction, as a share of an image's longer side (60 px of 720, more than twice
-    what lines of 22 steps take there); beyond it they tell nothing."""
+    """Colours are read so far around the prediction, as a share of an image's longer side; beyond it they tell nothing.
+    60 px of 720 are more than twice what lines of 22 steps take there."""
 
     def look(self, sight: Sight, around: Contours) -> None:
         """Reads the colours around the persons ahead."""
