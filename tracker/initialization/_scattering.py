@@ -39,8 +39,8 @@ ROUNDS = (
     Round(30, 40, 0.35, 0.1),
     Round(20, 40, 0.25, 0.1),
 )
-"""Of four persons who lie or sit (simulated, edges alone, one seed each), three were not found or taken for turned
-round without them and none with them; 8000 poses, as many as a quarter of those on the floor."""
+"""Some 8000 poses, a quarter of those on the floor. Of a simulated person face down the best score on edges rose from
+0.13 to 0.22, before a refinement; that of the true pose is 0.31."""
 
 # Standard deviations of the first round: of joints as far apart as stances are, of the root half a step of the floor
 # and of the turns.

@@ -45,8 +45,8 @@ _SIGMAS = 4.0
 _AROUND_M = 0.15
 # Stances whose landmarks are closer on average lead to the same pose.
 _APART_M = 0.25
-# Of somebody who lies shadows hide more: of V-Dance's first frame, crouching, and P-Floor's, on the forearms, the right
-# pose was fourth to sixth before the run's estimation, best after it.
+# Of somebody low shadows hide more: in frame 0 of V-Dance and frame 20 of P-Floor the right pose was fourth to sixth
+# before the run's estimation, and first after it.
 _MORE_OF_LOW = 2
 # Limits are kept in rad.
 _ROUNDED_DEG = 1e-6

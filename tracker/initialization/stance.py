@@ -38,7 +38,7 @@ _PLAIN = 2
 # Refined poses with so much less of the best one's score are not ranked.
 _BELIEVED = 0.7
 # What is left over counts edges near the pose that a refinement began with: only from the second time on it can be
-# compared. After one, somebody on the back was taken for one on the face in two of two simulations, after two in none.
+# compared. In a simulation of somebody face down, one refinement ranked the pose turned round first, two did not.
 _TIMES = 2
 # Who was lost is not far from where it was seen last: two running strides.
 _NEAR_M = 2.0
@@ -193,8 +193,8 @@ def _ranked(scene: Scene, hypotheses: list[Hypothesis], edges: DirectionImages) 
 def _costs(scene: Scene, hypotheses: Sequence[Hypothesis], edges: DirectionImages) -> Array:
     """(N,) what hypotheses leave over, times their distance, over their score on the edges.
 
-    Each alone prefers somebody turned round or wrong in 1 to 3 of five starts, simulated and rendered; this in two,
-    with a smaller lead, so that the frames after it decide.
+    Each alone ranks somebody turned round first in two of five starts, not in the same ones, and so does this. Where
+    they disagree the lead is small, and the frames after it decide.
     """
     scores = _scores(scene, np.array([one.q for one in hypotheses]), edges)
     left = np.array([one.left_over * one.distance_px for one in hypotheses])
