@@ -154,13 +154,13 @@ def test_ctrl_c_leaves_usable_results_and_says_what_waits(sequence, tmp_path):
     command = [sys.executable, "-m", "tracker", "batch", *names, "--jobs", "1", "--output", str(tmp_path / "out")]
     process = subprocess.Popen([*command, *overrides], stdout=subprocess.PIPE, text=True, env=os.environ)
     journal = tmp_path / "out" / "anna" / "steps.jsonl"
-    end = time.monotonic() + 120
+    end = time.monotonic() + 600  # kernels may have to be compiled first
     while not (journal.is_file() and journal.stat().st_size > 4_000):
         assert process.poll() is None, process.communicate()[0]
         assert time.monotonic() < end
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)
-    output, _ = process.communicate(timeout=120)
+    output, _ = process.communicate(timeout=600)
     assert process.returncode == 130, output
     rows = table(tmp_path / "out")
     assert {name: row["state"] for name, row in rows.items()} == {
