@@ -17,4 +17,4 @@ fi
 
 say "ruff"; .venv/bin/ruff check . && .venv/bin/ruff format --check .
 say "mypy"; .venv/bin/mypy tracker scripts
-say "pytest"; OPENBLAS_NUM_THREADS=1 exec .venv/bin/python -m pytest "$@"
+say "pytest"; OPENBLAS_NUM_THREADS=1 exec .venv/bin/python -m pytest -n auto --dist loadfile "$@"

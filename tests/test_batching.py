@@ -152,7 +152,14 @@ def test_ctrl_c_leaves_usable_results_and_says_what_waits(sequence, tmp_path):
         names.append(str(long / f"{name}.toml"))
     overrides = [word for override in GIVEN for word in ("--set", override)]
     command = [sys.executable, "-m", "tracker", "batch", *names, "--jobs", "1", "--output", str(tmp_path / "out")]
-    process = subprocess.Popen([*command, *overrides], stdout=subprocess.PIPE, text=True, env=os.environ)
+    process = subprocess.Popen(
+        [*command, *overrides],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ,
+        # a shell that runs the tests in the background has its children ignore Ctrl-C
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     journal = tmp_path / "out" / "anna" / "steps.jsonl"
     end = time.monotonic() + 600  # kernels may have to be compiled first
     while not (journal.is_file() and journal.stat().st_size > 4_000):
