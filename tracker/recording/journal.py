@@ -144,7 +144,11 @@ def open_journal(folder: Path, expected: Expected | None = None) -> OpenJournal:
     """
     path = folder / FILE
     if not path.is_file():
-        raise SequenceError(f"{path}: no journal to resume from; run without --resume")
+        # the configuration is kept a moment before the journal is begun: a kill in between leaves this
+        raise SequenceError(
+            f"{folder}: no {FILE} in it: the run was stopped before it computed anything, or kept no journal: remove "
+            "it, and run without --resume"
+        )
     begins: dict[int, int] = {}
     before, end, fault = None, 0, ""
     try:
