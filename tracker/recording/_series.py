@@ -155,6 +155,7 @@ class Series:
             "persons": len(self.scene.persons),
             "by_status": dict(counts),
             "ambiguous_limbs": dict(Counter(limb for frame in self.ambiguous for limbs in frame for limb in limbs)),
+            "frames_with_ambiguous_limbs": sum(any(frame) for frame in self.ambiguous),
             "mean_distance_px": float(np.mean(self.distances)),
             "mean_explained": float(np.mean(self.explained)),
             "frames_per_second": len(self.frames) / total if total else 0.0,
@@ -181,7 +182,7 @@ def parameter_figure(series: Series, person: int) -> Figure:
     figure = Figure(figsize=(9, 2.3 * len(chosen)), layout="constrained")
     axes = figure.subplots(len(chosen), 1, sharex=True, squeeze=False)[:, 0]
     for axis, (title, columns) in zip(axes, chosen, strict=True):
-        _shade_lost(axis, series, person)
+        _shade_doubts(axis, series, person)
         metres = None
         for k in columns:
             parameter = who.body.parameters[k]
@@ -214,14 +215,14 @@ def _legend(axis: Axes, metres: Axes | None) -> None:
         metres.set_ylabel("metres")
         more, names = metres.get_legend_handles_labels()
         handles, labels = handles + more, labels + names
-    axis.legend(handles, labels, loc="upper left", bbox_to_anchor=(1.06, 1), fontsize=8, frameon=False)
+    axis.legend(handles, labels, loc="upper left", bbox_to_anchor=(1.12, 1), fontsize=8, frameon=False)
     axis.grid(alpha=0.3)
 
 
-def _shade_lost(axis: Axes, series: Series, person: int) -> None:
+def _shade_doubts(axis: Axes, series: Series, person: int) -> None:
     for (begin, end), statuses in zip(series.spans(), series.statuses, strict=True):
-        if statuses[person] == "lost":
-            axis.axvspan(begin, end, color=STATUS_COLOURS[Status.LOST], alpha=0.25, lw=0)
+        if statuses[person] in (Status.LOST, Status.DOUBTFUL):
+            axis.axvspan(begin, end, color=STATUS_COLOURS[Status(statuses[person])], alpha=0.25, lw=0)
 
 
 def _label_time(axes: Iterable[Axes], series: Series) -> None:
@@ -235,7 +236,7 @@ def _label_time(axes: Iterable[Axes], series: Series) -> None:
 
 
 def distance_figure(series: Series) -> Figure:
-    """Chamfer distance, explained share and silhouette overlap against time."""
+    """The distance that poses are ranked by, explained share and silhouette overlap against time."""
     overlaps = np.array(series.overlaps)
     n_panels = 3 if np.isfinite(overlaps).any() else 2
     figure = Figure(figsize=(9, 2.2 * n_panels), layout="constrained")
@@ -243,8 +244,8 @@ def distance_figure(series: Series) -> Figure:
     for k, person in enumerate(series.scene.persons):
         axes[0].plot(series.times_s, np.array(series.distances)[:, k], lw=1, label=person.name)
         axes[1].plot(series.times_s, 100 * np.array(series.explained)[:, k], lw=1, label=person.name)
-        _shade_lost(axes[0], series, k)
-    axes[0].set_ylabel("chamfer distance\npx")
+        _shade_doubts(axes[0], series, k)
+    axes[0].set_ylabel("distance\npx")
     axes[1].set_ylabel("contour explained\n%")
     if n_panels == 3:
         for v, name in enumerate(series.scene.rig.names):

@@ -104,6 +104,7 @@ class ReportRecorder:
             "name": self._run.name,
             "run": self._run,
             "summary": self._series.summary(),
+            "findings": self._run.details.get("findings", []),
             "colours": {str(status): colour for status, colour in STATUS_COLOURS.items()},
             "strips": self._series.strips(),
             "ends": (float(self._series.spans()[0, 0]), float(self._series.spans()[-1, 1])),
@@ -135,7 +136,9 @@ class ReportRecorder:
             sigma = np.degrees(sigmas[:, k]) if parameter.rotates else 1000 * sigmas[:, k]
             found = sigma[np.isfinite(sigma)]
             column = values[np.isfinite(values[:, k]), k]
-            extent = f"{column.min():.2f} to {column.max():.2f} {parameter.unit}" if len(column) else "-"
+            digits = 2 if parameter.rotates else 3
+            ends = (round(float(end), digits) + 0.0 for end in (column.min(), column.max())) if len(column) else ()
+            extent = " to ".join(f"{end:.{digits}f}" for end in ends) + f" {parameter.unit}" if len(column) else "-"
             unit = "deg" if parameter.rotates else "mm"
             median = f"{np.median(found):.2f} {unit}" if len(found) else "-"
             rows.append((parameter.name.replace("_", " "), parameter.unit, extent, median))
