@@ -4,30 +4,7 @@ from __future__ import annotations
 
 from tracker.arrays import Array
 from tracker.kernels.compilation import compiled
-from tracker.kernels.rows.camera import (
-    CX,
-    CY,
-    FX,
-    FY,
-    K1,
-    K2,
-    K3,
-    P1,
-    P2,
-    R11,
-    R12,
-    R13,
-    R21,
-    R22,
-    R23,
-    R31,
-    R32,
-    R33,
-    SHEAR,
-    TX,
-    TY,
-    TZ,
-)
+from tracker.kernels.rows import camera as at
 
 
 @compiled(fastmath={"contract", "nsz"})
@@ -41,17 +18,17 @@ def project_point(camera: Array, x: float, y: float, z: float) -> tuple[float, f
     Returns:
         Pixel u, v and the depth in metres (pixel 0, 0 when the depth is not positive).
     """
-    cx = camera[R11] * x + camera[R12] * y + camera[R13] * z + camera[TX]
-    cy = camera[R21] * x + camera[R22] * y + camera[R23] * z + camera[TY]
-    depth = camera[R31] * x + camera[R32] * y + camera[R33] * z + camera[TZ]
+    cx = camera[at.R11] * x + camera[at.R12] * y + camera[at.R13] * z + camera[at.TX]
+    cy = camera[at.R21] * x + camera[at.R22] * y + camera[at.R23] * z + camera[at.TY]
+    depth = camera[at.R31] * x + camera[at.R32] * y + camera[at.R33] * z + camera[at.TZ]
     if depth <= 1e-9:
         return 0.0, 0.0, depth
     a, b = cx / depth, cy / depth
     r2 = a * a + b * b
-    radial = 1.0 + r2 * (camera[K1] + r2 * (camera[K2] + r2 * camera[K3]))
-    u = a * radial + 2.0 * camera[P1] * a * b + camera[P2] * (r2 + 2.0 * a * a)
-    v = b * radial + camera[P1] * (r2 + 2.0 * b * b) + 2.0 * camera[P2] * a * b
-    return camera[FX] * u + camera[SHEAR] * v + camera[CX], camera[FY] * v + camera[CY], depth
+    radial = 1.0 + r2 * (camera[at.K1] + r2 * (camera[at.K2] + r2 * camera[at.K3]))
+    u = a * radial + 2.0 * camera[at.P1] * a * b + camera[at.P2] * (r2 + 2.0 * a * a)
+    v = b * radial + camera[at.P1] * (r2 + 2.0 * b * b) + 2.0 * camera[at.P2] * a * b
+    return camera[at.FX] * u + camera[at.SHEAR] * v + camera[at.CX], camera[at.FY] * v + camera[at.CY], depth
 
 
 @compiled(fastmath={"contract", "nsz"})
@@ -63,11 +40,17 @@ def project_along(
     The twins are `Camera.project` and `Camera.project_jacobian`.
     """
     x, y, z = point
-    a = cameras[v, R11] * x + cameras[v, R12] * y + cameras[v, R13] * z + cameras[v, TX]
-    b = cameras[v, R21] * x + cameras[v, R22] * y + cameras[v, R23] * z + cameras[v, TY]
-    depth = cameras[v, R31] * x + cameras[v, R32] * y + cameras[v, R33] * z + cameras[v, TZ]
+    a = cameras[v, at.R11] * x + cameras[v, at.R12] * y + cameras[v, at.R13] * z + cameras[v, at.TX]
+    b = cameras[v, at.R21] * x + cameras[v, at.R22] * y + cameras[v, at.R23] * z + cameras[v, at.TY]
+    depth = cameras[v, at.R31] * x + cameras[v, at.R32] * y + cameras[v, at.R33] * z + cameras[v, at.TZ]
     a, b = a / depth, b / depth
-    k1, k2, p1, p2, k3 = cameras[v, K1], cameras[v, K2], cameras[v, P1], cameras[v, P2], cameras[v, K3]
+    k1, k2, p1, p2, k3 = (
+        cameras[v, at.K1],
+        cameras[v, at.K2],
+        cameras[v, at.P1],
+        cameras[v, at.P2],
+        cameras[v, at.K3],
+    )
     r2 = a * a + b * b
     radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
     slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))
@@ -76,13 +59,13 @@ def project_along(
     cross = a * b * slope + 2.0 * p1 * a + 2.0 * p2 * b
     uu, ww = radial + a * a * slope + 2.0 * p1 * b + 6.0 * p2 * a, radial + b * b * slope + 6.0 * p1 * b + 2.0 * p2 * a
     # The normal in the distorted plane, then in the plane of the pinhole.
-    gu, gw = normal[0] * cameras[v, FX], normal[0] * cameras[v, SHEAR] + normal[1] * cameras[v, FY]
+    gu, gw = normal[0] * cameras[v, at.FX], normal[0] * cameras[v, at.SHEAR] + normal[1] * cameras[v, at.FY]
     ga, gb = (gu * uu + gw * cross) / depth, (gu * cross + gw * ww) / depth
     gz = -(ga * a + gb * b)
     return (
-        cameras[v, FX] * u + cameras[v, SHEAR] * w + cameras[v, CX],
-        cameras[v, FY] * w + cameras[v, CY],
-        ga * cameras[v, R11] + gb * cameras[v, R21] + gz * cameras[v, R31],
-        ga * cameras[v, R12] + gb * cameras[v, R22] + gz * cameras[v, R32],
-        ga * cameras[v, R13] + gb * cameras[v, R23] + gz * cameras[v, R33],
+        cameras[v, at.FX] * u + cameras[v, at.SHEAR] * w + cameras[v, at.CX],
+        cameras[v, at.FY] * w + cameras[v, at.CY],
+        ga * cameras[v, at.R11] + gb * cameras[v, at.R21] + gz * cameras[v, at.R31],
+        ga * cameras[v, at.R12] + gb * cameras[v, at.R22] + gz * cameras[v, at.R32],
+        ga * cameras[v, at.R13] + gb * cameras[v, at.R23] + gz * cameras[v, at.R33],
     )

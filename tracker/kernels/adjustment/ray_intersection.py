@@ -6,42 +6,19 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.kernels.compilation import compiled
-from tracker.kernels.rows.camera import (
-    CX,
-    CY,
-    FX,
-    FY,
-    K1,
-    K2,
-    K3,
-    P1,
-    P2,
-    R11,
-    R12,
-    R13,
-    R21,
-    R22,
-    R23,
-    R31,
-    R32,
-    R33,
-    SHEAR,
-    TX,
-    TY,
-    TZ,
-)
+from tracker.kernels.rows import camera as at
 
 
 @compiled
 def _image_with_slopes(camera: Array, point: Array, slopes: Array) -> tuple[float, float, bool]:
     """Image of a point with its derivatives (2, 3) by the position; the twins are `Camera.project(_jacobian)`."""
-    x = camera[R11] * point[0] + camera[R12] * point[1] + camera[R13] * point[2] + camera[TX]
-    y = camera[R21] * point[0] + camera[R22] * point[1] + camera[R23] * point[2] + camera[TY]
-    z = camera[R31] * point[0] + camera[R32] * point[1] + camera[R33] * point[2] + camera[TZ]
+    x = camera[at.R11] * point[0] + camera[at.R12] * point[1] + camera[at.R13] * point[2] + camera[at.TX]
+    y = camera[at.R21] * point[0] + camera[at.R22] * point[1] + camera[at.R23] * point[2] + camera[at.TY]
+    z = camera[at.R31] * point[0] + camera[at.R32] * point[1] + camera[at.R33] * point[2] + camera[at.TZ]
     if not z > 1e-9:
         return 0.0, 0.0, False
     a, b = x / z, y / z
-    k1, k2, p1, p2, k3 = camera[K1], camera[K2], camera[P1], camera[P2], camera[K3]
+    k1, k2, p1, p2, k3 = camera[at.K1], camera[at.K2], camera[at.P1], camera[at.P2], camera[at.K3]
     r2 = a * a + b * b
     radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
     slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
@@ -50,13 +27,13 @@ def _image_with_slopes(camera: Array, point: Array, slopes: Array) -> tuple[floa
     aa = radial + 2.0 * a * a * slope + 2.0 * p1 * b + 6.0 * p2 * a
     ab = 2.0 * a * b * slope + 2.0 * p1 * a + 2.0 * p2 * b
     bb = radial + 2.0 * b * b * slope + 6.0 * p1 * b + 2.0 * p2 * a
-    fx, fy, shear = camera[FX], camera[FY], camera[SHEAR]
+    fx, fy, shear = camera[at.FX], camera[at.FY], camera[at.SHEAR]
     ua, ub, va, vb = fx * aa + shear * ab, fx * ab + shear * bb, fy * ab, fy * bb
     uz, vz = -(ua * a + ub * b), -(va * a + vb * b)
     for k in range(3):
-        slopes[0, k] = (ua * camera[R11 + k] + ub * camera[R21 + k] + uz * camera[R31 + k]) / z
-        slopes[1, k] = (va * camera[R11 + k] + vb * camera[R21 + k] + vz * camera[R31 + k]) / z
-    return fx * u + shear * v + camera[CX], fy * v + camera[CY], True
+        slopes[0, k] = (ua * camera[at.R11 + k] + ub * camera[at.R21 + k] + uz * camera[at.R31 + k]) / z
+        slopes[1, k] = (va * camera[at.R11 + k] + vb * camera[at.R21 + k] + vz * camera[at.R31 + k]) / z
+    return fx * u + shear * v + camera[at.CX], fy * v + camera[at.CY], True
 
 
 @compiled

@@ -15,31 +15,8 @@ from tracker.arrays import Array32, Integers
 from tracker.kernels.bits import lowest_bit
 from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.occlusion import whole_blocks
+from tracker.kernels.rows import camera as at
 from tracker.kernels.rows import crossing, solid
-from tracker.kernels.rows.camera import (
-    CX,
-    CY,
-    FX,
-    FY,
-    K1,
-    K2,
-    K3,
-    P1,
-    P2,
-    R11,
-    R12,
-    R13,
-    R21,
-    R22,
-    R23,
-    R31,
-    R32,
-    R33,
-    SHEAR,
-    TX,
-    TY,
-    TZ,
-)
 from tracker.kernels.rows.workspace import ROW
 
 MOST_COLUMNS = 62
@@ -97,7 +74,7 @@ def _see(crossings: Array32, n: int, solids: Array32, p: int, camera: Array32) -
     r20, r21, r22 = solids[p, solid.R31], solids[p, solid.R32], solids[p, solid.R33]
     tx, ty, tz = solids[p, solid.X], solids[p, solid.Y], solids[p, solid.Z]
     one, half, two = np.float32(1.0), np.float32(0.5), np.float32(2.0)
-    flat = camera[FY] / camera[FX]
+    flat = camera[at.FY] / camera[at.FX]
     for i in range(whole_blocks(n)):
         f0, f1 = crossings[crossing.FACING_A + i], crossings[crossing.FACING_B + i]
         t = f0 / (f0 - f1)
@@ -116,17 +93,17 @@ def _see(crossings: Array32, n: int, solids: Array32, p: int, camera: Array32) -
         nx, ny, nz = r00 * a + r01 * b + r02 * c, r10 * a + r11 * b + r12 * c, r20 * a + r21 * b + r22 * c
         crossings[crossing.X + i], crossings[crossing.Y + i], crossings[crossing.Z + i] = wx, wy, wz
         crossings[crossing.NX + i], crossings[crossing.NY + i], crossings[crossing.NZ + i] = nx, ny, nz
-        nearness = one / (camera[R31] * wx + camera[R32] * wy + camera[R33] * wz + camera[TZ])
-        u = (camera[R11] * wx + camera[R12] * wy + camera[R13] * wz + camera[TX]) * nearness
-        v = (camera[R21] * wx + camera[R22] * wy + camera[R23] * wz + camera[TY]) * nearness
+        nearness = one / (camera[at.R31] * wx + camera[at.R32] * wy + camera[at.R33] * wz + camera[at.TZ])
+        u = (camera[at.R11] * wx + camera[at.R12] * wy + camera[at.R13] * wz + camera[at.TX]) * nearness
+        v = (camera[at.R21] * wx + camera[at.R22] * wy + camera[at.R23] * wz + camera[at.TY]) * nearness
         r2 = u * u + v * v
-        radial = one + r2 * (camera[K1] + r2 * (camera[K2] + r2 * camera[K3]))
-        uu = u * radial + two * camera[P1] * u * v + camera[P2] * (r2 + two * u * u)
-        vv = v * radial + camera[P1] * (r2 + two * v * v) + two * camera[P2] * u * v
-        crossings[crossing.U + i] = camera[FX] * uu + camera[SHEAR] * vv + camera[CX]
-        crossings[crossing.V + i] = camera[FY] * vv + camera[CY]
-        sx = (camera[R11] * nx + camera[R12] * ny + camera[R13] * nz) * flat
-        sy = camera[R21] * nx + camera[R22] * ny + camera[R23] * nz - camera[SHEAR] / camera[FY] * sx
+        radial = one + r2 * (camera[at.K1] + r2 * (camera[at.K2] + r2 * camera[at.K3]))
+        uu = u * radial + two * camera[at.P1] * u * v + camera[at.P2] * (r2 + two * u * u)
+        vv = v * radial + camera[at.P1] * (r2 + two * v * v) + two * camera[at.P2] * u * v
+        crossings[crossing.U + i] = camera[at.FX] * uu + camera[at.SHEAR] * vv + camera[at.CX]
+        crossings[crossing.V + i] = camera[at.FY] * vv + camera[at.CY]
+        sx = (camera[at.R11] * nx + camera[at.R12] * ny + camera[at.R13] * nz) * flat
+        sy = camera[at.R21] * nx + camera[at.R22] * ny + camera[at.R23] * nz - camera[at.SHEAR] / camera[at.FY] * sx
         norm = one / np.sqrt(sx * sx + sy * sy)
         crossings[crossing.NU + i], crossings[crossing.NV + i] = sx * norm, sy * norm
 

@@ -13,7 +13,7 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.occlusion import in_part
-from tracker.kernels.rows.camera import CX, CY, FX, FY, K1, K2, K3, P1, P2, R11, R21, R31, SHEAR, TX, TY, TZ
+from tracker.kernels.rows import camera as at
 
 WINDOW_PX2 = 12.0
 """Squared radius of the window, px^2; a pixel's weight falls from 1 at its centre to 0 at this distance."""
@@ -104,10 +104,10 @@ def _depth_there(ids: Integers, depths: Array32, x: int, y: int, normal: tuple[f
 @compiled
 def _undistort(camera: Array, x: float, y: float) -> tuple[float, float]:
     """Plane coordinates of a pixel, by Newton steps; the twin is `Camera.undistort`."""
-    ty = (y - camera[CY]) / camera[FY]
-    tx = (x - camera[CX] - camera[SHEAR] * ty) / camera[FX]
+    ty = (y - camera[at.CY]) / camera[at.FY]
+    tx = (x - camera[at.CX] - camera[at.SHEAR] * ty) / camera[at.FX]
     a, b = tx, ty
-    k1, k2, p1, p2, k3 = camera[K1], camera[K2], camera[P1], camera[P2], camera[K3]
+    k1, k2, p1, p2, k3 = camera[at.K1], camera[at.K2], camera[at.P1], camera[at.P2], camera[at.K3]
     if k1 == 0.0 and k2 == 0.0 and p1 == 0.0 and p2 == 0.0 and k3 == 0.0:
         return a, b
     for _ in range(8):
@@ -127,13 +127,13 @@ def _undistort(camera: Array, x: float, y: float) -> tuple[float, float]:
 def _lift(camera: Array, x: float, y: float, normal: tuple[float, float], depth: float, out: Array) -> None:
     """World point of a pixel and world normal of the plane through the contour and the camera, to `out` (6,)."""
     a, b = _undistort(camera, x, y)
-    nx, ny = camera[FX] * normal[0], camera[SHEAR] * normal[0] + camera[FY] * normal[1]
+    nx, ny = camera[at.FX] * normal[0], camera[at.SHEAR] * normal[0] + camera[at.FY] * normal[1]
     nz = -(nx * a + ny * b)
     scale = 1.0 / np.sqrt(nx * nx + ny * ny + nz * nz)
-    cx, cy, cz = a * depth - camera[TX], b * depth - camera[TY], depth - camera[TZ]
+    cx, cy, cz = a * depth - camera[at.TX], b * depth - camera[at.TY], depth - camera[at.TZ]
     for k in range(3):
-        out[k] = camera[R11 + k] * cx + camera[R21 + k] * cy + camera[R31 + k] * cz
-        out[3 + k] = scale * (camera[R11 + k] * nx + camera[R21 + k] * ny + camera[R31 + k] * nz)
+        out[k] = camera[at.R11 + k] * cx + camera[at.R21 + k] * cy + camera[at.R31 + k] * cz
+        out[3 + k] = scale * (camera[at.R11 + k] * nx + camera[at.R21 + k] * ny + camera[at.R31 + k] * nz)
 
 
 @compiled
