@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from motions import Movement, made_up
 from observations import bent, four_views, ideal
 
 from tracker.body import BodyModel
@@ -46,3 +47,9 @@ def truth(body: BodyModel) -> Scene:
 def observation(truth: Scene) -> Observation:
     """The contours of `truth` as edges."""
     return ideal(truth)
+
+
+@pytest.fixture(scope="module", params=["gavrila22", "human", "quadruped"])
+def movement(request: pytest.FixtureRequest) -> Movement:
+    """Two persons with a made-up movement, the first one of each model and lost for a while."""
+    return made_up(request.param, "gavrila22")

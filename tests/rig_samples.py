@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+from typing import Any
+
 import numpy as np
+import tomli_w
 from scipy.spatial.transform import Rotation
 
 from tracker.camera import Camera
@@ -19,6 +24,50 @@ def sample_rig(*names: str, lens: tuple[float, ...] = (-0.2, 0.05, 0.001, -0.002
     for k, motion in enumerate(motions):
         motion[:3, :3], motion[:3, 3] = NORTH, (-1.5 * k, 0.25, 5)
     return Rig(tuple(Camera(n, (1280, 720), matrix, np.array(lens), m) for n, m in zip(names, motions, strict=True)))
+
+
+def tables() -> dict[str, dict[str, Any]]:
+    """Two cameras in the exchanged TOML layout, as other programs write it."""
+    common = {
+        "size": [1280.0, 720.0],
+        "matrix": [[900.0, 0.0, 640.0], [0.0, 905.0, 360.0], [0.0, 0.0, 1.0]],
+        "distortions": [-0.2, 0.05, 0.001, -0.002],
+        "rotation": Rotation.from_matrix(NORTH).as_rotvec().tolist(),
+        "fisheye": False,
+    }
+    return {
+        "cam_1": {"name": "north", **common, "translation": [0.0, 0.0, 5.0]},
+        "cam_2": {"name": "south", **common, "translation": [-1.5, 0.0, 5.0], "error": 0.31},
+        "metadata": {"adjusted": False, "error": 0.0},
+    }
+
+
+def entries() -> list[dict[str, Any]]:
+    """Two cameras in the JSON layout."""
+    common = {
+        "size": [720, 576],
+        "K": [[850.0, 0, 360], [0, 850.0, 288], [0, 0, 1]],
+        "dist": [0.1, 0.02, 0, 0, 0.003],
+        "R": NORTH.tolist(),
+    }
+    return [{"name": "FRONT", **common, "t": [0, 0, 4.0]}, {"name": "SIDE", **common, "t": [1.0, 0, 4.0]}]
+
+
+def written(folder: Path, content: Any, suffix: str) -> Path:
+    """The file of a table."""
+    path = folder / f"rig{suffix}"
+    path.write_text(tomli_w.dumps(content) if suffix == ".toml" else json.dumps(content))
+    return path
+
+
+def assert_equal(one: Rig, other: Rig, tolerance: float) -> None:
+    """Two rigs with the same cameras in the same order."""
+    assert one.names == other.names
+    for a, b in zip(one.cameras, other.cameras, strict=True):
+        assert a.size == b.size
+        np.testing.assert_allclose(a.matrix, b.matrix, atol=tolerance)
+        np.testing.assert_allclose(a.distortion, b.distortion, atol=tolerance)
+        np.testing.assert_allclose(a.camera_from_world, b.camera_from_world, atol=tolerance)
 
 
 _RODRIGUES = ", ".join(repr(float(value)) for value in Rotation.from_matrix(NORTH).as_rotvec())

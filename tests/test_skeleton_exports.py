@@ -1,0 +1,121 @@
+"""Skeletons in BVH and GLB, read back with other libraries, to a hundredth of a millimetre."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+
+import bvhio
+import numpy as np
+import pygltflib
+import pytest
+from exported import HUNDREDTH_MM, motion_of
+from motions import INTERVAL_S, LOST, N_FRAMES, made_up
+from scipy.spatial.transform import Rotation
+
+from tracker.recording._motion import Y_UP
+from tracker.recording.bvh import Bvh
+from tracker.recording.glb import Glb
+
+
+def test_bvh_is_read_back(movement, tmp_path):
+    """Every joint of every frame, forward kinematics by bvhio."""
+    files = movement.record(Bvh(), tmp_path)
+    for k, file in enumerate(files):
+        motion = motion_of(movement, k)
+        joints = motion.segments(motion.filled)[..., :3, 3]
+        assert f"Frame Time: {INTERVAL_S:.8f}" in file.read_text()
+        root = bvhio.readAsHierarchy(str(file))
+        layout = {joint.Name: joint for joint, _, _ in root.layout()}
+        assert set(layout) >= {segment.name for segment in motion.body.segments}
+        for t in range(N_FRAMES):
+            root.loadPose(t)
+            found = np.array([list(layout[s.name].PositionWorld) for s in motion.body.segments])
+            np.testing.assert_allclose(found / 100 @ Y_UP, joints[t], atol=HUNDREDTH_MM)
+
+
+def test_bvh_angles_go_on_without_jumps(tmp_path):
+    movement = made_up("gavrila22", "gavrila22")
+    text = movement.record(Bvh(), tmp_path)[1].read_text()
+    rows = np.array([line.split() for line in text.split("Frame Time")[1].splitlines()[1:]], dtype=float)
+    assert len(rows) == N_FRAMES
+    assert np.abs(np.diff(rows[:, 3:], axis=0)).max() < 90
+
+
+def accessor(gltf, index):
+    """An array of a GLB file, by pygltflib's account of where it lies."""
+    told = gltf.accessors[index]
+    view = gltf.bufferViews[told.bufferView]
+    width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}[told.type]
+    kind = {5126: "<f4", 5121: "u1", 5125: "<u4"}[told.componentType]
+    flat = np.frombuffer(gltf.binary_blob(), kind, told.count * width, view.byteOffset)
+    return flat.reshape(told.count, width) if width > 1 else flat
+
+
+def in_world(gltf, keys, n, t):
+    """(4, 4) of a node in frame t: its keys over its own placement, on its parent's."""
+    node, own = gltf.nodes[n], np.eye(4)
+    own[:3, 3] = keys[n, "translation"][t] if (n, "translation") in keys else node.translation or 0
+    if (n, "rotation") in keys or node.rotation:
+        turn = keys[n, "rotation"][t] if (n, "rotation") in keys else node.rotation
+        own[:3, :3] = Rotation.from_quat(turn).as_matrix()
+    parent = next((k for k, other in enumerate(gltf.nodes) if n in (other.children or ())), None)
+    return own if parent is None else in_world(gltf, keys, parent, t) @ own
+
+
+def test_glb_is_read_back(movement, tmp_path):
+    """Every vertex of every frame, skinned as the specification says, lies where its part's surface does."""
+    for k, file in enumerate(movement.record(Glb(), tmp_path)):
+        gltf, motion = pygltflib.GLTF2().load(str(file)), motion_of(movement, k)
+        primitive, skin = gltf.meshes[0].primitives[0], gltf.skins[0]
+        points, bones = (accessor(gltf, getattr(primitive.attributes, name)) for name in ("POSITION", "JOINTS_0"))
+        binds = accessor(gltf, skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
+        keys = {}
+        for channel in gltf.animations[0].channels:
+            sampler = gltf.animations[0].samplers[channel.sampler]
+            np.testing.assert_allclose(accessor(gltf, sampler.input), INTERVAL_S * np.arange(N_FRAMES), atol=1e-6)
+            keys[channel.target.node, channel.target.path] = accessor(gltf, sampler.output)
+        placed = motion.body.world_from_part(motion.filled)
+        n_part = len(points) // len(motion.body.parts)
+        eta, omega = np.meshgrid(np.linspace(-np.pi / 2, np.pi / 2, 13), 2 * np.pi * np.arange(16) / 16, indexing="ij")
+        for t in range(N_FRAMES):
+            moves = np.array([in_world(gltf, keys, joint, t) for joint in skin.joints]) @ binds
+            skinned = (moves[bones[:, 0]] @ np.pad(points, ((0, 0), (0, 1)), constant_values=1.0)[..., None])[:, :3, 0]
+            for p, part in enumerate(motion.body.parts):
+                surface, _ = part.shape.surface(eta, omega)
+                wanted = surface.reshape(-1, 3) @ placed[t, p, :3, :3].T + placed[t, p, :3, 3]
+                found = skinned[p * n_part : (p + 1) * n_part] @ Y_UP
+                np.testing.assert_allclose(found, wanted, atol=HUNDREDTH_MM)
+        extras = gltf.animations[0].extras
+        assert extras.get("interpolated_frames") == (list(range(LOST.start, LOST.stop)) if k == 0 else None)
+
+
+def test_glb_faces_look_outwards_and_turns_are_short(movement, tmp_path):
+    gltf = pygltflib.GLTF2().load(str(movement.record(Glb(), tmp_path)[1]))
+    primitive = gltf.meshes[0].primitives[0]
+    points, normals = (accessor(gltf, getattr(primitive.attributes, name)) for name in ("POSITION", "NORMAL"))
+    corners = points[accessor(gltf, primitive.indices).reshape(-1, 3)].astype(float)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facing = (across * normals[accessor(gltf, primitive.indices).reshape(-1, 3)[:, 0]]).sum(axis=1)
+    assert (facing > 0).mean() > 0.99
+    for channel in gltf.animations[0].channels:
+        if channel.target.path == "rotation":
+            turns = accessor(gltf, gltf.animations[0].samplers[channel.sampler].output)
+            assert ((turns[1:] * turns[:-1]).sum(axis=1) > 0).all()
+
+
+def test_the_validator_of_the_format_finds_nothing(movement, tmp_path):
+    """Khronos' gltf-validator, where node and the package are at hand (npm install gltf-validator)."""
+    script = (
+        "const v = require('gltf-validator'), fs = require('fs');"
+        "v.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1])))"
+        ".then(r => console.log(JSON.stringify(r.issues)))"
+    )
+    if shutil.which("node") is None or subprocess.run(["node", "-e", "require('gltf-validator')"], check=False,
+                                                      capture_output=True).returncode:  # fmt: skip
+        pytest.skip("no gltf-validator for node")
+    for file in movement.record(Glb(), tmp_path):
+        told = subprocess.run(["node", "-e", script, str(file)], capture_output=True, text=True, check=True)
+        issues = json.loads(told.stdout)
+        assert issues["messages"] == []
