@@ -13,12 +13,17 @@ from types import ModuleType
 import av
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from recordings import TrueStart, cycle_for, small_simulation
 
+from tracker.account import Account
+from tracker.body_files import load_body
 from tracker.components import component
 from tracker.errors import ConfigError, SequenceError
-from tracker.estimate import Status
+from tracker.estimate import Estimate, Status
 from tracker.recording import DEFAULTS, RunContext, chosen_recordings
+from tracker.recording._kept_covariance import covariance_of, kept, unpacked
 from tracker.recording._series import Series, parameter_figure
 from tracker.recording.csv_table import CsvTable
 from tracker.recording.journal import FILE, Expected, Journal, as_kept, open_journal
@@ -26,6 +31,8 @@ from tracker.recording.overlay import Overlay
 from tracker.recording.plots import Plots
 from tracker.recording.report import Report
 from tracker.recording.run_json import RunJson
+from tracker.resources import model_path
+from tracker.scene import Person
 from tracker.tracking import track
 
 N_FRAMES = 5
@@ -104,19 +111,53 @@ def test_the_journal_is_exact(recorded, tmp_path):
 
 def test_a_frame_of_one_person_takes_2_kb_in_the_journal(recorded, tmp_path):
     record(Journal(), recorded, tmp_path)
+    assert (tmp_path / FILE).stat().st_size <= 1500 * N_FRAMES
+    human = load_body(model_path("human"))
+    rng = np.random.default_rng(0)
+    steps = [replace(step, estimates=(estimate_of(human, rng),)) for step in recorded[1]]
+    scene = replace(recorded[0], persons=(Person("anna", human, human.rest()),))
+    record(Journal(), (scene, steps), tmp_path)
     assert (tmp_path / FILE).stat().st_size <= 2048 * N_FRAMES
+
+
+def estimate_of(body, rng):
+    """Numbers of many digits; the covariance is that of joints seen to 5 mm."""
+    q = body.clamped(body.rest() + rng.normal(0, 0.2, body.dof))
+    parameters = np.array([mark.parameter for mark in body.landmarks])
+    slopes = body.point_jacobian(q, body.landmarks_in_world(q), parameters).reshape(-1, body.dof) / 0.005
+    covariance = np.linalg.inv(slopes.T @ slopes + np.eye(body.dof))
+    visible, missed = rng.uniform(10, 90, (2, len(body.parts)))
+    visible[::6], missed[::2] = 0.0, 0.0
+    account = Account(1 / 3, rng.random(4), rng.random(len(body.parts)), visible, visible - missed / 7, missed)
+    return Estimate(q, covariance, account, 0.0, 1234, 0.0123456789)
 
 
 def test_kept_covariances_are_the_estimates_but_for_rounded_correlations(recorded):
     for step in recorded[1]:
         before, after = step.estimates[0].covariance, as_kept(step).estimates[0].covariance
-        np.testing.assert_array_equal(np.diag(before), np.diag(after))
-        scale = np.sqrt(np.outer(np.diag(before), np.diag(before)))
-        np.testing.assert_allclose(after / scale, before / scale, atol=0.5 / 32767 + 1e-9)
+        np.testing.assert_allclose(np.diag(after), np.diag(before), rtol=2.0**-8)
+        # variances of the combination of parameters that they tell most differently, over what they were
+        ratios = np.linalg.eigvals(np.linalg.solve(before, after)).real
+        assert 0.7 < ratios.min() <= ratios.max() < 1.4
         np.testing.assert_array_equal(as_kept(as_kept(step)).estimates[0].covariance, after)
     unknown = replace(recorded[1][0].estimates[0], covariance=np.full((22, 22), np.nan))
     kept = as_kept(replace(recorded[1][0], estimates=(unknown,))).estimates[0]
     assert np.isnan(kept.covariance).all()
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(st.integers(1, 40), st.integers(1, 60), st.floats(-18, 2), st.integers(0, 2**32 - 1))
+def test_what_is_kept_of_any_covariance_is_one_and_is_kept_as_it_is(n, rank, floor, seed):
+    rng = np.random.default_rng(seed)
+    loose = rng.normal(size=(n, rank)) * 10 ** rng.uniform(-6, 3, (n, 1))
+    covariance = loose @ loose.T + 10**floor * np.eye(n)
+    if seed % 3 == 0:
+        covariance[0] = covariance[:, 0] = 0.0
+    after = covariance_of(kept(covariance))
+    assert np.linalg.eigvalsh(after).min() >= -1e-9 * np.linalg.eigvalsh(after).max()
+    np.testing.assert_allclose(np.diag(after), np.diag(covariance), rtol=2.0**-8)
+    np.testing.assert_array_equal(covariance_of(kept(after)), after)
+    np.testing.assert_array_equal(covariance_of(unpacked(*kept(after).packed())), after)
 
 
 SPOILT = {

@@ -15,15 +15,10 @@ from tracker.account import Account
 from tracker.arrays import Array
 from tracker.errors import SequenceError
 from tracker.estimate import Estimate, Status
+from tracker.recording._kept_covariance import covariance_of, kept, unpacked
 from tracker.trajectory import Replay, Step
 
 _LISTS = "per_view_px", "per_part_px", "visible_px", "explained_px", "missed_px"
-
-_ONE = 2**15 - 1
-"""A correlation of 1; they are kept to 1 in 33 000, far below what covariances of a linearized model are worth."""
-
-_UNKNOWN = -(2**15)
-"""A correlation that is not known: int16 has this value to spare."""
 
 _LARGEST = 2**20
 """Bytes of an account: thousands of parts."""
@@ -71,11 +66,11 @@ def _line(step: Step) -> dict[str, Any]:
 
 
 def _to_json(estimate: Estimate) -> dict[str, Any]:
-    variances, correlations = _spread(estimate.covariance)
+    variances, correlations = kept(estimate.covariance).packed()
     return {
         "q": _packed(estimate.q),
-        "variances": _packed(variances),
-        "correlations": b85encode(correlations.astype("<i2").tobytes()).decode(),
+        "variances": b85encode(variances).decode(),
+        "correlations": b85encode(correlations).decode(),
         "distance_px": estimate.account.distance_px,
         "views": len(estimate.account.per_view_px),
         "account": _deflated(np.concatenate([getattr(estimate.account, name) for name in _LISTS])),
@@ -92,10 +87,12 @@ def _estimate(values: dict[str, Any]) -> Estimate:
     q = _unpacked(values["q"])
     if not np.isfinite(q).all():
         raise SequenceError("a pose that is not finite")
-    correlations = np.frombuffer(b85decode(values["correlations"]), dtype="<i2")
+    covariance = unpacked(b85decode(values["variances"]), b85decode(values["correlations"]))
+    if len(covariance.variances) != len(q):
+        raise SequenceError(f"{len(covariance.variances)} variances of {len(q)} parameters")
     return Estimate(
         q=q,
-        covariance=_gathered(_unpacked(values["variances"]), correlations),
+        covariance=covariance_of(covariance),
         account=Account(
             distance_px=float(values["distance_px"]),
             **dict(zip(_LISTS, _inflated(values["account"], int(values["views"])), strict=True)),
@@ -110,27 +107,7 @@ def _estimate(values: dict[str, Any]) -> Estimate:
 
 
 def _as_kept(estimate: Estimate) -> Estimate:
-    return replace(estimate, covariance=_gathered(*_spread(estimate.covariance)))
-
-
-def _spread(covariance: Array) -> tuple[Array, Array]:
-    """Variances (dof,), and correlations of the upper triangle as whole numbers."""
-    variances = np.diag(covariance).copy()
-    rows, columns = np.triu_indices(len(variances), 1)
-    scale = np.sqrt(np.maximum(variances[rows] * variances[columns], 0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = np.clip(covariance[rows, columns] / scale, -1, 1)
-    correlations: Array = np.where(np.isfinite(ratios), np.round(np.nan_to_num(ratios) * _ONE), _UNKNOWN)
-    return variances, correlations
-
-
-def _gathered(variances: Array, correlations: Array) -> Array:
-    rows, columns = np.triu_indices(len(variances), 1)
-    scale = np.sqrt(np.maximum(variances[rows] * variances[columns], 0))
-    covariance: Array = np.diag(variances)
-    values = np.where(correlations == _UNKNOWN, np.nan, correlations / _ONE * scale)
-    covariance[rows, columns] = covariance[columns, rows] = values
-    return covariance
+    return replace(estimate, covariance=covariance_of(kept(estimate.covariance)))
 
 
 def _packed(values: Array) -> str:

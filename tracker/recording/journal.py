@@ -25,11 +25,12 @@ _LONGEST = 2**20
 
 @component
 class Journal:
-    """`steps.jsonl`: every number of every estimate, exact to the last bit; 2 KB a frame and person.
+    """`steps.jsonl`: all that a run goes on from, exact to the last bit; 2 KB a frame and person.
 
-    Arrays are little-endian float64 in base 85, as Python's `base64.b85decode` reads them. Correlations of the pose
-    parameters, the upper triangle row by row, are int16 with 32767 for 1 and -32768 where not known. `account` is
-    compressed (zlib): distances of the views, then four numbers a part, in the order of `tracker.account.Account`.
+    Arrays are little-endian float64 in base 85, as Python's `base64.b85decode` reads them; `variances` are bfloat16,
+    `correlations` are partial ones in small steps, compressed (zlib): see `tracker.recording._kept_covariance`.
+    `account` is compressed, too: distances of the views, then four numbers a part, as `tracker.account.Account` has
+    them.
     """
 
     def begin(self, run: RunContext) -> JournalRecorder:
