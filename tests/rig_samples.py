@@ -93,6 +93,18 @@ adjusted = false
 error = 0.4132
 """
 
+FREEMOCAP = (
+    ANIPOSE.replace("0.25, 5.0", "250.0, 5000.0")
+    .replace("-1.5,", "-1500.0,")
+    .replace(
+        "adjusted = false\nerror = 0.4132\n",
+        'charuco_square_size = 58.0\ncharuco_board_object = "CharucoBoardDefinition(...)"\n'
+        'path_to_recorded_videos = "C:\\\\videos"\ndate_time_calibrated = "2025-03-11T14:19:33"\n'
+        "groundplane_calibration = true\n",
+    )
+)
+"""Millimetres, after the recording in FreeMoCap's repository."""
+
 POSE2SIM = f"""[cam_01]
 name = "cam01"
 size = [ 1280.0, 720.0]

@@ -53,7 +53,8 @@ def some_camera(seed: int, k: int) -> Camera:
     return Camera(f'cämera "{k}"', (width, height), matrix, rng.normal(0, 0.1, 5), motion)
 
 
-WRITTEN = [use for use in available("rig_layouts") if use != "middlebury"]
+READ_ONLY = ("freemocap", "middlebury", "opencap")
+WRITTEN = [use for use in available("rig_layouts") if use not in READ_ONLY]
 PLAIN_NAMES = ("easymocap", "opencv")
 """Layouts in which a name is part of a key of OpenCV's YAML, or of a file name."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,9 @@ from tracker.arrays import Array, frozen
 from tracker.camera import Camera
 from tracker.errors import CalibrationError, nearest
 from tracker.triangulation import triangulate
+
+AXES = ("x", "y", "z", "-x", "-y", "-z")
+"""Directions that may be up in the world of another program."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,34 @@ class Rig:
     def downscaled(self, factor: int) -> Rig:
         """The rig of images averaged over `factor` x `factor` pixels."""
         return Rig(tuple(camera.downscaled(factor) for camera in self.cameras))
+
+    @property
+    def likely_up(self) -> str:
+        """The axis of the world that points up in the images of most cameras: `z`, `-y`, ...
+
+        Right where most cameras stand upright; of cameras on their side it says nothing.
+        """
+        upwards = np.median([-camera.camera_from_world[1, :3] for camera in self.cameras], axis=0)
+        axis = int(np.argmax(np.abs(upwards)))
+        return ("-" if upwards[axis] < 0 else "") + "xyz"[axis]
+
+    def with_up(self, up: str, floor_m: float = 0.0) -> Rig:
+        """The rig in a world whose z axis is up.
+
+        Args:
+            up: the axis that is up in this one, one of `AXES`; what is level there is turned as little as can be.
+            floor_m: where the floor is along it, metres; z is 0 there.
+
+        Raises:
+            CalibrationError: no such axis.
+        """
+        if up not in AXES:
+            raise CalibrationError(f'"{up}" is no axis that can be up; {nearest(up, AXES)}')
+        new_from_old = np.eye(4)
+        new_from_old[:3, :3] = _turn_to_z(up)
+        new_from_old[2, 3] = -floor_m
+        old_from_new = np.linalg.inv(new_from_old)
+        return Rig(tuple(replace(one, camera_from_world=one.camera_from_world @ old_from_new) for one in self.cameras))
 
     def project(self, points: Array) -> Array:
         """World points (..., 3) to pixels in all views (V, ..., 2)."""
@@ -117,3 +148,13 @@ class Rig:
     def sizes(self) -> Array:
         """(V, 2) image widths and heights, px."""
         return frozen([camera.size for camera in self.cameras])
+
+
+def _turn_to_z(up: str) -> Array:
+    """(3, 3) rotation that takes an axis to z: a quarter turn about x or y, a half turn about x."""
+    axis, sign = "xyz".index(up[-1]), -1.0 if up[0] == "-" else 1.0
+    if axis == 0:
+        return np.array([[0.0, 0, -sign], [0, 1, 0], [sign, 0, 0]])
+    if axis == 1:
+        return np.array([[1.0, 0, 0], [0, 0, -sign], [0, sign, 0]])
+    return np.diag([1.0, sign, sign])

@@ -148,7 +148,10 @@ def _doubts(rig: Rig, cameras: tuple[CameraCheck, ...], pairs: tuple[PairCheck, 
             )
     up = [-camera.camera_from_world[1, 2] for camera in rig.cameras]
     if np.median(up) < 0.3:
-        doubts.append("most cameras are tilted or upside down: is the world's z axis up?")
+        doubts.append(
+            f"most cameras are tilted or upside down: is the world's z axis up? If {rig.likely_up} is: rig convert "
+            f"--up {rig.likely_up}"
+        )
     if pairs and not sigma_mm < 20:
         doubts.append(
             f"a point in the middle is known to {sigma_mm:.0f} mm only: the cameras see it from one direction"

@@ -13,10 +13,11 @@ from tracker.errors import CalibrationError, ConfigError
 
 if TYPE_CHECKING:
     from tracker.arrays import Image
+    from tracker.rig import Rig
     from tracker.rig_layouts import RigFile
 
 # Written out, for the folder's import takes longer than `--help` should; a test compares.
-LAYOUTS = "anipose, caliscope, easymocap, json, middlebury, opencv, pose2sim, qualisys"
+LAYOUTS = "anipose, caliscope, easymocap, freemocap, json, middlebury, opencap, opencv, pose2sim, qualisys"
 
 rig_app = typer.Typer(no_args_is_help=True, help="Checks and converts calibrations.")
 console = Console()
@@ -87,28 +88,41 @@ def rig_convert(
     layout: Annotated[str | None, typer.Option(help="Layout of the target; default: as its name tells.")] = None,
     size: Annotated[str | None, typer.Option(help="Image size WxH, where the source does not tell it.")] = None,
     upright: Annotated[bool, typer.Option("--upright", help="For images turned by quarters until up is up.")] = False,
+    up: Annotated[str, typer.Option(help="Axis that is up in the source: x, y, z, -x, -y, -z; it becomes z.")] = "z",
+    floor: Annotated[float, typer.Option(help="Where the floor is along that axis, metres; it becomes z = 0.")] = 0.0,
 ) -> None:
     """Converts a calibration from and for other programs."""
-    from tracker.rig import Rig
     from tracker.rig_layouts import read_rig, save_rig
 
-    pixels = None
-    if size is not None:
-        width, cross, height = size.partition("x")
-        if not (cross and width.isdigit() and height.isdigit()):
-            raise ConfigError(f"--size {size}: expected for instance 1920x1080")
-        pixels = int(width), int(height)
-    opened = read_rig(source, pixels)
+    opened = read_rig(source, _pixels(size))
     _tell(opened)
-    rig = opened.rig
+    rig = opened.rig.with_up(up, floor)
     if upright:
-        rig = Rig(tuple(camera.turned(camera.quarters_to_upright) for camera in rig.cameras))
-        for before, after in zip(opened.rig.cameras, rig.cameras, strict=True):
-            if before.quarters_to_upright:
-                turn = f"turned clockwise by {90 * before.quarters_to_upright} degrees"
-                console.print(f"{after.name}: for images {turn}, {after.size[0]}x{after.size[1]} px", highlight=False)
+        rig = _upright(rig)
     save_rig(rig, target, layout)
     console.print(f"{len(rig)} cameras written to {target}", highlight=False)
+
+
+def _pixels(size: str | None) -> tuple[int, int] | None:
+    """Width and height of WxH."""
+    if size is None:
+        return None
+    width, cross, height = size.partition("x")
+    if not (cross and width.isdigit() and height.isdigit()):
+        raise ConfigError(f"--size {size}: expected for instance 1920x1080")
+    return int(width), int(height)
+
+
+def _upright(rig: Rig) -> Rig:
+    """The cameras of images that were turned upright; says which."""
+    from tracker.rig import Rig
+
+    turned = Rig(tuple(camera.turned(camera.quarters_to_upright) for camera in rig.cameras))
+    for before, after in zip(rig.cameras, turned.cameras, strict=True):
+        if before.quarters_to_upright:
+            turn = f"turned clockwise by {90 * before.quarters_to_upright} degrees"
+            console.print(f"{after.name}: for images {turn}, {after.size[0]}x{after.size[1]} px", highlight=False)
+    return turned
 
 
 def _tell(opened: RigFile) -> None:

@@ -39,6 +39,10 @@ class OpenCvFile:
         node = self.storage.getNode(key)
         return float(node.real()) if node.isReal() or node.isInt() else 0.0
 
+    def has(self, key: str) -> bool:
+        """Whether there is such an entry."""
+        return not self.storage.getNode(key).empty()
+
     def matrix(self, *keys: str) -> Array:
         """The matrix under the first of the keys that the file has.
 

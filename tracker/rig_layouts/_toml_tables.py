@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 from tracker.camera import Camera
 from tracker.errors import CalibrationError
 from tracker.rig_layouts._cameras import Entry
+from tracker.rig_layouts._sources import text_of
 
 NO_POSE = "has no pose: neither rotation nor translation, only its lens was calibrated"
+
+_FREEMOCAP = re.compile(r"^charuco_square_size[ \t]*=", re.MULTILINE)
 
 
 def table_camera(name: str, table: dict[str, Any]) -> Camera | str:
@@ -39,3 +44,11 @@ def camera_table(camera: Camera) -> dict[str, Any]:
         "translation": camera.camera_from_world[:3, 3].tolist(),
         "fisheye": False,
     }
+
+
+def is_freemocap(path: Path) -> bool:
+    """Whether a TOML file has FreeMoCap's metadata; False also for what cannot be read."""
+    try:
+        return _FREEMOCAP.search(text_of(path)) is not None
+    except CalibrationError:
+        return False

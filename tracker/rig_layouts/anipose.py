@@ -1,4 +1,4 @@
-"""The TOML tables that Anipose introduced, and Pose2Sim, FreeMoCap, Caliscope and this project write."""
+"""The TOML tables that Anipose introduced, and Pose2Sim, Caliscope and this project write."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tracker.rig import Rig
 from tracker.rig_layouts import Listing
 from tracker.rig_layouts._cameras import in_metres
 from tracker.rig_layouts._sources import toml_table
-from tracker.rig_layouts._toml_tables import camera_table, table_camera
+from tracker.rig_layouts._toml_tables import camera_table, is_freemocap, table_camera
 from tracker.rig_layouts.caliscope import is_caliscope
 
 
@@ -29,8 +29,8 @@ class AniposeLayout:
     shape: ClassVar[str] = "a .toml with a table a camera (Anipose, Pose2Sim, FreeMoCap)"
 
     def detects(self, path: Path) -> bool:
-        """Any TOML file that is not Caliscope's own."""
-        return path.suffix.lower() == ".toml" and path.is_file() and not is_caliscope(path)
+        """Any TOML file that is neither Caliscope's own nor FreeMoCap's."""
+        return path.suffix.lower() == ".toml" and path.is_file() and not (is_caliscope(path) or is_freemocap(path))
 
     def read(self, path: Path, size: tuple[int, int] | None) -> Listing:
         """Reads the tables; one without a pose is left out."""

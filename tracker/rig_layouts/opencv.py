@@ -17,6 +17,13 @@ from tracker.rig_layouts._opencv_yaml import opened, written
 from tracker.rig_layouts.easymocap import EasyMocapLayout
 
 _LENS, _POSE = ("camera_matrix", "distortion_coefficients"), ("rotation", "translation")
+_OTHER = {
+    "camera_matrix": ("cameraMatrix", "K"),
+    "distortion_coefficients": ("distCoeffs", "D"),
+    "rotation": ("R", "rvec"),
+    "translation": ("T", "tvec"),
+}
+"""Other names that programs built on OpenCV use: those of its functions' parameters."""
 
 
 @component
@@ -24,7 +31,7 @@ class OpenCvLayout:
     """A folder of `CAMERA.yml`, as OpenCV's calibration samples write them, with rotation and translation added.
 
     Entries: image_width, image_height, camera_matrix, distortion_coefficients, rotation (matrix or Rodrigues vector)
-    and translation, metres. A file without the last two is left out.
+    and translation, metres; also K, D, R (or rvec) and T (or tvec). A file without the last two is left out.
     """
 
     endings: ClassVar[tuple[str, ...]] = ()
@@ -39,7 +46,7 @@ class OpenCvLayout:
         cameras: list[Camera] = []
         left_out: dict[str, str] = {}
         for file in _files(path):
-            found = _camera(file)
+            found = _camera(file, size)
             if found is None:
                 left_out[file.stem] = "has no pose: neither rotation nor translation, only its lens was calibrated"
             else:
@@ -70,13 +77,15 @@ def _files(folder: Path) -> list[Path]:
     return sorted(file for file in folder.iterdir() if file.suffix.lower() in (".yml", ".yaml") and file.is_file())
 
 
-def _camera(path: Path) -> Camera | None:
+def _camera(path: Path, given: tuple[int, int] | None) -> Camera | None:
     file = opened(path)
     size = file.number("image_width"), file.number("image_height")
     if min(size) <= 0:
-        raise CalibrationError(f"{path.name}: no image_width and image_height")
-    lens = {key: file.matrix(key) for key in _LENS}
-    if all(file.storage.getNode(key).empty() for key in _POSE):
+        if given is None:
+            raise CalibrationError(f"{path.name}: no image_width and image_height: give the image size, --size WxH")
+        size = given
+    lens = {key: file.matrix(key, *_OTHER[key]) for key in _LENS}
+    if not any(file.has(key) for name in _POSE for key in (name, *_OTHER[name])):
         return None
-    table = {"size": np.array(size), **lens, **{key: file.matrix(key) for key in _POSE}}
+    table = {"size": np.array(size), **lens, **{key: file.matrix(key, *_OTHER[key]) for key in _POSE}}
     return Entry(path.stem, table, *_LENS, *_POSE).camera()
