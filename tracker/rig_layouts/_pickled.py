@@ -59,7 +59,7 @@ class _Stack:
         taken = self.values[len(self.values) - n :]
         del self.values[len(self.values) - n :]
         if len(taken) < n:
-            raise ValueError("a step without its values")
+            raise CalibrationError("a pickled table that ends too early")
         return taken
 
     def pop_mark(self) -> list[Any]:
@@ -84,7 +84,7 @@ def pickled_table(content: bytes) -> dict[str, Any]:
     try:
         for n, (step, argument, _) in enumerate(pickletools.genops(content)):
             if n > _MOST_STEPS:
-                raise ValueError("more in it than a camera")
+                raise CalibrationError("a pickle with more in it than a camera")
             _take(stack, step.name, argument)
         (table,) = stack.values
     except CalibrationError:
