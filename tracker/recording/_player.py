@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Integers
+from tracker.body_surface import surface_of
 from tracker.camera import Camera
 from tracker.estimate import Estimate
 from tracker.recording import RunContext
 from tracker.recording._motion import Motion, Motions
 from tracker.recording._preview import FPS, Preview
-from tracker.recording._surfaces import surface_of
 from tracker.scene import Person
 from tracker.trajectory import Step
 

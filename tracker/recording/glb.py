@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
+from tracker.body_surface import surface_of
 from tracker.components import component
 from tracker.files import write_whole
 from tracker.recording import RunContext
 from tracker.recording._motion import Motion, MotionRecorder
-from tracker.recording._surfaces import surface_of
 
 _TYPES = {"<f4": 5126, "|u1": 5121, "<u4": 5125}
 """Component types of the format, by numpy's."""
