@@ -57,3 +57,11 @@ def _triangles(n_eta: int, n_omega: int) -> Integers:
     lower = np.stack([low + columns, low + right, high + right], axis=-1)[1:]
     upper = np.stack([low + columns, high + right, high + columns], axis=-1)[:-1]
     return np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)])
+
+
+def segments_in_world(body: BodyModel, q: Array) -> Array:
+    """Placements of the segments (..., S, 4, 4): origin in the joint, axes of the reference pose, metres."""
+    placed = np.array(body.world_from_parameters(q)[..., [segment.end for segment in body.segments], :, :])
+    joints = np.array([segment.joint for segment in body.segments])
+    placed[..., :3, 3] += (placed[..., :3, :3] @ joints[..., None])[..., 0]
+    return placed

@@ -24,6 +24,7 @@ from tracker.commands.show import show
 from tracker.commands.smooth import smooth
 from tracker.commands.surface import measure
 from tracker.commands.terminal import console, print_error
+from tracker.commands.view import view
 from tracker.commands.warmup import warmup
 from tracker.errors import ConfigError, TrackerError, os_fault
 from tracker.plugins import ask_before_plugins
@@ -33,7 +34,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Model-based, marker-less motion capture from calibrated views.",
 )
-for _command in (demo, init, run, batch, show, evaluate, smooth, export, acquire, warmup):
+for _command in (demo, init, run, batch, view, show, evaluate, smooth, export, acquire, warmup):
     app.command()(_command)
 app.command("surface")(measure)
 app.add_typer(calibrate_app, name="calibrate")

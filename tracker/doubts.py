@@ -2,15 +2,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import NamedTuple
 
 from tracker.estimate import Status
 from tracker.trajectory import Step
 
 # More ranges than this in one line are not read.
 _MOST_RANGES = 4
+
+_APART_S = 0.25
+"""Time that frames of a list lie apart: one bad moment is one entry."""
+
+
+class Judged(NamedTuple):
+    """How far a person's pose in a frame is to be believed."""
+
+    status: str
+    n_ambiguous: int
+    """Limbs that may be elsewhere."""
+
+    explained: float
+    """Share of the visible contour."""
+
+
+def worst_first(
+    times_s: Sequence[float], judged: Sequence[Sequence[Judged]], n_most: int = 12
+) -> list[tuple[int, int]]:
+    """Frames to look at, the worst first: lost, doubtful, with ambiguous limbs, then least explained.
+
+    Args:
+        times_s: (T,) seconds.
+        judged: (T, P) all persons in all frames.
+        n_most: how many at most.
+
+    Returns:
+        Positions of frame and person; those of one person lie some time apart.
+    """
+    grave: dict[str, int] = {Status.LOST: 0, Status.DOUBTFUL: 1}
+    ranked = sorted(
+        (grave.get(one.status, 2), -one.n_ambiguous, one.explained, t, k)
+        for t, row in enumerate(judged)
+        for k, one in enumerate(row)
+    )
+    chosen: list[tuple[int, int]] = []
+    for _, _, _, t, k in ranked:
+        near = any(abs(times_s[t] - times_s[other]) < _APART_S for other, who in chosen if who == k)
+        if not near and len(chosen) < n_most:
+            chosen.append((t, k))
+    return chosen
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
+from tracker.body_surface import segments_in_world
 from tracker.estimate import Status
 from tracker.recording import RunContext
 from tracker.scene import Person
@@ -128,11 +129,7 @@ class Motion:
 
     def segments(self, q: Array) -> Array:
         """Placements of the segments (T, S, 4, 4): origin in the joint, axes of the reference pose, metres."""
-        body = self.body
-        placed = np.array(body.world_from_parameters(q)[:, [segment.end for segment in body.segments]])
-        joints = np.array([segment.joint for segment in body.segments])
-        placed[..., :3, 3] += (placed[..., :3, :3] @ joints[..., None])[..., 0]
-        return placed
+        return segments_in_world(self.body, q)
 
     def points(self, q: Array, marks: Iterable[Landmark]) -> Array:
         """Marks on the body in the world (T, M, 3), metres."""

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
+from tracker.doubts import Judged, worst_first
 from tracker.estimate import Status
 from tracker.recording._drawing import STATUS_COLOURS
 from tracker.scene import Person, Scene
@@ -26,9 +27,6 @@ _LEAST_DEG, _LEAST_M = 30.0, 0.2
 
 _USUAL_PX = 10.0
 """Range of the distances that is shown even if all are smaller: those of two runs compare at a glance."""
-
-_APART_S = 0.25
-"""Time that frames of a list lie apart: one bad moment is one entry."""
 
 
 @dataclass(frozen=True)
@@ -121,20 +119,11 @@ class Series:
 
     def worst(self, n_most: int = 12) -> list[Bad]:
         """Frames to look at, the worst first: lost, doubtful, with ambiguous limbs, then least explained."""
-        grave = {"lost": 0, "doubtful": 1}
-        ranked = sorted(
-            (grave.get(status, 2), -len(limbs), share, t, k)
-            for t in range(len(self.frames))
-            for k, (status, limbs, share) in enumerate(
-                zip(self.statuses[t], self.ambiguous[t], self.explained[t], strict=True)
-            )
-        )
-        chosen: list[tuple[int, int]] = []
-        for _, _, _, t, k in ranked:
-            near = any(abs(self.times_s[t] - self.times_s[other]) < _APART_S for other, who in chosen if who == k)
-            if not near and len(chosen) < n_most:
-                chosen.append((t, k))
-        return [self._bad(t, k) for t, k in chosen]
+        judged = [
+            [Judged(status, len(limbs), share) for status, limbs, share in zip(*row, strict=True)]
+            for row in zip(self.statuses, self.ambiguous, self.explained, strict=True)
+        ]
+        return [self._bad(t, k) for t, k in worst_first(self.times_s, judged, n_most)]
 
     def _bad(self, t: int, k: int) -> Bad:
         limbs = ", ".join(limb.replace("_", " ") for limb in self.ambiguous[t][k])

@@ -1,0 +1,237 @@
+"""`bodytrack view`: what the scene holds, on this machine only, until Ctrl-C."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import signal
+import subprocess
+import sys
+import urllib.request
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import PROGRAM, browser
+from motions import LOST, N_FRAMES, made_up
+from typer.testing import CliRunner
+
+from tracker.body_surface import segments_in_world
+from tracker.cli import app
+from tracker.errors import ConfigError
+from tracker.frame import Frame
+from tracker.jobs import execute, load_job
+from tracker.result import load_result
+from tracker.run import load_run
+from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.viewing.finished import view_result
+from tracker.viewing.live import LiveRun
+from tracker.viewing.pictures import Pictures
+from tracker.viewing.server import serving
+from tracker.viewing.stage import BLUE, ORANGE, RED, Stage, segment_colours
+from tracker.viewing.viewer import Viewer, _strip
+
+
+class Node:
+    """What viser would show, as it was told."""
+
+    def __init__(self, *arguments: object, **told: object) -> None:
+        self.arguments, self.value, self.on = arguments, None, []
+        vars(self).update(told)
+
+    def on_update(self, call):
+        self.on.append(call)
+
+    on_click = on_update
+
+
+class Server:
+    """Takes note of nodes and of what steers them; nothing is served."""
+
+    def __init__(self) -> None:
+        self.nodes, self.gui, self.scene, self.atomic = {}, self, self, contextlib.nullcontext
+        self.initial_camera = Node()
+
+    def __getattr__(self, name: str):
+        if not name.startswith("add_"):
+            raise AttributeError(name)
+
+        def add(what, *arguments, **told):
+            self.nodes[what if isinstance(what, str) else name] = node = Node(*arguments, **told)
+            if name == "add_slider":
+                node.value = arguments[-1]
+            if name == "add_checkbox":
+                node.value = arguments[0]
+            return node
+
+        return add
+
+
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A configuration of six simulated frames, and its result."""
+    folder = tmp_path_factory.mktemp("view")
+    config = write_sequence(Recipe("arm_swing", seconds=0.24, size=(360, 288)), folder / "sequence")
+    start = ["initialization.use=given", "initialization.poses=truth_poses.csv", 'recordings=["run_json","journal"]']
+    execute(load_job("track", config, start), folder / "result")
+    return folder
+
+
+def test_every_part_of_a_body_stands_where_it_was_found(tmp_path):
+    movement = made_up("human", "quadruped")
+    server = Server()
+    stage = Stage(server, movement.scene)
+    step = movement.steps[0]
+    stage.show(step.estimates)
+    for person, estimate in zip(movement.scene.persons, step.estimates, strict=True):
+        placed = segments_in_world(person.body, estimate.q)
+        turned = person.body.world_from_part(estimate.q)
+        for k, segment in enumerate(person.body.segments):
+            mesh = server.nodes[f"/persons/{person.name}/{segment.name}"]
+            np.testing.assert_allclose(mesh.position, placed[k, :3, 3])
+            w, *v = mesh.wxyz
+            corners = mesh.arguments[0] + 2 * np.cross(v, np.cross(v, mesh.arguments[0]) + w * mesh.arguments[0])
+            parts = [p for p, part in enumerate(person.body.parts) if part.segment == segment.name]
+            off = [
+                np.abs(person.body.parts[p].shape.inside_outside(
+                    (corners + mesh.position - turned[p, :3, 3]) @ turned[p, :3, :3]) - 1)
+                for p in parts
+            ]  # fmt: skip
+            assert np.min(off, axis=0).max() < 2e-3
+            assert mesh.visible
+    stage.show(movement.steps[LOST.start].estimates)
+    seen = [node.visible for name, node in server.nodes.items() if name.startswith("/persons/person1")]
+    assert not any(seen)
+
+
+def test_what_is_unsure_is_orange():
+    movement = made_up("human")
+    person, estimate = movement.scene.persons[0], movement.steps[0].estimates[0]
+    assert set(segment_colours(person, estimate)) == {BLUE}
+    colours = segment_colours(person, replace(estimate, ambiguous=("left_arm",)))
+    orange = {s.name for s, colour in zip(person.body.segments, colours, strict=True) if colour == ORANGE}
+    assert orange == {"left_shoulder", "left_upper_arm", "left_forearm", "left_hand"}
+    assert set(segment_colours(person, replace(estimate, doubtful=True))) == {ORANGE}
+
+
+def test_a_single_lost_frame_among_thousands_is_seen_in_the_strip():
+    movement = made_up("gavrila22")
+    viewer = Viewer(Server(), movement.scene, 0.04, 3000)
+    for k in range(3000):
+        step = movement.steps[LOST.start if k == 1234 else 0]
+        viewer.add(replace(step, frame=Frame(k, 0.04 * k, (None, None))))
+    strip = _strip(viewer._frames, movement.scene)
+    assert (strip == RED).all(axis=2).any(axis=0).sum() == 1
+    viewer.tell_doubts()
+    worst = viewer._server.nodes["worst frames"]
+    assert worst.options[1] == "49.360 s: person1 lost"
+    worst.value = worst.options[1]
+    worst.on[0](None)
+    viewer.draw()
+    assert viewer.shown == 1234
+
+
+def test_images_are_straight_and_centred():
+    """A point in space is seen in a kept image where a pinhole camera with a centred principal point has it."""
+    rig = made_up("gavrila22").scene.rig
+    camera = rig.cameras[0]
+    image = np.zeros((720, 1280, 3), np.uint8)
+    point = np.array([0.1, -0.6, 0.5])
+    u, v = np.round(camera.project(point)).astype(int)
+    image[v - 8 : v + 9, u - 8 : u + 9] = 255
+    pictures = Pictures(rig, 10)
+    pictures.add(Frame(3, 0.12, (image, None)))
+    kept, missing = pictures.of(3)
+    assert missing is None
+    assert kept.shape == (225, 400, 3)
+    weights = kept[..., 0].astype(float)
+    found = [(weights.sum(axis=k) * np.arange(weights.shape[1 - k])).sum() / weights.sum() for k in (0, 1)]
+    plain = replace(camera, distortion=np.zeros(5)).in_camera(point)
+    f = np.diag(camera.matrix)[:2] * 400 / 1280
+    np.testing.assert_allclose(found, f * plain[:2] / plain[2] + [199.5, 112], atol=0.5)
+    assert pictures.of(4) is None
+
+
+def test_a_finished_result_is_served_on_this_machine_only(tracked):
+    result = load_result(tracked / "result")
+    with serving(18080) as server:
+        assert server.get_host() == "127.0.0.1"
+        viewer, fault = view_result(result, server)
+        assert fault == ""
+        viewer.seek(4)
+        for _ in range(200):
+            viewer.serve(0.05)
+            if viewer.pictures.n_kept == 6:
+                break
+        viewer.serve(0.1)
+        assert viewer.shown == result.frames[4]
+        assert viewer.pictures.of(int(result.frames[4]))[0].shape == (288, 360, 3)
+        page = urllib.request.urlopen(f"http://127.0.0.1:{server.get_port()}", timeout=10).read()
+        assert b"<html" in page
+        viewer.pictures.stop()
+
+
+def test_a_result_without_its_recording_is_shown_without_images(tmp_path):
+    movement = made_up("gavrila22")
+    with serving(18090) as server:
+        viewer, fault = view_result(load_result(movement.result(tmp_path / "out")), server)
+        assert "config.toml" in fault
+        viewer.serve(0.05)
+        assert viewer.shown == 10
+        assert viewer.n_frames == N_FRAMES
+
+
+def test_a_run_is_looked_at_while_it_tracks(tracked):
+    start = ["initialization.use=given", "initialization.poses=truth_poses.csv"]
+    run, told = load_run(tracked / "sequence" / "config.toml", start), []
+    with serving(18100) as server:
+        live = LiveRun(run, server, lambda done, total: told.append((done, total)))
+        while not live.done.is_set():
+            live.viewer.serve(0.05)
+        live.viewer.serve(0.05)
+        assert live.fault is None
+        assert told[-1] == (6, 6)
+        assert live.viewer.shown == 5  # it follows
+        assert live.viewer.pictures.n_kept == 6
+        live.close()
+
+
+def test_ctrl_c_ends_it(tracked):
+    command = [sys.executable, "-m", "tracker", "view", str(tracked / "result"), "--port", "18110"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    line = process.stdout.readline()
+    assert re.fullmatch(r"look at http://127\.0\.0\.1:\d+; Ctrl-C ends it\n", line), line
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=30)
+    assert (process.returncode, told) == (0, "")
+
+
+def test_without_viser_the_package_to_install_is_named(tracked, monkeypatch):
+    monkeypatch.setitem(sys.modules, "viser", None)
+    told = CliRunner().invoke(app, ["view", str(tracked / "result")])
+    assert isinstance(told.exception, ConfigError)
+    assert str(told.exception).endswith('pip install "bodytrack[view]"')
+
+
+def test_settings_of_a_result_are_not_changed(tracked):
+    told = CliRunner().invoke(app, ["view", str(tracked / "result"), "--set", "estimation.step_deg=3"])
+    assert isinstance(told.exception, ConfigError)
+    assert "is a result" in str(told.exception)
+
+
+@pytest.mark.skipif(PROGRAM is None, reason="no Chromium (apt-get install chromium)")
+def test_a_browser_shows_the_scene(tracked, tmp_path):
+    with serving(18120) as server, browser(tmp_path / "profile") as page:
+        viewer, _ = view_result(load_result(tracked / "result"), server)
+        page.open(f"http://127.0.0.1:{server.get_port()}")
+        for _ in range(300):
+            viewer.serve(0.1)
+            if page.value("document.body.innerText.includes('worst frames')"):
+                break
+        viewer.serve(1.0)
+        text = page.value("document.body.innerText")
+        assert "tracked" in text or "bootstrapped" in text
+        assert page.value("document.querySelectorAll('canvas').length") > 0
+        page.picture(tmp_path / "view.png")
+        assert page.errors == []

@@ -1,0 +1,1 @@
+"""Viewing: a run in space, in a browser on this machine, while it tracks or when it is finished; needs viser."""
