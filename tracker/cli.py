@@ -14,6 +14,7 @@ from rich.console import Console
 from tracker.commands.acquire import acquire
 from tracker.commands.batch import batch
 from tracker.commands.calibrate import calibrate_app
+from tracker.commands.compare import compare
 from tracker.commands.evaluate import evaluate
 from tracker.commands.export import export
 from tracker.commands.init import init
@@ -34,7 +35,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Model-based, marker-less motion capture from calibrated views.",
 )
-for _command in (demo, init, run, batch, view, show, evaluate, smooth, export, acquire, warmup):
+for _command in (demo, init, run, batch, view, show, evaluate, compare, smooth, export, acquire, warmup):
     app.command()(_command)
 app.command("surface")(measure)
 app.add_typer(calibrate_app, name="calibrate")

@@ -1,0 +1,291 @@
+"""A result against a marker system: where its clock and world lie, and how far angles and joints are apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tracker.arrays import Array, Integers
+from tracker.body_sections import Joints
+from tracker.errors import SequenceError, nearest
+from tracker.evaluation.joint_names import JointNames, names_of
+from tracker.evaluation.marker_alignment import Alignment, align
+from tracker.evaluation.marker_set import MarkerSet, check_marker_set, joints_of, load_marker_set
+from tracker.evaluation.tables import read_rows
+from tracker.evaluation.time_correlation import Clocked, flexions
+from tracker.marker_layouts import read_markers
+from tracker.source_files import frame_in, number_in
+
+_AXES = ("x_m", "y_m", "z_m")
+
+
+@dataclass(frozen=True)
+class TrackedJoints:
+    """One person's joints from the tables of a result."""
+
+    person: str
+    names: tuple[str, ...]
+    frames: Integers
+    """(T,) numbers of the frames."""
+
+    statuses: tuple[str, ...]
+    """(T,) of the frames; `ambiguous` where no frame is doubtful or lost but a joint may be elsewhere."""
+
+    motion: Clocked
+    """(T, J, 3) metres."""
+
+    def chosen(self, names: Iterable[str]) -> Clocked:
+        """The motion of some joints."""
+        return Clocked(self.motion.times_s, self.motion.points[:, [self.names.index(name) for name in names]])
+
+
+@dataclass(frozen=True)
+class AngleErrors:
+    """One angle, ours minus that of the markers, degrees."""
+
+    name: str
+    n_frames: int
+    """Frames in which both have it."""
+
+    rms_deg: float
+    offset_deg: float
+    rms_offset_removed_deg: float
+    worst_deg: float
+    correlation: float
+
+
+@dataclass(frozen=True)
+class JointErrors:
+    """One joint against the middle of its markers, millimetres."""
+
+    name: str
+    n_frames: int
+    mean_mm: float
+    mean_offset_removed_mm: float
+    """After removing one constant offset in space."""
+
+    p95_mm: float
+    beside_mm: float
+    """How far its centre lies from the middle of its markers, always to the same side seen from the limb."""
+
+
+@dataclass(frozen=True)
+class MarkerComparison:
+    """Everything about one person."""
+
+    track: TrackedJoints
+    alignment: Alignment
+    marker_rate_hz: float
+    marker_gaps: float
+    """Share of the markers' positions that are missing."""
+
+    angles: tuple[AngleErrors, ...]
+    joints: tuple[JointErrors, ...]
+    ours_deg: Array
+    """(T, A) angles."""
+
+    theirs_deg: Array
+    """(T, A) those of the markers at the same time."""
+
+    distances_mm: Array
+    """(T, J) of the joints of the set."""
+
+    findings: tuple[str, ...]
+    """What a reader must not overlook."""
+
+    @property
+    def n_compared(self) -> int:
+        """Frames in which at least one joint is in both."""
+        return int(np.isfinite(self.distances_mm).any(axis=1).sum())
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values without the curves; what is unknown is None."""
+        told, placed = self.alignment, self.alignment.placement
+        table = {
+            "person": self.track.person,
+            "frames": len(self.track.frames),
+            "frames_compared": self.n_compared,
+            "marker_time_minus_video_time_s": placed.offset_s,
+            "rotation_marker_from_world": placed.rotation.tolist(),
+            "translation_m": placed.translation_m.tolist(),
+            "sigma": {
+                "offset_s": told.offset_sigma_s,
+                "rotation_deg": told.rotation_sigma_deg,
+                "position_mm": told.position_sigma_mm,
+            },
+            "correlation": told.correlation,
+            "median_distance_mm": placed.median_mm,
+            "deciding": placed.deciding,
+            "angles": [vars(angle) for angle in self.angles],
+            "joints": [vars(joint) for joint in self.joints],
+            "findings": list(self.findings),
+        }
+        plain: dict[str, Any] = _without_nan(table)
+        return plain
+
+
+def compare(
+    result: Path, markers: Path, marker_set: Path, person: str | None = None, offset_s: float | None = None
+) -> MarkerComparison:
+    """Compares a result folder with a marker recording of the same movement.
+
+    Args:
+        result: folder of a run, or of a smoothed one.
+        markers: `.trc` or `.c3d`.
+        marker_set: which markers make which joint.
+        person: whom the markers were on; None where there is one only.
+        offset_s: marker time minus video time where known within a tenth of a second; None to find it.
+
+    Raises:
+        SequenceError: files are missing or damaged, or do not show the same movement.
+        ConfigError: the marker set does not fit the recording or the body.
+    """
+    chosen = load_marker_set(marker_set)
+    track, names = _tracked(result, person)
+    recording = read_markers(markers)
+    check_marker_set(chosen, marker_set, recording, track.names)
+    theirs = joints_of(chosen, marker_set, recording)
+    ours = track.chosen(chosen.joints)
+    chains = _chains(chosen, names.joints)
+    hinges = [tuple(map(list(chosen.joints).index, chain)) for chain in chains.values()]
+    columns = [(before, joint, behind) for before, joint, behind in hinges]
+    alignment = align(ours, theirs, columns, offset_s)
+    when = ours.times_s + alignment.placement.offset_s
+    at_frames = Clocked(ours.times_s, alignment.placement.in_our_world(theirs.at(when)))
+    mine_deg = flexions(ours.points, columns)
+    their_deg = Clocked(theirs.times_s, flexions(theirs.points, columns)[..., None]).at(when)[..., 0]
+    gaps = 1000 * (ours.points - at_frames.points)
+    return _with_findings(
+        MarkerComparison(
+            track=track,
+            alignment=alignment,
+            marker_rate_hz=recording.rate_hz,
+            marker_gaps=recording.gaps,
+            angles=tuple(_angle(name, mine_deg[:, k], their_deg[:, k]) for k, name in enumerate(chains)),
+            joints=tuple(_joint(k, name, gaps, alignment) for k, name in enumerate(chosen.joints)),
+            ours_deg=mine_deg,
+            theirs_deg=their_deg,
+            distances_mm=np.linalg.norm(gaps, axis=-1),
+            findings=(),
+        )
+    )
+
+
+def _chains(chosen: MarkerSet, joints: Joints) -> dict[str, tuple[str, str, str]]:
+    """Name -> three joints of every angle that can be compared: the body's hinges, then the set's own."""
+    hinges = {f"{name}_flexion": chain for name, chain in joints.chains().items() if set(chain) <= set(chosen.joints)}
+    return hinges | chosen.angles
+
+
+def _angle(name: str, ours: Array, theirs: Array) -> AngleErrors:
+    both = np.isfinite(ours) & np.isfinite(theirs)
+    gap = (ours - theirs)[both]
+    if not len(gap):
+        return AngleErrors(name, 0, *(math.nan,) * 5)
+    moving = len(gap) > 2 and ours[both].std() > 0 and theirs[both].std() > 0
+    alike = float(np.corrcoef(ours[both], theirs[both])[0, 1]) if moving else math.nan
+    rms = float(np.sqrt((gap**2).mean()))
+    return AngleErrors(name, len(gap), rms, float(gap.mean()), float(gap.std()), float(np.abs(gap).max()), alike)
+
+
+def _joint(k: int, name: str, gaps_mm: Array, alignment: Alignment) -> JointErrors:
+    beside = 1000 * float(np.linalg.norm(alignment.placement.beside_m[k]))
+    gap = gaps_mm[np.isfinite(gaps_mm[:, k]).all(axis=1), k]
+    if not len(gap):
+        return JointErrors(name, 0, math.nan, math.nan, math.nan, beside)
+    distance = np.linalg.norm(gap, axis=1)
+    removed = np.linalg.norm(gap - gap.mean(axis=0), axis=1)
+    p95 = float(np.percentile(distance, 95))
+    return JointErrors(name, len(gap), float(distance.mean()), float(removed.mean()), p95, beside)
+
+
+# A comparison says so when time, direction or place are known worse than this, or when a joint lies farther beside its
+# markers than flesh is thick: such errors are as large as what is to be measured.
+_VAGUE_S, _VAGUE_DEG, _VAGUE_MM, _BESIDE_MM = 0.01, 2.0, 20.0, 40.0
+
+_DECIDING = 0.6
+"""Two thirds are right where one arm is wrong."""
+
+
+def _with_findings(made: MarkerComparison) -> MarkerComparison:
+    told, said = made.alignment, []
+    if not math.isnan(told.rival_offset_s):
+        said.append(
+            f"an offset of {told.rival_offset_s:.3f} s fits nearly as well as {told.placement.offset_s:.3f} s, as with "
+            "movement that repeats: check it, and give --offset"
+        )
+    vague = told.offset_sigma_s > _VAGUE_S or told.rotation_sigma_deg > _VAGUE_DEG
+    if vague or told.position_sigma_mm > _VAGUE_MM:
+        said.append(
+            f"the alignment is uncertain by {1000 * told.offset_sigma_s:.0f} ms, {told.rotation_sigma_deg:.1f} deg, "
+            f"{told.position_sigma_mm:.0f} mm: positions may be off by that; angles of joints are not"
+        )
+    if told.placement.deciding < _DECIDING:
+        share = 100 * told.placement.deciding
+        said.append(f"only {share:.0f} % of the joints fit the alignment: the others are elsewhere than their markers")
+    far = [f"{joint.name} {joint.beside_mm:.0f} mm" for joint in made.joints if joint.beside_mm > _BESIDE_MM]
+    if far:
+        said.append(f"lies far beside its markers: {', '.join(far)}: check the marker set")
+    missing = len(made.track.frames) - made.n_compared
+    if missing:
+        said.append(f"{missing} of {len(made.track.frames)} frames have no joint in both")
+    return replace(made, findings=tuple(said))
+
+
+def _tracked(result: Path, person: str | None) -> tuple[TrackedJoints, JointNames]:
+    """A person's joints from `joints.csv`, called as the body's model file calls them."""
+    path = result / "joints.csv"
+    if not path.is_file():
+        raise SequenceError(f"{result}: no joints.csv there, expected the result folder of a run")
+    rows = read_rows(path)
+    for column in ("frame", "time_s", "person", "joint", *_AXES):
+        if column not in rows[0]:
+            raise SequenceError(f'{path}: no column "{column}"; {nearest(column, rows[0])}')
+    persons = list(dict.fromkeys(row["person"] for row in rows))
+    if person is not None and person not in persons:
+        raise SequenceError(f'{path}: nobody is called "{person}"; {nearest(person, persons)}')
+    if person is None and len(persons) > 1:
+        raise SequenceError(
+            f"{path}: {len(persons)} persons: say by --person who wore the markers: {', '.join(persons)}"
+        )
+    who = person or persons[0]
+    names = names_of(result)[who]
+    return _joints_of_table(path, [row for row in rows if row["person"] == who], names), names
+
+
+def _joints_of_table(path: Path, rows: list[dict[str, str]], names: JointNames) -> TrackedJoints:
+    times: dict[int, float] = {}
+    found: dict[int, dict[str, Array]] = {}
+    statuses: dict[int, str] = {}
+    for row in rows:
+        frame = frame_in(row, path, SequenceError)
+        times[frame] = number_in(row, "time_s", path, SequenceError)
+        known = all(row[axis] for axis in _AXES)
+        point = [number_in(row, axis, path, SequenceError) for axis in _AXES] if known else [math.nan] * 3
+        found.setdefault(frame, {})[row["joint"]] = np.array(point)
+        status = row.get("status", "")
+        statuses[frame] = "ambiguous" if "ambiguous" in (status, statuses.get(frame)) else status
+    frames = sorted(found)
+    joints = [names.of(found[frame]) for frame in frames]
+    columns = tuple(dict.fromkeys(name for points in joints for name in points))
+    missing = np.full(3, np.nan)
+    points = np.array([[frame.get(name, missing) for name in columns] for frame in joints])
+    times_s = np.array([times[frame] for frame in frames])
+    if len(frames) < 2 or not (np.diff(times_s) > 0).all():
+        raise SequenceError(f"{path}: expected two frames or more of one person, each later than the one before")
+    who = rows[0]["person"]
+    marks = tuple(statuses[frame] for frame in frames)
+    return TrackedJoints(who, columns, np.array(frames, dtype=np.int64), marks, Clocked(times_s, points))
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_nan(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,161 @@
+"""Which markers make which joint, and the frames in which the joint may lie beside their middle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pydantic
+
+from tracker.arrays import Array
+from tracker.body_sections import Entry
+from tracker.errors import ConfigError, nearest
+from tracker.evaluation.time_correlation import Clocked
+from tracker.markers import Markers
+from tracker.source_files import toml_of
+
+_COLLINEAR = 0.3
+"""Sine of the angle below which a second direction does not tell how a joint is turned about the first."""
+
+
+class MarkerSet(Entry):
+    """A marker set file."""
+
+    joints: dict[str, tuple[str, ...]]
+    """Joint of the body -> the markers whose middle is near its centre, best a pair on both sides of it."""
+
+    angles: dict[str, tuple[str, str, str]] = pydantic.Field(default_factory=dict)
+    """Further angles to compare: name -> three joints, the angle between the bones from the first to the last; the
+    hinges of the body's model file are compared anyway."""
+
+
+@dataclass(frozen=True)
+class MarkerJoints(Clocked):
+    """Joints made of markers."""
+
+    frames: Array
+    """(T, J, 3, 3) axes (columns) that turn with the joint's markers, in the marker world; of a joint of one marker
+    the world's."""
+
+    shifts: tuple[bool, ...]
+    """(J,) whether the frame turns, so that a constant distance of the joint from its markers' middle can show."""
+
+    def frames_at(self, times_s: Array) -> Array:
+        """(T', J, 3, 3) in between, linear: they are nearly axes."""
+        n_joints = self.points.shape[1]
+        between = Clocked(self.times_s, self.frames.reshape(len(self.times_s), 3 * n_joints, 3)).at(times_s)
+        return between.reshape(-1, n_joints, 3, 3)
+
+    def chosen(self, kept: list[int]) -> MarkerJoints:
+        """Some of the joints."""
+        shifts = tuple(self.shifts[k] for k in kept)
+        return MarkerJoints(self.times_s, self.points[:, kept], self.frames[:, kept], shifts)
+
+
+def load_marker_set(path: Path) -> MarkerSet:
+    """Reads a marker set file.
+
+    Raises:
+        ConfigError: it is missing, no TOML, or has other keys than `joints` and `angles`.
+    """
+    table: dict[str, Any] = toml_of(path, ConfigError, "the marker set")
+    try:
+        markers = MarkerSet.model_validate(table)
+    except pydantic.ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"])) or "joints"
+        raise ConfigError(f"{path} [{where}]: {first['msg'].removeprefix('Value error, ')}") from error
+    for joint, names in markers.joints.items():
+        if not names or len(set(names)) != len(names):
+            raise ConfigError(f"{path} [joints.{joint}]: expected one marker or more, each once")
+    return markers
+
+
+def check_marker_set(markers: MarkerSet, path: Path, recording: Markers, joints: Iterable[str]) -> None:
+    """Whether a recording has the markers, and the body the joints, that a set names.
+
+    Raises:
+        ConfigError: one is missing; the nearest valid name is told.
+    """
+    valid = tuple(joints)
+    for joint, names in markers.joints.items():
+        if joint not in valid:
+            raise ConfigError(f'{path} [joints]: the result has no joint "{joint}"; {nearest(joint, valid)}')
+        for name in names:
+            column(name, path, recording)
+    for angle, chain in markers.angles.items():
+        for joint in chain:
+            if joint not in markers.joints:
+                known = nearest(joint, markers.joints)
+                raise ConfigError(f'{path} [angles.{angle}]: no joint "{joint}" in this set; {known}')
+
+
+def column(name: str, path: Path, recording: Markers) -> int:
+    """Where a marker stands in the recording; `LELB` is found also as `Anna:LELB`, as Vicon names it.
+
+    Raises:
+        ConfigError: it is not there, or several subjects have it.
+    """
+    if name in recording.names:
+        return recording.names.index(name)
+    found = [k for k, own in enumerate(recording.names) if own.rpartition(":")[2] == name]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        owners = ", ".join(recording.names[k] for k in found)
+        raise ConfigError(f'{path} [joints]: "{name}" is a marker of several subjects: write one of {owners}')
+    raise ConfigError(f'{path} [joints]: the recording has no marker "{name}"; {nearest(name, recording.names)}')
+
+
+def joints_of(markers: MarkerSet, path: Path, recording: Markers) -> MarkerJoints:
+    """The joints of a set, in its order; NaN where one of a joint's markers is missing.
+
+    Args:
+        markers: the set, checked.
+        path: of its file, for messages.
+        recording: where the markers were.
+    """
+    own = [[column(name, path, recording) for name in names] for names in markers.joints.values()]
+    middles = np.stack([recording.points[:, columns].mean(axis=1) for columns in own], axis=1)
+    frames = np.tile(np.eye(3), (*middles.shape[:2], 1, 1))
+    shifts = []
+    for k, columns in enumerate(own):
+        turning = _frames(recording.points[:, columns], np.delete(middles, k, axis=1))
+        shifts.append(turning is not None)
+        if turning is not None:
+            frames[:, k] = turning
+    return MarkerJoints(recording.times_s, middles, frames, tuple(shifts))
+
+
+def _frames(markers: Array, others: Array) -> Array | None:
+    """Axes (T, 3, 3) from the first two markers of a joint and what keeps its distance to both; None if there is none.
+
+    Args:
+        markers: (T, n, 3) those of the joint.
+        others: (T, m, 3) the other joints.
+    """
+    if markers.shape[1] < 2:
+        return None
+    one, two = markers[:, 0], markers[:, 1]
+    along = _unit(one - two)
+    best, chosen = np.inf, None
+    for partner in np.concatenate([markers[:, 2:], others], axis=1).transpose(1, 0, 2):
+        towards = partner - (one + two) / 2
+        across = towards - along * (towards * along).sum(axis=1, keepdims=True)
+        sine = np.linalg.norm(across, axis=1) / np.linalg.norm(towards, axis=1)
+        known = np.isfinite(sine)
+        if known.sum() < 2 or np.median(sine[known]) < _COLLINEAR:
+            continue
+        loose = sum(float(np.nanstd(np.linalg.norm(partner - marker, axis=1))) for marker in (one, two))
+        if loose < best:
+            best, chosen = loose, _unit(across)
+    return None if chosen is None else np.stack([along, chosen, np.cross(along, chosen)], axis=-1)
+
+
+def _unit(vectors: Array) -> Array:
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    unit: Array = vectors / np.where(lengths > 0, lengths, np.nan)
+    return unit

@@ -1,0 +1,61 @@
+"""A recording of a marker system: where each marker was when, in its own world and by its own clock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tracker.arrays import Array, Mask, frozen, shape_fault
+from tracker.errors import SequenceError
+
+
+@dataclass(frozen=True)
+class Markers:
+    """Trajectories of the markers.
+
+    Raises:
+        SequenceError: the arrays do not fit one another, or time does not run forwards.
+    """
+
+    names: tuple[str, ...]
+    """Of the M markers, as the file calls them."""
+
+    times_s: Array
+    """(T,) seconds of the marker system's clock, increasing."""
+
+    points: Array
+    """(T, M, 3) metres in the marker system's world, NaN where a marker was not seen."""
+
+    def __post_init__(self) -> None:
+        fault = shape_fault(self.points, len(self.times_s), len(self.names), 3)
+        if fault:
+            raise SequenceError(f"markers: {fault}")
+        if len(self.times_s) < 2 or not (np.diff(self.times_s) > 0).all():
+            raise SequenceError("markers: expected two frames or more, each later than the one before")
+        object.__setattr__(self, "times_s", frozen(self.times_s))
+        object.__setattr__(self, "points", frozen(self.points))
+
+    @property
+    def rate_hz(self) -> float:
+        """Usual number of frames a second."""
+        return 1.0 / float(np.median(np.diff(self.times_s)))
+
+    @property
+    def gaps(self) -> float:
+        """Share of the positions that are missing."""
+        return float(np.isnan(self.points[..., 0]).mean())
+
+
+def without_gaps(points: Array) -> Array:
+    """Points (..., 3) of a file with NaN where a position is incomplete, infinite, or exactly the origin.
+
+    Marker systems that have no sign for a gap write zeros; nobody wears a marker at the origin to the last digit.
+    """
+    missing: Mask = ~np.isfinite(points).all(axis=-1) | (points == 0).all(axis=-1)
+    kept: Array = np.where(missing[..., None], np.nan, points)
+    return kept
+
+
+METRES_PER_UNIT = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
+"""Units of length that marker files name."""
