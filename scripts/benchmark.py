@@ -15,6 +15,7 @@ from benchmarks import calibration as bar_calibration
 from benchmarks import follow as followed_points
 from benchmarks import lsm as patch_matching
 from benchmarks import poses as pose_rates
+from benchmarks import recognition as known_movements
 from benchmarks import recordings as tracked_recordings
 from benchmarks import robustness as survival
 from benchmarks import sigma as uncertainty
@@ -106,6 +107,15 @@ def follow(
 ) -> None:
     """Points followed on a moving back: errors, losses, occlusion, interlaced images, one view, speed."""
     followed_points.compare(console, only, quick)
+
+
+@app.command()
+def recognition(
+    tracked: Annotated[bool, typer.Option("--tracked", help="Also tracks the rooms' videos: minutes.")] = False,
+    quick: Quick = False,
+) -> None:
+    """Movements of other persons and performances than the library's: confusions, false alarms, ends."""
+    known_movements.compare(console, tracked, quick)
 
 
 @app.command()

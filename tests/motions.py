@@ -10,7 +10,8 @@ import numpy as np
 from rig_samples import sample_rig
 
 from tracker.account import Account
-from tracker.arrays import Array
+from tracker.arrays import Array, Mask
+from tracker.body import BodyModel
 from tracker.body_files import load_body
 from tracker.contours import Contours
 from tracker.estimate import Estimate, Status
@@ -58,6 +59,16 @@ class Movement:
         return folder
 
 
+def performed(body: BodyModel, poses: Array, lost: Mask | None = None) -> Movement:
+    """A movement of one person, "anna": poses (T, dof) at `INTERVAL_S`, lost in some frames (T,)."""
+    scene = Scene((Person("anna", body, body.rest()),), sample_rig("A", "B"))
+    steps = []
+    for t, q in enumerate(poses):
+        estimate = _estimate(q, len(body.parts), lost is not None and bool(lost[t]))
+        steps.append(Step(Frame(t, INTERVAL_S * t, (None, None)), scene.with_poses((q,)), (estimate,), _blank()))
+    return Movement(scene, steps, [poses])
+
+
 def made_up(*models: str, seed: int = 0) -> Movement:
     """Persons called person1, ..., turning more than once round, all joints moving; the first is lost in `LOST`."""
     rng = np.random.default_rng(seed)
@@ -70,20 +81,23 @@ def made_up(*models: str, seed: int = 0) -> Movement:
         q = size * np.sin(np.arange(N_FRAMES)[:, None] / 4 + phase)
         q[:, body.root.turn] = np.linspace(-3, 3, N_FRAMES)
         poses.append(body.clamped(q))
-    blank = Contours(
+    steps = []
+    for t in range(N_FRAMES):
+        lost = [k == 0 and LOST.start <= t < LOST.stop for k in range(len(bodies))]
+        estimates = tuple(_estimate(q[t], len(b.parts), gone) for q, b, gone in zip(poses, bodies, lost, strict=True))
+        posed = scene.with_poses(tuple(q[t] for q in poses))
+        steps.append(Step(Frame(10 + t, 0.4 + INTERVAL_S * t, (None, None)), posed, estimates, _blank()))
+    return Movement(scene, steps, poses)
+
+
+def _blank() -> Contours:
+    return Contours(
         np.zeros((1, 2, 1, 5), np.float32),
         np.zeros((1, 2, 1, 3), np.float32),
         np.zeros((1, 2, 1), np.int64),
         np.zeros((1, 2, 1), np.bool_),
         np.zeros((1, 2), np.int64),
     )
-    steps = []
-    for t in range(N_FRAMES):
-        lost = [k == 0 and LOST.start <= t < LOST.stop for k in range(len(bodies))]
-        estimates = tuple(_estimate(q[t], len(b.parts), gone) for q, b, gone in zip(poses, bodies, lost, strict=True))
-        posed = scene.with_poses(tuple(q[t] for q in poses))
-        steps.append(Step(Frame(10 + t, 0.4 + INTERVAL_S * t, (None, None)), posed, estimates, blank))
-    return Movement(scene, steps, poses)
 
 
 def _estimate(q: Array, n_parts: int, lost: bool) -> Estimate:

@@ -35,6 +35,11 @@ def benchmark(*arguments: str, **variables: str) -> str:
         (("lsm",), ("inverse-compositional", "findTransformECC", "RMS px", "real error over predicted sigma"), 30),
         (("sizes",), ("views", "persons", "ms/frame", "last/first quarter", "+MiB", "lost"), 2),
         (("sigma",), ("rendered RMS ratio", "noise robust", "torso_x", "all arm angles", "aim 0.7 to 1.5"), 27),
+        (
+            ("recognition",),
+            ("nobody of whom is in the library", "walk", "taken for", "nothing known", "true joints"),
+            10,
+        ),
         (("calibration",), ("three in line", "four around", "3 of 3", "hold-out bar RMS mm", "error / sigma"), 4),
     ],
 )

@@ -19,6 +19,7 @@ from tracker.commands.evaluate import evaluate
 from tracker.commands.export import export
 from tracker.commands.init import init
 from tracker.commands.job import add_jobs
+from tracker.commands.recognize import recognize
 from tracker.commands.rig import rig_app
 from tracker.commands.run import demo, run
 from tracker.commands.show import show
@@ -38,6 +39,7 @@ app = typer.Typer(
 for _command in (demo, init, run, batch, view, show, evaluate, compare, smooth, export, acquire, warmup):
     app.command()(_command)
 app.command("surface")(measure)
+app.command()(recognize)
 app.add_typer(calibrate_app, name="calibrate")
 app.add_typer(rig_app, name="rig")
 add_jobs(app)

@@ -25,6 +25,7 @@ from tracker.kernels.images.linking import trace_segments
 from tracker.kernels.images.modes import dominant_modes
 from tracker.kernels.images.shadows import MARGIN, without_shadows
 from tracker.kernels.images.slopes import strongest_slopes
+from tracker.kernels.movements.warping import direction_gaps, warp_sequence
 from tracker.kernels.patches.bending import bending_shifts
 from tracker.kernels.patches.growth import grow, push_all
 from tracker.kernels.patches.keys import cut_keys, key_side, match_keys
@@ -45,10 +46,10 @@ _F8, _F4, _I8, _B1 = np.float64, np.float32, np.int64, np.bool_
 _I4, _I2, _U1 = np.int32, np.int16, np.uint8
 
 
-Group = Literal["tracking", "matching", "calibration"]
+Group = Literal["tracking", "matching", "calibration", "recognition"]
 """What kernels are for; a run compiles those that it needs."""
 
-GROUPS: tuple[Group, ...] = "tracking", "matching", "calibration"
+GROUPS: tuple[Group, ...] = "tracking", "matching", "calibration", "recognition"
 
 
 def _own(dtype: Any, *shape: int) -> Any:
@@ -175,10 +176,20 @@ def _calibration_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     ]
 
 
+def _recognition_calls() -> list[tuple[Any, tuple[Any, ...]]]:
+    """As `_tracking_calls`, for movements."""
+    known = _frozen(_I8, 1), _frozen(_B1, 0), _frozen(_I8, 0)
+    return [
+        (direction_gaps, (_frozen(_F4, 0, 1, 3), _frozen(_F4, 0, 1, 3), _own(_F4, 0, 0))),
+        (warp_sequence, (_own(_F4, 0, 0), *known, 1.0, 1.0, _own(_I8, 1, 2))),
+    ]
+
+
 _CALLS = {
     "tracking": lambda: [*_tracking_calls(), *_region_calls()],
     "matching": _matching_calls,
     "calibration": _calibration_calls,
+    "recognition": _recognition_calls,
 }
 
 

@@ -1,0 +1,275 @@
+"""Recognition of movements: other persons than the library's, disturbed performances, long recordings, room videos."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+from rich.console import Console
+from rich.table import Table
+from scipy.spatial.transform import Rotation
+
+from benchmarks.motion_files import read_cmu
+from benchmarks.recorded import recorded
+from tracker.arrays import Array, Array32
+from tracker.body_files import load_body
+from tracker.evaluation.tables import read_joints
+from tracker.jobs import execute, load_job
+from tracker.recognition.library import Library, load_library
+from tracker.recognition.limb_directions import JOINTS, RATE_HZ, Course, course, course_of
+from tracker.recognition.matching import Recognized, recognize
+from tracker.recognition.timeline import timeline
+from tracker.resources import model_path
+from tracker.result import load_result
+from tracker.simulation.movements import poses_of
+
+# What rendered persons of BODYTRACK_DATA/room do; no entry of the library is made of these pictures, and those of
+# N-WalkCircle, N-Stride, D-TwoElbowRot and R-Turn move otherwise than any of them.
+_ROOM = {
+    "N-WalkCircle": "walk",
+    "N-Stride": "walk",
+    "D-TwoElbowRot": "two_elbow_rotation",
+    "R-Turn": "turn",
+    "K-Kick": "kick",
+    "T-Punch-light": "punch",
+    "V-Dance": "dance",
+    "P-Floor": "get_up_from_front",
+}
+_NONE = "nothing known"
+_DISTURBED = "the library's performances, disturbed: posture 6 deg, extent, tempo, 3 deg of noise"
+
+
+@dataclass(frozen=True)
+class Performance:
+    """A movement to be recognized."""
+
+    group: str
+    movement: str
+    course: Course
+
+
+def compare(console: Console, tracked: bool, quick: bool) -> None:
+    """Prints confusion tables, false alarms, and how far beginnings and ends are off.
+
+    Args:
+        console: where tables go.
+        tracked: whether the videos of rooms are tracked, too; else their true joints stand for them.
+        quick: few performances.
+    """
+    library = load_library(())
+    motions = Path(os.environ["BODYTRACK_DATA"]) / "motions" / "cmu"
+    asked = [*_other_persons(motions), *_other_bodies(quick), *_performers(library, 1 if quick else 5)]
+    begin = time.process_time()
+    answers = [(one, _named(one.course, recognize(one.course, library))) for one in asked]
+    seconds = time.process_time() - begin
+    for group in dict.fromkeys(one.group for one in asked):
+        _print_confusion(console, group, [(one.movement, found) for one, found in answers if one.group == group])
+    strange = [one.movement == found for one, found in answers if one.group != _DISTURBED]
+    right = sum(strange), sum(one.movement == found for one, found in answers)
+    console.print(
+        f"of other persons and bodies {right[0]} of {len(strange)} right ({100 * right[0] / len(strange):.1f} %), "
+        f"of all {right[1]} of {len(answers)} ({100 * right[1] / len(answers):.1f} %)",
+        highlight=False,
+    )
+    length = sum(one.course.seconds for one in asked)
+    console.print(
+        f"{len(library.movements)} movements; {1000 * seconds / length:.1f} ms CPU a second of movement",
+        highlight=False,
+    )
+    _print_false_alarms(console, library, motions)
+    _print_ends(console, library, asked, 3 if quick else 20)
+    _print_rooms(console, library, tracked, quick)
+
+
+def _named(asked: Course, found: tuple[Recognized, ...]) -> str:
+    """The movement that fills most of a course; nothing, if none fills half of it."""
+    shares: dict[str, float] = {}
+    for one in found:
+        shares[one.movement] = shares.get(one.movement, 0.0) + one.end_s - one.start_s + 1 / RATE_HZ
+    best = max(shares, key=lambda name: shares[name], default="")
+    return best if best and shares[best] > 0.5 * asked.seconds else _NONE
+
+
+def _other_persons(folder: Path) -> Iterator[Performance]:
+    """Persons of CMU's database, who are not in the library."""
+    group = "persons of CMU's database, nobody of whom is in the library"
+    for path in sorted(folder.glob("07_*-walk.amc")):
+        motion = read_cmu(path)
+        yield Performance(group, "walk", course(motion.times_s, motion.joints))
+    motion = read_cmu(folder / "09_06-run.amc")
+    yield Performance(group, "run", course(motion.times_s, motion.joints))
+    # both begin with a person who stands: looked at
+    for name, seconds in (("131_04-dance", 0.8), ("135_06-martialArts", 1.6)):
+        motion = read_cmu(folder / f"{name}.amc").part(0.0, seconds)
+        yield Performance(group, "standing", course(motion.times_s, motion.joints))
+
+
+def _other_bodies(quick: bool) -> Iterator[Performance]:
+    """The simulated movements with another body model, other tempo, and arms and legs that swing more or less."""
+    body = load_body(model_path("human"))
+    group = "simulated with another body model, 0.8 to 1.25 times as fast, 0.8 to 1.2 times as far"
+    for name in list(body.movements)[: 2 if quick else None]:
+        if name not in load_library(()).movements:
+            continue
+        for tempo in (0.8, 1.0, 1.25):
+            for size in (0.8, 1.2):
+                times = np.arange(0.0, 5.2, 0.04)
+                poses = poses_of(name, body, times * tempo)
+                usual = poses.mean(axis=0)
+                larger = body.clamped(np.where(body.rotates, usual + size * (poses - usual), poses))
+                # the turn about the vertical is not to be made larger
+                larger[:, body.root.turn] = poses[:, body.root.turn]
+                end = 4.0 / tempo if name == "two_elbow_rotation" else 2.64 / tempo if name == "squat" else 5.2
+                kept = times < end
+                yield Performance(group, name, course_of(body, times[kept], larger[kept]))
+
+
+def _performers(library: Library, n: int) -> Iterator[Performance]:
+    """The library's movements as others might do them.
+
+    A posture of one's own (every limb turned by 6 degrees standard deviation), limbs that swing 0.8 to 1.2 times as
+    far, a tempo that wanders between 0.75 and 1.3, and 3 degrees of noise in every frame, which is what tracking adds.
+    """
+    for name, movement in library.movements.items():
+        for key, directions in movement.performances.items():
+            for k in range(n):
+                rng = np.random.default_rng([k, *key.encode(), *name.encode()])
+                rounds = 2 if movement.description.repeats else 1
+                yield Performance(
+                    _DISTURBED,
+                    name,
+                    _disturbed(np.tile(directions, (rounds, 1, 1)).astype(np.float64), rng),
+                )
+
+
+def _disturbed(directions: Array, rng: np.random.Generator) -> Course:
+    n_frames = len(directions)
+    knots = np.cumsum(1 / rng.uniform(0.75, 1.3, max(n_frames // 12, 2)))
+    times = np.interp(np.arange(n_frames), np.linspace(0, n_frames - 1, len(knots)), knots)
+    times = (times - times[0]) / (times[-1] - times[0]) * (n_frames - 1) / rng.uniform(0.75, 1.3)
+    even = np.arange(0, times[-1])
+    warped = np.stack([np.interp(even, times, column) for column in directions.reshape(n_frames, -1).T], axis=1)
+    warped = warped.reshape(len(even), -1, 3)
+    usual = warped.mean(axis=0)
+    larger = usual + rng.uniform(0.8, 1.2) * (warped - usual)
+    for limb in range(larger.shape[1]):
+        posture = Rotation.from_rotvec(np.radians(6.0) * rng.standard_normal(3))
+        noise = Rotation.from_rotvec(np.radians(3.0) * rng.standard_normal((len(even), 3)))
+        larger[:, limb] = noise.apply(posture.apply(larger[:, limb]))
+    larger /= np.linalg.norm(larger, axis=-1, keepdims=True)
+    return Course(0.0, larger.astype(np.float32), np.ones(len(even), dtype=np.bool_))
+
+
+def _print_confusion(console: Console, group: str, answers: list[tuple[str, str]]) -> None:
+    right = sum(asked == found for asked, found in answers)
+    title = f"{group}: {right} of {len(answers)} right, {100 * right / len(answers):.1f} %"
+    table = Table("movement", "performances", "right", "taken for", title=title, title_justify="left")
+    for movement in dict.fromkeys(asked for asked, _ in answers):
+        found = [answer for asked, answer in answers if asked == movement]
+        others = {name: found.count(name) for name in dict.fromkeys(found) if name != movement}
+        told = ", ".join(f"{name} {count}" for name, count in others.items())
+        table.add_row(movement, str(len(found)), str(found.count(movement)), told)
+    console.print(table)
+
+
+def _print_false_alarms(console: Console, library: Library, folder: Path) -> None:
+    """What is claimed of a dance and a martial artist that the library does not have."""
+    for name in ("131_04-dance", "135_06-martialArts"):
+        motion = read_cmu(folder / f"{name}.amc")
+        asked = course(motion.times_s, motion.joints)
+        found = ", ".join(f"{one.movement} {one.start_s:.1f}-{one.end_s:.1f} s" for one in recognize(asked, library))
+        console.print(f"{name}, {asked.seconds:.0f} s: {found or _NONE}", highlight=False)
+
+
+def _print_ends(console: Console, library: Library, asked: list[Performance], n: int) -> None:
+    """Beginnings and ends in recordings of four movements, each turned into the next one within a third of a second."""
+    rng = np.random.default_rng(1)
+    errors, missed, added = [], 0, 0
+    for _ in range(n):
+        chosen = [asked[k] for k in rng.permutation(len(asked))[:4]]
+        joined, ends = _chained([one.course for one in chosen])
+        found = recognize(joined, library)
+        right = set()
+        for one, (start, end) in zip(chosen, ends, strict=True):
+            best = max(found, key=lambda it: min(it.end_s, end) - max(it.start_s, start), default=None)
+            if best is None or best.movement != one.movement or min(best.end_s, end) - max(best.start_s, start) <= 0:
+                missed += 1
+                continue
+            right.add(best)
+            errors += [abs(best.start_s - start), abs(best.end_s - end)]
+        added += len(set(found) - right)
+    middle, most = np.percentile(errors, [50, 90])
+    console.print(
+        f"{n} recordings of four movements each: {4 * n - missed} of {4 * n} found, {added} more told; beginnings and "
+        f"ends off by {middle:.2f} s in the middle, 90 % within {most:.2f} s",
+        highlight=False,
+    )
+
+
+def _chained(courses: list[Course]) -> tuple[Course, list[tuple[float, float]]]:
+    pieces: list[Array32] = []
+    ends: list[tuple[float, float]] = []
+    length = 0
+    for k, one in enumerate(courses):
+        if k:
+            share = np.linspace(0, 1, round(RATE_HZ / 3), endpoint=False)[1:, None, None]
+            seam = (1 - share) * pieces[-1][-1] + share * one.directions[0]
+            pieces.append(seam / np.linalg.norm(seam, axis=-1, keepdims=True))
+            length += len(seam)
+        pieces.append(one.directions)
+        ends.append((length / RATE_HZ, (length + len(one.directions) - 1) / RATE_HZ))
+        length += len(one.directions)
+    directions = np.concatenate(pieces).astype(np.float32)
+    return Course(0.0, directions, np.ones(length, dtype=np.bool_)), ends
+
+
+def _print_rooms(console: Console, library: Library, tracked: bool, quick: bool) -> None:
+    rooms = Path(os.environ["BODYTRACK_DATA"]) / "room"
+    what = "tracked with `human` scaled" if tracked else "true joints"
+    table = Table(
+        "recording",
+        "movement",
+        "recognized",
+        "next best",
+        title=f"rendered persons in rooms, {what}",
+        title_justify="left",
+    )
+    for name, movement in list(_ROOM.items())[: 1 if quick else None]:
+        asked = _tracked(rooms / name) if tracked else _true(rooms / name)
+        found = recognize(asked, library)
+        told = [
+            f"{one.what} {one.start_s:.1f}-{one.end_s:.1f} s"
+            + (f" ({one.recognized.angle_deg:.0f} deg, misfit {one.recognized.misfit:.2f})" if one.recognized else "")
+            for one in timeline(asked, found)
+        ]
+        seconds = [f"{one.second} {one.second_deg:.1f}" if one.second else "none" for one in found]
+        table.add_row(name, movement, "\n".join(told), "\n".join(seconds))
+    console.print(table)
+
+
+def _true(folder: Path) -> Course:
+    frames = next(iter(read_joints(folder / "gt_joints.csv").persons.values()))
+    names = [joint.replace("left_", "l_").replace("right_", "r_") for joint in JOINTS]
+    joints = np.array([[frames[t][name] for name in names] for t in sorted(frames)])
+    return course(np.array(sorted(frames)) / 25.0, joints)
+
+
+def _tracked(folder: Path) -> Course:
+    """Tracks a recording, or takes the result of an earlier call."""
+    output = (Path("results") / "recognition" / folder.name).resolve()
+    if not (output / "run.json").is_file():
+        config = output.parent / f"{folder.name}.toml"
+        output.parent.mkdir(parents=True, exist_ok=True)
+        one = next(one for one in recorded(folder.parent)[0] if one.name == folder.name)
+        persons = [{"name": name, "model": "human", "stature_m": stature} for name, stature in one.statures_m.items()]
+        chosen = {"overlay": False, "plots": False, "report": False}
+        table = {"name": folder.name, "persons": persons, "reading": one.reading | one.plates, "recordings": chosen}
+        config.write_text(tomli_w.dumps(table), encoding="utf-8")
+        execute(load_job("track", config), output)
+    track = load_result(output).persons[0]
+    return course_of(track.body, track.times_s, track.poses)

@@ -1,0 +1,452 @@
+"""Recognition: features that know no place, heading or body; matching like its slow twin; ends found; unknown said."""
+
+from __future__ import annotations
+
+import csv
+import functools
+import itertools
+import math
+
+import numpy as np
+import pytest
+from motions import made_up, performed
+from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
+
+from tracker.body_files import load_body
+from tracker.cli import app
+from tracker.errors import ConfigError, ModelError
+from tracker.kernels.movements.warping import direction_gaps, warp_sequence
+from tracker.recognition.library import Description, Library, Movement, add_performance, load_library, one_round
+from tracker.recognition.limb_directions import (
+    FEATURES,
+    JOINTS,
+    RATE_HZ,
+    Course,
+    course,
+    course_of,
+    joint_columns,
+    limb_directions,
+)
+from tracker.recognition.matching import angles_deg, recognize
+from tracker.recognition.timeline import strip, table_rows, timeline
+from tracker.resources import model_path
+from tracker.simulation.movements import poses_of
+
+BODY = load_body(model_path("gavrila22"))
+LIBRARY = load_library(())
+
+
+def joints_of(body, poses):
+    return body.landmarks_in_world(poses)[:, joint_columns(body)]
+
+
+def some_poses(n=6, seed=0):
+    rng = np.random.default_rng(seed)
+    q = rng.normal(0, 0.5, (n, BODY.dof))
+    return BODY.clamped(q)
+
+
+def chained(*courses, seam=8):
+    """Courses one after the other, each turned into the next one; and the frames where they begin and end."""
+    pieces, ends, length = [], [], 0
+    for k, one in enumerate(courses):
+        if k:
+            share = np.linspace(0, 1, seam + 2)[1:-1, None, None]
+            between = (1 - share) * pieces[-1][-1] + share * one[0]
+            pieces.append(between / np.linalg.norm(between, axis=-1, keepdims=True))
+            length += seam
+        pieces.append(one)
+        ends.append((length / RATE_HZ, (length + len(one) - 1) / RATE_HZ))
+        length += len(one)
+    directions = np.concatenate(pieces).astype(np.float32)
+    return Course(0.0, directions, np.ones(length, dtype=bool)), ends
+
+
+def known(movement):
+    return next(iter(LIBRARY.movements[movement].performances.values()))
+
+
+def test_features_do_not_depend_on_place_heading_or_size():
+    joints = joints_of(BODY, some_poses())
+    turned = 0.63 * Rotation.from_rotvec([0, 0, 2.1]).apply(joints.reshape(-1, 3)).reshape(joints.shape) + (3, -2, 0.4)
+    found = limb_directions(turned)
+    np.testing.assert_allclose(found, limb_directions(joints), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=-1), 1, atol=1e-12)
+
+
+def test_only_the_vertical_tells_lying_from_standing():
+    joints = joints_of(BODY, some_poses())
+    lying = Rotation.from_rotvec([0, 1.4, 0]).apply(joints.reshape(-1, 3)).reshape(joints.shape)
+    standing_limbs, lying_limbs = limb_directions(joints), limb_directions(lying)
+    np.testing.assert_allclose(lying_limbs[:, :-1], standing_limbs[:, :-1], atol=1e-12)
+    angle = np.arccos(np.sum(standing_limbs[:, -1] * lying_limbs[:, -1], axis=-1))
+    assert angle.min() > 0.5
+
+
+def test_features_of_the_reference_pose_point_down_and_the_vertical_up():
+    found = dict(zip(FEATURES, limb_directions(joints_of(BODY, BODY.rest()[None]))[0], strict=True))
+    for name, direction in found.items():
+        np.testing.assert_allclose(direction, (0, 0, 1 if name == "vertical" else -1), atol=1e-9)
+    q = BODY.rest()
+    q[BODY.index("left_arm_elevation")] = np.pi / 3
+    raised = limb_directions(joints_of(BODY, q[None]))[0][FEATURES.index("left_upper_arm")]
+    np.testing.assert_allclose(raised, (np.sin(np.pi / 3), 0, -0.5), atol=1e-9)
+
+
+def test_a_mirrored_course_is_that_of_mirrored_joints():
+    joints = joints_of(BODY, some_poses(40))
+    times = np.arange(len(joints)) / RATE_HZ
+    mirrored = (joints * (1, -1, 1))[:, [*range(6, 12), *range(6)]]
+    np.testing.assert_allclose(
+        course(times, joints).mirrored().directions, course(times, mirrored).directions, atol=1e-5
+    )
+
+
+def test_body_models_compare():
+    human = load_body(model_path("human"))
+    times = np.arange(0, 2, 0.04)
+    ours, theirs = (course_of(body, times, poses_of("arm_swing", body, times)).directions for body in (BODY, human))
+    gaps = 2 * np.degrees(np.arcsin(np.linalg.norm(ours - theirs, axis=-1) / 2))
+    assert np.sqrt(np.mean(gaps**2)) < 6
+
+
+def test_frames_are_interpolated_over_short_gaps_only():
+    poses = poses_of("walking_on_the_spot", BODY, np.arange(0, 3, 0.02))
+    lost = poses.copy()
+    lost[20:28] = np.nan  # 0.16 s
+    lost[70:100] = np.nan  # 0.6 s
+    times = 7.0 + np.arange(len(poses)) * 0.02
+    whole, found = course_of(BODY, times, poses), course_of(BODY, times, lost)
+    assert whole.known.all()
+    assert found.start_s == 7.0
+    unknown = found.times_s[~found.known]
+    assert unknown[0] >= times[69]
+    assert unknown[-1] <= times[100]
+    assert len(unknown) >= 14
+    chords = np.linalg.norm(found.directions - whole.directions, axis=-1)[found.known]
+    assert np.degrees(chords.max()) < 8
+    assert not course_of(BODY, times, np.full_like(poses, np.nan)).known.any()
+
+
+def test_an_animal_has_no_such_joints():
+    with pytest.raises(ModelError, match='model "quadruped" has no landmark "left_shoulder"'):
+        joint_columns(load_body(model_path("quadruped")))
+
+
+def test_gaps_are_root_mean_square_angles():
+    rng = np.random.default_rng(0)
+    one, other = (rng.normal(size=(n, 9, 3)) for n in (4, 5))
+    one, other = (a / np.linalg.norm(a, axis=-1, keepdims=True) for a in (one, other))
+    other[0] = -one[0]
+    gaps = np.zeros((4, 5), np.float32)
+    direction_gaps(one.astype(np.float32), other.astype(np.float32), gaps)
+    angles = np.degrees(np.arccos(np.clip(np.einsum("tlc,nlc->tnl", one, other), -1, 1)))
+    np.testing.assert_allclose(gaps, np.sqrt((angles**2).mean(axis=-1)), rtol=1e-4)
+    assert gaps[0, 0] == pytest.approx(180, rel=1e-4)
+
+
+def slowest(gaps, first, repeats, slack, unknown, entry):
+    """The same by trying every path: the least cost of explaining frames t, ... behind a state."""
+    n_frames = len(gaps)
+
+    @functools.cache
+    def after(t, k, j, held):
+        """Frames t, ... explained, performance k being at frame j, met twice already or not."""
+        length = first[k + 1] - first[k]
+        leaves = repeats[k] or j >= length - 1 - slack[k]
+        costs = [free(t)] if leaves else []
+        if t < n_frames:
+            steps = [(1, False), (2, False)] + ([] if held else [(0, True)])
+            for step, again in steps:
+                i = (j + step) % length if repeats[k] else j + step
+                if i < length:
+                    costs.append(gaps[t, first[k] + i] + after(t + 1, k, i, again))
+        return min(costs, default=math.inf)
+
+    @functools.cache
+    def free(t):
+        if t == n_frames:
+            return 0.0
+        costs = [unknown + free(t + 1)]
+        for n in range(len(gaps[0])):
+            k = int(np.searchsorted(first, n, side="right")) - 1
+            if repeats[k] or n - first[k] <= slack[k]:
+                costs.append(entry + gaps[t, n] + after(t + 1, k, n - first[k], False))
+        return min(costs)
+
+    return free(0)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_one_pass_finds_the_cheapest_of_all_ways(seed):
+    rng = np.random.default_rng(seed)
+    lengths = rng.integers(2, 6, 3)
+    first = np.concatenate([[0], np.cumsum(lengths)])
+    repeats = np.array([True, False, False])
+    slack = np.array([0, 0, 1])
+    gaps = rng.uniform(0, 2, (rng.integers(1, 9), first[-1])).astype(np.float32)
+    unknown, entry = ((1.0, 0.4), (math.inf, 0.0), (0.3, 1.0))[seed % 3]
+    found = np.zeros((len(gaps) + 1, 2), np.int64)
+    cost = warp_sequence(gaps, first, repeats, slack, unknown, entry, found)
+    assert cost == pytest.approx(slowest(gaps, first, repeats, slack, unknown, entry), rel=1e-5)
+
+
+def test_every_known_movement_is_recognized_as_itself():
+    for name, movement in LIBRARY.movements.items():
+        for directions in movement.performances.values():
+            times = 2 if movement.description.repeats else 1
+            asked, _ = chained(*[directions] * times, seam=0)
+            found = recognize(asked, LIBRARY)
+            assert [one.movement for one in found] == [name]
+            assert found[0].angle_deg < 0.5
+            assert found[0].second_deg > found[0].angle_deg
+            assert found[0].end_s - found[0].start_s >= asked.seconds - 0.3
+
+
+def test_movements_are_found_with_their_beginnings_and_ends():
+    names = ["kick", "walk", "squat", "jump"]
+    asked, ends = chained(*(known(name) for name in names))
+    found = recognize(asked, LIBRARY)
+    assert [one.movement for one in found] == names
+    for one, (start, end) in zip(found, ends, strict=True):
+        assert one.start_s == pytest.approx(start, abs=0.25)
+        assert one.end_s == pytest.approx(end, abs=0.25)
+
+
+def test_repetitions_are_one_only_where_the_movement_repeats():
+    asked, _ = chained(*[known("walk")] * 3, seam=0)
+    assert [(one.movement, one.end_s) for one in recognize(asked, LIBRARY)] == [("walk", asked.seconds - 1 / RATE_HZ)]
+    asked, _ = chained(known("kick"), known("kick"))
+    assert [one.movement for one in recognize(asked, LIBRARY)] == ["kick", "kick"]
+
+
+@pytest.mark.parametrize("tempo", [0.6, 1.7])
+def test_movements_are_recognized_at_another_tempo(tempo):
+    directions = known("punch").astype(np.float64)
+    at = np.arange(0, len(directions) - 1, tempo)
+    warped = np.stack([np.interp(at, range(len(directions)), c) for c in directions.reshape(len(directions), -1).T], 1)
+    warped = warped.reshape(len(at), -1, 3)
+    warped /= np.linalg.norm(warped, axis=-1, keepdims=True)
+    found = recognize(Course(0.0, warped.astype(np.float32), np.ones(len(at), bool)), LIBRARY)
+    assert [one.movement for one in found] == ["punch"]
+
+
+def test_left_and_right_may_be_exchanged():
+    asked = Course(0.0, known("kick"), np.ones(len(known("kick")), bool))
+    (plain,), (turned,) = recognize(asked, LIBRARY), recognize(asked.mirrored(), LIBRARY)
+    assert (plain.movement, plain.mirrored) == ("kick", False)
+    assert (turned.movement, turned.mirrored) == ("kick", True)
+    assert turned.angle_deg == pytest.approx(plain.angle_deg, abs=0.1)
+
+
+def test_what_is_like_nothing_known_is_unknown():
+    rest = Library({name: one for name, one in LIBRARY.movements.items() if name != "cartwheel"})
+    asked = Course(0.0, known("cartwheel"), np.ones(len(known("cartwheel")), bool))
+    assert recognize(asked, rest) == ()
+    assert min(angles_deg(asked, rest).values()) > 25
+
+
+def test_what_is_lost_breaks_a_movement():
+    directions = np.tile(known("walk"), (4, 1, 1))
+    seen = np.ones(len(directions), bool)
+    seen[50:70] = False
+    found = recognize(Course(0.0, directions, seen), LIBRARY)
+    assert [one.movement for one in found] == ["walk", "walk"]
+    assert found[0].end_s == pytest.approx(49 / RATE_HZ)
+    assert found[1].start_s == pytest.approx(70 / RATE_HZ)
+    stretches = timeline(Course(0.0, directions, seen), found)
+    assert [one.what for one in stretches] == ["walk", "lost", "walk"]
+
+
+def test_a_round_is_cut_out_of_what_repeats():
+    times = np.arange(0, 5, 0.04)
+    whole = course_of(BODY, times, poses_of("walking_on_the_spot", BODY, times))
+    kept = one_round(whole)
+    assert kept.seconds == pytest.approx(1.1, abs=0.05)
+    assert abs(len(one_round(kept).known) - len(kept.known)) <= 1
+    clip = Course(0.0, known("run"), np.ones(len(known("run")), bool))  # exactly a round
+    assert one_round(clip) is clip
+    bend = np.linspace(0, 1.6, 40)
+    poses = np.tile(BODY.rest(), (40, 1))
+    for name in ("left_arm_elevation", "right_leg_elevation", "left_leg_extension"):
+        poses[:, BODY.index(name)] = bend
+    with pytest.raises(ConfigError, match="does not come back"):
+        one_round(course_of(BODY, np.arange(40) / 25, poses))
+
+
+def test_a_library_on_disk_is_what_was_added(tmp_path):
+    asked = Course(0.0, known("kick"), np.ones(len(known("kick")), bool))
+    told = Description(about='a "quick" kick', source="ours")
+    path, _ = add_performance(tmp_path / "mine", "kick", "anna", asked, told)
+    movement = load_library((tmp_path / "mine",)).movements["kick"]
+    assert movement.description == told
+    np.testing.assert_allclose(movement.performances["anna"], asked.directions, atol=2e-3)
+    both = load_library((tmp_path / "mine", model_path("human").parent / "movements"))
+    assert set(both.movements) == set(LIBRARY.movements)
+    assert len(both.movements["kick"].performances) == 2
+    with pytest.raises(ConfigError, match=f"{path} is there already"):
+        add_performance(tmp_path / "mine", "kick", "anna", asked, told)
+    with pytest.raises(ConfigError, match="--no-repeats"):
+        add_performance(tmp_path / "mine", "kick", "ben", asked, Description(repeats=True))
+    with pytest.raises(ConfigError, match="in a name"):
+        add_performance(tmp_path / "mine", "../kick", "ben", asked, told)
+    with pytest.raises(ConfigError, match=r"0\.20 s, expected 0\.32 to 60 s"):
+        add_performance(tmp_path / "mine", "nod", "ben", asked.part(0, 5), told)
+    assert [file.name for file in tmp_path.rglob("*") if file.is_file()] == ["movement.toml", "anna.csv"] or len(
+        list(tmp_path.rglob("*.csv"))
+    ) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (lambda text: text.replace("left_thigh_x", "left_thig_x"), 'did you mean "left_thigh_x"'),
+        (lambda text: text.replace("0.04,", "0.05,", 1), "the times are not 0.04 s apart"),
+        (lambda text: "\n".join(text.splitlines()[:4]), "3 rows, expected 8 to 1500"),
+        (lambda text: text.replace("0.00,", "0.00,7", 1), "has length"),
+        (lambda text: text.replace("0.00,", "0.00,x", 1), "expected a finite number"),
+        (lambda text: text.replace("\n", ",1\n", 3), "cells in row|called"),
+        (lambda text: "", "empty"),
+    ],
+)
+def test_a_damaged_performance_is_named(tmp_path, change, fault):
+    asked = Course(0.0, known("kick"), np.ones(len(known("kick")), bool))
+    path, _ = add_performance(tmp_path, "kick", "anna", asked, Description())
+    path.write_text(change(path.read_text()))
+    with pytest.raises(ConfigError, match=fault) as error:
+        load_library((tmp_path,))
+    assert str(path) in str(error.value)
+
+
+def test_a_damaged_library_is_named(tmp_path):
+    with pytest.raises(ConfigError, match="no such folder"):
+        load_library((tmp_path / "none",))
+    with pytest.raises(ConfigError, match="no movement in it"):
+        load_library((tmp_path,))
+    (tmp_path / "kick").mkdir()
+    (tmp_path / "kick" / "movement.toml").write_text("repeat = true")
+    (tmp_path / "kick" / "a.csv").write_text("")
+    with pytest.raises(ConfigError, match='unknown key "repeat"; did you mean "repeats"'):
+        load_library((tmp_path,))
+    (tmp_path / "kick" / "movement.toml").write_text("repeats = 3")
+    with pytest.raises(ConfigError, match=r"movement\.toml: repeats"):
+        load_library((tmp_path,))
+
+
+def test_a_library_may_be_of_one_movement():
+    one = Library({"kick": Movement("kick", Description(), {"a": known("kick")})})
+    asked, _ = chained(known("walk"), known("kick"))
+    (found,) = recognize(asked, one)
+    assert (found.movement, found.second, found.second_deg) == ("kick", "", math.inf)
+    rows = list(table_rows({"anna": timeline(asked, (found,))}))
+    assert [row[1] for row in rows] == ["movement", "unknown", "kick"]
+    assert {len(row) for row in rows} == {10}
+
+
+def test_the_strip_shows_every_movement():
+    asked, _ = chained(known("walk"), known("kick"))
+    stretches = timeline(asked, recognize(asked, LIBRARY))
+    figure = strip("run", {"anna": stretches, "ben": ()})
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert [text.partition("\n")[0] for text in texts] == ["walk", "kick"]
+    assert len(figure.axes[0].patches) == len(stretches)
+    assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == ["anna", "ben"]
+
+
+@pytest.fixture
+def squat_result(tmp_path):
+    """A result in which somebody squats twice after a second of which nothing is known, lost for a while."""
+    times = np.arange(0, 5.2, 0.04)
+    lost = np.zeros(len(times), bool)
+    lost[:10] = True
+    return performed(BODY, poses_of("squat", BODY, times, heading_deg=70, place=(2, 1)), lost).result(tmp_path / "run")
+
+
+def told(*arguments):
+    done = CliRunner().invoke(app, ["recognize", *map(str, arguments)])
+    if isinstance(done.exception, (ConfigError, ModelError)):
+        return str(done.exception)
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def test_the_command_writes_a_table_and_a_picture(squat_result):
+    output = told(squat_result)
+    assert "squat" in output
+    with (squat_result / "movements.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["movement"] for row in rows if row["angle_deg"]].count("squat") >= 1
+    assert rows[0]["movement"] == "lost"
+    assert {row["person"] for row in rows} == {"anna"}
+    last = rows[-1]
+    assert (last["movement"], float(last["end_s"])) == ("squat", pytest.approx(5.16, abs=0.2))
+    assert float(last["angle_deg"]) < 2
+    assert (squat_result / "movements.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_command_says_where_nothing_is_known(squat_result, tmp_path):
+    add_performance(
+        tmp_path / "mine", "cartwheel", "a", Course(0.0, known("cartwheel"), np.ones(68, bool)), Description()
+    )
+    assert "anna: nothing known: none of 1 movements fits" in told(squat_result, "--library", tmp_path / "mine")
+
+
+def test_a_result_is_added_and_then_recognized(squat_result, tmp_path):
+    mine = tmp_path / "mine"
+    output = told("--add", squat_result, "knee_bend", "--library", mine, "--frames", "65:130", "--about", "ours")
+    assert "knee_bend" in output
+    assert (mine / "knee_bend" / "made_up_anna.csv").is_file()
+    found = told(squat_result, "--library", mine, "--library", "bundled", "--output", tmp_path / "out")
+    assert "knee_bend" in found
+    assert (tmp_path / "out" / "movements.csv").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fault"),
+    [
+        (("--add",), "expected a name"),
+        (("--add", "x"), "expected one folder of your own"),
+        (("--add", "x", "--library", "bundled"), "expected one folder of your own"),
+        (("--add", "x", "--library", "mine", "--person", "ana"), 'did you mean "anna"'),
+        (("--add", "x", "--library", "mine", "--frames", "5-9"), "expected A:B"),
+        (("--add", "x", "--library", "mine", "--frames", "500:"), "the result has frames 0 to 129"),
+        (("--add", "x", "--library", "mine", "--frames", "0:40"), "is lost in some of the frames"),
+        (("x",), "only with --add"),
+        (("--frames", "0:3"), "only with --add"),
+        (("--library", "nowhere"), "nowhere: no such folder"),
+    ],
+)
+def test_mistakes_are_one_line_and_nothing_is_written(squat_result, tmp_path, monkeypatch, arguments, fault):
+    monkeypatch.chdir(tmp_path)
+    assert fault in told(squat_result, *arguments)
+    assert not (tmp_path / "mine").exists()
+    assert not (squat_result / "movements.csv").exists()
+
+
+def test_several_persons_are_told_apart(tmp_path):
+    folder = made_up("gavrila22", "human").result(tmp_path / "run")
+    assert "person2: nothing known" in told(folder)
+    assert "choose one with --person: person1, person2" in told("--add", folder, "x", "--library", tmp_path / "mine")
+
+
+def test_persons_of_other_laboratories_walk(data):
+    """Eleven walks and a run of CMU's database, nobody of whom is in the library."""
+    import sys
+    from pathlib import Path
+
+    sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
+    from benchmarks.motion_files import read_cmu
+
+    folder = data("motions/cmu")
+    for path in itertools.chain(sorted(folder.glob("07_*-walk.amc")), [folder / "09_06-run.amc"]):
+        motion = read_cmu(path)
+        asked = course(motion.times_s, motion.joints)
+        found = recognize(asked, LIBRARY)
+        assert {one.movement for one in found} == {"run" if "run" in path.name else "walk"}
+        assert sum(one.end_s - one.start_s for one in found) > 0.7 * asked.seconds
+
+
+def test_the_library_has_the_joints_that_it_is_made_of():
+    assert len(JOINTS) == 12
+    assert all(set(joint_columns(load_body(model_path(name)))) for name in ("gavrila22", "human"))

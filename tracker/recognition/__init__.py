@@ -1,0 +1,1 @@
+"""Recognition of movements (Gavrila & Davis 1995): joint angles, matched by dynamic time warping with known ones."""
