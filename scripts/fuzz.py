@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import random
 import resource
@@ -20,21 +19,22 @@ os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(2**28))
 import typer
 from fuzzing.kills import difference, killed, left_alone
 from fuzzing.readers import readers
-from fuzzing.trial import Bench, Fault, smallest
+from fuzzing.trial import Bench, ended_if_it_hangs, keep, smallest
 from rich.console import Console
 
 from tracker.simulation.sequence import Recipe, write_sequence
 
-KEPT = Path(__file__).resolve().parents[1] / "tests" / "fuzz" / "kept"
+_BATCH = 5000
+"""Inputs of one process, which takes as long to start as 1500 of them; one that dies or hangs costs no more."""
 
-_BATCH = 2000
-"""Inputs of one process: one that dies or hangs costs no more."""
-
-_HANGS_S = 600.0
-"""Real time of a process after which the input at work is what it hangs on."""
+_LONGEST_S = 3600.0
+"""Real time of a process; it ends itself much earlier where an input does not come back."""
 
 _MEMORY = 6 * 2**30
 """Address space of a process, bytes; libraries take 2 GiB of it."""
+
+_MEMORY_DISK = Path("/dev/shm")
+"""Where inputs are written: on a disk, opening files is a quarter of the time."""
 
 console = Console()
 
@@ -49,17 +49,18 @@ def spoil(
     if batch >= 0:
         _work(seed, batch, only)
         return
-    end, k, n_inputs = time.monotonic() + 60 * minutes, 0, 0
+    begin, k, n_inputs = time.monotonic(), 0, 0
     faults: Counter[str] = Counter()
-    while time.monotonic() < end:
-        told = _run(seed, k, only)
-        n_inputs += _BATCH
+    while time.monotonic() < begin + 60 * minutes:
+        told, n_tried = _run(seed, k, only)
+        n_inputs += n_tried
         for line in told:
             if not faults[line]:
                 console.print(line, style="red", highlight=False, markup=False)
             faults[line] += 1
         k += 1
-    console.print(f"{n_inputs} inputs, {len(faults)} kinds of fault in {sum(faults.values())}; seed {seed}")
+    taken = f"{(time.monotonic() - begin) / 60:.0f} minutes, {_children_s() / 60:.0f} of them the processor's"
+    console.print(f"{n_inputs} inputs, {len(faults)} kinds of fault in {sum(faults.values())}; seed {seed}; {taken}")
     raise typer.Exit(1 if faults else 0)
 
 
@@ -82,19 +83,24 @@ def kills(
                 raise typer.Exit(1)
 
 
-def _run(seed: int, batch: int, only: str) -> list[str]:
-    """The faults that a process of its own has found, a line each."""
+def _children_s() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _run(seed: int, batch: int, only: str) -> tuple[list[str], int]:
+    """The faults that a process of its own has found, a line each, and how many inputs it has tried."""
     command = [sys.executable, __file__, "readers", "--seed", str(seed), "--batch", str(batch), "--only", only]
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(dir=_MEMORY_DISK if _MEMORY_DISK.is_dir() else None) as folder:
         scratch = {**os.environ, "TMPDIR": folder}
         try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=_HANGS_S, env=scratch, check=False)
+            done = subprocess.run(command, capture_output=True, text=True, timeout=_LONGEST_S, env=scratch, check=False)
         except subprocess.TimeoutExpired as error:
-            return [f"hangs: {_last(error.stdout)}"]
+            return [f"hangs: {_last(error.stdout)}"], 0
     found = [line.removeprefix("fault: ") for line in done.stdout.splitlines() if line.startswith("fault: ")]
     if done.returncode != 0:
         found.append(f"ended with {done.returncode}: {_last(done.stdout)}: {done.stderr.strip()[-300:]}")
-    return found
+    return found, sum(line.startswith("input ") for line in done.stdout.splitlines())
 
 
 def _last(output: str | bytes | None) -> str:
@@ -109,26 +115,16 @@ def _work(seed: int, batch: int, only: str) -> None:
     rng = random.Random(f"{seed} {batch}")
     with tempfile.TemporaryDirectory() as folder:
         benches = [Bench(reader, Path(folder)) for reader in readers() if reader.name.startswith(only)]
-        for n in range(_BATCH):
-            bench = rng.choice(benches)
+        chosen = rng.choices(benches, [bench.reader.share for bench in benches], k=_BATCH)
+        for n, bench in enumerate(chosen):
             name, content = bench.spoilt(rng)
             print(f"input {seed} {batch} {n}: {bench.reader.name} {name}", flush=True)  # noqa: T201
-            fault = bench.trial(name, content)
+            with ended_if_it_hangs():
+                fault = bench.trial(name, content)
             if fault is not None:
                 print(f"fault: {fault.reader}, {fault.file}: {fault.kind}", flush=True)  # noqa: T201
                 print(fault.told, file=sys.stderr)  # noqa: T201
-                _keep(smallest(bench, fault))
-
-
-def _keep(fault: Fault) -> None:
-    """Files the input where tests look for it, once for each kind of fault."""
-    name = hashlib.sha256(f"{fault.reader} {fault.kind}".encode()).hexdigest()[:10]
-    folder = KEPT / fault.reader.replace(" ", "_")
-    path = folder / f"{name}--{fault.file.replace('/', '--')}"
-    if path.exists() and path.stat().st_size <= len(fault.content):
-        return
-    folder.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(fault.content)
+                keep(smallest(bench, fault))
 
 
 if __name__ == "__main__":

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
+import math
 import random
 import re
-from collections.abc import Callable
+import tomllib
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import tomli_w
 
 Mutation = Callable[[random.Random, bytes], bytes]
 
@@ -141,6 +148,54 @@ def replaced(rng: random.Random, content: bytes) -> bytes:
     )
 
 
+def another_type(rng: random.Random, content: bytes) -> bytes:
+    """A value of a TOML or JSON file, or a whole section, is of another type, missing, renamed, or there twice."""
+    if max(map(len, content.splitlines()), default=0) > _LONGEST_LINE:
+        return value(rng, content)
+    with contextlib.suppress(ValueError, RecursionError, TypeError, AttributeError, OverflowError):
+        as_json = content.lstrip()[:1] in (b"{", b"[")
+        tree = json.loads(content) if as_json else tomllib.loads(content.decode())
+        places = list(_places(tree))
+        if places:
+            _change(rng, *rng.choice(places), OTHERS if as_json else OTHERS[:-1])
+            return (json.dumps(tree) if as_json else tomli_w.dumps(tree)).encode()
+    return value(rng, content)
+
+
+_LONGEST_LINE = 10_000
+"""With longer keys, Python's parser of TOML takes all memory."""
+
+OTHERS: tuple[Any, ...] = (
+    *(True, False, 0, 5, -1, 2**40, 10**400, 0.5, -0.0, 1e308, math.inf, -math.inf, math.nan),
+    *("", "x", ":", "..", "../../../escaped", "/etc/passwd", "a\0b", 300 * "n", "os:system", "{view}", "1.5", "\n"),
+    *([], [5], [[5]], [True], ["x"], ["x", "x"], [[], {}], [1.0, 2.0, 3.0], 5000 * [1], {}, {"a": 1}, {"": {}}),
+    *([{"use": "x"}], {"use": 5}, {"use": ":"}, {"x": {"y": {"z": []}}}, {300 * "n": 1}, None),
+)
+"""What values of structured files are replaced by; the last one cannot be said in TOML."""
+
+
+def _places(tree: Any) -> Iterator[tuple[Any, Any]]:
+    """Every value below a root: what holds it, and its key or number."""
+    pairs = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
+    for key, below in pairs:
+        yield tree, key
+        yield from _places(below)
+
+
+def _change(rng: random.Random, holder: Any, key: Any, others: tuple[Any, ...]) -> None:
+    way = rng.choice(("replace", "replace", "replace", "wrap", "remove", "rename", "twice"))
+    if way == "remove":
+        del holder[key]
+    elif way == "wrap":
+        holder[key] = rng.choice(([holder[key]], {"a": holder[key]}))
+    elif way == "rename" and isinstance(holder, dict):
+        holder[rng.choice(("x", "", "use", "../x", "a\0b", key + "s", key[:-1]))] = holder.pop(key)
+    elif way == "twice" and isinstance(holder, list):
+        holder.insert(key, holder[key])
+    else:
+        holder[key] = rng.choice(others)
+
+
 def whole_numbers(rng: random.Random, content: bytes) -> bytes:
     """Four bytes of a binary header are a large or negative number: sizes, counts, offsets."""
     spoilt = bytearray(content)
@@ -153,7 +208,7 @@ def whole_numbers(rng: random.Random, content: bytes) -> bytes:
 
 TEXT: tuple[Mutation, ...] = (
     *(bits, cut, removed, repeated, moved, inserted, brackets, number, number, number, value, value, value, swapped),
-    *(swapped, lines, lines, replaced),
+    *(swapped, lines, lines, replaced, another_type, another_type, another_type, another_type, another_type),
 )
 BINARY: tuple[Mutation, ...] = (
     bits,

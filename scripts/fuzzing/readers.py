@@ -161,7 +161,7 @@ def _video() -> Reader:
         strict = VideoReading(path=path, rig=folder / "rig.toml", background=path).open()
         return seen, [frame.missing for frame in strict.frames()]
 
-    return Reader("video", sample, read, BINARY, ("left.mp4",))
+    return Reader("video", sample, read, BINARY, ("left.mp4",), share=1)
 
 
 def _numbered() -> Reader:
@@ -182,7 +182,7 @@ def _numbered() -> Reader:
         ).open()
         return [frame.masks for frame in opened.frames()]
 
-    return Reader("masks", sample, read, BINARY, ("masks/left/001.png", "images/right/002.png"))
+    return Reader("masks", sample, read, BINARY, ("masks/left/001.png", "images/right/002.png"), share=1)
 
 
 def _silhouette() -> Reader:
@@ -196,7 +196,7 @@ def _silhouette() -> Reader:
     def read(folder: Path) -> object:
         return read_silhouette(Picture(mask=folder / "mask.png", px_per_m=100.0), "front", None)
 
-    return Reader("silhouette", sample, read, BINARY, ("mask.png",))
+    return Reader("silhouette", sample, read, BINARY, ("mask.png",), share=2)
 
 
 def _results() -> list[Reader]:
@@ -218,6 +218,7 @@ def _results() -> list[Reader]:
             truth,
             TEXT,
             ("truth_joints.csv", "joints.csv", "poses.csv", "run.json", "truth_poses.csv"),
+            share=1,
         ),
         Reader("scaled model", samples.write_result, description, TEXT, ("models/anna.toml",)),
     ]

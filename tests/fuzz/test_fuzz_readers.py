@@ -9,11 +9,12 @@ from pathlib import Path
 import cv2
 import pytest
 from fuzzing.readers import readers
-from fuzzing.trial import Bench, Fault, Reader, smallest
+from fuzzing.trial import KEPT, Bench, Fault, Reader, keep, smallest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tracker.errors import TrackerError
 
-KEPT = Path(__file__).parent / "kept"
 READERS = {reader.name: reader for reader in readers()}
 N_INPUTS = 20
 """Of each reader; the fuzzer tries thousands."""
@@ -29,10 +30,18 @@ def without_words_of_libraries() -> Iterator[None]:
 
 @pytest.mark.parametrize("name", READERS)
 def test_nothing_but_one_clear_line_comes_of_a_spoilt_file(name: str, tmp_path: Path) -> None:
-    bench, rng = Bench(READERS[name], tmp_path / "bench"), random.Random(f"continuous {name}")
-    for _ in range(N_INPUTS):
+    bench = Bench(READERS[name], tmp_path / "bench")
+
+    @settings(max_examples=N_INPUTS, deadline=None, derandomize=True, database=None)
+    @given(rng=st.randoms(use_true_random=False))
+    def tried(rng: random.Random) -> None:
+        """Hypothesis makes the choices of the mutations, and fewer and simpler ones once they find a fault."""
         fault = bench.trial(*bench.spoilt(rng))
+        if fault is not None:
+            keep(fault)
         assert fault is None, f"{fault.kind}: {fault.told}"
+
+    tried()
 
 
 def kept() -> list[Path]:

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-import re
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+import yaml
 
 from tracker.arrays import Array
-from tracker.errors import CalibrationError
+from tracker.errors import CalibrationError, shortened
 from tracker.rig_layouts._sources import text_of
 
-_DEEPEST = 64
-"""OpenCV's parser calls itself for every bracket and dies of 200 000."""
-
 _MOST_NUMBERS = 64
-"""Of a matrix: OpenCV allocates what `rows` and `cols` say before it looks for the numbers."""
+"""Of a matrix: a camera has none that is larger."""
+
+_LOADER = yaml.BaseLoader
+"""Words stay words: a camera called 01, no or 1e5 keeps its name."""
 
 
 @dataclass(frozen=True)
@@ -26,22 +27,22 @@ class OpenCvFile:
     """An opened file."""
 
     name: str
-    storage: cv2.FileStorage
-
-    def names(self, key: str) -> list[str]:
-        """A list of words; whole numbers, for which YAML takes names without quotes, as words."""
-        node = self.storage.getNode(key)
-        entries = [node.at(k) for k in range(node.size())] if node.isSeq() else []
-        return [entry.string() or (str(int(entry.real())) if entry.isInt() else "") for entry in entries]
-
-    def number(self, key: str) -> float:
-        """A number, 0 where there is none."""
-        node = self.storage.getNode(key)
-        return float(node.real()) if node.isReal() or node.isInt() else 0.0
+    entries: Mapping[str, yaml.Node]
 
     def has(self, key: str) -> bool:
         """Whether there is such an entry."""
-        return not self.storage.getNode(key).empty()
+        return key in self.entries
+
+    def names(self, key: str) -> list[str]:
+        """A list of words; empty where there is none."""
+        node = self.entries.get(key)
+        entries = node.value if isinstance(node, yaml.SequenceNode) else []
+        return [entry.value if isinstance(entry, yaml.ScalarNode) else "" for entry in entries]
+
+    def number(self, key: str) -> float:
+        """A number, 0 where there is none."""
+        found = _number(self.entries.get(key))
+        return found if math.isfinite(found) else 0.0
 
     def matrix(self, *keys: str) -> Array:
         """The matrix under the first of the keys that the file has.
@@ -49,31 +50,52 @@ class OpenCvFile:
         Raises:
             CalibrationError: there is none, or it is no matrix of a camera.
         """
-        for key in keys:
-            node = self.storage.getNode(key)
-            if node.empty():
-                continue
-            found = _numbers(node)
-            if found is None or not np.isfinite(found).all():
-                raise CalibrationError(f"{self.name}: {key}: expected a matrix of finite numbers (!!opencv-matrix)")
-            return found
-        raise CalibrationError(f"{self.name}: no matrix {' or '.join(keys)}")
+        key = next((key for key in keys if self.has(key)), None)
+        if key is None:
+            raise CalibrationError(f"{self.name}: no matrix {' or '.join(keys)}")
+        found = _numbers(self.entries[key], f"{self.name}: {key}")
+        if found is None or not np.isfinite(found).all():
+            raise CalibrationError(f"{self.name}: {key}: expected a matrix of finite numbers (!!opencv-matrix)")
+        return found
 
 
-def _numbers(node: cv2.FileNode) -> Array | None:
-    if not node.isMap() or not {"rows", "cols", "dt", "data"} <= set(node.keys()):
-        return None
-    rows, cols = node.getNode("rows").real(), node.getNode("cols").real()
-    if not (1 <= rows <= _MOST_NUMBERS and 1 <= cols <= _MOST_NUMBERS and rows * cols <= _MOST_NUMBERS):
-        return None
+def _number(node: yaml.Node | None) -> float:
+    """What a scalar says, NaN if it is no number."""
     try:
-        return np.asarray(node.mat(), dtype=np.float64)
-    except (cv2.error, TypeError, ValueError):
+        return float(node.value) if isinstance(node, yaml.ScalarNode) else math.nan
+    except ValueError:
+        return math.nan
+
+
+def _numbers(node: yaml.Node, where: str) -> Array | None:
+    table = _table(node, where)
+    data = table.get("data")
+    rows, cols = _number(table.get("rows")), _number(table.get("cols"))
+    if not (rows >= 1 and cols >= 1 and rows * cols <= _MOST_NUMBERS and isinstance(data, yaml.SequenceNode)):
         return None
+    values = np.array([_number(value) for value in data.value])
+    if rows != int(rows) or cols != int(cols) or len(values) != rows * cols:
+        return None
+    return values.reshape(int(rows), int(cols))
+
+
+def _table(node: yaml.Node | None, where: str) -> dict[str, yaml.Node]:
+    """The entries of a mapping, none if it is no mapping.
+
+    Raises:
+        CalibrationError: a key is there twice.
+    """
+    table: dict[str, yaml.Node] = {}
+    for key, value in node.value if isinstance(node, yaml.MappingNode) else []:
+        word = key.value if isinstance(key, yaml.ScalarNode) else ""
+        if word in table:
+            raise CalibrationError(f'{where}: two entries are called "{shortened(word)}"')
+        table[word] = value
+    return table
 
 
 def opened(path: Path) -> OpenCvFile:
-    """Opens a file.
+    """Opens a file, not by OpenCV, whose parser never ends on `{a: 1}:` before a list and dies of 100 000 brackets.
 
     Raises:
         CalibrationError: it is missing, or not OpenCV's YAML.
@@ -82,32 +104,25 @@ def opened(path: Path) -> OpenCvFile:
         text = text_of(path)
     except CalibrationError as error:
         raise CalibrationError(f"{path.name}: {error}") from error
-    if not text.startswith("%YAML") or _depth(text) > _DEEPEST:
+    if not text.startswith("%YAML"):
         raise CalibrationError(f"{path.name}: not an OpenCV YAML file, which starts with %YAML:1.0")
     try:
-        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-    except (cv2.error, SystemError) as error:
+        # %YAML:1.0 is OpenCV's own spelling
+        root = yaml.compose(text.partition("\n")[2], Loader=_LOADER)
+    except (yaml.YAMLError, ValueError) as error:  # also of characters that do not exist
         raise CalibrationError(f"{path.name}: not an OpenCV YAML file: {_reason(error)}") from error
-    if not storage.isOpened() or not storage.root().isMap():
+    except RecursionError as error:
+        raise CalibrationError(f"{path.name}: not an OpenCV YAML file: nested too deeply") from error
+    entries = _table(root, path.name)
+    if not entries:
         raise CalibrationError(f"{path.name}: not an OpenCV YAML file: no entries in it")
-    return OpenCvFile(path.name, storage)
+    return OpenCvFile(path.name, entries)
 
 
-def _depth(text: str) -> int:
-    """Deepest nesting of brackets, or of the dashes of lists within one line."""
-    code = np.frombuffer(text.encode(), dtype=np.uint8)
-    opening, closing = np.isin(code, list(b"[{")), np.isin(code, list(b"]}"))
-    brackets = int(np.cumsum(opening.astype(np.int64) - closing).max(initial=0))
-    return max(brackets, *(len(dashes) // 2 for dashes in _DASHES.findall(text)), 0)
-
-
-_DASHES = re.compile(r"(?:-[ \t]+){2,}")
-"""Lists in lists."""
-
-
-def _reason(error: BaseException) -> str:
-    told = str(error.__cause__ or error)
-    return told.rpartition("error: ")[2].replace("\n", " ").strip()
+def _reason(error: Exception) -> str:
+    mark = getattr(error, "problem_mark", None)
+    told = " ".join(str(getattr(error, "problem", None) or error).split())
+    return shortened(told) + ("" if mark is None else f" in line {mark.line + 2}")
 
 
 def written(entries: Mapping[str, Array | float | list[str]]) -> bytes:
