@@ -31,7 +31,7 @@ LAYERS = (
     "estimation initialization",
     "cycle rehearsal tracking",
     "acquisition recognition evaluation simulation inspection",
-    "jobs rig_check export smoothed batching run forecast draft viewing",
+    "jobs rig_check export smoothed batching run forecast draft footage viewing",
     "cli commands __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}

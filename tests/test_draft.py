@@ -6,6 +6,8 @@ import shutil
 import tomllib
 from pathlib import Path
 
+import av
+import cv2
 import pytest
 from typer.testing import CliRunner
 
@@ -67,7 +69,7 @@ def test_what_is_missing_or_does_not_fit_is_said(study):
     shutil.rmtree(study / "background")
     (study / "videos" / "trial1_BACK.mp4").rename(study / "videos" / "notes.mp4")
     found = draft(study / "videos", study / "run.toml")
-    assert found.remarks[0] == "cameras without a video: BACK; `views` names those to be used"
+    assert found.remarks[0] == "cameras without a recording: BACK; `views` names those to be used"
     assert found.remarks[1] == "left out, for their names follow another pattern: notes.mp4"
     assert "no plates found" in found.remarks[2]
     assert "# background" in found.text
@@ -98,3 +100,36 @@ def test_a_folder_without_videos_is_one_clear_line(tmp_path):
     (tmp_path / "a.mp4").write_bytes(b"nothing")
     with pytest.raises(SequenceError, match=r"a\.mp4 is not a video that can be read"):
         draft(tmp_path, tmp_path / "run.toml")
+
+
+@pytest.fixture(
+    params=["{view}/{frame}.png", "{view}_{frame}.png", "{view}/img_{view}.{frame}.png", "a1{view}/f{frame}.jpg"]
+)
+def pictures(recording, tmp_path, request) -> tuple[Path, str]:
+    """Numbered images as people call them."""
+    for view in load_rig(recording / "rig.toml").names:
+        with av.open(str(recording / f"{view}.mp4")) as video:
+            for k, frame in enumerate(video.decode(video=0)):
+                path = tmp_path / "images" / request.param.format(view=view, frame=f"{k + 7:04d}")
+                path.parent.mkdir(parents=True, exist_ok=True)
+                cv2.imwrite(str(path), frame.to_ndarray(format="bgr24"))
+    shutil.copy(recording / "rig.toml", tmp_path)
+    return tmp_path, request.param
+
+
+def test_numbered_images_are_found(pictures):
+    folder, pattern = pictures
+    found = draft(folder / "images", folder / "run.toml")
+    assert [(one.view, one.size, one.n_frames) for one in found.footage] == [
+        (view, (360, 288), 3) for view in ("BACK", "FRONT", "LEFT", "RIGHT")
+    ]
+    assert found.remarks[0] == "images do not tell how many there are a second: set `fps`"
+    reading = tomllib.loads(found.text)["reading"]
+    assert reading == {"use": "images", "path": f"images/{pattern}", "rig": "rig.toml"}
+    (folder / "run.toml").write_text(found.text)
+    with pytest.raises(ConfigError, match='"fps" is missing'):
+        load_job("track", folder / "run.toml")
+    (folder / "run.toml").write_text(found.text.replace("# fps", "fps"))
+    assert load_job("track", folder / "run.toml").open().sequence.n_frames == 3
+    (folder / "rig.toml").unlink()
+    assert tomllib.loads(draft(folder / "images", folder / "a.toml").text)["reading"]["path"].count("{view}") >= 1

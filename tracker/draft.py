@@ -1,4 +1,4 @@
-"""A draft of a run's configuration, made of what lies in a folder of videos."""
+"""A draft of a run's configuration, made of what lies in a folder of videos or images."""
 
 from __future__ import annotations
 
@@ -7,30 +7,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import av
 import tomli_w
 
-from tracker.errors import CalibrationError, SequenceError
+from tracker.errors import CalibrationError
+from tracker.footage import PICTURES, Footage, header, listed, pattern_of, sources
 from tracker.rig import Rig
 from tracker.rig_layouts import read_rig
 
-_VIDEOS = {".mp4", ".avi", ".mov", ".mkv", ".m4v", ".mpg", ".mpeg", ".webm", ".mts"}
-_PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"}
 _RIGS = {".toml", ".json", ".txt", ".xml"}
+_PLAIN = "images", "frames", "pictures", "raw"
 _PLATE_WORDS = "background", "plate", "empty", "bg"
 _CALIBRATION_WORDS = "calib", "rig", "camera", "intri"
-
-
-@dataclass(frozen=True)
-class Footage:
-    """One video, as its header tells."""
-
-    path: Path
-    view: str
-    size: tuple[int, int]
-    fps: float
-    n_frames: int
-    """0 where the header does not tell."""
 
 
 @dataclass(frozen=True)
@@ -53,24 +40,20 @@ def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
     """Finds videos, cameras and plates, and writes down a configuration of them.
 
     Args:
-        folder: of the videos, one a view.
+        folder: of the videos or numbered images, one a view; or of a folder of images for each view.
         target: where the configuration will lie; paths in it start there.
         rig: the calibration; None to look for one in the folder and beside it.
 
     Raises:
-        SequenceError: there are no videos, or one cannot be read.
+        SequenceError: there are no videos or images, or one cannot be read.
         CalibrationError: the calibration that is given cannot be used.
     """
-    videos = _videos(folder)
-    if not videos:
-        inner = next((path for path in sorted(_listed(folder)) if path.is_dir() and _videos(path)), None)
-        expected = f"did you mean {inner}?" if inner else f"expected one a view, {' '.join(sorted(_VIDEOS))}"
-        raise SequenceError(f"{folder}: no videos there; {expected}")
-    found = (rig, read_rig(rig).rig) if rig is not None else _found_rig(folder, videos)
-    pattern, views = _pattern(videos, found[1] if found else None)
-    footage = tuple(_header(path, view) for view, path in sorted(views.items()))
+    there = sources(folder)
+    found = (rig, read_rig(rig).rig) if rig is not None else _found_rig(folder, there)
+    pattern, views = pattern_of(there, folder, found[1] if found else None)
+    footage = tuple(header(path, view) for view, path in sorted(views.items()))
     plates = _found_plates(folder, [one.view for one in footage])
-    remarks = tuple(_remarks(footage, found, plates, sorted(set(videos) - set(views.values()))))
+    remarks = tuple(_remarks(footage, found, plates, sorted(set(there) - set(views.values()))))
     start = target.resolve().parent
     chosen = found[0] if found else None
     near = {"path": pattern, "rig": chosen, "background": plates}
@@ -79,62 +62,26 @@ def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
     return Draft(footage, chosen, str(plates or ""), remarks, text)
 
 
-def _videos(folder: Path) -> list[Path]:
-    return sorted(path for path in _listed(folder) if path.suffix.lower() in _VIDEOS)
-
-
-def _listed(folder: Path) -> list[Path]:
-    try:
-        return [path for path in folder.iterdir() if not path.name.startswith(".")]
-    except OSError as error:
-        raise SequenceError(f"{folder}: {error.strerror}, expected a folder of videos") from error
-
-
 def _near(folder: Path, words: tuple[str, ...]) -> Iterator[Path]:
     """The folder, the one it lies in, and folders in both that are called after what is looked for."""
     for place in (folder, folder.resolve().parent):
         yield place
-        yield from sorted(p for p in _listed(place) if p.is_dir() and any(word in p.name.lower() for word in words))
+        yield from sorted(p for p in listed(place) if p.is_dir() and any(word in p.name.lower() for word in words))
 
 
-def _found_rig(folder: Path, videos: list[Path]) -> tuple[Path, Rig] | None:
-    """The calibration near the videos whose cameras most of them are called after."""
+def _found_rig(folder: Path, there: list[Path]) -> tuple[Path, Rig] | None:
+    """The calibration near the recording whose cameras most of its views are called after."""
     best: tuple[int, Path, Rig] | None = None
     for place in _near(folder, _CALIBRATION_WORDS):
-        for path in sorted(p for p in _listed(place) if p.suffix.lower() in _RIGS):
+        for path in sorted(p for p in listed(place) if p.suffix.lower() in _RIGS):
             try:
                 rig = read_rig(path).rig
             except (CalibrationError, OSError, ValueError, KeyError):
                 continue  # something else
-            n_named = len(_pattern(videos, rig)[1])
+            n_named = len(pattern_of(there, folder, rig)[1])
             if n_named and (best is None or n_named > best[0]):
                 best = n_named, path, rig
     return None if best is None else (best[1], best[2])
-
-
-def _pattern(videos: list[Path], rig: Rig | None) -> tuple[Path, dict[str, Path]]:
-    """The pattern that most videos follow, and the video of each view.
-
-    With a rig, `{view}` is the camera's name in the file's name; without one, the whole name.
-    """
-    fitting: dict[Path, dict[str, Path]] = {}
-    for path in videos:
-        for name in [path.stem] if rig is None else [name for name in rig.names if name in path.stem]:
-            before, _, behind = path.stem.rpartition(name)
-            fitting.setdefault(path.with_name(f"{before}{{view}}{behind}{path.suffix}"), {})[name] = path
-    if not fitting:
-        return videos[0].with_name("{view}" + videos[0].suffix), {}
-    return max(fitting.items(), key=lambda item: len(item[1]))
-
-
-def _header(path: Path, view: str) -> Footage:
-    try:
-        with av.open(str(path)) as container:
-            stream = container.streams.video[0]
-            rate = float(stream.average_rate or stream.guessed_rate or 0)
-            return Footage(path, view, (stream.width, stream.height), rate, stream.frames)
-    except (av.FFmpegError, IndexError, OSError) as error:
-        raise SequenceError(f"{path} is not a video that can be read: {error}") from error
 
 
 def _found_plates(folder: Path, views: list[str]) -> Path | None:
@@ -142,7 +89,7 @@ def _found_plates(folder: Path, views: list[str]) -> Path | None:
     for place in _near(folder, _PLATE_WORDS):
         if not any(word in place.name.lower() for word in _PLATE_WORDS):
             continue
-        for path in sorted(p for p in _listed(place) if p.suffix.lower() in _PICTURES):
+        for path in sorted(p for p in listed(place) if p.suffix.lower() in PICTURES):
             for view in (view for view in views if view in path.stem):
                 pattern = path.name.replace(view, "{view}")
                 if all((place / pattern.replace("{view}", other)).is_file() for other in views):
@@ -161,13 +108,15 @@ def _remarks(
             if one.size != (size := sizes[one.view]):
                 yield f"{one.path.name}: {one.size[0]}x{one.size[1]} px, but calibrated at {size[0]}x{size[1]}"
         if missing := sorted(set(sizes) - {one.view for one in footage}):
-            yield f"cameras without a video: {', '.join(missing)}; `views` names those to be used"
+            yield f"cameras without a recording: {', '.join(missing)}; `views` names those to be used"
     if unused:
         yield f"left out, for their names follow another pattern: {', '.join(path.name for path in unused)}"
     if len({round(one.fps, 2) for one in footage}) > 1:
         yield "the videos have different frame rates: " + ", ".join(f"{one.view} {one.fps:.4g}" for one in footage)
     if len({one.n_frames for one in footage}) > 1:
-        yield "the videos have different numbers of frames: `offsets` and `stop` make them fit"
+        yield "the views have different numbers of frames: `offsets` and `stop` make them fit"
+    if not footage or footage[0].fps == 0:
+        yield "images do not tell how many there are a second: set `fps`"
     if plates is None:
         yield 'no plates found: film the empty room for some seconds, or try background = "median"'
 
@@ -178,13 +127,19 @@ def _relative(path: Path, start: Path) -> str:
 
 def _name(folder: Path) -> str:
     """Of the run: that of the folder, or of the one above it if it only says what is in it."""
-    return folder.parent.name if "video" in folder.name.lower() and folder.parent.name else folder.name
+    plain = "video" in folder.name.lower() or folder.name.lower() in _PLAIN
+    return folder.parent.name if plain and folder.parent.name else folder.name
 
 
 def _text(name: str, paths: dict[str, str]) -> str:
     """The configuration; `paths` by their keys, those that are missing become comments."""
     told = {key: tomli_w.dumps({key: path}).strip() for key, path in paths.items()}
     rig_line = told.get("rig", '# rig = "Calib.toml"                    # missing: the calibration of the cameras')
+    images = "{frame}" in paths["path"]
+    names = "the camera's name in the calibration"
+    use = 'use = "images"' if images else 'use = "video"'
+    frame = " and {frame} the number of the image" if images else ""
+    rate = "# fps = 25.0              # missing: images do not tell how many there are a second\n" if images else ""
     plate_line = told.get("background", '# background = "background/{view}.png"   # clean plates; or "median"')
     return f"""\
 # Written by `bodytrack init`. `bodytrack run THIS --dry-run` checks it; `bodytrack show jobs` lists what else there is.
@@ -193,9 +148,9 @@ def _text(name: str, paths: dict[str, str]) -> str:
 persons = [{{ name = "person1", model = "human", stature_m = 1.75 }}]
 
 [reading]
-use = "video"
-{told["path"]}   # {{view}} is the camera's name in the calibration
-{rig_line}
+{use}
+{told["path"]}   # {{view}} is {names}{frame}
+{rate}{rig_line}
 {plate_line}
 # start = 0                 # first frame: one in which everybody stands apart, arms away from the body
 # downscale = 2             # half the size is enough for 1080p, and quicker

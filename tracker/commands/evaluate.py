@@ -31,34 +31,49 @@ def evaluate(
 
 
 def print_evaluation(evaluation: Evaluation) -> None:
-    """A table of the errors of each person, and the silhouettes' overlap."""
+    """A table of the errors of each person, what is looked for first on top, and the silhouettes' overlap."""
     table = Table(title="errors against the truth", title_justify="left")
     table.add_column("")
     for person in evaluation.persons:
         table.add_column(person.person, justify="right")
-    rows: list[tuple[str, list[str]]] = [
-        ("frames compared", [str(p.n_frames - p.n_missing) for p in evaluation.persons]),
-        ("frames lost", [str(p.n_missing) for p in evaluation.persons]),
-        ("joint distance, mean", [f"{p.mean_mm:.1f} mm" for p in evaluation.persons]),
-        ("joint distance, median", [f"{p.median_mm:.1f} mm" for p in evaluation.persons]),
-        ("joint distance, 95 %", [f"{p.p95_mm:.1f} mm" for p in evaluation.persons]),
-        ("mean, joint offsets removed", [f"{p.mean_offset_removed_mm:.1f} mm" for p in evaluation.persons]),
-    ]
-    if any(person.parameters for person in evaluation.persons):
-        rows.append(("joint angles, RMS", [f"{p.angles_rms_deg:.2f} deg" for p in evaluation.persons]))
-    for hinge in evaluation.persons[0].hinges_deg:
-        rows.append(
-            (f"{hinge.replace('_', ' ')}, RMS (offset removed)", [_hinge(p, hinge) for p in evaluation.persons])
-        )
-    for joint, _ in sorted(evaluation.persons[0].joints_mm.items()):
-        rows.append((f"{joint.replace('_', ' ')} (offset removed)", [_joint(p, joint) for p in evaluation.persons]))
-    for name, values in rows:
-        table.add_row(name, *values)
+    for rows in (_headline(evaluation), _joint_rows(evaluation), _details(evaluation)):
+        for name, values in rows:
+            table.add_row(name, *values)
+        table.add_section()
     console.print(table)
     if evaluation.silhouette_iou:
         views = ", ".join(f"{view} {value:.3f}" for view, value in evaluation.silhouette_iou.items())
         mean = sum(evaluation.silhouette_iou.values()) / len(evaluation.silhouette_iou)
         console.print(f"silhouette IoU {mean:.3f} ({views})", highlight=False)
+
+
+def _headline(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
+    """How far off joints and angles are, and of how many frames."""
+    persons = evaluation.persons
+    rows = [
+        ("joint distance, mean", [f"{p.mean_mm:.1f} mm" for p in persons]),
+        ("mean, joint offsets removed", [f"{p.mean_offset_removed_mm:.1f} mm" for p in persons]),
+    ]
+    if any(person.parameters for person in persons):
+        rows.append(("joint angles, RMS", [f"{p.angles_rms_deg:.2f} deg" for p in persons]))
+    for hinge in persons[0].hinges_deg:
+        rows.append((f"{hinge.replace('_', ' ')}, RMS (offset removed)", [_hinge(p, hinge) for p in persons]))
+    rows.append(("frames lost", [f"{p.n_missing} of {p.n_frames}" for p in persons]))
+    return rows
+
+
+def _joint_rows(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
+    persons = evaluation.persons
+    names = sorted(persons[0].joints_mm)
+    return [(f"{name.replace('_', ' ')} (offset removed)", [_joint(p, name) for p in persons]) for name in names]
+
+
+def _details(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
+    persons = evaluation.persons
+    return [
+        ("joint distance, median", [f"{p.median_mm:.1f} mm" for p in persons]),
+        ("joint distance, 95 %", [f"{p.p95_mm:.1f} mm" for p in persons]),
+    ]
 
 
 def _hinge(person: PersonErrors, hinge: str) -> str:

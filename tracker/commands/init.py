@@ -11,11 +11,11 @@ from tracker.commands.terminal import console
 
 
 def init(
-    videos: Annotated[Path, typer.Argument(help="Folder of the videos, one a view.")],
+    videos: Annotated[Path, typer.Argument(help="Folder of the videos or images, one a view.")],
     output: Annotated[Path, typer.Option(help="Configuration to write.")] = Path("run.toml"),
     rig: Annotated[Path | None, typer.Option(help="Calibration; default: looked for near the videos.")] = None,
 ) -> None:
-    """Writes a commented run.toml for a folder of videos: views, cameras and plates that lie there."""
+    """Writes a commented run.toml for a folder of videos or images: views, cameras and plates that lie there."""
     from tracker.draft import draft
     from tracker.errors import ConfigError
     from tracker.files import write_whole
@@ -28,7 +28,8 @@ def init(
     write_whole(output, found.text)
     for one in found.footage:
         frames = f", {one.n_frames} frames" if one.n_frames else ""
-        console.print(f"{one.view}: {one.size[0]}x{one.size[1]} px, {one.fps:.4g} frames/s{frames}", highlight=False)
+        rate = f", {one.fps:.4g} frames/s" if one.fps else ""
+        console.print(f"{one.view}: {one.size[0]}x{one.size[1]} px{rate}{frames}", highlight=False)
     console.print(
         f"calibration: {found.rig or 'none'}; plates: {found.plates or 'none'}", highlight=False, soft_wrap=True
     )

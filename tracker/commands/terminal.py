@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from types import TracebackType
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.console import Console, RenderableType
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Column
 from rich.text import Text
 
@@ -18,6 +19,35 @@ def print_error(text: str) -> None:
     Console(stderr=True).print(Text.assemble(("error:", "bold red"), f" {plain}"), soft_wrap=True, highlight=False)
 
 
+_WIDE = 100
+"""Columns of a terminal on which bar and detail stand in one line."""
+
+
+class _Bars(Progress):
+    """Bars with their details behind them, or below them on a narrow terminal."""
+
+    def __init__(self, *columns: ProgressColumn, console: Console) -> None:
+        self._shown_on = console
+        super().__init__(*columns, console=console, expand=True)
+
+    def get_renderables(self) -> Iterable[RenderableType]:
+        """What is drawn."""
+        if self._shown_on.width >= _WIDE:
+            yield self.make_tasks_table(self.tasks)
+            return
+        bar, self.columns = self.columns, tuple(one for one in self.columns if one is not _DETAIL)
+        try:
+            for task in self.tasks:
+                yield self.make_tasks_table([task])
+                if (detail := task.fields["detail"]) and not task.finished:
+                    yield Text(f"  {detail}", no_wrap=True, overflow="ellipsis")
+        finally:
+            self.columns = bar
+
+
+_DETAIL = TextColumn("{task.fields[detail]}", table_column=Column(no_wrap=True, ratio=1))
+
+
 class ProgressBar:
     """A bar for each thing that is counted; a `tracker.progress.Progress`.
 
@@ -26,14 +56,13 @@ class ProgressBar:
 
     def __init__(self, shown_on: Console = console) -> None:
         self._console = shown_on
-        self._bar = Progress(
+        self._bar = _Bars(
             TextColumn("{task.description}", table_column=Column(no_wrap=True)),
             BarColumn(bar_width=20),
             MofNCompleteColumn(),
-            TextColumn("{task.fields[detail]}", table_column=Column(no_wrap=True, ratio=1)),
+            _DETAIL,
             TimeElapsedColumn(),
             console=shown_on,
-            expand=True,
         )
         self._task: TaskID | None = None
 

@@ -1,0 +1,96 @@
+"""What the terminal shows: progress on narrow and wide ones, tables that begin with what is looked for."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import subprocess
+
+import pytest
+from rich.console import Console, Group
+
+from tracker.commands import evaluate
+from tracker.commands.terminal import ProgressBar
+from tracker.evaluation.comparison import Evaluation, PersonErrors
+from tracker.jobs import load_job
+
+DETAIL = "12.5 frames/s (search 41 evidence 20 synthesis 9 ms), 3 lost, 12 doubtful"
+
+
+@pytest.mark.parametrize(("width", "n_lines"), [(60, 2), (80, 2), (99, 2), (100, 1), (140, 1)])
+def test_a_narrow_terminal_has_the_detail_below_the_bar(width, n_lines):
+    """Whole wherever there is room for it."""
+    shown = Console(width=width, file=io.StringIO(), force_terminal=True, color_system=None)
+    bar = ProgressBar(shown)
+    bar("tracking", 30, 400, DETAIL)
+    with shown.capture() as capture:
+        for part in bar._bar.get_renderables():
+            shown.print(Group(part))
+    lines = [line for line in capture.get().splitlines() if line.strip()]
+    assert len(lines) == n_lines
+    assert "tracking" in lines[0]
+    assert "30/400" in lines[0]
+    assert ("frames/s" in lines[0]) == (n_lines == 1)
+    assert max(map(len, lines)) <= width
+    if width >= 80 and n_lines == 2:
+        assert lines[1].strip() == DETAIL
+
+
+def test_a_finished_step_takes_one_line(capsys):
+    shown = Console(width=80, file=io.StringIO(), force_terminal=True, color_system=None)
+    bar = ProgressBar(shown)
+    bar("decoding", 4, 4, "done")
+    bar("tracking", 1, 4, DETAIL)
+    with shown.capture() as capture:
+        for part in bar._bar.get_renderables():
+            shown.print(Group(part))
+    assert len([line for line in capture.get().splitlines() if line.strip()]) == 3
+
+
+def test_an_evaluation_starts_with_what_is_looked_for(monkeypatch):
+    shown = Console(width=80, file=io.StringIO())
+    monkeypatch.setattr(evaluate, "console", shown)
+    person = PersonErrors(
+        person="anna",
+        truth="anna",
+        n_frames=75,
+        n_missing=2,
+        mean_mm=23.4,
+        median_mm=21.0,
+        p95_mm=50.0,
+        mean_offset_removed_mm=11.5,
+        median_offset_removed_mm=10.0,
+        joints_mm={"left_wrist": (30.0, 12.0)},
+        parameters={"torso_twist_deg": 1.25},
+        hinges_deg={"left_elbow": (4.0, 2.0)},
+    )
+    evaluate.print_evaluation(Evaluation(persons=(person,), silhouette_iou={}, distances_mm={}))
+    rows = [line for line in shown.file.getvalue().splitlines() if line.startswith("│")]
+    told = [row.split("│")[1].strip() for row in rows]
+    assert told[:3] == ["joint distance, mean", "mean, joint offsets removed", "joint angles, RMS"]
+    assert told[3].startswith("left elbow")
+    assert "2 of 75" in rows[4]
+    assert told[-2:] == ["joint distance, median", "joint distance, 95 %"]
+
+
+def test_a_person_is_changed_on_the_command_line(tmp_path):
+    (tmp_path / "rig.toml").touch()
+    text = 'persons = [{ name = "anna", model = "gavrila22" }, { name = "ben", model = "human" }]\n'
+    (tmp_path / "run.toml").write_text(text + '[reading]\nuse = "video"\npath = "{view}.mp4"\nrig = "rig.toml"\n')
+    job = load_job("track", tmp_path / "run.toml", ["persons.0.model=human", "persons.1.stature_m=1.9"])
+    assert [(one.name, one.model, one.stature_m) for one in job.persons] == [
+        ("anna", job.persons[1].model, None),
+        ("ben", job.persons[1].model, 1.9),
+    ]
+
+
+@pytest.mark.skipif(shutil.which("bodytrack") is None, reason="the command is not on the path")
+def test_the_shell_completes_commands_and_options():
+    def completed(words, position):
+        environment = {**os.environ, "_BODYTRACK_COMPLETE": "complete_bash"}
+        asked = environment | {"COMP_WORDS": words, "COMP_CWORD": str(position)}
+        return subprocess.run(["bodytrack"], env=asked, capture_output=True, text=True, check=False).stdout.split()
+
+    assert completed("bodytrack ev", 1) == ["evaluate"]
+    assert completed("bodytrack run --res", 2) == ["--resume"]

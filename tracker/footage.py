@@ -1,0 +1,148 @@
+"""What lies in a folder of recordings: videos, or numbered images, one view each."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+
+import av
+
+from tracker.errors import SequenceError
+from tracker.reading.images import intact_image
+from tracker.rig import Rig
+
+VIDEOS = {".mp4", ".avi", ".mov", ".mkv", ".m4v", ".mpg", ".mpeg", ".webm", ".mts"}
+PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"}
+
+_FRAME = "{frame}"
+_NUMBER = re.compile(r"(.*?)(\d+)(\D*)")
+"""The last number in a name is that of the frame."""
+
+_FEWEST = 2
+"""Images that are a recording."""
+
+
+@dataclass(frozen=True)
+class Footage:
+    """One view."""
+
+    path: Path
+    """The video, or the images with `{frame}` for their number."""
+
+    view: str
+    size: tuple[int, int]
+    fps: float
+    """0 for images, which do not tell."""
+
+    n_frames: int
+    """0 where the header does not tell."""
+
+
+def listed(folder: Path) -> list[Path]:
+    """What is in a folder and not hidden.
+
+    Raises:
+        SequenceError: it cannot be read.
+    """
+    try:
+        return [path for path in folder.iterdir() if not path.name.startswith(".")]
+    except OSError as error:
+        raise SequenceError(f"{folder}: {error.strerror}, expected a folder of videos") from error
+
+
+def sources(folder: Path) -> list[Path]:
+    """The videos in a folder; where there are none, numbered images in it or in its folders, with `{frame}`.
+
+    Raises:
+        SequenceError: there are none, or the folder cannot be read.
+    """
+    found = _videos(folder) or _numbered(folder)
+    if not found:
+        inner = next((path for path in sorted(listed(folder)) if path.is_dir() and _any(path)), None)
+        expected = f"did you mean {inner}?" if inner else f"expected one a view, {' '.join(sorted(VIDEOS))}, or images"
+        raise SequenceError(f"{folder}: no videos there; {expected}")
+    return found
+
+
+def _any(folder: Path) -> bool:
+    return bool(_videos(folder) or _numbered(folder))
+
+
+def _videos(folder: Path) -> list[Path]:
+    return sorted(path for path in listed(folder) if path.suffix.lower() in VIDEOS)
+
+
+def _numbered(folder: Path) -> list[Path]:
+    """Images called alike but for a number: in each folder those that are most, or all kinds in the folder itself."""
+    inner = [sorted(_series(path).items(), key=lambda one: -one[1]) for path in listed(folder) if path.is_dir()]
+    own = _series(folder)
+    return sorted(own) or sorted(series[0][0] for series in inner if series)
+
+
+def _series(folder: Path) -> dict[Path, int]:
+    """Pattern -> number of images."""
+    series: dict[Path, int] = defaultdict(int)
+    for path in listed(folder):
+        match = _NUMBER.fullmatch(path.stem) if path.suffix.lower() in PICTURES else None
+        if match is not None:
+            series[folder / f"{match[1]}{_FRAME}{match[3]}{path.suffix}"] += 1
+    return {pattern: n for pattern, n in series.items() if n >= _FEWEST}
+
+
+def pattern_of(found: list[Path], folder: Path, rig: Rig | None) -> tuple[Path, dict[str, Path]]:
+    """The pattern that most sources follow, and the source of each view.
+
+    With a rig, `{view}` is the camera's name in the file's or the folder's name; without one, the whole name.
+    """
+    fitting: dict[Path, dict[str, Path]] = {}
+    for source in found:
+        for name in [_own_name(source)] if rig is None else rig.names:
+            if (pattern := _with_view(source, folder, name)) is not None:
+                fitting.setdefault(pattern, {})[name] = source
+    if not fitting:
+        return found[0].with_name("{view}" + found[0].suffix), {}
+    return max(fitting.items(), key=lambda item: len(item[1]))
+
+
+def _own_name(source: Path) -> str:
+    """What a view is called if no rig tells: its file, or the folder of its images."""
+    before, frame, _ = source.stem.partition(_FRAME)
+    return (before.rstrip("_-. ") or source.parent.name) if frame else source.stem
+
+
+def _with_view(source: Path, folder: Path, name: str) -> Path | None:
+    """The path with `{view}` for a name, where it is last in the file's and the folder's name; None if in neither."""
+    *folders, file = source.relative_to(folder).parts
+    stem, frame, end = file.partition(_FRAME) if _FRAME in file else (source.stem, "", source.suffix)
+    steps = [_replaced(step, name) for step in (*folders, stem)]
+    if steps == [*folders, stem]:
+        return None
+    return folder.joinpath(*steps[:-1], f"{steps[-1]}{frame}{end}")
+
+
+def _replaced(text: str, name: str) -> str:
+    before, found, behind = text.rpartition(name)
+    return f"{before}{{view}}{behind}" if found else text
+
+
+def header(source: Path, view: str) -> Footage:
+    """What a video's header, or the first image, tells.
+
+    Raises:
+        SequenceError: it cannot be read.
+    """
+    if _FRAME in source.name:
+        before, after = source.name.split(_FRAME)
+        number = re.compile(rf"{re.escape(before)}\d+{re.escape(after)}")
+        files = sorted(path for path in listed(source.parent) if number.fullmatch(path.name))
+        height, width = intact_image(files[0]).shape[:2]
+        return Footage(source, view, (width, height), 0.0, len(files))
+    try:
+        with av.open(str(source)) as container:
+            stream = container.streams.video[0]
+            rate = float(stream.average_rate or stream.guessed_rate or 0)
+            return Footage(source, view, (stream.width, stream.height), rate, stream.frames)
+    except (av.FFmpegError, IndexError, OSError) as error:
+        raise SequenceError(f"{source} is not a video that can be read: {error}") from error
