@@ -238,7 +238,7 @@ def test_trc_is_read_with_its_gaps(recording, tmp_path, unit, gap):
 
 def test_c3d_and_trc_of_a_recording_agree(data):
     folder = data("room/R-UpperBody/markers")
-    pytest.importorskip("ezc3d")
+    pytest.importorskip("c3d")
     one, other = read_markers(folder / "markers.trc"), read_markers(folder / "markers.c3d")
     assert one.names == other.names
     assert one.rate_hz == pytest.approx(120, rel=1e-3)

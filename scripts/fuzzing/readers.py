@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import tomli_w
 
 from fuzzing import samples
 from fuzzing.mutations import BINARY, TEXT
@@ -19,9 +22,11 @@ from tracker.initialization.given import GivenInitialization
 from tracker.jobs import INPUTS, check_inputs, check_same, load_job
 from tracker.jobs.acquire import acquisition_from
 from tracker.keypoint_layouts import open_keypoints
+from tracker.marker_layouts import read_markers
 from tracker.reading.images import ImageReading
 from tracker.reading.stills import StillReading
 from tracker.reading.video import VideoReading
+from tracker.recognition.library import bundled_library, load_library
 from tracker.resources import model_path
 from tracker.result import load_result
 from tracker.rig_layouts import read_rig, save_rig
@@ -62,7 +67,34 @@ def _rigs() -> list[Reader]:
     def read(folder: Path) -> object:
         return read_rig(folder / "a_par.txt", samples.SIZE)
 
-    return [*found, _text("rig middlebury", MIDDLEBURY, read, "a_par.txt")]
+    def session(folder: Path) -> object:
+        return read_rig(folder)
+
+    pickles = tuple(f"Videos/{view}/{samples.PICKLE}" for view in samples.VIEWS)
+    return [
+        *found,
+        _text("rig middlebury", MIDDLEBURY, read, "a_par.txt"),
+        Reader("rig opencap", samples.write_pickles, session, BINARY, pickles),
+        _freemocap(),
+    ]
+
+
+def _freemocap() -> Reader:
+    def sample(folder: Path) -> None:
+        path = folder / "a_camera_calibration.toml"
+        save_rig(samples.sample_rig(), path, "anipose")
+        tables = tomllib.loads(path.read_text())
+        tables["metadata"] |= {
+            "charuco_square_size": 39.0,
+            "path_to_recorded_videos": "x",
+            "groundplane_calibration": True,
+        }
+        path.write_text(tomli_w.dumps(tables))
+
+    def read(folder: Path) -> object:
+        return read_rig(folder / "a_camera_calibration.toml")
+
+    return Reader("rig freemocap", sample, read, TEXT, ("a_camera_calibration.toml",))
 
 
 def _rig(layout: str, target: str) -> Reader:
@@ -119,7 +151,29 @@ def _tables() -> list[Reader]:
         _text("keypoints deeplabcut", samples.DEEPLABCUT, keypoints("dlc.csv"), "dlc.csv"),
         _text("keypoints sleap", samples.SLEAP, keypoints("sleap.csv"), "sleap.csv"),
         _text("measured points", samples.POINTS, points, "points.csv"),
+        _text("markers trc", samples.TRC, lambda folder: read_markers(folder / "a.trc"), "a.trc"),
+        Reader(
+            "markers c3d",
+            lambda folder: samples.write_markers(folder / "a.c3d"),
+            lambda folder: read_markers(folder / "a.c3d"),
+            BINARY,
+            ("a.c3d",),
+        ),
+        _library(),
     ]
+
+
+def _library() -> Reader:
+    def sample(folder: Path) -> None:
+        (folder / "library" / "wave").mkdir(parents=True)
+        (folder / "library" / "wave" / "movement.toml").write_text(samples.MOVEMENT)
+        tables = sorted(bundled_library().glob("*/*.csv"), key=lambda path: path.stat().st_size)
+        shutil.copyfile(tables[0], folder / "library" / "wave" / "anna.csv")
+
+    def read(folder: Path) -> object:
+        return load_library((folder / "library",))
+
+    return Reader("movements", sample, read, TEXT, ("library/wave/movement.toml", "library/wave/anna.csv"))
 
 
 def _images() -> list[Reader]:

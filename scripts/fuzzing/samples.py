@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import pickle
 import shutil
 from pathlib import Path
 
 import av
 import cv2
+import ezc3d
 import numpy as np
 
 from tracker.account import Account
@@ -93,6 +95,49 @@ def write_result(folder: Path) -> None:
     shutil.copyfile(folder / "poses.csv", folder / "truth_poses.csv")
     (folder / INPUTS).write_text(json.dumps({"a.mp4": "5 bytes, sha256 00"}))
 
+
+def write_pickles(folder: Path) -> None:
+    """Cameras as OpenCap pickles them."""
+    for camera in sample_rig().cameras:
+        motion, (width, height) = camera.camera_from_world, camera.size
+        table = {
+            "distortion": camera.distortion.reshape(1, 5),
+            "intrinsicMat": camera.matrix,
+            "imageSize": np.array([[height], [width]]),
+            "rotation": motion[:3, :3],
+            "translation": 1000 * motion[:3, 3:],
+        }
+        (folder / "Videos" / camera.name).mkdir(parents=True)
+        (folder / "Videos" / camera.name / PICKLE).write_bytes(pickle.dumps(table))
+
+
+PICKLE = "cameraIntrinsicsExtrinsics.pickle"
+
+
+def write_markers(path: Path) -> None:
+    """Three markers in ten frames, C3D."""
+    content = ezc3d.c3d()
+    content["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    content["parameters"]["POINT"]["RATE"]["value"] = [100.0]
+    content["parameters"]["POINT"]["LABELS"]["value"] = ["HEAD", "LWRI", "RWRI"]
+    content["data"]["points"] = np.random.default_rng(0).uniform(10, 2000, (4, 3, 10))
+    content.write(str(path))
+
+
+TRC = """PathFileType\t4\t(X/Y/Z)\ta.trc
+DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames
+100\t100\t3\t2\tmm\t100\t1\t3
+Frame#\tTime\tHEAD\t\t\tLWRI\t\t
+\t\tX1\tY1\tZ1\tX2\tY2\tZ2
+1\t0.00\t10.5\t1700.2\t30.1\t400.0\t900.0\t20.0
+2\t0.01\t10.6\t1700.3\t30.1\tNaN\tNaN\tNaN
+3\t0.02\t10.7\t1700.4\t30.2\t400.5\t900.2\t20.1
+"""
+
+MOVEMENT = """about = "waving"
+repeats = true
+source = "made here"
+"""
 
 RUN = """name = "sample"
 persons = [{ name = "anna", model = "human", stature_m = 1.68 }]

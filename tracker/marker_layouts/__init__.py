@@ -20,7 +20,7 @@ def read_markers(path: Path) -> Markers:
 
     Raises:
         SequenceError: the file is missing, damaged, or of another kind.
-        ConfigError: it is a C3D, and ezc3d is not installed.
+        ConfigError: it is a C3D, and the package c3d is not installed.
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
