@@ -35,7 +35,7 @@ def read_c3d(path: Path) -> Markers:
                 warnings.simplefilter("ignore")
                 unit, rate, names, first, frames = _content(reading(file))
         except Exception as error:  # it is written in Python, and raises whatever a damaged file leads to
-            told = f"{type(error).__name__}: {one_line(error)}"
+            told = one_line(error) if isinstance(error, SequenceError) else f"{type(error).__name__}: {one_line(error)}"
             raise SequenceError(f"{path}: damaged, or no C3D file: {told}") from error
     points, residuals = frames[..., :3].astype(np.float64), frames[..., 3]
     if unit not in METRES_PER_UNIT:
@@ -53,10 +53,10 @@ def _content(reader: Any) -> tuple[str, float, tuple[str, ...], int, Array32]:
     names = tuple(label.strip() for label in reader.point_labels)
     wanted = reader.last_frame - reader.first_frame + 1
     if reader.point_used < 1:
-        raise ValueError("no markers")
+        raise SequenceError("no markers in it")
     frames = [points for _, points, _ in reader.read_frames()]
     if len(frames) != wanted:
-        raise ValueError(f"{len(frames)} of {wanted} frames")
+        raise SequenceError(f"{len(frames)} of {wanted} frames are there")
     return unit, float(reader.point_rate), names, int(reader.first_frame) - 1, np.array(frames, dtype=np.float32)
 
 
