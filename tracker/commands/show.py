@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from tracker.commands.terminal import console
@@ -22,7 +23,7 @@ def show(
         table = Table("stage", "component", "what it is", title="components")
         for name in shown:
             for use in available(name):
-                table.add_row(name, use, (find(name, use).__doc__ or "").split("\n")[0])
+                table.add_row(name, use, escape((find(name, use).__doc__ or "").split("\n")[0]))
         console.print(table)
         return
     if stage not in shown:
@@ -39,7 +40,7 @@ def _component_table(stage: str, use: str) -> Table:
     table = Table("field", "default", "meaning", title=title, title_justify="left")
     for name, field in cls.__pydantic_fields__.items():
         default = "required" if field.is_required() else _shown(field.get_default(call_default_factory=True), field)
-        table.add_row(name, default, (field.description or "").replace("\n", " "))
+        table.add_row(name, default, escape((field.description or "").replace("\n", " ")))
     return table
 
 

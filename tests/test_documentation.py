@@ -1,0 +1,130 @@
+"""The site is built without a warning; what its pages show is so: commands, settings, the example, the notebook."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+import typer.main
+
+from scripts.documentation import configuration_page
+from tracker.cli import app
+from tracker.components import available, find, stages
+from tracker.config import build
+from tracker.errors import ConfigError
+from tracker.jobs import execute, load_job
+from tracker.recording import chosen_recordings
+from tracker.simulation.sequence import Recipe, write_sequence
+
+ROOT = Path(__file__).parents[1]
+PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs").glob("*.md"))}
+
+
+def blocks(page: str, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", PAGES[page], flags=re.DOTALL)
+
+
+def test_the_site_is_built(tmp_path):
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]
+    environment = os.environ | {"NO_MKDOCS_2_WARNING": "1", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False, env=environment)
+    assert done.returncode == 0, done.stderr
+    pages = {path.stem for path in (tmp_path / "site").glob("*.html")} - {"404"}
+    assert pages == {name.removesuffix(".md") for name in PAGES} | {"configuration"}
+    assert (tmp_path / "site" / "first_steps.ipynb").is_file()
+    start = (tmp_path / "site" / "index.html").read_text()
+    assert not re.findall(r'<(?:link|script)[^>]*(?:href|src)="https?://', start)  # asks nobody else for anything
+
+
+def test_every_page_is_in_the_contents():
+    nav = (ROOT / "mkdocs.yml").read_text().partition("nav:")[2]
+    assert set(re.findall(r"(\w+\.md)", nav)) == set(PAGES) | {"configuration.md"}
+
+
+def test_every_setting_is_told():
+    page = configuration_page()
+    for stage in ("jobs", *stages()):
+        for use in available(stage):
+            section = re.split(r"\n### ", page.partition(f"## {'Jobs' if stage == 'jobs' else stage}\n")[2])
+            (mine,) = [part for part in section if re.match(rf'(`{use}`|{stage}: `use = "{use}"`)\n', part)][:1]
+            for name in find(stage, use).__pydantic_fields__:
+                assert f"\n| `{name}` |" in mine, f"{stage} {use} {name}"
+    assert not re.search(r"\|  \|$", page, flags=re.MULTILINE)  # no field without a meaning
+
+
+@pytest.mark.parametrize(
+    "line",
+    sorted(
+        {
+            line.partition(" #")[0].strip()
+            for name in PAGES
+            for block in blocks(name, "sh")
+            for line in block.splitlines()
+            if line.startswith("bodytrack ") and "*" not in line
+        }
+    ),
+)
+def test_commands_parse(line):
+    _, name, *arguments = shlex.split(line)
+    typer.main.get_command(app).commands[name].make_context(name, arguments)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_files_that_are_named_exist(page):
+    named = re.findall(r"`((?:tracker|scripts|configs|models|tests|docs)/[\w./]+)`", PAGES[page])
+    assert [path for path in named if not (ROOT / path).exists() and path != "models/anna.toml"] == []
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_configurations_can_be_read(page, tmp_path):
+    for block in blocks(page, "toml"):
+        table = tomllib.loads(block)
+        if "evidence" in table:
+            build("evidence", table["evidence"], page, tmp_path)
+        if "calibration" in table:
+            build("calibration", table["calibration"], page, tmp_path)
+
+
+def test_the_component_of_the_page_is_used(tmp_path, monkeypatch):
+    """Copied as it stands into a module, it writes its file."""
+    (source,) = blocks("components.md", "python")
+    (settings,) = (block for block in blocks("components.md", "toml"))
+    (tmp_path / "my_lab.py").write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    config = write_sequence(Recipe("arm_swing", seconds=0.16, size=(360, 288)), tmp_path / "sequence")
+    config.write_text(re.sub(r"(?ms)^\[recordings\].*?(?=^\[|\Z)", "", config.read_text()) + "\n" + settings)
+    given = ["initialization.use=given", "initialization.poses=truth_poses.csv", "recordings.report=false"]
+    execute(load_job("track", config, given), tmp_path / "out")
+    head, *lines = (tmp_path / "out" / "heights.csv").read_text().splitlines()
+    assert head == "time_s,person,height_m"
+    assert [line.split(",")[0] for line in lines] == ["0.0000", "0.0400", "0.0800", "0.1200"]
+    heights = [float(line.split(",")[2]) for line in lines]
+    assert 0.6 < min(heights) <= max(heights) < 1.6
+    assert chosen_recordings({"my_lab:Heights": True}, "", tmp_path)[-1].landmark == "left_wrist"
+    with pytest.raises(ConfigError, match='did you mean "landmark"'):
+        chosen_recordings({"my_lab:Heights": {"landmrk": "head"}}, "", tmp_path)
+
+
+def test_the_notebook_runs(tmp_path):
+    """From its first cell to its last, as a reader would have it; it judges its result itself."""
+    script = (
+        "import sys, nbformat; from nbclient import NotebookClient\n"
+        "notebook = nbformat.read(sys.argv[1], 4)\n"
+        "assert not any(cell.get('outputs') for cell in notebook.cells), 'kept without outputs'\n"
+        "NotebookClient(notebook, timeout=300, resources={'metadata': {'path': sys.argv[2]}}).execute()\n"
+        "print(sum(len(cell.get('outputs', ())) for cell in notebook.cells))\n"
+        "print('\\n'.join(o.get('text', '') for cell in notebook.cells for o in cell.get('outputs', ())))\n"
+    )
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "ignore"}
+    command = [sys.executable, "-c", script, str(ROOT / "docs" / "first_steps.ipynb"), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert int(done.stdout.splitlines()[0]) >= 8
+    assert re.search(r"joints \d+\.\d mm, angles", done.stdout)
+    assert (tmp_path / "first_steps" / "result" / "report.html").is_file()
