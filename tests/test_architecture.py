@@ -21,8 +21,8 @@ ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
     "errors arrays plugins components config resources files source_files progress geometry imaging kernels",
-    "camera rig rig_layouts frame shape segments mirror point_trajectories "
-    "body_sections body body_defaults body_facts body_description body_files body_surface scene contours "
+    "camera rig rig_layouts frame shape skin skin_files segments mirror point_trajectories "
+    "body_sections body body_defaults body_facts body_skin body_description body_files body_surface scene contours "
     "expectation observation keypoints keypoint_layouts markers marker_layouts account equations plate sight estimate "
     "start subject trajectory doubts triangulation views",
     "reading calibration prediction synthesis analysis recording smoothing",

@@ -15,6 +15,7 @@ from tracker.kernels.body.self_collision import count_collisions
 from tracker.mirror import Mirror
 from tracker.segments import Landmark, Parameter, Part, Root, Segment, unjoined
 from tracker.shape import TaperedSuperquadric
+from tracker.skin import Skin
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,9 @@ class BodyModel:
 
     movements: dict[str, Movement] = field(default_factory=dict)
     """Movements to simulate."""
+
+    skin: Skin | None = None
+    """Its own surface: what contours and silhouettes are of, while searches live on the parts."""
 
     @property
     def dof(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -12,7 +13,8 @@ from tracker.arrays import Array, frozen
 from tracker.body import BodyModel
 from tracker.body_defaults import chains
 from tracker.body_facts import with_facts
-from tracker.body_sections import Clothes, Entry, Joints, Movement, StartMarks
+from tracker.body_sections import Clothes, Entry, Joints, Movement, SkinSection, StartMarks
+from tracker.body_skin import skin_of
 from tracker.errors import ModelError, nearest
 from tracker.mirror import Mirror
 from tracker.segments import Landmark, Parameter, Part, Segment
@@ -88,6 +90,9 @@ class BodyDescription(Entry):
     joints: Joints = Joints()
     clothes: Clothes = Clothes()
     movements: dict[str, Movement] = pydantic.Field(default={})
+    skin: SkinSection | None = None
+    """The body's own surface; None: its parts are all that is known."""
+
     sigmas: dict[str, float] = pydantic.Field(default={})
     """Standard deviations of what was measured on the person, metres or plain numbers; empty for a general model."""
 
@@ -127,6 +132,7 @@ class BodyDescription(Entry):
             "parts": parts,
             "landmarks": landmarks,
             "stature_m": factor * self.stature_m,
+            "skin": None if self.skin is None else self.skin.scaled(factor),
             "movements": {name: self._scaled_movement(one, factor) for name, one in self.movements.items()},
         }
         return self.model_copy(update=changes)
@@ -168,7 +174,8 @@ def _build(model: BodyDescription) -> BodyModel:
         segments=segments,
         mirror=Mirror(model.sides, model.across),
     )
-    return with_facts(body, model.start, model.joints, model.clothes, model.movements)
+    body = with_facts(body, model.start, model.joints, model.clothes, model.movements)
+    return body if model.skin is None else replace(body, skin=skin_of(body, model.skin))
 
 
 def _tree(entries: tuple[SegmentEntry, ...]) -> tuple[list[Parameter], tuple[Segment, ...]]:

@@ -11,6 +11,7 @@ import tomli_w
 
 from tracker.body import BodyModel
 from tracker.body_description import BodyDescription
+from tracker.body_sections import SkinSection
 from tracker.errors import ModelError
 from tracker.files import write_whole
 from tracker.source_files import toml_of
@@ -23,9 +24,10 @@ def read_description(path: Path) -> BodyDescription:
         ModelError: the file is missing or wrong; the message names the entry.
     """
     try:
-        return BodyDescription.model_validate(toml_of(path, ModelError, "the body model"))
+        found = BodyDescription.model_validate(toml_of(path, ModelError, "the body model"))
     except pydantic.ValidationError as error:
         raise ModelError(f"{path}: {_first_fault(error)} (see models/gavrila22.toml)") from error
+    return found if found.skin is None else found.model_copy(update={"skin": found.skin.beside(path.parent)})
 
 
 def _first_fault(error: pydantic.ValidationError) -> str:
@@ -44,10 +46,29 @@ def save_description(description: BodyDescription, path: Path, decimals: int | N
         decimals: digits after the point, 5 for a hundredth of a millimetre; None for all, so that it loads again to
             the same bits.
     """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if description.skin is not None:
+        description = description.model_copy(update={"skin": _with_files_beside(description.skin, path)})
     content = description.model_dump(mode="json", exclude_none=True, exclude_unset=True)
     content = content if decimals is None else _rounded(content, decimals)
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, _INNER_ARRAY.sub(_on_one_line, tomli_w.dumps(content)))
+
+
+def _with_files_beside(skin: SkinSection, model: Path) -> SkinSection:
+    """The section with its files copied beside a model file: models are kept and moved with their skins.
+
+    Raises:
+        ModelError: a file cannot be read.
+    """
+    names = {}
+    for key, source in skin.files().items():
+        names[key] = f"{model.stem}_skin{Path(source).suffix}"
+        try:
+            content = Path(source).read_bytes()
+        except OSError as error:
+            raise ModelError(f"{source}: cannot read the skin: {error.strerror or error}") from error
+        write_whole(model.parent / names[key], content)
+    return skin.model_copy(update=names)
 
 
 # An array without arrays in it, as tomli_w writes it: an entry a line.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import pydantic
@@ -73,6 +74,40 @@ class Clothes(Entry):
 
     hair: tuple[str, ...] = ()
     """Parts whose upper and rear surface is hair."""
+
+
+class SkinSection(Entry):
+    """The body's own surface, measured in some pose: refines what superquadrics have found."""
+
+    surface: str
+    """PLY or OBJ file of triangles, metres, in the body's model frame; a path relative to the model file. Open patches
+    may lie beside or over one another."""
+
+    weights: str = ""
+    """Archive of numpy (.npz): `segments`, names of parts, and `weights` (N, S) of all vertices or their `label` (N,);
+    empty where the groups of an OBJ file are called like the parts."""
+
+    smooth: bool = True
+    """Blend the motions of several parts (linear blend skinning); false moves every vertex with its strongest part."""
+
+    scale: float = pydantic.Field(default=1.0, gt=0)
+    """Lengths of the surface are multiplied by it."""
+
+    pose_deg: dict[str, float] = {}
+    """Parameters that were not zero when the surface was measured, degrees; names may leave out the side."""
+
+    def scaled(self, factor: float) -> SkinSection:
+        """The section with every length multiplied by a factor."""
+        return self.model_copy(update={"scale": factor * self.scale})
+
+    def beside(self, folder: Path) -> SkinSection:
+        """The section with paths that start in a folder made absolute."""
+        files = {name: str((folder / path).resolve()) for name, path in self.files().items()}
+        return self.model_copy(update=files)
+
+    def files(self) -> dict[str, str]:
+        """Key -> file, of those that are given."""
+        return {name: path for name, path in (("surface", self.surface), ("weights", self.weights)) if path}
 
 
 _KINDS: dict[str, tuple[str, ...]] = {

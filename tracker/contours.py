@@ -69,6 +69,12 @@ class Contours:
         )
 
     @property
+    def valid(self) -> Mask:
+        """(B, V, M) which samples are valid."""
+        mask: Mask = np.arange(self.parts.shape[2]) < self.counts[..., None]
+        return mask
+
+    @property
     def n_poses(self) -> int:
         """B, the number of poses."""
         return int(self.counts.shape[0])
@@ -92,3 +98,22 @@ def joined(sets: Sequence[Contours]) -> Contours:
     names = ("positions", "points", "parts", "between")
     samples = {name: np.concatenate([padded(getattr(one, name)) for one in sets]) for name in names}
     return Contours(**samples, counts=np.concatenate([one.counts for one in sets]))
+
+
+def gathered(sets: Sequence[Contours], kept: Sequence[Mask]) -> Contours:
+    """Some samples of several sets of the same poses and views as one set.
+
+    Args:
+        sets: contours.
+        kept: (B, V, M) for each of them, which of its samples.
+    """
+    mask = np.concatenate([which & one.valid for one, which in zip(sets, kept, strict=True)], axis=2)
+    counts = mask.sum(axis=2)
+    order = np.argsort(~mask, axis=2, kind="stable")[:, :, : max(int(counts.max(initial=0)), 1)]
+
+    def chosen(name: str) -> NDArray[Any]:
+        samples = np.concatenate([getattr(one, name) for one in sets], axis=2)
+        return np.take_along_axis(samples, order.reshape(*order.shape, *[1] * (samples.ndim - 3)), axis=2)
+
+    names = ("positions", "points", "parts", "between")
+    return Contours(**{name: chosen(name) for name in names}, counts=counts)

@@ -52,6 +52,11 @@ class Scene:
         """(P, 7) packed superquadrics of all persons' parts."""
         return frozen(np.concatenate([person.body.shapes for person in self.persons]))
 
+    @property
+    def has_skins(self) -> bool:
+        """Whether the own surface of any person is known."""
+        return any(person.body.skin is not None for person in self.persons)
+
     def first_part(self, person: int) -> int:
         """Scene-wide number of the first part of a person."""
         return sum(len(other.body.parts) for other in self.persons[:person])

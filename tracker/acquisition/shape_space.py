@@ -201,11 +201,11 @@ def _part_changes(
 
 
 def space_of(description: BodyDescription, prior: ShapePrior) -> ShapeSpace:
-    """The shape space of a model.
+    """The shape space of a model; a skin does not follow where lengths change, so it is left out.
 
     Raises:
         ModelError: the model has no part or no segment.
     """
     if not description.parts or not description.segments:
         raise ModelError(f'model "{description.name}" has no parts: there is no shape to acquire')
-    return ShapeSpace(description, prior)
+    return ShapeSpace(description.model_copy(update={"skin": None}), prior)

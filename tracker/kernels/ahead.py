@@ -40,6 +40,9 @@ from tracker.kernels.regions.lines import Looks, Rule, Samples, find_shifts, lea
 from tracker.kernels.regions.scoring import Lines, score_lines, score_regions
 from tracker.kernels.regions.sides import parts_beside
 from tracker.kernels.rows import bundle_camera
+from tracker.kernels.skins.filling import fill_mesh
+from tracker.kernels.skins.mesh import Mesh
+from tracker.kernels.skins.tracing import trace_skins
 from tracker.progress import Progress, silent
 
 _F8, _F4, _I8, _B1 = np.float64, np.float32, np.int64, np.bool_
@@ -138,6 +141,18 @@ def _region_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     ]
 
 
+def _skin_calls() -> list[tuple[Any, tuple[Any, ...]]]:
+    """As `_tracking_calls`, for bodies whose own surface is known."""
+    vertices = _frozen(_F4, 0, 3), _frozen(_F4, 0, 3), _frozen(_I8, 0, 1), _frozen(_F4, 0, 1)
+    mesh = Mesh(*vertices, _frozen(_I8, 0, 3), _frozen(_I8, 0), _frozen(_I8, 0, 4), 0, 1)
+    samples = _own(_F4, 0, 1, 1, 5), _own(_F4, 0, 1, 1, 3), _own(_I8, 0, 1, 1), _own(_B1, 0, 1, 1), _own(_I8, 0, 1)
+    rig = _frozen(_F8, 1, 25), _frozen(_F8, 1, 2)
+    return [
+        (trace_skins, (_own(_F8, 0, 1, 4, 4), _frozen(_F8, 1, 4, 4), mesh, *rig, (8.0, 0.02, 320.0), *samples)),
+        (fill_mesh, (_own(_F8, 0, 3), _frozen(_I8, 0, 3), rig[0][0], _own(_B1, 1, 1))),
+    ]
+
+
 def _matching_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     """As `_tracking_calls`, for least squares matching."""
     image = _frozen(_F4, 1), 1, 1
@@ -186,7 +201,7 @@ def _recognition_calls() -> list[tuple[Any, tuple[Any, ...]]]:
 
 
 _CALLS = {
-    "tracking": lambda: [*_tracking_calls(), *_region_calls()],
+    "tracking": lambda: [*_tracking_calls(), *_region_calls(), *_skin_calls()],
     "matching": _matching_calls,
     "calibration": _calibration_calls,
     "recognition": _recognition_calls,

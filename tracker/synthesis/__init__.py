@@ -24,8 +24,8 @@ class Synthesis(Protocol):
             scene: persons, poses and rig.
             person: whose poses vary; None for the scene as it is.
             poses: (B, dof) of that person, rad and m.
-            coarse: as dense as is enough to rank many poses, where that is cheaper; `directed_distances` are those
-                of these contours.
+            coarse: as dense as is enough to rank many poses, where that is cheaper, and always of the superquadrics;
+                `directed_distances` are those of these contours. Others are of a person's own skin where it is known.
 
         Returns:
             Samples for B poses (1 for the scene as it is) and all views.

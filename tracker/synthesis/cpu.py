@@ -19,6 +19,7 @@ from tracker.kernels.regions.scoring import Lines, score_regions
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._pictures import rasterized_ids
+from tracker.synthesis._skins import fill_skins, ids_of_skins, skinned_parts, with_skins
 
 # A part shows about 2 n_eta pieces, long ones cut at step_px: 64 were never reached at the default step.
 _SAMPLES_PER_PART = 64
@@ -59,6 +60,14 @@ class CpuSynthesis:
     ) -> Contours:
         """Visible occluding contours; see `tracker.synthesis.Synthesis.contours`."""
         placements = scene.world_from_parts(person, poses)
+        if coarse or not scene.has_skins:
+            return self._of_parts(scene, placements, coarse)
+        bare = not all(skinned_parts(scene))
+        parts = self._of_parts(scene, placements, coarse) if bare else None
+        return with_skins(parts, scene, placements, (self.step_px, self.contact_m))
+
+    def _of_parts(self, scene: Scene, placements: Array, coarse: bool) -> Contours:
+        """Contours of all superquadrics."""
         found = self._traced(scene, placements, _SAMPLES_PER_PART * len(scene.shapes), coarse)
         while int(found.counts.max(initial=0)) == found.parts.shape[2]:
             found = self._traced(scene, placements, 2 * found.parts.shape[2], coarse)
@@ -147,13 +156,20 @@ class CpuSynthesis:
         """The region each view's persons cover; see `tracker.synthesis.Synthesis.silhouettes`."""
         grids, _, _ = _grids(scene.shapes, *_FINE)
         placements = scene.world_from_parts()[0]
+        if scene.has_skins:
+            bare = ~skinned_parts(scene)
+            placements, grids = placements[bare], frozen(grids[bare], np.float32)
         masks = tuple(np.zeros(camera.size[::-1], dtype=np.bool_) for camera in scene.rig.cameras)
         for row, mask in zip(scene.rig.packed, masks, strict=True):
             fill_parts(placements, grids, _FINE, row, mask)
+        if scene.has_skins:
+            fill_skins(scene, masks)
         return masks
 
     def part_ids(self, scene: Scene) -> tuple[Integers, ...]:
         """The part seen at every pixel; see `tracker.synthesis.Synthesis.part_ids`."""
+        if scene.has_skins:
+            return ids_of_skins(scene)
         return rasterized_ids(scene, 2 * _FINE[0] - 1, 2 * _FINE[1])
 
 

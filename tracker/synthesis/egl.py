@@ -17,7 +17,9 @@ from tracker.scene import Scene
 from tracker.synthesis._atlas import Atlas, atlas_on
 from tracker.synthesis._meshes import Meshes, before_cameras, meshes_of
 from tracker.synthesis._pictures import Picture, contours_of, distances_of, misfits_of
+from tracker.synthesis._skins import ids_of_skins
 from tracker.synthesis._tiles import Batch, batches
+from tracker.synthesis.cpu import CpuSynthesis
 
 
 @component
@@ -48,6 +50,8 @@ class EglSynthesis:
         self, scene: Scene, person: int | None = None, poses: Array | None = None, coarse: bool = False
     ) -> Contours:
         """Visible occluding contours, a sample a pixel; see `tracker.synthesis.Synthesis.contours`."""
+        if scene.has_skins and not coarse:
+            return CpuSynthesis(contact_m=self.contact_m).contours(scene, person, poses)
         placements = scene.world_from_parts(person, poses)
         return contours_of(scene, placements, self._pictures(scene, placements), self.contact_m)
 
@@ -57,6 +61,8 @@ class EglSynthesis:
 
     def part_ids(self, scene: Scene) -> tuple[Integers, ...]:
         """Scene-wide part number (H, W) seen at each pixel's centre in every view, -1 for none."""
+        if scene.has_skins:
+            return ids_of_skins(scene)
         pictures = self._pictures(scene, scene.world_from_parts())[0]
         return tuple(picture.whole(camera) for picture, camera in zip(pictures, scene.rig.cameras, strict=True))
 
@@ -77,7 +83,7 @@ class EglSynthesis:
             (B, V, 2) px: model to scene, scene to model; NaN for a missing view.
         """
         if reject:
-            return distances_of(self.contours(scene, person, poses), observation, theta, reject)
+            return distances_of(self.contours(scene, person, poses, True), observation, theta, reject)
         atlas, placements = atlas_on(self.device), scene.world_from_parts(person, poses)
         present = observation.packed.regions[:, region.WIDTH] > 0
         distances = np.full((len(placements), len(present), 2), np.nan)
@@ -89,7 +95,9 @@ class EglSynthesis:
 
     def region_misfits(self, scene: Scene, person: int, poses: Array, lines: Lines) -> Array:
         """Misfits of colours; see `tracker.synthesis.Synthesis.region_misfits`."""
-        return misfits_of(scene, scene.world_from_parts(person, poses), self.contours(scene, person, poses), lines)
+        return misfits_of(
+            scene, scene.world_from_parts(person, poses), self.contours(scene, person, poses, True), lines
+        )
 
     def _pictures(self, scene: Scene, placements: Array) -> list[list[Picture]]:
         """B times V pictures of parts placed at (B, P, 4, 4)."""

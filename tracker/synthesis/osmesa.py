@@ -16,6 +16,8 @@ from tracker.scene import Scene
 from tracker.synthesis._meshes import before_cameras, meshes_of
 from tracker.synthesis._pictures import Picture, contours_of, distances_of, misfits_of
 from tracker.synthesis._pyrender import Drawing, drawn, shaded
+from tracker.synthesis._skins import ids_of_skins
+from tracker.synthesis.cpu import CpuSynthesis
 
 
 @component
@@ -38,6 +40,8 @@ class OsmesaSynthesis:
         self, scene: Scene, person: int | None = None, poses: Array | None = None, coarse: bool = False
     ) -> Contours:
         """Visible occluding contours, a sample a pixel; see `tracker.synthesis.Synthesis.contours`."""
+        if scene.has_skins and not coarse:
+            return CpuSynthesis(contact_m=self.contact_m).contours(scene, person, poses)
         placements = scene.world_from_parts(person, poses)
         pictures = [self._pictures(scene, placed) for placed in placements]
         return contours_of(scene, placements, pictures, self.contact_m)
@@ -48,6 +52,8 @@ class OsmesaSynthesis:
 
     def part_ids(self, scene: Scene) -> tuple[Integers, ...]:
         """Scene-wide part number (H, W) seen at each pixel's centre in every view, -1 for none."""
+        if scene.has_skins:
+            return ids_of_skins(scene)
         return tuple(picture.ids for picture in self._pictures(scene, scene.world_from_parts()[0]))
 
     def directed_distances(
@@ -63,11 +69,13 @@ class OsmesaSynthesis:
             theta: distance at which a point is an outlier, px.
             reject: reject outliers as the paper does, or else clamp them at theta.
         """
-        return distances_of(self.contours(scene, person, poses), observation, theta, reject)
+        return distances_of(self.contours(scene, person, poses, True), observation, theta, reject)
 
     def region_misfits(self, scene: Scene, person: int, poses: Array, lines: Lines) -> Array:
         """Misfits of colours; see `tracker.synthesis.Synthesis.region_misfits`."""
-        return misfits_of(scene, scene.world_from_parts(person, poses), self.contours(scene, person, poses), lines)
+        return misfits_of(
+            scene, scene.world_from_parts(person, poses), self.contours(scene, person, poses, True), lines
+        )
 
     def picture(self, scene: Scene, view: int) -> Image:
         """A shaded picture (H, W, 3) RGB of the scene in a view, every part in a colour of its own, on white."""

@@ -1,0 +1,1 @@
+"""Kernels of skins: triangle meshes that move with the parts of a body."""
