@@ -18,14 +18,16 @@ if TYPE_CHECKING:
 
 
 def acquire(
-    config: Annotated[Path, typer.Argument(help="Pairs of front and side silhouettes, or a run's configuration.")],
+    config: Annotated[
+        Path, typer.Argument(help="Pairs of front and side silhouettes, a scan, or a run's configuration.")
+    ],
     output: Annotated[
         Path | None, typer.Option(help="Model to write, or a result folder; default models/NAME.toml.")
     ] = None,
     set_: Overrides = None,
     frames: Annotated[str | None, typer.Option(help="Range A:B of a run's frames to use.")] = None,
 ) -> None:
-    """Makes a person's body model: from two silhouettes, or from a run's views while tracking them."""
+    """Makes a person's body model: from two silhouettes, a scan, or a run's views while tracking them."""
     from tracker.config import read_config
     from tracker.jobs.acquire import acquire_to, acquisition_from
 

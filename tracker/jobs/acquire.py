@@ -22,6 +22,7 @@ from tracker.acquisition.figures import Panel
 from tracker.acquisition.fitting import Fit
 from tracker.acquisition.shape_space import ShapeSpace, space_of
 from tracker.arrays import Array
+from tracker.body_files import read_description, save_description
 from tracker.components import component
 from tracker.config import Table
 from tracker.errors import ConfigError, nearest
@@ -160,7 +161,7 @@ def _tracked(
 
 
 def acquisition_from(table: Table, source: str, folder: Path, name: str) -> Any:
-    """The job that a table describes: pairs of silhouettes, or the sections of a tracking job.
+    """The job that a table describes: pairs of silhouettes, a scan, or the sections of a tracking job.
 
     Args:
         table: its sections.
@@ -171,11 +172,14 @@ def acquisition_from(table: Table, source: str, folder: Path, name: str) -> Any:
     Raises:
         ConfigError: it is neither or both; else see `tracker.jobs.job_from`.
     """
-    if ("pairs" in table) == ("reading" in table):
+    kinds = {"pairs": "acquire_from_pictures", "scan": "acquire_from_scan", "reading": "acquire"}
+    given = [use for section, use in kinds.items() if section in table]
+    if len(given) != 1:
         raise ConfigError(
-            f"{source}: expected either [[pairs]] of front and side silhouettes, or the [reading] and persons of a run"
+            f"{source}: expected either [[pairs]] of front and side silhouettes, or a [scan] with its joints, "
+            "or the [reading] and persons of a run"
         )
-    use = "acquire_from_pictures" if "pairs" in table else "acquire"
+    use = given[0]
     return job_from(use, {key: value for key, value in table.items() if key != "job"}, source, folder, name)
 
 
@@ -196,5 +200,5 @@ def acquire_to(job: Any, path: Path, progress: Progress = silent) -> AcquireOutc
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(outcome.picture, found.picture.read_bytes())
         write_json(path.with_suffix(".json"), {**outcome.as_dict(), "config": described(job)})
-        write_whole(path, found.model.read_bytes())
+        save_description(read_description(found.model), path, decimals=None)
     return outcome
