@@ -11,6 +11,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -148,6 +149,22 @@ def test_a_calibration_of_freemocap(tmp_path: Path) -> None:
         load_rig(tmp_path / "unknown.toml")
     with pytest.raises(CalibrationError, match="read only: choose the layout anipose"):
         save_rig(found.rig, tmp_path / "new.toml", "freemocap")
+
+
+@pytest.mark.parametrize("vector", [False, True])
+def test_opencv_files_with_the_names_of_its_parameters(tmp_path: Path, vector: bool) -> None:
+    """K, D, R, T as programs write them with OpenCV, without the size of the images."""
+    for camera in sample_rig("left", "right").cameras:
+        storage = cv2.FileStorage(str(tmp_path / f"{camera.name}.yml"), cv2.FILE_STORAGE_WRITE)
+        storage.write("K", camera.matrix)
+        storage.write("D", camera.distortion[None])
+        turn = camera.rotation_vector()[:, None] if vector else np.array(camera.camera_from_world[:3, :3])
+        storage.write("rvec" if vector else "R", turn)
+        storage.write("tvec" if vector else "T", np.array(camera.camera_from_world[:3, 3:]))
+        storage.release()
+    with pytest.raises(CalibrationError, match=r"left.yml: no image_width and image_height: .*--size WxH"):
+        read_rig(tmp_path)
+    assert_equal(read_rig(tmp_path, (1280, 720)).rig, sample_rig("left", "right"), 1e-12)
 
 
 @pytest.mark.parametrize("up", AXES)

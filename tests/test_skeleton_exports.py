@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 
 import bvhio
 import numpy as np
@@ -14,6 +15,7 @@ from exported import HUNDREDTH_MM, motion_of
 from motions import INTERVAL_S, LOST, N_FRAMES, made_up
 from scipy.spatial.transform import Rotation
 
+from tracker.estimate import Status
 from tracker.recording._motion import Y_UP
 from tracker.recording.bvh import Bvh
 from tracker.recording.glb import Glb
@@ -103,6 +105,16 @@ def test_glb_faces_look_outwards_and_turns_are_short(movement, tmp_path):
         if channel.target.path == "rotation":
             turns = accessor(gltf, gltf.animations[0].samplers[channel.sampler].output)
             assert ((turns[1:] * turns[:-1]).sum(axis=1) > 0).all()
+
+
+def test_frames_that_are_not_to_be_relied_on_are_listed(tmp_path):
+    movement = made_up("gavrila22")
+    steps = list(movement.steps)
+    steps[2] = replace(steps[2], estimates=(replace(steps[2].estimates[0], doubtful=True),))
+    steps[9] = replace(steps[9], estimates=(replace(steps[9].estimates[0], status=Status.FILLED),))
+    (file,) = replace(movement, steps=steps).record(Glb(), tmp_path)
+    (animation,) = pygltflib.GLTF2().load(str(file)).animations
+    assert animation.extras == {"interpolated_frames": list(range(LOST.start, LOST.stop)), "doubtful_frames": [2, 9]}
 
 
 def test_the_validator_of_the_format_finds_nothing(movement, tmp_path):

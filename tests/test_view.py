@@ -186,12 +186,12 @@ def test_a_run_is_looked_at_while_it_tracks(tracked):
     start = ["initialization.use=given", "initialization.poses=truth_poses.csv"]
     run, told = load_run(tracked / "sequence" / "config.toml", start), []
     with serving(18100) as server:
-        live = LiveRun(run, server, lambda done, total: told.append((done, total)))
+        live = LiveRun(run, server, lambda what, done=0, total=0, detail="": told.append((what, done, total)))
         while not live.done.is_set():
             live.viewer.serve(0.05)
         live.viewer.serve(0.05)
         assert live.fault is None
-        assert told[-1] == (6, 6)
+        assert told[-1] == ("tracking", 6, 6)
         assert live.viewer.shown == 5  # it follows
         assert live.viewer.pictures.n_kept == 6
         live.close()

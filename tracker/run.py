@@ -52,10 +52,14 @@ class Run:
             TrackerError: an input cannot be used, or no start pose was found in the first frames.
         """
         sequence = self.opened.sequence
+        self.compile_kernels()
+        return track(sequence.frames(), self.scene, self.job.cycle(sequence.plates), {}, sequence.frames)
+
+    def compile_kernels(self, progress: Progress = silent) -> None:
+        """Compiles what tracking needs and is not kept on disk yet: a minute once, which an iteration does unasked."""
         kernels = self.job.kernels
         if kernels is not None and not all_cached(kernels):
-            warm_up(silent, kernels)
-        return track(sequence.frames(), self.scene, self.job.cycle(sequence.plates), {}, sequence.frames)
+            warm_up(progress, kernels)
 
     def execute(self, output: Path | str | None = None, resume: bool = False, progress: Progress = silent) -> Result:
         """Tracks into a result folder, as `bodytrack run` does.

@@ -54,7 +54,7 @@ def _live(config: Path, overrides: list[str], server: Any) -> None:
 
     run = load_run(config, overrides)
     with ProgressBar() as progress:
-        live = LiveRun(run, server, lambda done, total: progress("tracking", done, total))
+        live = LiveRun(run, server, progress)
         _tell_address(server)
         console.print("tracks while you look, and writes nothing: `bodytrack run` does", highlight=False)
         with contextlib.suppress(KeyboardInterrupt):

@@ -65,6 +65,12 @@ class Motion:
     it was filled in."""
 
     @cached_property
+    def doubted(self) -> Mask:
+        """(T,) frames that were found, or filled in, and of which nothing can be relied on."""
+        mask: Mask = ~self.lost & (np.nan_to_num(self.shares) == 0).all(axis=1)
+        return mask
+
+    @cached_property
     def filled(self) -> Array:
         """(T, dof) poses with lost frames interpolated in time, and held at the ends, for formats that need a pose.
 

@@ -34,7 +34,8 @@ _Z_UP_TO_Y_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 class Glb:
     """`NAME.glb` for each person: the parts' surfaces on a skeleton of the segments, metres, y up, animated.
 
-    Frames keep their times; poses of lost frames are interpolated, and listed under `extras` of the animation.
+    Frames keep their times; poses of lost frames are interpolated; they, and doubtful ones, are listed under `extras`
+    of the animation.
     """
 
     n_eta: int = pydantic.Field(default=13, ge=5, le=65)
@@ -161,8 +162,9 @@ def _animation(motion: Motion, buffer: _Buffer) -> dict[str, Any]:
         drive(k, "rotation", turns, "VEC4")
         if segment.parent < 0 or motion.slides(k):
             drive(k, "translation", local[:, k, :3, 3], "VEC3")
-    lost = np.flatnonzero(motion.lost).tolist()
-    told = {"extras": {"interpolated_frames": lost}} if lost else {}
+    marked = {"interpolated_frames": motion.lost, "doubtful_frames": motion.doubted}
+    extras = {name: np.flatnonzero(mask).tolist() for name, mask in marked.items() if mask.any()}
+    told = {"extras": extras} if extras else {}
     return {"name": "tracked", "samplers": samplers, "channels": channels, **told}
 
 

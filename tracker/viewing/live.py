@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from typing import Any
 
 from tracker.errors import TrackerError
+from tracker.progress import Progress
 from tracker.run import Run
 from tracker.viewing.viewer import Viewer
 
@@ -17,20 +17,22 @@ _TOLD_EVERY = 25
 class LiveRun:
     """A run in a thread of its own; nothing is written."""
 
-    def __init__(self, run: Run, server: Any, told: Callable[[int, int], None]) -> None:
+    def __init__(self, run: Run, server: Any, progress: Progress) -> None:
         """Begins to track.
 
         Args:
-            run: its inputs are opened here.
+            run: its inputs are opened here, and kernels compiled.
             server: where it is shown.
-            told: how many frames are done, and how many there are.
+            progress: told how far it is.
 
         Raises:
             TrackerError: an input cannot be used.
         """
-        self.viewer = Viewer(server, run.scene, run.opened.sequence.interval_s, len(run))
+        n_frames = len(run)
+        run.compile_kernels(progress)
+        self.viewer = Viewer(server, run.scene, run.opened.sequence.interval_s, n_frames)
         self.viewer.follow()
-        self._run, self._told = run, told
+        self._run, self._progress = run, progress
         self._stopped = threading.Event()
         self.fault: TrackerError | None = None
         self.done = threading.Event()
@@ -43,7 +45,7 @@ class LiveRun:
                 if self._stopped.is_set():
                     return
                 self.viewer.add(step)
-                self._told(n_done, len(self._run))
+                self._progress("tracking", n_done, len(self._run))
                 if n_done % _TOLD_EVERY == 0:
                     self.viewer.tell_doubts()
             self.viewer.tell_doubts()
