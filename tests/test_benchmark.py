@@ -33,6 +33,7 @@ def benchmark(*arguments: str, **variables: str) -> str:
         (("robustness", "--only", "missing"), ("lost", "longest loss", "joints 95 % mm", "verdict", "tracked"), 1),
         (("robustness", "--only", "start 5"), ("< 20 mm in 10 frames", "flagged lost", "silently wrong"), 1),
         (("lsm",), ("inverse-compositional", "findTransformECC", "RMS px", "real error over predicted sigma"), 30),
+        (("segmentation",), ("to grabCut", "IoU", "threshold dynamics", "the paper's way"), 6),
         (("sizes",), ("views", "persons", "ms/frame", "last/first quarter", "+MiB", "lost"), 2),
         (("sigma",), ("rendered RMS ratio", "noise robust", "torso_x", "all arm angles", "aim 0.7 to 1.5"), 27),
         (
@@ -48,7 +49,7 @@ def test_benchmarks_print_their_columns(arguments: tuple[str, ...], words: tuple
     for word in words:
         assert word in printed
     assert len(re.findall("^│", printed, re.MULTILINE)) >= n_rows
-    if arguments[0] in ("poses", "tracking", "lsm"):
+    if arguments[0] in ("poses", "tracking", "lsm", "segmentation"):
         # Every speed stands beside its reference.
         assert re.search(r" \d[\d.]*x ", printed)
 

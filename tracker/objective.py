@@ -51,6 +51,12 @@ class Objective:
         asked = Comparison(scene, person, self.asked.synthesis, self.asked.observed)
         return replace(self, asked=asked, history=None)
 
+    def observed_again(self, q: Array) -> Objective:
+        """The same question after the images were looked at with a pose (dof,) known; see `Evidence.observe_again`."""
+        observed = self.evidence.observe_again(self.asked, q)
+        asked = Comparison(self.asked.scene, self.asked.person, self.asked.synthesis, observed)
+        return replace(self, asked=asked)
+
     def equations(self, q: Array, gate_px: float) -> Equations:
         """What a refinement minimizes, linearized at a pose (dof,); see `tracker.evidence.Evidence.equations`."""
         return self.evidence.equations(self.asked, q, gate_px)

@@ -28,7 +28,7 @@ class Evidence(Protocol):
     """A component that answers for one kind of evidence. Search and refinement know none of them by name.
 
     One pose has one number: what `distances` ranks by is what `account` reports. Components derive from this class
-    and inherit the optional methods, `told`, `look` and `learned`.
+    and inherit the optional methods, `told`, `look`, `learned` and `observe_again`.
     """
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Observed:
@@ -62,6 +62,13 @@ class Evidence(Protocol):
     def account(self, asked: Comparison, q: Array) -> Account:
         """How well a pose (dof,) explains what was observed; its distance is the one that `distances` gives."""
         ...
+
+    def observe_again(self, asked: Comparison, q: Array) -> Observed:
+        """What is observed if a person is known to be about a pose (dof,); by default what was observed before.
+
+        Segmentation and pose estimation are alternated by it: a contour found with the pose last found as its prior.
+        """
+        return asked.observed
 
     def told(self, known: Sequence[object | None]) -> str:
         """In one line what it goes by, if that depends on the recording; by default nothing.

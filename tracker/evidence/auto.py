@@ -57,6 +57,10 @@ class AutoEvidence(Evidence):
         one = self._chosen(sight)
         return _Seen(one, one.observe(sight, expected, memory))
 
+    def observe_again(self, asked: Comparison, q: Array) -> _Seen:
+        """What the one chosen observes again."""
+        return _Seen(_by(asked), _by(asked).observe_again(_put(asked), q))
+
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) its distances, px."""
         return _by(asked).distances(_put(asked), poses)

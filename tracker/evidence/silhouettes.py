@@ -86,7 +86,10 @@ class SilhouetteEvidence(Evidence):
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Foregrounds:
         """The foreground near what is expected; see `tracker.evidence.Evidence.observe`."""
-        masks = tuple(self._mask(sight, expected, v) for v in range(len(sight.plates)))
+        return self.seen(tuple(self._mask(sight, expected, v) for v in range(len(sight.plates))))
+
+    def seen(self, masks: tuple[Mask | None, ...]) -> Foregrounds:
+        """Foregrounds (H, W) of all views made ready to be compared; None for a view without one."""
         longest = max((max(mask.shape) for mask in masks if mask is not None), default=_SMALL_PX)
         factor = max(1, round(longest / _SMALL_PX))
         regions, pictures, worth, start = [], [np.zeros((0, 2), dtype=np.float32)], [], 0

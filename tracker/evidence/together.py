@@ -59,6 +59,11 @@ class TogetherEvidence(Evidence):
         pairs = zip(self.of, self._memories(memory), strict=True)
         return tuple(one.observe(sight, expected, known) for one, known in pairs)
 
+    def observe_again(self, asked: Comparison, q: Array) -> tuple[Observed, ...]:
+        """What each of them observes; see `tracker.evidence.Evidence.observe_again`."""
+        pairs = zip(self.of, asked.observed, strict=True)
+        return tuple(one.observe_again(replace(asked, observed=observed), q) for one, observed in pairs)
+
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) weighted sum, px."""
         parts = [weight * one.distances(own, poses) for one, weight, own in self._each(asked, self.ranking)]
