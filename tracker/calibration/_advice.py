@@ -12,6 +12,8 @@ from tracker.calibration._self_calibration import Adjustment, Held
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "central", "right")
 # Above 0.98, the variance of one parameter is more than 25 times what it would be with the other one known.
 _CORRELATED = 0.98
+# With twice the standard error, four times as many corners tell as much.
+_BELONGING = 2.0
 
 
 def coverage(adjustment: Adjustment, view: int) -> Integers:
@@ -72,6 +74,16 @@ def _about_all(adjustment: Adjustment, what: str, n_objects: int) -> Iterator[st
     interesting = [entry for entry in adjustment.correlations(_CORRELATED) if not _expected(entry[1], entry[2])]
     for value, first, second in interesting[:5]:
         yield f"{first} and {second} are correlated by {value:+.3f}: tilted and nearer positions would part them"
+    if adjustment.bent_m > 0:
+        yield (
+            f"corners of the board seem to be up to {1000 * adjustment.bent_m:.2g} mm from where they should be: glue "
+            "it to something flat and measure its squares; the standard errors count that"
+        )
+    if adjustment.inflation > _BELONGING:
+        yield (
+            f"residuals of a picture belong together: standard errors are {adjustment.inflation:.1f} times those of "
+            "independent ones; hold the board still against blur, and record more positions"
+        )
     if adjustment.s0 > 2:
         yield (
             f"the images are {adjustment.s0:.1f} times as noisy as assumed ({adjustment.sigma_px:g} px): state "

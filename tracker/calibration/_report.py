@@ -74,6 +74,9 @@ def _summary(calibrated: Calibrated) -> list[tuple[str, str]]:
         ("gross errors left out", f"{rejected} of {len(adjustment.used)}"),
         ("redundancy", str(adjustment.redundancy)),
     ]
+    if calibrated.kind == "chessboard":
+        told = f"{adjustment.inflation:.1f} times those of independent residuals"
+        rows.append(("standard errors", f"{told}: from the scatter between the board's positions"))
     if adjustment.exchanged.any():
         rows.append(("swapped ends put right", str(int(adjustment.exchanged.sum()) // 2)))
     rows += [(m.name, f"{m.value:.3f} {m.unit} ({m.meaning})") for m in calibrated.measures]

@@ -18,7 +18,8 @@ from tracker.calibration._bundle import (
     residuals,
 )
 from tracker.calibration._consensus import exchange_swapped_ends, with_consensus
-from tracker.calibration._objects import Bars
+from tracker.calibration._correlated import scatter
+from tracker.calibration._objects import Bars, Boards
 from tracker.calibration._states import GROUPS, PARAMETERS, UNITS, camera_of, rigid_motions
 from tracker.camera import Camera
 from tracker.errors import CalibrationError, nearest
@@ -98,6 +99,11 @@ class Adjustment:
     """(V, 17) unknowns that were determined."""
 
     held: tuple[Held, ...]
+    inflation: float = 1.0
+    """Standard errors over those of independent residuals, the median: more than 1 if pictures of a board disagree."""
+
+    bent_m: float = 0.0
+    """By how much the board seems not to be flat, or not as printed; 0 if within the noise."""
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
@@ -179,11 +185,12 @@ def self_calibrated(
         cameras = state.cameras.copy()
         cameras[view, k + _STATE_OFFSET] = start.cameras[view, k + _STATE_OFFSET] if k < 9 else 0.0
         state, _ = adjust(replace(state, cameras=cameras), observations, free, Noise(sigma_px, used=used))
+    covariance, inflation, bent_m = _honest(covariance, state, observations, used / sigma_px**2, free)
     errors = residuals(state, observations)
     errors[observations.counted(used, len(state.objects.points))[observations.points] == 0] = np.nan
     return Adjustment(
         names, tuple(size for _, size in views), state, observations, used, exchanged, errors,
-        sigma_px, s0, redundancy, covariance, free, tuple(held),
+        sigma_px, s0, redundancy, covariance, free, tuple(held), inflation, bent_m,
     )  # fmt: skip
 
 
@@ -253,6 +260,26 @@ def precision(
     loose = None if objects.fixes_datum else rigid_motions(state.cameras)[chosen]
     covariance[np.ix_(chosen, chosen)] = s0**2 * _inverse(equations.normal[np.ix_(chosen, chosen)], loose)
     return covariance, s0, redundancy
+
+
+def _honest(
+    covariance: Array, state: State, observations: Observations, weights: Array, free: Mask
+) -> tuple[Array, float, float]:
+    """Covariance with standard errors that the scatter of a board's positions bears out; see `_correlated`.
+
+    Returns:
+        Covariance (17V, 17V), by how much standard errors grew, and how bent the board is, metres.
+    """
+    chosen = free.ravel()
+    if not isinstance(state.objects, Boards) or not chosen.any():
+        return covariance, 1.0, 0.0
+    loose = rigid_motions(state.cameras)[chosen]
+    found = scatter(state, observations, weights, free, lambda normal: _inverse(normal, loose))
+    before = np.diag(covariance)[chosen]
+    grown = np.sqrt(np.maximum(np.diag(found.covariance) / np.maximum(before, 1e-300), 1.0))
+    factors = np.ones(len(chosen))
+    factors[chosen] = grown
+    return factors[:, None] * covariance * factors, float(np.median(grown)), found.bent_m
 
 
 def _inverse(normal: Array, loose: Array | None) -> Array:

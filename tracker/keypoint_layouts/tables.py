@@ -13,6 +13,9 @@ from tracker.keypoints import Detections, plain_name
 from tracker.source_files import cells_of
 
 _NUMBER = re.compile(r"\d+")
+_MOST_FRAMES = 10**9
+"""A year at 30 frames a second."""
+
 _Rows = list[list[str]]
 
 
@@ -68,7 +71,8 @@ def _deeplabcut(rows: _Rows, path: Path) -> dict[int, Detections]:
             raise SequenceError(f"{path}: {len(row)} cells in the row of {shortened(row[0])}, expected {n_columns + 1}")
         numbers = _NUMBER.findall(row[-1 - n_columns])
         values = np.array([*(_number(cell, path) for cell in row[1:]), np.nan])
-        found[int(numbers[-1]) if numbers else n] = Detections(names, _present(values[np.array(places)]))
+        frame = _frame(float(numbers[-1]), path) if numbers else n
+        found[frame] = Detections(names, _present(values[np.array(places)]))
     return found
 
 
@@ -87,11 +91,17 @@ def _sleap(rows: _Rows, path: Path) -> dict[int, Detections]:
             raise SequenceError(f"{path}: {len(row)} cells in a row, expected {len(head)}")
         # tracks have names
         known = [_number(cell, path) if k in places else np.nan for k, cell in enumerate(row)]
-        frame = _number(row[columns["frame_idx"]], path)
-        if not np.isfinite(frame):
-            raise SequenceError(f"{path}: a row without frame_idx")
-        grouped.setdefault(int(frame), []).append(np.array([*known, np.nan])[places])
+        frame = _frame(_number(row[columns["frame_idx"]], path), path)
+        grouped.setdefault(frame, []).append(np.array([*known, np.nan])[places])
     return {frame: Detections(names, _present(np.array(found))) for frame, found in grouped.items()}
+
+
+def _frame(value: float, path: Path) -> int:
+    if np.isnan(value):
+        raise SequenceError(f"{path}: a row without frame_idx")
+    if not 0 <= value <= _MOST_FRAMES or value != int(value):
+        raise SequenceError(f"{path}: {value:g} as the number of a frame, expected a whole one")
+    return int(value)
 
 
 def _present(found: Array) -> Array:
