@@ -15,10 +15,12 @@ from exported import HUNDREDTH_MM, motion_of
 from motions import INTERVAL_S, LOST, N_FRAMES, made_up
 from scipy.spatial.transform import Rotation
 
+from tracker.body_surface import surface_of
 from tracker.estimate import Status
 from tracker.recording._motion import Y_UP
 from tracker.recording.bvh import Bvh
 from tracker.recording.glb import Glb
+from tracker.skin import Skin
 
 
 def test_bvh_is_read_back(movement, tmp_path):
@@ -93,6 +95,49 @@ def test_glb_is_read_back(movement, tmp_path):
         assert extras.get("interpolated_frames") == (list(range(LOST.start, LOST.stop)) if k == 0 else None)
 
 
+def test_a_skin_is_animated_as_it_moves_here(tmp_path):
+    """A skin measured in a bent pose, several parts at a vertex: linear blend skinning as the format has it."""
+    movement = with_skin(made_up("gavrila22"))
+    (file,) = movement.record(Glb(), tmp_path)
+    body, gltf, motion = movement.scene.persons[0].body, pygltflib.GLTF2().load(str(file)), motion_of(movement)
+    primitive, skin = gltf.meshes[0].primitives[0], gltf.skins[0]
+    points, normals, bones, weights = (
+        accessor(gltf, getattr(primitive.attributes, name)) for name in ("POSITION", "NORMAL", "JOINTS_0", "WEIGHTS_0")
+    )
+    np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-6)
+    assert (weights > 0.01).sum(axis=1).max() > 1
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-5)
+    binds = accessor(gltf, skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
+    keys = {
+        (channel.target.node, channel.target.path): accessor(gltf, gltf.animations[0].samplers[channel.sampler].output)
+        for channel in gltf.animations[0].channels
+    }
+    homogeneous = np.pad(points, ((0, 0), (0, 1)), constant_values=1.0)
+    for t in (0, N_FRAMES - 1):
+        moves = np.array([in_world(gltf, keys, joint, t) for joint in skin.joints]) @ binds
+        found = np.einsum("nk,nkij,nj->ni", weights, moves[bones], homogeneous)[:, :3] @ Y_UP
+        wanted = body.skin.world_points(body.world_from_part(motion.filled[t]))
+        np.testing.assert_allclose(found, wanted, atol=HUNDREDTH_MM)
+
+
+def with_skin(movement):
+    """The movement of a body whose parts' surfaces, in the pose of a frame, are its skin."""
+    person = movement.scene.persons[0]
+    body, q = person.body, movement.poses[0][8]
+    surface, parts = surface_of(body, 9, 12), body.world_from_part(q)
+    numbers = [segment.name for segment in body.segments]
+    moves = parts @ np.linalg.inv([part.model_from_part for part in body.parts])
+    of_segment = [[numbers.index(part.segment) for part in body.parts].index(k) for k in surface.segments]
+    bent = np.einsum("nij,nj->ni", moves[of_segment, :3, :3], surface.points) + moves[of_segment, :3, 3]
+    gaps = np.linalg.norm(bent[:, None] - parts[:, :3, 3], axis=2)
+    skin = Skin(bent, surface.faces, np.exp(-((gaps / 0.15) ** 2)) + 1e-9, np.linalg.inv(parts))
+    scene = replace(movement.scene, persons=(replace(person, body=replace(body, skin=skin)),))
+    steps = [
+        replace(step, scene=scene.with_poses((q,))) for step, q in zip(movement.steps, movement.poses[0], strict=True)
+    ]
+    return replace(movement, scene=scene, steps=steps)
+
+
 def test_glb_faces_look_outwards_and_turns_are_short(movement, tmp_path):
     gltf = pygltflib.GLTF2().load(str(movement.record(Glb(), tmp_path)[1]))
     primitive = gltf.meshes[0].primitives[0]
@@ -117,7 +162,8 @@ def test_frames_that_are_not_to_be_relied_on_are_listed(tmp_path):
     assert animation.extras == {"interpolated_frames": list(range(LOST.start, LOST.stop)), "doubtful_frames": [2, 9]}
 
 
-def test_the_validator_of_the_format_finds_nothing(movement, tmp_path):
+@pytest.mark.parametrize("skinned", [False, True])
+def test_the_validator_of_the_format_finds_nothing(movement, tmp_path, skinned):
     """Khronos' gltf-validator, where node and the package are at hand (npm install gltf-validator)."""
     script = (
         "const v = require('gltf-validator'), fs = require('fs');"
@@ -127,7 +173,7 @@ def test_the_validator_of_the_format_finds_nothing(movement, tmp_path):
     if shutil.which("node") is None or subprocess.run(["node", "-e", "require('gltf-validator')"], check=False,
                                                       capture_output=True).returncode:  # fmt: skip
         pytest.skip("no gltf-validator for node")
-    for file in movement.record(Glb(), tmp_path):
+    for file in (with_skin(made_up("human")) if skinned else movement).record(Glb(), tmp_path):
         told = subprocess.run(["node", "-e", script, str(file)], capture_output=True, text=True, check=True)
         issues = json.loads(told.stdout)
         assert issues["messages"] == []

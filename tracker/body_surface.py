@@ -8,6 +8,7 @@ import numpy as np
 
 from tracker.arrays import Array, Integers
 from tracker.body import BodyModel
+from tracker.skin import MOST_BONES
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,59 @@ def surface_of(body: BodyModel, n_eta: int, n_omega: int) -> Surface:
     one = _triangles(n_eta, n_omega)
     faces = np.concatenate([one + k * n_eta * n_omega for k in range(len(body.parts))])
     return Surface(np.concatenate(points), np.concatenate(normals), np.concatenate(segments), faces)
+
+
+@dataclass(frozen=True)
+class Skinned:
+    """A body's surface as programs that animate meshes take it: vertices that up to four segments move."""
+
+    points: Array
+    """(N, 3) vertices in the pose that the surface is given in, metres."""
+
+    normals: Array
+    """(N, 3) outwards, unit length."""
+
+    faces: Integers
+    """(F, 3) vertices, against the clock as seen from outside."""
+
+    segments: Integers
+    """(N, 4) segments that move each vertex."""
+
+    weights: Array
+    """(N, 4) how much; they add up to 1."""
+
+    segment_from_given: Array
+    """(S, 4, 4) from the pose that the surface is given in to each segment's own axes."""
+
+
+def skinned_of(body: BodyModel, n_eta: int, n_omega: int) -> Skinned:
+    """The skin of a body that has one, else the surfaces of its parts.
+
+    Args:
+        body: whose surface it is.
+        n_eta: latitudes of a part's mesh, poles included.
+        n_omega: longitudes.
+    """
+    segment_from_given = np.tile(np.eye(4), (len(body.segments), 1, 1))
+    segment_from_given[:, :3, 3] = [-segment.joint for segment in body.segments]
+    if body.skin is None:
+        surface = surface_of(body, n_eta, n_omega)
+        segments = np.pad(surface.segments[:, None], ((0, 0), (0, 3)))
+        weights = np.tile([1.0, 0, 0, 0], (len(segments), 1))
+        return Skinned(surface.points, surface.normals, surface.faces, segments, weights, segment_from_given)
+    names = [segment.name for segment in body.segments]
+    shares = np.zeros((len(body.skin.points), len(names)))
+    for p, part in enumerate(body.parts):
+        k = names.index(part.segment)
+        shares[:, k] += body.skin.weights[:, p]
+        segment_from_given[k] = part.model_from_part @ body.skin.part_from_rest[p]
+        segment_from_given[k, :3, 3] -= body.segments[k].joint
+    segments = np.argsort(-shares, axis=1, kind="stable")[:, :MOST_BONES]
+    weights = np.take_along_axis(shares, segments, axis=1)
+    missing = ((0, 0), (0, MOST_BONES - segments.shape[1]))
+    segments, weights = np.pad(np.where(weights > 0, segments, 0), missing), np.pad(weights, missing)
+    normals = np.asarray(body.skin.normals, dtype=np.float64)
+    return Skinned(body.skin.points, normals, body.skin.faces, segments, weights, segment_from_given)
 
 
 def _triangles(n_eta: int, n_omega: int) -> Integers:

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.body_surface import surface_of
+from tracker.body_surface import Skinned, skinned_of
 from tracker.components import component
 from tracker.files import write_whole
 from tracker.recording import RunContext
@@ -32,7 +31,7 @@ _Z_UP_TO_Y_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 
 @component
 class Glb:
-    """`NAME.glb` for each person: the parts' surfaces on a skeleton of the segments, metres, y up, animated.
+    """`NAME.glb` for each person: its skin, or the parts' surfaces, on a skeleton of the segments, animated; m, y up.
 
     Frames keep their times; poses of lost frames are interpolated; they, and doubtful ones, are listed under `extras`
     of the animation.
@@ -52,7 +51,8 @@ class Glb:
         path = folder / f"{motion.name}.glb"
         motion.told_filled(path)
         buffer = _Buffer()
-        mesh, skin = self._mesh(motion.body, buffer), _inverse_binds(motion.body, buffer)
+        surface = skinned_of(motion.body, self.n_eta, self.n_omega)
+        mesh, skin = _mesh(surface, buffer), _inverse_binds(surface, buffer)
         n_bones = len(motion.body.segments)
         document = {
             "asset": {"version": "2.0", "generator": "bodytrack"},
@@ -77,21 +77,17 @@ class Glb:
         write_whole(path, _packed(document, bytes(buffer.content)))
         return path
 
-    def _mesh(self, body: BodyModel, buffer: _Buffer) -> dict[str, Any]:
-        """The surfaces of all parts in the reference pose; each vertex hangs on its part's segment."""
-        surface = surface_of(body, self.n_eta, self.n_omega)
-        joints = np.pad(surface.segments[:, None], ((0, 0), (0, 3))).astype("u1")
-        attributes = {
-            "POSITION": buffer.add(surface.points, "VEC3", _VERTICES, bounded=True),
-            "NORMAL": buffer.add(surface.normals, "VEC3", _VERTICES),
-            "JOINTS_0": buffer.add(joints, "VEC4", _VERTICES),
-            "WEIGHTS_0": buffer.add(np.tile([1.0, 0, 0, 0], (len(joints), 1)), "VEC4", _VERTICES),
-        }
-        return {
-            "attributes": attributes,
-            "indices": buffer.add(surface.faces.ravel().astype("<u4"), "SCALAR", _INDICES),
-            "material": 0,
-        }
+
+def _mesh(surface: Skinned, buffer: _Buffer) -> dict[str, Any]:
+    """The surface in the pose that it is given in; each vertex hangs on up to four segments."""
+    attributes = {
+        "POSITION": buffer.add(surface.points, "VEC3", _VERTICES, bounded=True),
+        "NORMAL": buffer.add(surface.normals, "VEC3", _VERTICES),
+        "JOINTS_0": buffer.add(surface.segments.astype("u1"), "VEC4", _VERTICES),
+        "WEIGHTS_0": buffer.add(surface.weights, "VEC4", _VERTICES),
+    }
+    indices = buffer.add(surface.faces.ravel().astype("<u4"), "SCALAR", _INDICES)
+    return {"attributes": attributes, "indices": indices, "material": 0}
 
 
 class _Buffer:
@@ -122,11 +118,9 @@ class _Buffer:
         return {"accessors": self._accessors, "bufferViews": self._views, "buffers": buffers}
 
 
-def _inverse_binds(body: BodyModel, buffer: _Buffer) -> int:
-    """Matrices, column by column, from the reference pose into each segment's frame."""
-    matrices = np.tile(np.eye(4), (len(body.segments), 1, 1))
-    matrices[:, 3, :3] = [-segment.joint for segment in body.segments]
-    return buffer.add(matrices.reshape(-1, 16), "MAT4")
+def _inverse_binds(surface: Skinned, buffer: _Buffer) -> int:
+    """Matrices, column by column, from the pose that the surface is given in into each segment's frame."""
+    return buffer.add(surface.segment_from_given.transpose(0, 2, 1).reshape(-1, 16), "MAT4")
 
 
 def _nodes(motion: Motion) -> list[dict[str, Any]]:
