@@ -126,7 +126,14 @@ def _clothes(section: Clothes, parts: _Names) -> Clothes:
 def _movement(name: str, section: Movement, parameters: _Names, marks: _Names) -> Movement:
     where = f"movements.{name}"
     curves = {own: curve for key, curve in section.curves.items() for own in parameters.all(key, f"{where}.curves")}
-    return _changed(section, {"planted": marks.each(section.planted, f"{where}.planted"), "curves": curves})
+    return _changed(
+        section,
+        {
+            "planted": marks.each(section.planted, f"{where}.planted"),
+            "stepping": marks.each(section.stepping, f"{where}.stepping"),
+            "curves": curves,
+        },
+    )
 
 
 def _changed(section: _Section, changes: Mapping[str, object]) -> _Section:

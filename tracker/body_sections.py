@@ -189,6 +189,9 @@ class Movement(Entry):
     planted: tuple[str, ...] = ()
     """Landmarks whose middle stays in its place on the floor; none: the root does."""
 
+    stepping: tuple[str, ...] = ()
+    """Landmarks that it walks on: the body moves on so that the lowest one stays about where it is."""
+
     curves: dict[str, Curve]
     """Parameter -> its course; a name without the word of the side moves both sides alike."""
 

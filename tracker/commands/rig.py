@@ -103,6 +103,24 @@ def rig_convert(
     console.print(f"{len(rig)} cameras written to {target}", highlight=False)
 
 
+def told_rig(path: Path, size: str | None = None) -> Rig:
+    """The rig of a file in any layout, told about on the terminal.
+
+    Args:
+        path: file or folder.
+        size: image size WxH, where the file does not tell it.
+
+    Raises:
+        CalibrationError: it cannot be used.
+        ConfigError: the size is written otherwise.
+    """
+    from tracker.rig_layouts import read_rig
+
+    opened = read_rig(path, _pixels(size))
+    _tell(opened)
+    return opened.rig
+
+
 def _pixels(size: str | None) -> tuple[int, int] | None:
     """Width and height of WxH."""
     if size is None:

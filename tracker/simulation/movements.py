@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
@@ -108,8 +109,28 @@ def poses_of(
         marks = [body.landmark_names.index(name) for name in described.planted]
         feet = body.landmarks_in_world(poses)[:, marks, :2].mean(axis=1)
         poses[:, across] += feet[0] - feet
+    if described.stepping:
+        poses[:, across] += _walked(body, poses, times, described.stepping)
     poses[:, upwards] -= _lowest(body, poses)
     return poses
+
+
+def _walked(body: BodyModel, poses: Array, times: Array, names: tuple[str, ...]) -> Array:
+    """(T, 2) way of the root, as far as its steps reach, metres."""
+    if len(times) < 2:
+        return np.zeros((len(times), 2))
+    feet = body.landmarks_in_world(poses)[:, [body.landmark_names.index(name) for name in names]]
+    heights = (feet[:-1, :, 2:] + feet[1:, :, 2:]) / 2
+    weights = np.exp(-(heights - heights.min(axis=1, keepdims=True)) / _BOTH_FEET_M)
+    steps = (weights * (feet[:-1, :, :2] - feet[1:, :, :2])).sum(axis=1) / weights.sum(axis=1)
+    even = gaussian_filter1d(steps, _INERTIA_S / float(np.diff(times).mean()), axis=0, mode="reflect")
+    way: Array = np.concatenate([np.zeros((1, 2)), np.cumsum(even, axis=0)])
+    return way
+
+
+# Difference of height within which the weight is on both feet, and time over which a body keeps its pace: it then goes
+# on about as fast as its steps reach, without a jerk, while a foot on the floor slips by some centimetres.
+_BOTH_FEET_M, _INERTIA_S = 0.02, 0.25
 
 
 def _face(body: BodyModel, poses: Array, heading: float) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
@@ -9,9 +11,48 @@ from tracker.arrays import Array, Image
 from tracker.camera import Camera
 from tracker.rig import Rig
 
-# Half width, half depth and height of the room, metres; pixels a metre of its textures.
-_ROOM = (4.6, 4.2, 3.4)
-_TEXEL = 160
+
+@dataclass(frozen=True)
+class Room:
+    """A box with furniture along its walls; its floor is z = 0."""
+
+    centre: tuple[float, float] = (0.0, 0.0)
+    """Of the floor, metres."""
+
+    half: tuple[float, float] = (4.6, 4.2)
+    """Half width and half depth, metres."""
+
+    height: float = 3.4
+    """Metres."""
+
+    texel: float = 160.0
+    """Pixels a metre of its textures."""
+
+
+_USUAL = Room()
+_Box = tuple[Array, Array, Image]
+"""Lowest and highest corner, metres, and a texture."""
+
+# Metres: what lies between a camera and the wall behind it, and furniture that would stand before a lens.
+_BEHIND_CAMERAS, _BEFORE_LENS = 1.3, 1.2
+# Pixels along the longest wall: textures of the six faces then take 100 MB at most.
+_LONGEST_TEXTURE = 3000.0
+
+
+def room_around(rig: Rig, place: tuple[float, float]) -> Room:
+    """A room that holds cameras and what they film, at least as large as the usual one.
+
+    Args:
+        rig: cameras above the floor.
+        place: x and y of the middle of what is filmed, metres.
+    """
+    inside = np.array([*(camera.centre for camera in rig.cameras), (*place, 0.0)])
+    low, high = inside.min(axis=0), inside.max(axis=0)
+    usual = Room()
+    half = np.maximum((high - low)[:2] / 2 + _BEHIND_CAMERAS, usual.half)
+    x, y = ((low + high) / 2)[:2].tolist()
+    texel = min(usual.texel, _LONGEST_TEXTURE / (2 * float(half.max())))
+    return Room((x, y), (float(half[0]), float(half[1])), max(usual.height, float(high[2]) + 0.5), texel)
 
 
 def default_rig(size: tuple[int, int] = (720, 576)) -> Rig:
@@ -22,29 +63,37 @@ def default_rig(size: tuple[int, int] = (720, 576)) -> Rig:
     return Rig(tuple(Camera.looking_at(name, size, focal, place, target) for name, place in places.items()))
 
 
-def background_plates(rig: Rig, seed: int = 0) -> tuple[Image, ...]:
+def background_plates(rig: Rig, seed: int = 0, room: Room = _USUAL) -> tuple[Image, ...]:
     """What each camera sees of the empty room, BGR.
 
     Args:
         rig: cameras inside the room.
         seed: chooses the room's textures.
+        room: its place and size.
     """
     rng = np.random.default_rng(seed)
-    faces = _faces(rng)
-    boxes = _furniture(rng)
-    return tuple(_render(camera, faces, boxes) for camera in rig.cameras)
+    faces = _faces(rng, room)
+    boxes = [box for box in _furniture(rng, room) if not _before_a_lens(box, rig)]
+    return tuple(_render(camera, room, faces, boxes) for camera in rig.cameras)
 
 
-def _faces(rng: np.random.Generator) -> dict[tuple[int, int], Image]:
+def _before_a_lens(box: _Box, rig: Rig) -> bool:
+    """Whether a box stands where it would fill a picture; never so in the usual room."""
+    middle = (box[0] + box[1])[:2] / 2
+    return any(float(np.linalg.norm(camera.centre[:2] - middle)) < _BEFORE_LENS for camera in rig.cameras)
+
+
+def _faces(rng: np.random.Generator, room: Room) -> dict[tuple[int, int], Image]:
     """Textures of the six faces of the room by axis and side."""
-    width, depth, height = (round(2 * _ROOM[0] * _TEXEL), round(2 * _ROOM[1] * _TEXEL), round(_ROOM[2] * _TEXEL))
+    width, depth = (round(2 * half * room.texel) for half in room.half)
+    height = round(room.height * room.texel)
     return {
-        (2, 0): _floor(rng, depth, width),
+        (2, 0): _floor(rng, depth, width, room.texel),
         (2, 1): _plain(rng, depth, width, (205, 208, 210)),
-        (0, 0): _wall(rng, height, depth),
-        (0, 1): _wall(rng, height, depth),
-        (1, 0): _wall(rng, height, width),
-        (1, 1): _wall(rng, height, width),
+        (0, 0): _wall(rng, height, depth, room.texel),
+        (0, 1): _wall(rng, height, depth, room.texel),
+        (1, 0): _wall(rng, height, width, room.texel),
+        (1, 1): _wall(rng, height, width, room.texel),
     }
 
 
@@ -58,16 +107,16 @@ def _plain(rng: np.random.Generator, rows: int, columns: int, colour: tuple[int,
     return plain
 
 
-def _floor(rng: np.random.Generator, rows: int, columns: int) -> Image:
+def _floor(rng: np.random.Generator, rows: int, columns: int, texel: float) -> Image:
     """Tiles with joints."""
     picture = _plain(rng, rows, columns, (104, 116, 124))
-    for at in range(0, max(rows, columns), round(0.6 * _TEXEL)):
+    for at in range(0, max(rows, columns), round(0.6 * texel)):
         cv2.line(picture, (at, 0), (at, rows), (78, 86, 92), 2)
         cv2.line(picture, (0, at), (columns, at), (78, 86, 92), 2)
     return picture
 
 
-def _wall(rng: np.random.Generator, rows: int, columns: int) -> Image:
+def _wall(rng: np.random.Generator, rows: int, columns: int, texel: float) -> Image:
     """Paint, posters, bars and a highly textured rack; row 0 is the floor."""
     colour = tuple(int(c) for c in rng.integers(140, 190, 3))
     picture = _plain(rng, rows, columns, (colour[0], colour[1], colour[2]))
@@ -84,7 +133,7 @@ def _wall(rng: np.random.Generator, rows: int, columns: int) -> Image:
             y = int(rng.integers(rows // 4, rows))
             cv2.rectangle(picture, (0, y), (columns, y + wide), shade, -1)
     x = int(rng.integers(0, columns - 300))
-    _rack(rng, picture[40 : round(1.9 * _TEXEL), x : x + 260])
+    _rack(rng, picture[40 : round(1.9 * texel), x : x + 260])
     return picture
 
 
@@ -107,12 +156,13 @@ def _rack(rng: np.random.Generator, area: Image) -> None:
             x += wide
 
 
-def _furniture(rng: np.random.Generator) -> list[tuple[Array, Array, Image]]:
+def _furniture(rng: np.random.Generator, room: Room) -> list[_Box]:
     """Boxes along the walls: lowest and highest corner, metres, and a texture."""
     boxes = []
     for k in range(7):
         angle = 2 * np.pi * (k + rng.uniform(-0.3, 0.3)) / 7
-        centre = np.array([3.7 * np.cos(angle), 3.4 * np.sin(angle)])
+        reach = np.array(room.half) - (0.9, 0.8)
+        centre = room.centre + reach * (np.cos(angle), np.sin(angle))
         half, high = rng.uniform(0.2, 0.45, 2), rng.uniform(0.4, 1.1)
         colour = tuple(int(c) for c in rng.integers(50, 190, 3))
         texture = _plain(rng, 160, 160, (colour[0], colour[1], colour[2]))
@@ -121,25 +171,36 @@ def _furniture(rng: np.random.Generator) -> list[tuple[Array, Array, Image]]:
     return boxes
 
 
-def _render(camera: Camera, faces: dict[tuple[int, int], Image], boxes: list[tuple[Array, Array, Image]]) -> Image:
-    """Ray casting at twice the resolution, averaged."""
+def _render(camera: Camera, room: Room, faces: dict[tuple[int, int], Image], boxes: list[_Box]) -> Image:
+    """Ray casting at twice the resolution, averaged, some rows at a time: a large picture has 33 million rays."""
     width, height = camera.size
-    columns, rows = np.meshgrid((np.arange(2 * width) - 0.5) / 2, (np.arange(2 * height) - 0.5) / 2)
-    rays = camera.rays(np.stack([columns, rows], axis=-1).reshape(-1, 2))
-    rays = np.ascontiguousarray(np.where(np.abs(rays) < 1e-12, 1e-12, rays).T)
+    plate = np.zeros((height, width, 3), dtype=np.uint8)
     origin = camera.centre[:, None]
-    colours = _cast_room(origin, rays, faces)
-    nearest = np.full(rays.shape[1], np.inf)
-    for box in boxes:
-        _cast_box(origin, rays, box, colours, nearest)
-    picture = colours.reshape(2 * height, 2 * width, 3)
-    plate: Image = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
+    for top in range(0, height, _ROWS):
+        n_rows = min(_ROWS, height - top)
+        columns, rows = np.meshgrid(
+            (np.arange(2 * width) - 0.5) / 2, (np.arange(2 * top, 2 * (top + n_rows)) - 0.5) / 2
+        )
+        rays = camera.rays(np.stack([columns, rows], axis=-1).reshape(-1, 2))
+        rays = np.ascontiguousarray(np.where(np.abs(rays) < 1e-12, 1e-12, rays).T)
+        colours = _cast_room(origin, rays, room, faces)
+        nearest = np.full(rays.shape[1], np.inf)
+        for box in boxes:
+            _cast_box(origin, rays, box, colours, nearest)
+        picture = colours.reshape(2 * n_rows, 2 * width, 3)
+        plate[top : top + n_rows] = cv2.resize(picture, (width, n_rows), interpolation=cv2.INTER_AREA)
     return plate
 
 
-def _cast_room(origin: Array, rays: Array, faces: dict[tuple[int, int], Image]) -> Image:
+# Rows of a picture that are cast together: 50 MB of rays at 4K.
+_ROWS = 128
+
+
+def _cast_room(origin: Array, rays: Array, room: Room, faces: dict[tuple[int, int], Image]) -> Image:
     """Colour (N, 3) of the inner faces that rays (3, N) from inside the room meet."""
-    bounds = np.array([[-_ROOM[0], _ROOM[0]], [-_ROOM[1], _ROOM[1]], [0.0, _ROOM[2]]])
+    bounds = np.array(
+        [*([c - half, c + half] for c, half in zip(room.centre, room.half, strict=True)), [0, room.height]]
+    )
     side = (rays > 0).astype(int)
     reach = np.stack([(bounds[k][side[k]] - origin[k]) / rays[k] for k in range(3)])
     axis = reach.argmin(axis=0)
@@ -148,11 +209,11 @@ def _cast_room(origin: Array, rays: Array, faces: dict[tuple[int, int], Image]) 
     for (normal, which), texture in faces.items():
         met = np.flatnonzero((axis == normal) & (side[normal] == which))
         u, v = (k for k in range(3) if k != normal)
-        colours[met] = _texels(texture, hits[u, met] * _TEXEL, hits[v, met] * _TEXEL)
+        colours[met] = _texels(texture, hits[u, met] * room.texel, hits[v, met] * room.texel)
     return colours
 
 
-def _cast_box(origin: Array, rays: Array, box: tuple[Array, Array, Image], colours: Image, nearest: Array) -> None:
+def _cast_box(origin: Array, rays: Array, box: _Box, colours: Image, nearest: Array) -> None:
     """Paints the pixels whose rays (3, N) meet a box before anything nearer."""
     low, high, texture = box[0][:, None], box[1][:, None], box[2]
     first, second = (low - origin) / rays, (high - origin) / rays

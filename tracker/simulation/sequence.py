@@ -16,17 +16,19 @@ import numpy as np
 import tomli_w
 
 from tracker.arrays import Array, Image
-from tracker.body_files import load_body
+from tracker.body_files import save_description
 from tracker.files import whole_folder
 from tracker.frame import Frame
 from tracker.plate import Plate
 from tracker.progress import Progress, silent
 from tracker.resources import model_path
+from tracker.rig import Rig
 from tracker.rig_layouts import save_rig
 from tracker.scene import Person, Scene
 from tracker.simulation.movements import movement_of, poses_of
 from tracker.simulation.rendering import draw_persons, mesh_of
-from tracker.simulation.room import background_plates, default_rig
+from tracker.simulation.room import Room, background_plates, default_rig, room_around
+from tracker.subject import Subject
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class Recipe:
     seconds: float = 3.0
     fps: float = 25.0
     size: tuple[int, int] = (720, 576)
-    """Image size, px."""
+    """Image size of the usual cameras, px."""
 
     heading_deg: float = -40.0
     """Direction the first person faces at the start, degrees from the x axis."""
@@ -57,6 +59,29 @@ class Recipe:
     """Standard deviation of the lens blur, px."""
 
     seed: int = 0
+
+    rig: Rig | None = None
+    """Cameras; None for four of `size` in the corners of the usual room."""
+
+    stature_m: float | None = None
+    """Height that the model is scaled to, metres; None leaves it as it is."""
+
+    place: tuple[float, float] = (0.0, 0.0)
+    """x and y of the root at the start, metres; of several persons, of their middle."""
+
+    @property
+    def subject(self) -> Subject:
+        """Model and stature."""
+        return Subject(model=self.model_file, stature_m=self.stature_m)
+
+    @property
+    def model_file(self) -> Path:
+        """The model's file.
+
+        Raises:
+            ModelError: no bundled model of that name.
+        """
+        return Path(self.model) if self.model.endswith(".toml") else model_path(self.model)
 
     @property
     def times(self) -> Array:
@@ -100,23 +125,21 @@ def simulate(recipe: Recipe) -> Simulation:
         ConfigError: no such movement.
         ModelError: no such model.
     """
-    body = load_body(_model(recipe))
-    rig = default_rig(recipe.size)
+    body = recipe.subject.body()
+    rig = recipe.rig or default_rig(recipe.size)
     poses = tuple(
-        poses_of(recipe.movement, body, recipe.times, recipe.heading_deg + 35 * k, _place(k, recipe.persons))
+        poses_of(recipe.movement, body, recipe.times, recipe.heading_deg + 35 * k, _place(k, recipe))
         for k in range(recipe.persons)
     )
     persons = tuple(Person(f"person{k + 1}", body, poses[k][0]) for k in range(recipe.persons))
-    plates = tuple(Plate(picture) for picture in background_plates(rig, recipe.seed))
+    room = Room() if recipe.rig is None else room_around(rig, recipe.place)
+    plates = tuple(Plate(picture) for picture in background_plates(rig, recipe.seed, room))
     return Simulation(recipe, Scene(persons, rig), poses, plates)
 
 
-def _model(recipe: Recipe) -> Path:
-    return Path(recipe.model) if recipe.model.endswith(".toml") else model_path(recipe.model)
-
-
-def _place(k: int, n_persons: int) -> tuple[float, float]:
-    return 1.6 * (k - (n_persons - 1) / 2), 0.0
+def _place(k: int, recipe: Recipe) -> tuple[float, float]:
+    x, y = recipe.place
+    return x + 1.6 * (k - (recipe.persons - 1) / 2), y
 
 
 def _sensed(picture: Image, recipe: Recipe, key: tuple[int, int]) -> Image:
@@ -148,14 +171,28 @@ def write_sequence(recipe: Recipe, folder: Path, progress: Progress = silent) ->
         ConfigError: the folder holds something.
     """
     with whole_folder(folder) as unfinished:
-        simulation = simulate(recipe)
-        _write_plates(simulation, unfinished / "background")
-        _write_videos(simulation, unfinished, progress)
-        save_rig(simulation.scene.rig, unfinished / "rig.toml")
-        shutil.copyfile(_model(recipe), unfinished / "model.toml")
-        _write_truth(simulation, unfinished)
-        _write_config(simulation, unfinished / "config.toml")
+        fill_folder(simulate(recipe), unfinished, unfinished / "config.toml", progress)
     return folder / "config.toml"
+
+
+def fill_folder(simulation: Simulation, folder: Path, config: Path, progress: Progress = silent) -> None:
+    """Writes a recording as `write_sequence` does, into a folder that is there.
+
+    Args:
+        simulation: what to write.
+        folder: where to.
+        config: name of its configuration, in the folder.
+        progress: told how far it is.
+    """
+    _write_plates(simulation, folder / "background")
+    _write_videos(simulation, folder, progress)
+    save_rig(simulation.scene.rig, folder / "rig.toml")
+    if simulation.recipe.stature_m is None:
+        shutil.copyfile(simulation.recipe.model_file, folder / "model.toml")
+    else:
+        save_description(simulation.recipe.subject.description(), folder / "model.toml", decimals=None)
+    _write_truth(simulation, folder)
+    _write_config(simulation, config)
 
 
 def _write_plates(simulation: Simulation, folder: Path) -> None:
@@ -169,10 +206,12 @@ def _write_videos(simulation: Simulation, folder: Path, progress: Progress) -> N
     recipe, total = simulation.recipe, len(simulation.recipe.times)
     containers = [av.open(str(folder / f"{name}.mp4"), "w") for name in simulation.scene.rig.names]
     streams = []
-    for container in containers:
+    for container, camera in zip(containers, simulation.scene.rig.cameras, strict=True):
         rate = Fraction(recipe.fps).limit_denominator(1001)
         stream = container.add_stream("libx264", rate=rate, options={"crf": "14", "preset": "veryfast"})
-        stream.width, stream.height, stream.pix_fmt = *recipe.size, "yuv420p"
+        # colours at half the resolution need even sides
+        even = camera.size[0] % 2 == camera.size[1] % 2 == 0
+        stream.width, stream.height, stream.pix_fmt = *camera.size, "yuv420p" if even else "yuv444p"
         streams.append(stream)
     try:
         for frame in simulation.frames():

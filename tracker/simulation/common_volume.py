@@ -1,0 +1,178 @@
+"""The space that several cameras see: how many of them see a whole person, where on the floor, and where to stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from tracker.arrays import Array, Integers, Mask
+from tracker.body import BodyModel
+from tracker.camera import Camera
+from tracker.errors import CalibrationError
+from tracker.rig import Rig
+
+_CELLS = 160
+"""Cells of the floor along its longer side."""
+
+_FARTHEST_M = 12.0
+"""From the middle of the cameras to where the floor is looked at: a person 12 m away is 100 px high at 720 px."""
+
+_LEVELS = 7
+"""Heights at which space is looked at."""
+
+_ARMS_M = 0.35
+"""Radius of a person with the arms hanging."""
+
+_HEADINGS = 24
+"""Directions that are tried for a path."""
+
+
+@dataclass(frozen=True)
+class Floor:
+    """What the cameras see above each place of the floor."""
+
+    x: Array
+    """(W,) metres."""
+
+    y: Array
+    """(H,) metres."""
+
+    heights: Array
+    """(Z,) metres, from the floor to the top of the head."""
+
+    whole: Integers
+    """(H, W) cameras that see a whole person who stands there."""
+
+    points: Integers
+    """(Z, H, W) cameras that see a point above it, at each of the heights."""
+
+    def area_m2(self, n: int) -> float:
+        """Floor on which at least so many cameras see a whole person, square metres."""
+        cell = float(self.x[1] - self.x[0]) * float(self.y[1] - self.y[0])
+        return cell * int(np.count_nonzero(self.whole >= n))
+
+    def volume_m3(self, n: int) -> float:
+        """Space up to the top of the head that at least so many cameras see, cubic metres."""
+        cell = float(self.x[1] - self.x[0]) * float(self.y[1] - self.y[0]) * float(self.heights[-1])
+        return cell * float(np.mean(np.count_nonzero(self.points >= n, axis=(1, 2))))
+
+
+def sees(camera: Camera, points: Array) -> Mask:
+    """(...,) whether a camera has world points (..., 3) in its picture."""
+    pixels = camera.project(points)
+    with np.errstate(invalid="ignore"):
+        inside = ((pixels >= 0) & (pixels <= np.array(camera.size) - 1)).all(axis=-1)
+    seen: Mask = np.asarray(inside & (camera.in_camera(points)[..., 2] > 0))
+    return seen
+
+
+def check_floor(rig: Rig) -> None:
+    """Refuses cameras that cannot stand in a room whose floor is z = 0.
+
+    Raises:
+        CalibrationError: names a camera, and what to do.
+    """
+    for camera in rig.cameras:
+        if camera.centre[2] <= 0:
+            raise CalibrationError(
+                f'camera "{camera.name}" is {-camera.centre[2]:.2f} m below the floor z = 0: a person stands on it, z '
+                "up; turn and move the world with bodytrack rig convert, or calibrate with points of the floor"
+            )
+
+
+def floor_seen(rig: Rig, stature_m: float) -> Floor:
+    """Looks at every place of the floor z = 0 near the cameras.
+
+    Args:
+        rig: the cameras.
+        stature_m: height of the person.
+    """
+    centres = np.stack([camera.centre for camera in rig.cameras])[:, :2]
+    middle = centres.mean(axis=0)
+    low = np.maximum(centres.min(axis=0) - _FARTHEST_M / 2, middle - _FARTHEST_M)
+    high = np.minimum(centres.max(axis=0) + _FARTHEST_M / 2, middle + _FARTHEST_M)
+    step = float((high - low).max()) / _CELLS
+    x, y = (np.arange(low[k], high[k] + step, step) for k in range(2))
+    places = np.stack(np.meshgrid(x, y), axis=-1)
+    heights = np.linspace(0.0, stature_m, _LEVELS)
+    whole = np.zeros(places.shape[:2], dtype=np.int64)
+    points = np.zeros((_LEVELS, *whole.shape), dtype=np.int64)
+    marks = _outline(stature_m)
+    for camera in rig.cameras:
+        whole += np.all([sees(camera, _above(places + mark[:2], mark[2])) for mark in marks], axis=0)
+        points += np.stack([sees(camera, _above(places, height)) for height in heights])
+    return Floor(x, y, heights, whole, points)
+
+
+def _above(places: Array, height: float) -> Array:
+    """Points (..., 3) at a height above places (..., 2)."""
+    return np.concatenate([places, np.full((*places.shape[:-1], 1), height)], axis=-1)
+
+
+def _outline(stature_m: float) -> Array:
+    """(12, 3) points around a person, from the feet to the top of the head."""
+    angles = np.arange(4) * np.pi / 2
+    ring = _ARMS_M * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return np.concatenate([np.column_stack([ring, np.full(4, height)]) for height in (0.0, stature_m / 2, stature_m)])
+
+
+def best_place(floor: Floor) -> tuple[float, float]:
+    """The middle of where most cameras see a whole person, or, if nowhere two do, of where two see most of one.
+
+    Raises:
+        CalibrationError: no two cameras see any place in common.
+    """
+    most = int(floor.whole.max())
+    counts = floor.whole if most >= 2 else np.count_nonzero(floor.points >= 2, axis=0)
+    most = int(counts.max())
+    if most == 0:
+        raise CalibrationError(
+            "no place on the floor is seen by two cameras: turn them towards one another, or set them back; "
+            "bodytrack rig check shows what each pair shares"
+        )
+    depth = distance_transform_edt(np.pad(counts >= most, 1))[1:-1, 1:-1]
+    # of equally deep places the middle one
+    rows, columns = np.nonzero(depth >= depth.max() - 1e-9)
+    nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
+    return float(floor.x[columns[nearest]]), float(floor.y[rows[nearest]])
+
+
+def best_heading_deg(rig: Rig, body: BodyModel, poses: Array, place: tuple[float, float]) -> float:
+    """The heading with which most cameras see most of a path whose middle lies at a place.
+
+    Args:
+        rig: the cameras.
+        body: the person.
+        poses: (T, dof) with heading 0 from the origin.
+        place: x and y, metres.
+    """
+    points = body.landmarks_in_world(poses[:: max(len(poses) // 12, 1)])
+    points = points - np.append(middle_of(body, poses), 0.0)
+    scores = []
+    for k in range(_HEADINGS):
+        turned = _turned(points, 2 * np.pi * k / _HEADINGS) + np.array([*place, 0.0])
+        scores.append(float(np.mean([sees(camera, turned).mean() for camera in rig.cameras])))
+    # of equal ones that nearest to the usual one, in which no camera looks along the path
+    order = [(round(score, 3), -abs(_HEADINGS // 9 - k)) for k, score in enumerate(scores)]
+    return 360.0 * max(range(_HEADINGS), key=lambda k: order[k]) / _HEADINGS
+
+
+def start_of(body: BodyModel, poses: Array, heading_deg: float, place: tuple[float, float]) -> tuple[float, float]:
+    """Where a path has to begin for its middle to lie at a place; poses (T, dof) go from the origin, heading 0."""
+    middle = _turned(np.append(middle_of(body, poses), 0.0), np.radians(heading_deg))
+    return place[0] - float(middle[0]), place[1] - float(middle[1])
+
+
+def middle_of(body: BodyModel, poses: Array) -> Array:
+    """(2,) the middle of the way of the root over poses (T, dof), metres."""
+    way = poses[:, body.root.shifts[:2]]
+    middle: Array = (way.min(axis=0) + way.max(axis=0)) / 2
+    return middle
+
+
+def _turned(points: Array, angle: float) -> Array:
+    cosine, sine = np.cos(angle), np.sin(angle)
+    turned: Array = points @ np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    return turned
