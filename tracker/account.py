@@ -68,11 +68,11 @@ def summed(accounts: Sequence[Account], weights: Sequence[float]) -> Account:
     """The account of several kinds of evidence: all lengths and distances times their weights.
 
     Args:
-        accounts: of the same person and pose.
+        accounts: of the same person and pose; one in which nothing is visible has no say in what is left over.
         weights: one each.
     """
     pairs = list(zip(weights, accounts, strict=True))
-    total = sum(weights)
+    total = sum(weight for weight, one in pairs if one.visible_px.any()) or 1.0
     known = np.array([np.isfinite(one.per_part_px) for one in accounts])
     parts = np.array([weight * np.nan_to_num(one.per_part_px) for weight, one in pairs])
     return Account(

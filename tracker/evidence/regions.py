@@ -70,6 +70,10 @@ class RegionEvidence(Evidence):
     In a first frame the colours are those at the start pose; where there is none, or it is but a guess, it is silent.
     """
 
+    from_start: bool = True
+    """Learn from a start pose before it is judged. Without plates nothing else holds it; with them colours can wait for
+    a frame to be trusted, and a wrong start is not confirmed by the colours of what it covers."""
+
     step_m: float = pydantic.Field(default=0.005, gt=0)
     """Distance of the places on a line on the body, metres; never less than a pixel."""
 
@@ -96,7 +100,9 @@ class RegionEvidence(Evidence):
     def observe(self, sight: Sight, expected: Contours | None, memory: Colours | None = None) -> ObservedRegions:
         """Colours around the persons; see `tracker.evidence.Evidence.observe`."""
         picture = self._picture(sight, expected, self.around)
-        return ObservedRegions(picture, None, None) if memory is GUESSED else ObservedRegions(picture, memory, expected)
+        if memory is GUESSED:
+            return ObservedRegions(picture, None, None)
+        return ObservedRegions(picture, memory, expected if self.from_start else None)
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) how much of a line across the contour lies on the wrong side, averaged over contour and views, px."""
