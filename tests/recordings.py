@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from tracker.arrays import Array, Image
-from tracker.cycle import Cycle, LossRule
+from tracker.cycle import Cycle
 from tracker.estimation.hybrid import HybridEstimation
 from tracker.evidence.contours import ContourEvidence
 from tracker.frame import Frame
 from tracker.initialization import Initialization, Stages
 from tracker.initialization.pca import PcaInitialization
+from tracker.loss import LossRule
 from tracker.prediction.polynomial import PolynomialPrediction
 from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, Simulation, simulate

@@ -24,12 +24,12 @@ LAYERS = (
     "camera rig rig_layouts frame shape skin skin_files segments mirror point_trajectories "
     "body_sections body body_defaults body_facts body_skin body_description body_files body_surface scene contours "
     "expectation observation keypoints keypoint_layouts markers marker_layouts account equations plate sight estimate "
-    "start subject trajectory doubts triangulation views",
+    "loss start subject trajectory doubts triangulation views",
     "reading calibration prediction synthesis analysis recording smoothing",
     "comparison outlines correspondences lsm following result",
     "similarity evidence objective",
     "estimation initialization",
-    "cycle rehearsal tracking",
+    "cycle rehearsal easier_start tracking",
     "acquisition recognition evaluation simulation inspection",
     "jobs rig_check export smoothed batching run forecast draft footage viewing",
     "cli commands __main__ scripts",

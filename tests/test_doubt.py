@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from observations import objective_of
 from recordings import TrueStart, cycle_for, small_simulation
 
-from tracker.cycle import LossRule, judged, trusted_parts
 from tracker.doubts import Doubts, ranges
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
+from tracker.loss import LossRule, judged, trusted_parts
 from tracker.observation import Observation
 from tracker.recording import RunContext
 from tracker.recording.csv_table import CsvTable

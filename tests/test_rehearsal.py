@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from recordings import cycle_for, joint_errors_mm, small_simulation
 
-from tracker.cycle import Cycle, LossRule
+from tracker.cycle import Cycle
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._hypotheses import turned_round
+from tracker.loss import LossRule
 from tracker.rehearsal import _following, rehearsed
 from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from tracker.body_files import load_body
-from tracker.cycle import LossRule
 from tracker.errors import ConfigError, SequenceError, TrackerError
 from tracker.initialization.given import GivenInitialization
 from tracker.jobs import described, execute, job_from, load_job
 from tracker.jobs.track import TrackJob
+from tracker.loss import LossRule
 from tracker.progress import Progress
 from tracker.recording import Recording
 from tracker.rig_layouts import load_rig

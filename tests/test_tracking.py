@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
-from tracker.cycle import LossRule
 from tracker.errors import InitializationError
 from tracker.estimate import Status
 from tracker.frame import Frame
 from tracker.initialization import Stages
+from tracker.loss import LossRule
 from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, simulate
 from tracker.start import Start

@@ -8,19 +8,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pydantic
 
-from tracker.account import Account
 from tracker.arrays import Array, Mask, frozen
-from tracker.body import BodyModel
 from tracker.comparison import Comparison
-from tracker.components import component
 from tracker.contours import Contours, joined
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence, Memory, Observed
 from tracker.initialization import Initialization, Stages
+from tracker.loss import LossRule, doubted, judged, sought_anew, trusted_parts
 from tracker.objective import Objective
 from tracker.plate import Plate
 from tracker.prediction import Prediction
@@ -31,39 +28,8 @@ from tracker.start import Start
 from tracker.synthesis import Synthesis
 from tracker.trajectory import History, Step
 
-# A limb that shows less contour than this over all views is judged as if it showed so much, px.
-_LEAST_LIMB_PX = 100.0
-
-
-@component
-class LossRule:
-    """When a person counts as lost, and how it is looked for again."""
-
-    lost_below: float = pydantic.Field(default=0.4, ge=0, le=1)
-    """Share of the visible contour on scene edges under which a person is lost."""
-
-    doubtful_above: float = pydantic.Field(default=0.25, ge=0)
-    """What model and images leave over of each other's contour, as a share of the model's, above which a frame is
-    doubtful. In twelve frames of four recordings (K-Kick, V-Dance, D-TwoElbowRot, balancing; `human`, scaled) the
-    right pose leaves over 0.04 to 0.22, and the same person turned round and refined 0.26 to 1.16. With a model that
-    was acquired 0.12 may do."""
-
-    ambiguous_above: float = pydantic.Field(default=0.35, ge=0)
-    """The same for a limb, which is then ambiguous. In those frames limbs in their places leave over up to 0.33; of 24
-    arms and legs put elsewhere and refined, 150 to 1000 mm off, 22 leave over more than 0.38."""
-
-    restart_every: int = pydantic.Field(default=3, ge=1)
-    """A lost person is initialized anew in the frame of the loss and then every so many frames."""
-
-    start_within: int = pydantic.Field(default=25, ge=1)
-    """Frames in which the first initialization must succeed."""
-
-    rehearse: int = pydantic.Field(default=10, ge=0)
-    """Frames into which the likeliest start poses of an uncertain person are tracked before one is chosen, 0 for none.
-    They are at least 0.03 s apart."""
-
-    sure: float = pydantic.Field(default=0.8, ge=0, le=1)
-    """Confidence of a start pose that needs no rehearsal."""
+# What a pose found anew must be closer than one that was tracked: the least that images say of a limb, see Objective.
+_CLEARLY_PX = 0.2
 
 
 @dataclass(frozen=True)
@@ -93,6 +59,9 @@ class State:
     frames_lost: tuple[int, ...]
     """For how long each person has been lost."""
 
+    frames_doubted: tuple[int, ...]
+    """For how long each person has been doubtful, or had an ambiguous limb."""
+
     memory: Memory = None
     """What the evidence has learned."""
 
@@ -100,22 +69,29 @@ class State:
     def before(scene: Scene) -> State:
         """The state before the first frame."""
         n = len(scene.persons)
-        return State((None,) * n, (0,) * n)
+        return State((None,) * n, (0,) * n, (0,) * n)
+
+    @property
+    def nobody_found(self) -> bool:
+        """Whether no person was found in any frame yet."""
+        return all(history is None for history in self.histories)
 
     def after(self, sight: Sight, step: Step, evidence: Evidence) -> State:
         """The state one frame on."""
-        histories, frames_lost = [], []
-        for history, lost, estimate in zip(self.histories, self.frames_lost, step.estimates, strict=True):
+        histories, frames_lost, frames_doubted = [], [], []
+        persons = zip(self.histories, self.frames_lost, self.frames_doubted, step.estimates, strict=True)
+        for history, lost, in_doubt, estimate in persons:
             if history is not None:
                 history = history.after(step.frame.time_s, estimate)
             elif not estimate.lost:
                 history = History.start(step.frame.time_s, estimate.q)
             histories.append(history)
             frames_lost.append(lost + 1 if estimate.lost else 0)
+            frames_doubted.append(in_doubt + 1 if doubted(estimate) else 0)
         pairs = zip(step.scene.persons, step.estimates, strict=True)
         trusted = np.concatenate([trusted_parts(person.body, estimate) for person, estimate in pairs])
         memory = evidence.learned(self.memory, sight, step.scene, step.fitted, trusted)
-        return State(tuple(histories), tuple(frames_lost), memory)
+        return State(tuple(histories), tuple(frames_lost), tuple(frames_doubted), memory)
 
 
 def advance(sight: Sight, scene: Scene, cycle: Cycle, state: State, clock: Clock | None = None) -> Step:
@@ -146,7 +122,8 @@ def advance(sight: Sight, scene: Scene, cycle: Cycle, state: State, clock: Clock
             current = current.with_pose(k, estimate.q)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     start = None
-    sought = [k for k, estimate in enumerate(estimates) if _sought(estimate, state.frames_lost[k], cycle.loss)]
+    waits = enumerate(zip(estimates, state.frames_lost, state.frames_doubted, strict=True))
+    sought = [k for k, since in waits if sought_anew(*since, cycle.loss)]
     if sought:
         with clock("initialization"):
             current, estimates, start = _recover(sight, current, cycle, state, estimates, sought)
@@ -233,48 +210,13 @@ def _predictions(scene: Scene, cycle: Cycle, state: State, time_s: float) -> lis
     return candidates
 
 
-def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
-    """The estimate with its status and all that is in doubt about it."""
-    account = estimate.account
-    # Trunk and head are where the limbs hang; what is left over of them is clothes and hair.
-    limbs = ((group, account.of(body.parts_of(group))) for group in body.fine_groups if body.partner_of(group))
-    return replace(
-        estimate,
-        status=Status.LOST if account.explained < loss.lost_below else found,
-        doubtful=account.left_over > loss.doubtful_above,
-        ambiguous=tuple(group for group, own in limbs if _much_left_over(own, loss.ambiguous_above)),
-    )
-
-
-def trusted_parts(body: BodyModel, estimate: Estimate) -> Mask:
-    """(P,) parts of a person that are where they are taken to be, as far as is known."""
-    trusted: Mask = np.full(len(body.parts), not estimate.lost and not estimate.doubtful)
-    for group in estimate.ambiguous:
-        trusted &= ~body.parts_of(group)
-    return trusted
-
-
-def _much_left_over(account: Account, above: float) -> bool:
-    """Whether more than a share of a limb's contour is left over; a limb that is hardly seen is not judged."""
-    visible_px = max(float(account.visible_px.sum()), _LEAST_LIMB_PX)
-    return float(account.left_over_px.sum()) > above * visible_px
-
-
-def _sought(estimate: Estimate, frames_lost: int, loss: LossRule) -> bool:
-    """Whether a person is looked for anew in this frame.
-
-    One that was lost is, even when the pose it was lost at explains the images again: limbs have moved meanwhile.
-    """
-    return frames_lost % loss.restart_every == 0 if estimate.lost else frames_lost > 0
-
-
 def _recover(
     sight: Sight, scene: Scene, cycle: Cycle, state: State, estimates: list[Estimate], sought: list[int]
 ) -> tuple[Scene, list[Estimate], Start | None]:
     """Initializes anew and takes over the poses of the persons sought where they explain the images better."""
     recovered = list(estimates)
     for k in sought:
-        if not recovered[k].lost:
+        if not recovered[k].lost and state.frames_lost[k]:
             recovered[k] = replace(recovered[k], status=Status.RECOVERED)
     held = tuple(k for k in range(len(scene.persons)) if k not in sought)
     try:
@@ -288,7 +230,8 @@ def _recover(
     again, _ = settled(trial, cycle, observed, Status.RECOVERED)
     for k in sought:
         old_px = float(_objective(scene, k, cycle, observed)(scene.persons[k].q[None])[0])
-        if not again[k].lost and (recovered[k].lost or again[k].distance_px < old_px):
+        lead_px = 0.0 if state.frames_lost[k] else _CLEARLY_PX
+        if not again[k].lost and (recovered[k].lost or again[k].distance_px < old_px - lead_px):
             recovered[k] = again[k]
             scene = scene.with_pose(k, again[k].q)
     return scene, recovered, start

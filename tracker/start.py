@@ -61,6 +61,11 @@ class Start:
     confidence: tuple[float, ...] = ()
     """For each person 0 to 1, see `confidence`; empty if the poses were given."""
 
+    @property
+    def sureness(self) -> float:
+        """The least confidence of all persons; 1 for given poses."""
+        return min(self.confidence, default=1.0)
+
 
 def confidence(hypotheses: tuple[Hypothesis, ...], costs: Array | None = None) -> float:
     """How sure the first of ranked hypotheses is, 0 to 1.

@@ -10,10 +10,13 @@ from functools import partial
 from types import MappingProxyType
 
 from tracker.cycle import Clock, Cycle, State, advance, bootstrap, covered_px
+from tracker.easier_start import LedBack, led_back
+from tracker.estimate import Status
 from tracker.frame import Frame
 from tracker.rehearsal import Reopen, rehearsed
 from tracker.scene import Scene
 from tracker.sight import Sight
+from tracker.start import Start
 from tracker.trajectory import Replay, Step
 
 _NOTHING: Mapping[int, Replay] = MappingProxyType({})
@@ -33,7 +36,8 @@ def track(
         scene: the persons (their poses do not matter) and the rig.
         cycle: the components.
         done: frames already tracked by an interrupted run, by number; they are replayed, not estimated again.
-        reopen: opens the sequence anew, so that uncertain start poses can be rehearsed; None for no rehearsal.
+        reopen: opens the sequence anew, so that uncertain start poses can be rehearsed, and looked for in later frames;
+            None for neither.
 
     Yields:
         One step a frame.
@@ -41,8 +45,8 @@ def track(
     Raises:
         InitializationError: no start pose was found in the first frames.
     """
-    state = State.before(scene)
-    step: Step | None = None
+    state, step = State.before(scene), None
+    back: LedBack | None = None
     with _Ahead(frames, cycle, done) as ahead:
         for n_frames in itertools.count(1):
             clock = Clock()
@@ -50,19 +54,34 @@ def track(
                 sight = ahead.next(step)
             if sight is None:
                 return
-            frame = sight.frame
+            frame, begun = sight.frame, None
+            if state.nobody_found and (frame.index not in done or _was_led_back(done[frame.index])):
+                begun, back = _begun(sight, scene, cycle, n_frames >= cycle.loss.start_within, reopen)
             if frame.index in done:
                 step = _replayed(frame, scene, cycle, done[frame.index])
-            elif all(history is None for history in state.histories):
-                choose = None
-                if reopen is not None:
-                    choose = partial(rehearsed, frame=frame, scene=scene, cycle=cycle, reopen=reopen)
-                step = bootstrap(sight, scene, cycle, n_frames >= cycle.loss.start_within, choose)
+            elif back is not None and frame.index in back.replays:
+                step = _replayed(frame, scene, cycle, back.replays[frame.index], back.start_in(frame))
             else:
-                step = advance(sight, scene, cycle, state, clock)
+                step = begun or advance(sight, scene, cycle, state, clock)
             state = state.after(sight, step, cycle.evidence)
             scene = step.scene
             yield step
+
+
+def _begun(
+    sight: Sight, scene: Scene, cycle: Cycle, give_up: bool, reopen: Reopen | None
+) -> tuple[Step, LedBack | None]:
+    """The first frame, and what a surer start in a later one makes of it."""
+    if reopen is None:
+        return bootstrap(sight, scene, cycle, give_up), None
+    choose = partial(rehearsed, frame=sight.frame, scene=scene, cycle=cycle, reopen=reopen)
+    step = bootstrap(sight, scene, cycle, give_up, choose)
+    return step, led_back(step, scene, cycle, reopen)
+
+
+def _was_led_back(replay: Replay) -> bool:
+    """Whether a first pose came from a later frame: frames that an interrupted run has not kept do so again."""
+    return any(estimate.status is Status.TRACKED for estimate in replay.estimates)
 
 
 class _Ahead:
@@ -104,10 +123,10 @@ class _Ahead:
         return sight
 
 
-def _replayed(frame: Frame, scene: Scene, cycle: Cycle, replay: Replay) -> Step:
+def _replayed(frame: Frame, scene: Scene, cycle: Cycle, replay: Replay, start: Start | None = None) -> Step:
     scene = scene.with_poses(tuple(estimate.q for estimate in replay.estimates))
     fitted = cycle.synthesis.contours(scene)
     compared = replay.overlap is not None
     model_px = covered_px(cycle.synthesis.silhouettes(scene) if compared else (), replay.estimates)
     step = Step(frame, scene, replay.estimates, fitted, dict(replay.seconds), replay.overlap)
-    return replace(step, model_px=model_px, untrusted=replay.untrusted)
+    return replace(step, model_px=model_px, untrusted=replay.untrusted, start=start)

@@ -11,7 +11,7 @@ import numpy as np
 from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
-from tracker.cycle import Cycle, LossRule
+from tracker.cycle import Cycle
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate
 from tracker.estimation.hybrid import HybridEstimation
@@ -22,6 +22,7 @@ from tracker.evidence.together import TogetherEvidence
 from tracker.frame import Frame
 from tracker.initialization import Initialization, Stages
 from tracker.initialization.pca import PcaInitialization
+from tracker.loss import LossRule
 from tracker.plate import Plate
 from tracker.prediction.polynomial import PolynomialPrediction
 from tracker.scene import Scene

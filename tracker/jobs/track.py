@@ -19,7 +19,7 @@ from tracker.body_description import BodyDescription
 from tracker.body_files import save_description
 from tracker.components import ReadBy, component, find, standard
 from tracker.config import component_name
-from tracker.cycle import Cycle, LossRule
+from tracker.cycle import Cycle
 from tracker.doubts import Doubts
 from tracker.errors import ConfigError, TrackerError, name_fault
 from tracker.estimation import Estimation
@@ -30,6 +30,7 @@ from tracker.inspection import findings, survey
 from tracker.jobs import ResultFolder, described, versions
 from tracker.jobs._stopping import stopping
 from tracker.kernels.ahead import Group
+from tracker.loss import LossRule
 from tracker.plate import Plate
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent

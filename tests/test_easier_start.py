@@ -1,0 +1,145 @@
+"""Starts that are uncertain, looked for in later frames and followed back; persons doubted, looked for anew."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import cycle_for, joint_errors_mm, small_simulation
+
+from tracker.cycle import Cycle
+from tracker.easier_start import _backwards
+from tracker.errors import InitializationError
+from tracker.estimate import Status
+from tracker.frame import Frame
+from tracker.initialization import Stages
+from tracker.initialization._hypotheses import turned_round
+from tracker.loss import LossRule, sought_anew
+from tracker.scene import Scene
+from tracker.simulation.sequence import Simulation
+from tracker.start import Hypothesis, Start
+from tracker.tracking import track
+from tracker.trajectory import Replay, Step
+
+RULE = LossRule(look_ahead_s=(0.08, 0.2, 0.24), rehearse=0)
+"""A twentieth of a second is a frame and a bit."""
+
+
+class TurnedRoundAtFirst:
+    """Somebody turned round, unsurely, before a frame; nobody in it; the truth, surely, after it."""
+
+    def __init__(self, simulation: Simulation, until: int, sure: float = 0.95) -> None:
+        self.simulation, self.until, self.sure = simulation, until, sure
+        self.asked: list[int] = []
+
+    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        self.asked.append(frame.index)
+        if frame.index == self.until:
+            raise InitializationError("nobody there")
+        truth = self.simulation.poses[0][frame.index]
+        early = frame.index < self.until
+        q = turned_round(scene.persons[0].body, truth) if early else truth
+        return Start((q,), (), ((Hypothesis(q, 3.0, 0.9, 0.1, 0.0),),), (0.2 if early else self.sure,))
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    return small_simulation("two_elbow_rotation", n_frames=9)
+
+
+def tracked(simulation: Simulation, cycle: Cycle, done: dict[int, Replay] | None = None) -> list[Step]:
+    return list(track(simulation.frames(), simulation.scene, cycle, done or {}, simulation.frames))
+
+
+def errors_mm(simulation: Simulation, steps: list[Step]) -> list[float]:
+    return [float(joint_errors_mm(simulation, 0, step.frame.index, step.estimates[0].q).mean()) for step in steps]
+
+
+def test_the_first_frames_are_followed_back_from_a_surer_start(simulation: Simulation) -> None:
+    start = TurnedRoundAtFirst(simulation, until=2)
+    steps = tracked(simulation, cycle_for(simulation, start, loss=RULE))
+    assert start.asked == [0, 2, 5]  # the first that is sure enough ends it
+    assert max(errors_mm(simulation, steps)) < 10
+    statuses = [step.estimates[0].status for step in steps]
+    assert statuses == [Status.TRACKED] * 5 + [Status.BOOTSTRAPPED] + [Status.TRACKED] * 3
+    assert [step.frame.index for step in steps if step.start is not None] == [5]
+    assert [step.frame.time_s for step in steps] == [frame.time_s for frame in simulation.frames()]
+
+
+def test_a_run_that_cannot_look_ahead_starts_where_it_starts(simulation: Simulation) -> None:
+    cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=2), loss=RULE)
+    step = next(track(simulation.frames(), simulation.scene, cycle))
+    assert step.estimates[0].status is Status.BOOTSTRAPPED
+    assert joint_errors_mm(simulation, 0, 0, step.estimates[0].q).mean() > 100
+
+
+@pytest.mark.parametrize("changes", [{"sure": 0.1}, {"look_ahead_s": ()}, {"look_ahead_s": (100.0,)}])
+def test_nothing_is_followed_back_without_need_or_leave(simulation: Simulation, changes: dict[str, object]) -> None:
+    start = TurnedRoundAtFirst(simulation, until=2)
+    cycle = cycle_for(simulation, start, loss=replace(RULE, again_after=100, **changes))  # type: ignore[arg-type]
+    step = next(track(simulation.frames(), simulation.scene, cycle, reopen=simulation.frames))
+    assert start.asked == [0]
+    assert step.estimates[0].status is Status.BOOTSTRAPPED
+
+
+def test_a_later_start_that_is_no_surer_changes_nothing(simulation: Simulation) -> None:
+    cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=2, sure=0.1), loss=RULE)
+    step = next(track(simulation.frames(), simulation.scene, cycle, reopen=simulation.frames))
+    assert step.estimates[0].status is Status.BOOTSTRAPPED
+
+
+def test_an_interrupted_run_is_followed_back_again(simulation: Simulation) -> None:
+    cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=2), loss=RULE)
+    whole = tracked(simulation, cycle)
+    kept = {
+        step.frame.index: Replay(step.frame.index, step.frame.time_s, step.estimates, {}, step.overlap)
+        for step in whole[:3]
+    }
+    again = tracked(simulation, cycle, kept)
+    for one, other in zip(whole, again, strict=True):
+        np.testing.assert_array_equal(one.estimates[0].q, other.estimates[0].q)
+        assert one.estimates[0].status is other.estimates[0].status
+
+
+def test_frames_come_backwards_in_pieces_that_fit_into_memory(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened = itertools.count()
+
+    def reopen() -> Iterator[Frame]:
+        next(opened)
+        return simulation.frames()
+
+    last = list(simulation.frames())[7]
+    n_bytes = sum(image.nbytes for image in last.images if image is not None)
+    for at_once, n_times in ((1, 6), (2, 3), (4, 2), (100, 1)):
+        opened = itertools.count()
+        monkeypatch.setattr("tracker.easier_start._MOST_BYTES", at_once * n_bytes)
+        assert [frame.index for frame in _backwards(1, last, reopen)] == [6, 5, 4, 3, 2, 1]
+        assert next(opened) == n_times
+
+
+def test_the_doubted_are_looked_for_ever_more_rarely(simulation: Simulation) -> None:
+    cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=0))
+    step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
+    doubtful = replace(step.estimates[0], doubtful=True)
+    fine = replace(step.estimates[0], doubtful=False, ambiguous=())
+    asked = [n + 1 for n in range(100) if sought_anew(doubtful, 0, n, LossRule(again_after=5))]
+    assert asked == [5, 10, 20, 40, 80]
+    assert not any(sought_anew(fine, 0, n, LossRule(again_after=5)) for n in range(100))
+    assert sought_anew(fine, 1, 0, LossRule())  # seen again after a loss
+
+
+def test_who_is_doubted_is_found_anew_where_the_images_speak_for_it(simulation: Simulation) -> None:
+    start = TurnedRoundAtFirst(simulation, until=1)
+    rule = LossRule(again_after=3, doubtful_above=0.0, lost_below=0.0)
+    steps = list(track(simulation.frames(), simulation.scene, cycle_for(simulation, start, loss=rule)))
+    statuses = [step.estimates[0].status for step in steps]
+    assert statuses[:4] == [Status.BOOTSTRAPPED, Status.TRACKED, Status.RECOVERED, Status.TRACKED]
+    assert start.asked[:2] == [0, 2]
+    found = errors_mm(simulation, steps)
+    assert found[1] > 100
+    assert max(found[2:]) < 10

@@ -1,0 +1,137 @@
+"""A start that is uncertain is looked for in the next seconds, where it may be easier, and followed back from there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from tracker.cycle import Cycle, State, advance, settled
+from tracker.errors import InitializationError
+from tracker.estimate import Status
+from tracker.frame import Frame
+from tracker.rehearsal import Reopen, rehearsed
+from tracker.scene import Scene
+from tracker.sight import Sight
+from tracker.start import Start
+from tracker.trajectory import Replay, Step
+
+_MOST_BYTES = 2**28
+"""Of images held while the frames are followed back; with larger ones the recording is decoded in several goes."""
+
+
+@dataclass(frozen=True)
+class LedBack:
+    """Frames tracked backwards from a start in a later one."""
+
+    index: int
+    """The frame of the start."""
+
+    start: Start
+    """What was found in it."""
+
+    replays: Mapping[int, Replay]
+    """Every frame from the first one to that of the start."""
+
+    def start_in(self, frame: Frame) -> Start | None:
+        """The start, in the frame that it was found in."""
+        return self.start if frame.index == self.index else None
+
+
+def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack | None:
+    """What a surer start in one of the next seconds makes of the frames up to it.
+
+    Where a person is first seen limbs may hide, or front and back look the same; a moment later they do not.
+
+    Args:
+        step: the first frame, with the start found in it.
+        scene: the persons and the rig.
+        cycle: the components; its loss rule says where to look, and which start is sure enough.
+        reopen: opens the sequence anew.
+
+    Returns:
+        None if the start is sure, no later one is surer, or the images of the first frame speak for its own.
+    """
+    if step.start is None or step.start.sureness >= cycle.loss.sure:
+        return None
+    found = _surest(step.frame, scene, cycle, reopen)
+    if found is None:
+        return None
+    frame, start = found
+    start = rehearsed(start, frame, scene, cycle, reopen)
+    if start.sureness <= step.start.sureness:
+        return None
+    replays = _followed_back(step.frame.index, frame, scene.with_poses(start.poses), cycle, reopen)
+    back_px, here_px = (
+        sum(one.distance_px for one in way) for way in (replays[step.frame.index].estimates, step.estimates)
+    )
+    return LedBack(frame.index, start, replays) if back_px < here_px else None
+
+
+def _surest(first: Frame, scene: Scene, cycle: Cycle, reopen: Reopen) -> tuple[Frame, Start] | None:
+    """The surest start in the frames looked at, the first one that is sure enough; None if nobody is found in them."""
+    best: tuple[Frame, Start] | None = None
+    for frame in _later(first, reopen, cycle.loss.look_ahead_s):
+        cycle.progress(f"bootstrapping: the start is uncertain, looking at frame {frame.index}")
+        try:
+            start = cycle.initialization.start(frame, scene, cycle.stages)
+        except InitializationError:
+            continue
+        if best is None or start.sureness > best[1].sureness:
+            best = frame, start
+        if start.sureness >= cycle.loss.sure:
+            break
+    return best
+
+
+def _later(first: Frame, reopen: Reopen, delays_s: tuple[float, ...]) -> Iterator[Frame]:
+    """The frames so long after the first one."""
+    left = sorted(delays_s)
+    for frame in reopen():
+        if not left:
+            return
+        if frame.index > first.index and frame.time_s >= first.time_s + left[0]:
+            left = [delay_s for delay_s in left if frame.time_s < first.time_s + delay_s]
+            yield frame
+
+
+def _followed_back(first: int, last: Frame, scene: Scene, cycle: Cycle, reopen: Reopen) -> dict[int, Replay]:
+    """The frames from `last` back to the number `first`, as estimates; the start is that of the scene."""
+    sight = Sight(last, cycle.plates)
+    observed = cycle.evidence.observe(sight, cycle.synthesis.contours(scene))
+    estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED)
+    step = Step(last, scene, estimates, cycle.synthesis.contours(scene))
+    state = State.before(scene).after(sight, step, cycle.evidence)
+    replays = {last.index: _kept(step)}
+    for frame in _backwards(first, last, reopen):
+        cycle.progress(f"bootstrapping: back to the first frame, {frame.index - first} to go")
+        # predictions are made for a time that goes on
+        mirrored = replace(frame, time_s=2 * last.time_s - frame.time_s)
+        sight = Sight(mirrored, cycle.plates)
+        step = advance(sight, step.scene, cycle, state)
+        state = state.after(sight, step, cycle.evidence)
+        replays[frame.index] = replace(_kept(step), time_s=frame.time_s)
+    return replays
+
+
+def _kept(step: Step) -> Replay:
+    return Replay(
+        step.frame.index, step.frame.time_s, step.estimates, dict(step.seconds), step.overlap, dict(step.untrusted)
+    )
+
+
+def _backwards(first: int, last: Frame, reopen: Reopen) -> Iterator[Frame]:
+    """The frames before one, the latest first, back to the number `first`."""
+    n_bytes = sum(image.nbytes for image in last.images if image is not None)
+    at_once = max(_MOST_BYTES // max(n_bytes, 1), 1)
+    end = last.index
+    while end > first:
+        held: list[Frame] = []
+        for frame in reopen():
+            if frame.index >= end:
+                break
+            if frame.index >= first:
+                held = [*held[-at_once + 1 :], frame] if at_once > 1 else [frame]
+        if not held:
+            return
+        yield from reversed(held)
+        end = held[0].index
