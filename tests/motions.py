@@ -17,7 +17,7 @@ from tracker.contours import Contours
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
 from tracker.recording import RunContext
-from tracker.recording.journal import Journal
+from tracker.recording.journal import Journal, as_kept
 from tracker.recording.run_json import RunJson
 from tracker.rig_layouts import save_rig
 from tracker.scene import Person, Scene
@@ -42,9 +42,9 @@ class Movement:
         return RunContext("made_up", folder, self.scene, fps=25.0, interval_s=INTERVAL_S, n_frames=len(self.steps))
 
     def record(self, recording: object, folder: Path) -> tuple[Path, ...]:
-        """What a recording makes of it."""
+        """What a recording makes of it; the covariances are those of the journal, as in a run."""
         recorder = recording.begin(self.context(folder))
-        for step in self.steps:
+        for step in map(as_kept, self.steps):
             recorder.write(step)
         return recorder.finish()
 
