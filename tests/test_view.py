@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 import urllib.request
 from dataclasses import replace
 from pathlib import Path
@@ -160,10 +161,9 @@ def test_a_finished_result_is_served_on_this_machine_only(tracked):
         viewer, fault = view_result(result, server)
         assert fault == ""
         viewer.seek(4)
-        for _ in range(200):
+        end = time.monotonic() + 120
+        while viewer.pictures.n_kept < 6 and time.monotonic() < end:
             viewer.serve(0.05)
-            if viewer.pictures.n_kept == 6:
-                break
         viewer.serve(0.1)
         assert viewer.shown == result.frames[4]
         assert viewer.pictures.of(int(result.frames[4]))[0].shape == (288, 360, 3)
@@ -203,7 +203,7 @@ def test_ctrl_c_ends_it(tracked):
     line = process.stdout.readline()
     assert re.fullmatch(r"look at http://127\.0\.0\.1:\d+; Ctrl-C ends it\n", line), line
     process.send_signal(signal.SIGINT)
-    _, told = process.communicate(timeout=30)
+    _, told = process.communicate(timeout=120)
     assert (process.returncode, told) == (0, "")
 
 
@@ -225,10 +225,9 @@ def test_a_browser_shows_the_scene(tracked, tmp_path):
     with serving(18120) as server, browser(tmp_path / "profile") as page:
         viewer, _ = view_result(load_result(tracked / "result"), server)
         page.open(f"http://127.0.0.1:{server.get_port()}")
-        for _ in range(300):
+        end = time.monotonic() + 120
+        while not page.value("document.body.innerText.includes('person1')") and time.monotonic() < end:
             viewer.serve(0.1)
-            if page.value("document.body.innerText.includes('worst frames')"):
-                break
         viewer.serve(1.0)
         text = page.value("document.body.innerText")
         assert "tracked" in text or "bootstrapped" in text

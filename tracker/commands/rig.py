@@ -95,7 +95,7 @@ def rig_convert(
     from tracker.rig_layouts import read_rig, save_rig
 
     opened = read_rig(source, _pixels(size))
-    _tell(opened)
+    _tell(opened, but="" if up == "z" else "--up")
     rig = opened.rig.with_up(up, floor)
     if upright:
         rig = _upright(rig)
@@ -143,7 +143,9 @@ def _upright(rig: Rig) -> Rig:
     return turned
 
 
-def _tell(opened: RigFile) -> None:
-    """What whoever uses the rig must know of its file."""
+def _tell(opened: RigFile, but: str = "") -> None:
+    """What whoever uses the rig must know of its file, but for advice that is followed already."""
     for line in opened.told():
+        if but and but in line:
+            continue
         console.print(f"[yellow]look:[/] {line}", highlight=False, soft_wrap=True)

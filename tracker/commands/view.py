@@ -42,8 +42,8 @@ def _finished(result: Result, server: Any) -> None:
     viewer, fault = view_result(result, server)
     if fault:
         console.print(f"without images: {fault}", style="yellow", highlight=False, markup=False, soft_wrap=True)
-    _tell_address(server)
     with contextlib.suppress(KeyboardInterrupt):
+        _tell_address(server)
         viewer.serve()
     viewer.pictures.stop()
 
@@ -55,9 +55,9 @@ def _live(config: Path, overrides: list[str], server: Any) -> None:
     run = load_run(config, overrides)
     with ProgressBar() as progress:
         live = LiveRun(run, server, progress)
-        _tell_address(server)
-        console.print("tracks while you look, and writes nothing: `bodytrack run` does", highlight=False)
         with contextlib.suppress(KeyboardInterrupt):
+            _tell_address(server)
+            console.print("tracks while you look, and writes nothing: `bodytrack run` does", highlight=False)
             while not live.done.is_set():
                 live.viewer.serve(0.5)
             if live.fault is None:
