@@ -15,6 +15,7 @@ import typer.main
 
 from scripts.documentation import configuration_page
 from tracker.cli import app
+from tracker.commands.export import FORMATS
 from tracker.components import available, find, stages
 from tracker.config import build
 from tracker.errors import ConfigError
@@ -73,6 +74,18 @@ def test_every_setting_is_told():
 def test_commands_parse(line):
     _, name, *arguments = shlex.split(line)
     typer.main.get_command(app).commands[name].make_context(name, arguments)
+
+
+@pytest.mark.parametrize(
+    ("page", "told"),
+    [
+        ("evidence.md", available("evidence")),
+        ("calibration.md", available("calibration")),
+        ("formats.md", (*FORMATS, *available("rig_layouts"), *available("smoothing"))),
+    ],
+)
+def test_tables_name_every_component(page, told):
+    assert [use for use in told if f"\n| `{use}`" not in PAGES[page]] == []
 
 
 @pytest.mark.parametrize("page", PAGES)
