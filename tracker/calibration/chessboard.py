@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 import pydantic
@@ -43,6 +43,9 @@ class BoardImages:
 @component
 class ChessboardCalibration:
     """Calibration from a flat board of known squares, moved and tilted before the cameras."""
+
+    single_views: ClassVar[bool] = True
+    """Frames that only one camera has tell its interior; see `tracker.jobs.calibrate.CalibrateJob.interiors`."""
 
     columns: int = pydantic.Field(default=9, ge=3)
     """Chessboard: inner corners along a row. ChArUco: squares along a row. A number, no unit."""

@@ -7,7 +7,7 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Self
 
 import pydantic
 
@@ -17,6 +17,7 @@ from tracker.config import read_config
 from tracker.errors import ConfigError
 from tracker.files import write_whole
 from tracker.jobs import ResultFolder, job_from
+from tracker.jobs._interiors import then_alone
 from tracker.kernels.ahead import Group
 from tracker.progress import Progress
 from tracker.reading import Reading
@@ -44,16 +45,31 @@ class CalibrateJob:
     )
     """What the cameras have seen."""
 
-    @pydantic.field_validator("reading")
+    interiors: Reading | None = pydantic.Field(
+        default=None, examples=['{ use = "video", path = "alone/{view}.mp4" }; see configs/calibration/charuco.toml']
+    )
+    """Recordings in which each camera sees the board by itself, near and in all corners: they tell its lens, and need
+    not be synchronous. Focus and zoom must be those of the common recording. With a chessboard only."""
+
+    @pydantic.field_validator("reading", "interiors")
     @classmethod
-    def _is_not_calibrated(cls, reading: Reading) -> Reading:
+    def _is_not_calibrated(cls, reading: Reading | None) -> Reading | None:
         if getattr(reading, "rig", None) is not None:
             raise ValueError('the key "rig" is of no use: the cameras are to be calibrated, and `views` names them')
         return reading
 
+    @pydantic.model_validator(mode="after")
+    def _has_a_board(self) -> Self:
+        if self.interiors is not None and not getattr(self.calibration, "single_views", False):
+            raise ValueError(
+                'the section "interiors" is of use with a chessboard only, [calibration] use = "chessboard"'
+            )
+        return self
+
     def open(self, earlier: Path | None = None) -> Views:
         """Opens the views; see `tracker.jobs.Job.open`."""
-        return self.reading.open_uncalibrated()
+        common = self.reading.open_uncalibrated()
+        return common if self.interiors is None else then_alone(common, self.interiors)
 
     def execute(self, opened: Views, folder: ResultFolder, progress: Progress) -> CalibrateOutcome:
         """Calibrates; see `tracker.jobs.Job.execute`."""
