@@ -21,6 +21,7 @@ from benchmarks import robustness as survival
 from benchmarks import segmentation as level_sets
 from benchmarks import sigma as uncertainty
 from benchmarks import sizes as measured_sizes
+from benchmarks import skins as skinned_meshes
 from benchmarks import surfaces as measured_surfaces
 from benchmarks import tracking as cycle_times
 from rich.console import Console
@@ -36,6 +37,12 @@ Quick = Annotated[bool, typer.Option("--quick", help="Small images and few frame
 def poses(n_poses: Annotated[int, typer.Option(min=32, help="Poses in a batch.")] = 256, quick: Quick = False) -> None:
     """Poses synthesized into four views and compared in both chamfer directions, per second."""
     pose_rates.compare(console, n_poses, quick)
+
+
+@app.command()
+def skins(n_poses: Annotated[int, typer.Option(min=8, help="Poses in a batch.")] = 100, quick: Quick = False) -> None:
+    """Contours of a skinned mesh, beside rasterizing the same mesh and beside those of superquadrics."""
+    skinned_meshes.compare(console, n_poses, quick)
 
 
 @app.command()

@@ -148,7 +148,7 @@ def _skin_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     samples = _own(_F4, 0, 1, 1, 5), _own(_F4, 0, 1, 1, 3), _own(_I8, 0, 1, 1), _own(_B1, 0, 1, 1), _own(_I8, 0, 1)
     rig = _frozen(_F8, 1, 25), _frozen(_F8, 1, 2)
     return [
-        (trace_skins, (_own(_F8, 0, 1, 4, 4), _frozen(_F8, 1, 4, 4), mesh, *rig, (8.0, 0.02, 320.0), *samples)),
+        (trace_skins, (_own(_F8, 0, 1, 4, 4), _frozen(_F8, 1, 4, 4), mesh, *rig, (8.0, 0.02, 240.0), *samples)),
         (fill_mesh, (_own(_F8, 0, 3), _frozen(_I8, 0, 3), rig[0][0], _own(_B1, 1, 1))),
     ]
 

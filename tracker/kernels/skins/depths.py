@@ -114,6 +114,8 @@ def draw_depths(mesh: Mesh, seen: Array32, front: Mask, cell_px: float, depths: 
             continue
         low_x, high_x = int(np.ceil(max(left, zero))), int(min(right, most_x))
         low_y, high_y = int(np.ceil(max(top, zero))), int(min(bottom, most_y))
+        if low_x > high_x or low_y > high_y:
+            continue
         inverse = one / (x1 * y2 - y1 * x2)
         a_x, b_x = y2 * inverse, -y1 * inverse
         for i in range(low_y, high_y + 1):

@@ -97,6 +97,12 @@ def _nearest(view: View, u: float, v: float) -> float:
 
 
 @compiled
+def _covered(view: View, u: float, v: float, depth: float) -> bool:
+    """Whether something at a pixel is well before a depth, metres."""
+    return _nearest(view, u, v) * (depth - _COVERED_M) > 1.0
+
+
+@compiled
 def _state(view: View, place: tuple[float, float], normal: tuple[float, float], depth: float, contact_m: float) -> int:
     """Whether a contour is seen: judged by what is in its place, and by what is seen beside it.
 
@@ -107,7 +113,7 @@ def _state(view: View, place: tuple[float, float], normal: tuple[float, float], 
         depth: of the contour, metres.
         contact_m: see `Spacing`.
     """
-    if _nearest(view, place[0], place[1]) * (depth - _COVERED_M) > 1.0:
+    if _covered(view, place[0], place[1], depth):
         return HIDDEN
     away = _BESIDE * view.cell_px
     behind = _nearest(view, place[0] + away * normal[0], place[1] + away * normal[1])
@@ -228,12 +234,15 @@ def _trace_faces(
         if not before or not _turns_away(points, facing, (p, q, r), view.camera):
             continue
         s, t = facing[p] / (facing[p] - facing[q]), facing[p] / (facing[p] - facing[r])
-        du = t * (seen[r, 0] - seen[p, 0]) - s * (seen[q, 0] - seen[p, 0])
-        dv = t * (seen[r, 1] - seen[p, 1]) - s * (seen[q, 1] - seen[p, 1])
+        u, v = seen[p, 0] + s * (seen[q, 0] - seen[p, 0]), seen[p, 1] + s * (seen[q, 1] - seen[p, 1])
+        du, dv = seen[p, 0] + t * (seen[r, 0] - seen[p, 0]) - u, seen[p, 1] + t * (seen[r, 1] - seen[p, 1]) - v
         length, part = np.sqrt(du * du + dv * dv), mesh.parts[f]
         passed = spacing.step_px - work.over[part]
         work.over[part] += length
         if work.over[part] < spacing.step_px:
+            continue
+        if _covered(view, u + 0.5 * du, v + 0.5 * dv, 1.0 / max(seen[p, 2], seen[q, 2], seen[r, 2])):
+            work.over[part] %= spacing.step_px
             continue
         _cross(points, normals, facing, (p, q), work.crossings, 0)
         _cross(points, normals, facing, (p, r), work.crossings, 1)
