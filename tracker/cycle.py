@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -94,7 +94,14 @@ class State:
         return State(tuple(histories), tuple(frames_lost), tuple(frames_doubted), memory)
 
 
-def advance(sight: Sight, scene: Scene, cycle: Cycle, state: State, clock: Clock | None = None) -> Step:
+def advance(
+    sight: Sight,
+    scene: Scene,
+    cycle: Cycle,
+    state: State,
+    clock: Clock | None = None,
+    further: Sequence[Array] = (),
+) -> Step:
     """One frame: predict, expect, observe, estimate; lost persons are looked for anew.
 
     Args:
@@ -103,10 +110,13 @@ def advance(sight: Sight, scene: Scene, cycle: Cycle, state: State, clock: Clock
         cycle: the components.
         state: histories up to the frame before.
         clock: with the time spent on the frame before.
+        further: for each person another pose (dof,) that may be right; empty for none.
     """
     clock = clock or Clock()
     with clock("prediction"):
         candidates = _predictions(scene, cycle, state, sight.frame.time_s)
+        if further:
+            candidates = [np.vstack(poses) for poses in zip(candidates, further, strict=True)]
         predicted = scene.with_poses(tuple(poses[0] for poses in candidates))
     with clock("synthesis"):
         expected = joined([cycle.synthesis.contours(predicted, k, poses) for k, poses in enumerate(candidates)])
@@ -276,8 +286,9 @@ def _overlap(models: Sequence[Mask], foregrounds: Sequence[Mask | None]) -> Arra
 class Clock:
     """Seconds spent in each stage of one frame."""
 
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
+    def __init__(self, spent: Mapping[str, float] | None = None) -> None:
+        """With seconds already spent."""
+        self.seconds: dict[str, float] = dict(spent or {})
 
     def move(self, stage: str, other: str, seconds: float) -> None:
         """Books some of a stage's time to another one."""

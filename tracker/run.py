@@ -15,6 +15,7 @@ from tracker.result import Result, load_result
 from tracker.scene import Scene
 from tracker.tracking import track
 from tracker.trajectory import Step
+from tracker.two_passes import track_twice
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,8 @@ class Run:
         """
         sequence = self.opened.sequence
         self.compile_kernels()
-        return track(sequence.frames(), self.scene, self.job.cycle(sequence.plates), {}, sequence.frames)
+        way = track if self.job.passes == 1 else track_twice
+        return way(sequence.frames(), self.scene, self.job.cycle(sequence.plates), {}, sequence.frames)
 
     def compile_kernels(self, progress: Progress = silent) -> None:
         """Compiles what tracking needs and is not kept on disk yet: a minute once, which an iteration does unasked."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
 
@@ -54,29 +54,65 @@ def track(
                 sight = ahead.next(step)
             if sight is None:
                 return
-            frame, begun = sight.frame, None
-            if state.nobody_found and (frame.index not in done or _was_led_back(done[frame.index])):
-                begun, back = _begun(sight, scene, cycle, n_frames >= cycle.loss.start_within, reopen)
+            frame = sight.frame
+            looking = Looking(n_frames >= cycle.loss.start_within, reopen, back)
             if frame.index in done:
-                step = _replayed(frame, scene, cycle, done[frame.index])
-            elif back is not None and frame.index in back.replays:
-                step = _replayed(frame, scene, cycle, back.replays[frame.index], back.start_in(frame))
+                if state.nobody_found and _was_led_back(done[frame.index]):
+                    _, back = _begun(sight, scene, cycle, looking)
+                step = replayed(frame, scene, cycle, done[frame.index])
             else:
-                step = begun or advance(sight, scene, cycle, state, clock)
+                step, back = tracked(sight, scene, cycle, state, looking, clock)
             state = state.after(sight, step, cycle.evidence)
             scene = step.scene
             yield step
 
 
-def _begun(
-    sight: Sight, scene: Scene, cycle: Cycle, give_up: bool, reopen: Reopen | None
+@dataclass(frozen=True)
+class Looking:
+    """How somebody is looked for who was not found yet."""
+
+    give_up: bool
+    """Raise where nobody is found."""
+
+    reopen: Reopen | None
+    """Opens the sequence anew; None where only this frame is to be looked at."""
+
+    back: LedBack | None = None
+    """What a start in a later frame has made of the first ones."""
+
+
+def tracked(
+    sight: Sight, scene: Scene, cycle: Cycle, state: State, looking: Looking, clock: Clock | None = None
 ) -> tuple[Step, LedBack | None]:
+    """One frame, and what a surer start in a later one has made of the first ones.
+
+    Args:
+        sight: the images.
+        scene: all persons at their last poses.
+        cycle: the components.
+        state: histories up to the frame before.
+        looking: how persons are looked for, as long as none was found.
+        clock: with the time spent on the frame before.
+
+    Raises:
+        InitializationError: nobody was found, and that is to be an error.
+    """
+    begun, back = None, looking.back
+    if state.nobody_found:
+        begun, back = _begun(sight, scene, cycle, looking)
+    if back is not None and sight.frame.index in back.replays:
+        replay = back.replays[sight.frame.index]
+        return replayed(sight.frame, scene, cycle, replay, back.start_in(sight.frame)), back
+    return begun or advance(sight, scene, cycle, state, clock), back
+
+
+def _begun(sight: Sight, scene: Scene, cycle: Cycle, looking: Looking) -> tuple[Step, LedBack | None]:
     """The first frame, and what a surer start in a later one makes of it."""
-    if reopen is None:
-        return bootstrap(sight, scene, cycle, give_up), None
-    choose = partial(rehearsed, frame=sight.frame, scene=scene, cycle=cycle, reopen=reopen)
-    step = bootstrap(sight, scene, cycle, give_up, choose)
-    return step, led_back(step, scene, cycle, reopen)
+    if looking.reopen is None:
+        return bootstrap(sight, scene, cycle, looking.give_up), None
+    choose = partial(rehearsed, frame=sight.frame, scene=scene, cycle=cycle, reopen=looking.reopen)
+    step = bootstrap(sight, scene, cycle, looking.give_up, choose)
+    return step, led_back(step, scene, cycle, looking.reopen)
 
 
 def _was_led_back(replay: Replay) -> bool:
@@ -123,7 +159,16 @@ class _Ahead:
         return sight
 
 
-def _replayed(frame: Frame, scene: Scene, cycle: Cycle, replay: Replay, start: Start | None = None) -> Step:
+def replayed(frame: Frame, scene: Scene, cycle: Cycle, replay: Replay, start: Start | None = None) -> Step:
+    """The step of a frame whose estimates are known.
+
+    Args:
+        frame: the images.
+        scene: the persons and the rig.
+        cycle: the components.
+        replay: the estimates.
+        start: what was found, where a start was looked for in this frame.
+    """
     scene = scene.with_poses(tuple(estimate.q for estimate in replay.estimates))
     fitted = cycle.synthesis.contours(scene)
     compared = replay.overlap is not None

@@ -47,6 +47,7 @@ from tracker.subject import Subject
 from tracker.synthesis import Synthesis
 from tracker.tracking import track
 from tracker.trajectory import Step
+from tracker.two_passes import track_twice
 
 log = logging.getLogger("tracker")
 
@@ -88,6 +89,10 @@ class TrackJob:
 
     loss: LossRule = LossRule()
     """When a person counts as lost."""
+
+    passes: int = pydantic.Field(default=1, ge=1, le=2)
+    """2 to track windows of 100 frames back again, with the poses found on the way there as candidates: twice the
+    time, fewer limbs lost for a while."""
 
     inspection: bool = True
     """Look at the first frames for input that can hardly be right: exchanged or mirrored videos, views out of step,
@@ -202,7 +207,8 @@ class TrackJob:
             resumed=frozenset(opened.done or ()),
         )
         cycle = self.cycle(sequence.plates, progress)
-        steps = track(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
+        way = track if self.passes == 1 else track_twice
+        steps = way(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
         outcome = _recorded(self.recordings, context, map(as_kept, steps), folder, progress)
         return outcome if self.smoothing is None or not outcome.n_frames else _smoothed(outcome, self.smoothing)
 

@@ -1,0 +1,101 @@
+"""Tracking in both directions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
+from test_easier_start import TurnedRoundAtFirst
+
+import tracker.two_passes
+from tracker.cycle import Cycle
+from tracker.errors import InitializationError
+from tracker.estimate import Status
+from tracker.loss import LossRule
+from tracker.simulation.sequence import Simulation
+from tracker.tracking import track
+from tracker.trajectory import Replay, Step
+from tracker.two_passes import _windows, track_twice
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    return small_simulation("two_elbow_rotation", n_frames=9)
+
+
+@pytest.fixture
+def short_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tracker.two_passes, "_LONGEST", 4)
+    monkeypatch.setattr(tracker.two_passes, "_SHORTEST", 4)
+
+
+def twice(simulation: Simulation, cycle: Cycle, done: dict[int, Replay] | None = None) -> list[Step]:
+    return list(track_twice(simulation.frames(), simulation.scene, cycle, done or {}, simulation.frames))
+
+
+def errors_mm(simulation: Simulation, steps: list[Step]) -> list[float]:
+    return [float(joint_errors_mm(simulation, 0, step.frame.index, step.estimates[0].q).mean()) for step in steps]
+
+
+@pytest.mark.parametrize(("n_frames", "most"), [(1, 4), (4, 4), (5, 4), (9, 4), (9, 100)])
+def test_windows_have_every_frame_once_and_see_beyond(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch, n_frames: int, most: int
+) -> None:
+    monkeypatch.setattr(tracker.two_passes, "_LONGEST", most)
+    monkeypatch.setattr(tracker.two_passes, "_SHORTEST", 1)
+    frames = list(simulation.frames())[:n_frames]
+    windows = list(_windows(iter(frames)))
+    assert [frame.index for window, _ in windows for frame in window] == list(range(n_frames))
+    for window, beyond in windows:
+        after = window[-1].index + 1
+        assert [frame.index for frame in beyond] == list(range(after, min(after + most // 4, n_frames)))
+
+
+def test_large_images_make_short_windows(simulation: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = list(simulation.frames())
+    n_bytes = sum(image.nbytes for image in frames[0].images if image is not None)
+    monkeypatch.setattr(tracker.two_passes, "_SHORTEST", 1)
+    monkeypatch.setattr(tracker.two_passes, "_MOST_BYTES", 5 * n_bytes)
+    assert [(len(window), len(beyond)) for window, beyond in _windows(iter(frames))] == [(4, 1), (4, 1), (1, 0)]
+
+
+@pytest.mark.usefixtures("short_windows")
+def test_both_ways_are_as_exact_as_one(simulation: Simulation) -> None:
+    cycle = cycle_for(simulation, TrueStart(simulation))
+    steps, frames = twice(simulation, cycle), list(simulation.frames())
+    assert [(step.frame.index, step.frame.time_s) for step in steps] == [(one.index, one.time_s) for one in frames]
+    assert {step.estimates[0].status for step in steps} == {Status.TRACKED}
+    assert max(errors_mm(simulation, steps)) < 8  # TRACKED_MM of test_tracking
+    assert [step.frame.index for step in steps if step.start is not None] == [0]
+
+
+def test_what_was_wrong_at_first_is_mended_from_behind(simulation: Simulation) -> None:
+    rule = LossRule(again_after=3, doubtful_above=0.0, lost_below=0.0)
+    cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=1), loss=rule)
+    once = list(track(simulation.frames(), simulation.scene, cycle))
+    assert min(errors_mm(simulation, once[:2])) > 100
+    assert max(errors_mm(simulation, twice(simulation, cycle))) < 10
+
+
+@pytest.mark.usefixtures("short_windows")
+@pytest.mark.parametrize("n_kept", [2, 4, 6, 8])
+def test_an_interrupted_run_goes_on_to_the_same_poses(simulation: Simulation, n_kept: int) -> None:
+    cycle = cycle_for(simulation, TrueStart(simulation))
+    whole = twice(simulation, cycle)
+    kept = {
+        step.frame.index: Replay(step.frame.index, step.frame.time_s, step.estimates, {}, step.overlap, step.untrusted)
+        for step in whole[:n_kept]
+    }
+    again = twice(simulation, cycle, kept)
+    for one, other in zip(whole, again, strict=True):
+        np.testing.assert_array_equal(one.estimates[0].q, other.estimates[0].q)
+        np.testing.assert_array_equal(one.estimates[0].covariance, other.estimates[0].covariance)
+
+
+def test_nobody_in_the_first_frames_is_an_error_in_time(simulation: Simulation) -> None:
+    cycle = cycle_for(simulation, loss=LossRule(start_within=3))
+    dark = with_images(simulation, lambda t, v, image: np.zeros_like(image))
+    with pytest.raises(InitializationError):
+        list(track_twice(dark, simulation.scene, replace(cycle, plates=(None,) * 4), {}, simulation.frames))
