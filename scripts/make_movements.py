@@ -42,6 +42,7 @@ _CLIPS = {
 }
 _SIMULATED = {
     "two_elbow_rotation": (0.0, 4.0, False),
+    "walk": (0.6, 4.0, True),
     "walking_on_the_spot": (0.6, 4.0, True),
     "arm_swing": (0.6, 7.0, True),
     "squat": (0.0, 2.64, False),
@@ -65,8 +66,11 @@ _OWN = "simulated from models/gavrila22.toml"
 
 def main(output: Annotated[Path, typer.Option(help="Library to replace.")] = bundled_library()) -> None:  # noqa: B008
     """Writes the library anew."""
-    clips = Path(os.environ["BODYTRACK_DATA"]) / "motions" / "deepmimic"
+    motions = Path(os.environ["BODYTRACK_DATA"]) / "motions"
+    clips = motions / "deepmimic"
     shutil.rmtree(output, ignore_errors=True)
+    output.mkdir(parents=True)
+    shutil.copy(motions / "LICENSE_pybullet.txt", output / "DEEPMIMIC_LICENSE.txt")
     for clip, (name, about, repeats) in _CLIPS.items():
         motion = read_deepmimic(clips / f"humanoid3d_{clip}.txt")
         told = Description(about=about, repeats=repeats, source=_DEEPMIMIC)
