@@ -40,6 +40,7 @@ TOML_FAULTS = {
     "three sizes": (put(size=[1280, 720, 3]), r"size: \[1280\.0, 720\.0, 3\.0\] found, expected width and height"),
     "half a pixel": (put(size=[1280.5, 720]), r"size: \[1280\.5, .*whole px"),
     "not finite": (put(matrix=[[900, 0, 640], [float("nan"), 905, 360], [0, 0, 1]]), r"matrix: expected finite"),
+    "a number too large": (put(translation=[0, 1e200, 5]), r"translation: expected numbers of a camera"),
     "short matrix": (put(matrix=[900, 0, 640]), r"matrix has 3"),
     "ragged matrix": (put(matrix=[[900, 0, 640], [0, 900], [0, 0, 1]]), r"matrix: expected numbers"),
     "words": (put(translation=["0", "a", "1"]), r"translation: expected numbers"),

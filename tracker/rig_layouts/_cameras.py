@@ -16,6 +16,9 @@ from tracker.errors import CalibrationError, nearest
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 """Units a file may state."""
 
+_LARGEST = 1e30
+"""A number whose square may overflow further on."""
+
 _LARGEST_SIZE_PX = 10**6
 """Width or height beyond any image: a number that large is something else."""
 
@@ -50,6 +53,8 @@ class Entry:
             raise CalibrationError(f'camera "{self.name}": {key}: expected numbers, found {_short(value)}')
         if not np.isfinite(found).all():
             raise CalibrationError(f'camera "{self.name}": {key}: expected finite numbers, found {_short(value)}')
+        if np.abs(found).max(initial=0) > _LARGEST:
+            raise CalibrationError(f'camera "{self.name}": {key}: expected numbers of a camera, found {_short(value)}')
         return found
 
     def camera(self) -> Camera:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,9 @@ from tracker.rig_layouts._sources import text_of
 
 _MOST_NUMBERS = 64
 """Of a matrix: a camera has none that is larger."""
+
+_KIND = re.compile(r"1?[ucwsifdh]")
+"""What OpenCV calls the type of a number: u, c, w, s, i of 8 to 32 bits, f, d, h of 32, 64 and 16."""
 
 _LOADER = yaml.BaseLoader
 """Words stay words: a camera called 01, no or 1e5 keeps its name."""
@@ -71,6 +75,9 @@ def _numbers(node: yaml.Node, where: str) -> Array | None:
     table = _table(node, where)
     data = table.get("data")
     rows, cols = _number(table.get("rows")), _number(table.get("cols"))
+    kind = table.get("dt")
+    if not isinstance(kind, yaml.ScalarNode) or _KIND.fullmatch(kind.value) is None:
+        return None
     if not (rows >= 1 and cols >= 1 and rows * cols <= _MOST_NUMBERS and isinstance(data, yaml.SequenceNode)):
         return None
     values = np.array([_number(value) for value in data.value])
