@@ -145,6 +145,14 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "no parameter": (lambda m: m["start"].update(turn="torso_twst"), r'start\.turn: no parameter.*"torso_twist"'),
     "no limb": (lambda m: m["start"].update(coarse_deg={"arm_abdction": [1]}), r"start\.coarse_deg: no parameter"),
     "no stance": (lambda m: m["start"].update(stances_deg=[{"leg": 1}]), r"start\.stances_deg: no parameter"),
+    "name of a path": (
+        lambda m: m.update(name="../../x"),
+        r"name: '../../x': '/' in a name that files are called after",
+    ),
+    "movement of a path": (
+        lambda m: m["movements"].update({"../x": m["movements"][CURVES]}),
+        r"movements: '../x': '/' in a name that files are called after",
+    ),
     "no joint": (lambda m: m["joints"].update(evaluated=["elbw"]), r'joints\.evaluated: no landmark "elbw"'),
     "no alias": (lambda m: m["joints"].update(aliases={"hed": ["x"]}), r'joints\.aliases: no landmark "hed"'),
     "no hinge": (lambda m: m["joints"].update(hinges={"elbow": ["shoulder", "wrst"]}), r"joints\.hinges: no landmark"),

@@ -15,7 +15,7 @@ from tracker.body_defaults import chains
 from tracker.body_facts import with_facts
 from tracker.body_sections import Clothes, Entry, Joints, Movement, SkinSection, StartMarks
 from tracker.body_skin import skin_of
-from tracker.errors import ModelError, nearest
+from tracker.errors import ModelError, name_fault, nearest
 from tracker.mirror import Mirror
 from tracker.segments import Landmark, Parameter, Part, Segment
 from tracker.shape import TaperedSuperquadric
@@ -153,6 +153,8 @@ class BodyDescription(Entry):
 
 
 def _build(model: BodyDescription) -> BodyModel:
+    if fault := name_fault(model.name):
+        raise ModelError(f"name: {fault}")
     parameters, segments = _tree(model.segments)
     names = [parameter.name for parameter in parameters]
     if len(set(names)) < len(names):

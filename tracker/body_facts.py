@@ -9,7 +9,7 @@ from typing import TypeVar
 from tracker import body_defaults
 from tracker.body import BodyModel
 from tracker.body_sections import Clothes, Entry, Joints, Movement, StartMarks
-from tracker.errors import ModelError, nearest
+from tracker.errors import ModelError, name_fault, nearest
 from tracker.mirror import Mirror
 
 _Section = TypeVar("_Section", bound=Entry)
@@ -125,6 +125,8 @@ def _clothes(section: Clothes, parts: _Names) -> Clothes:
 
 def _movement(name: str, section: Movement, parameters: _Names, marks: _Names) -> Movement:
     where = f"movements.{name}"
+    if fault := name_fault(name):
+        raise ModelError(f"movements: {fault}")
     curves = {own: curve for key, curve in section.curves.items() for own in parameters.all(key, f"{where}.curves")}
     return _changed(
         section,
