@@ -78,7 +78,7 @@ def check_floor(rig: Rig) -> None:
         if camera.centre[2] <= 0:
             raise CalibrationError(
                 f'camera "{camera.name}" is {-camera.centre[2]:.2f} m below the floor z = 0: a person stands on it, z '
-                "up; turn and move the world with bodytrack rig convert, or calibrate with points of the floor"
+                "up; turn and move the world with bodytrack rig convert --up AXIS --floor METRES"
             )
 
 
