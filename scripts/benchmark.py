@@ -24,6 +24,7 @@ from benchmarks import sizes as measured_sizes
 from benchmarks import skins as skinned_meshes
 from benchmarks import surfaces as measured_surfaces
 from benchmarks import tracking as cycle_times
+from benchmarks import ways as pose_ways
 from rich.console import Console
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
@@ -102,6 +103,17 @@ def segmentation(
 ) -> None:
     """Contours by level sets: milliseconds a view beside OpenCV's GrabCut, and the overlap with the exact mask."""
     level_sets.compare(console, quick, output)
+
+
+@app.command()
+def ways(
+    n_frames: Annotated[int, typer.Option(min=3, help="Frames of each recording.")] = 30,
+    only: Annotated[str, typer.Option(help="Only recordings and ways whose names hold this.")] = "",
+    python_path: Annotated[Path, typer.Option(help="Checkout whose package is run.")] = ROOT,
+    output: Annotated[Path, typer.Option(help="Keeps all runs.")] = Path("results/ways"),
+) -> None:
+    """Level sets and twists, the way of Rosenhahn et al., beside lines and edges on recordings without plates."""
+    pose_ways.compare(console, n_frames, only, python_path, output)
 
 
 @app.command()

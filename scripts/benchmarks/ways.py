@@ -1,0 +1,155 @@
+"""The way of Rosenhahn et al. 2006, level sets and twists, beside colours on lines and edges, all without plates."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import tomli_w
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.processor_clock import FILE as CLOCK_FILE
+from benchmarks.recorded import Recorded, recorded
+from benchmarks.recording_run import Asked, Code, described
+from tracker.arrays import Array
+from tracker.config import Table as Configuration
+from tracker.errors import TrackerError
+from tracker.evaluation.comparison import PersonErrors, evaluate
+from tracker.evaluation.tables import read_rows
+from tracker.outlines import overlap
+from tracker.result import load_result
+from tracker.synthesis.cpu import CpuSynthesis
+
+RECORDINGS = "D-TwoElbowRot", "R-Turn", "balancing"
+"""One person before plates, with a truth."""
+
+_TWISTS: Configuration = {"use": "twist_icp"}
+WAYS: dict[str, Configuration] = {
+    "level sets, twists: the paper's": {"evidence": {"use": "level_set"}, "estimation": _TWISTS},
+    "the same, coupled twice (eq. 4)": {"evidence": {"use": "level_set"}, "estimation": {"use": "coupled"}},
+    "colours on lines, twists": {"evidence": {"use": "regions"}, "estimation": _TWISTS},
+    "edges, twists": {"evidence": {"use": "contours"}, "estimation": _TWISTS},
+}
+"""Sections of the configuration."""
+
+_RECORDERS = ["csv_table", "run_json", "journal", "benchmarks.processor_clock:ProcessorClock"]
+_MASK_EVERY = 5
+"""Frames between those whose overlap is measured."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run."""
+
+    errors: PersonErrors
+    iou: float
+    cpu_ms: float
+    """Of a frame in the middle, all threads."""
+
+
+def compare(console: Console, n_frames: int, only: str, checkout: Path, output: Path) -> None:
+    """Prints errors, overlap and processor time of every way on every recording.
+
+    Args:
+        console: where to.
+        n_frames: of each recording, from its first on.
+        only: names of recordings and ways hold it.
+        checkout: whose package is run.
+        output: keeps the runs.
+    """
+    if "BODYTRACK_DATA" not in os.environ:
+        console.print("BODYTRACK_DATA is not set: no recordings to track")
+        return
+    os.nice(10)
+    known, _ = recorded(Path(os.environ["BODYTRACK_DATA"]).resolve())
+    table = Table(title=f"without plates, from one start, {n_frames} frames; offsets removed in brackets")
+    for k, head in enumerate(
+        ("recording", "way", "joints mm", "95 %", "elbows deg", "knees deg", "lost", "IoU", "ms CPU")
+    ):
+        table.add_column(head, justify="right" if k > 1 else "left")
+    for recording in (one for one in known if one.name in RECORDINGS):
+        for name, sections in WAYS.items():
+            if only.lower() not in f"{recording.name} {name}".lower():
+                continue
+            start = _start(recording, Code(checkout.resolve()), output.resolve())
+            found = _run(recording, sections, start, n_frames, Code(checkout.resolve()), output.resolve() / name[:12])
+            table.add_row(recording.name, name, *(_cells(found) if isinstance(found, Row) else [found]))
+    console.print(table)
+
+
+def _start(recording: Recorded, code: Code, output: Path) -> Path:
+    """The pose of the first frame, found with plates."""
+    folder = output / f"{recording.name}_start"
+    path = folder / "result" / "poses.csv"
+    if not path.is_file():
+        asked = Asked("human", False, True, (), 0, 1)
+        _execute(described(recording, asked, {}), folder, code)
+    return path
+
+
+def _run(
+    recording: Recorded, sections: Configuration, start: Path, n_frames: int, code: Code, folder: Path
+) -> Row | str:
+    """A run and its scores, or what went wrong."""
+    table = described(recording, Asked("human", False, False, (), 0, n_frames), {}) | sections
+    table["initialization"] = {"use": "given", "poses": str(start)}
+    folder = folder.with_name(f"{recording.name}_{folder.name.replace(',', '').replace(' ', '_')}")
+    failed = _execute(table | {"recordings": _RECORDERS}, folder, code)
+    if failed:
+        return failed
+    try:
+        errors = evaluate(folder / "result", recording.truth).persons[0]
+        iou = _overlap(folder / "result", recording.truth.parent / "masks")
+    except TrackerError as error:
+        return str(error)
+    spent = [float(row["processor_s"]) for row in read_rows(folder / "result" / CLOCK_FILE)]
+    return Row(errors, iou, 1000 * float(np.median(spent[1:])))
+
+
+def _execute(table: Configuration, folder: Path, code: Code) -> str:
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    (folder / "config.toml").write_text(tomli_w.dumps(table), encoding="utf-8")
+    return code.run(["run", "config.toml", "--output", "result"], folder)
+
+
+def _overlap(result: Path, masks: Path) -> float:
+    """Mean overlap of the model with exact masks; NaN where there are none."""
+    run, found = load_result(result), []
+    for t in range(0, len(run.frames), _MASK_EVERY):
+        poses = tuple(track.poses[t] for track in run.persons)
+        if not all(np.isfinite(pose).all() for pose in poses):
+            continue
+        for name, silhouette in zip(
+            run.rig.names, CpuSynthesis().silhouettes(run.scene.with_poses(poses)), strict=True
+        ):
+            path = masks / name / f"{run.frames[t]:04d}.png"
+            if path.is_file():
+                exact = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+                found.append(overlap(silhouette, np.asarray(exact == 1)))
+    return float(np.mean(found)) if found else float("nan")
+
+
+def _cells(row: Row) -> list[str]:
+    errors = row.errors
+    elbows, knees = (_rms(errors, joint) for joint in ("elbow", "knee"))
+    return [
+        f"{errors.mean_mm:.0f} ({errors.mean_offset_removed_mm:.0f})",
+        f"{errors.p95_mm:.0f}",
+        f"{elbows[0]:.1f} ({elbows[1]:.1f})",
+        f"{knees[0]:.1f} ({knees[1]:.1f})",
+        f"{errors.n_missing}/{errors.n_frames}",
+        f"{row.iou:.3f}" if np.isfinite(row.iou) else "-",
+        f"{row.cpu_ms:.0f}",
+    ]
+
+
+def _rms(errors: PersonErrors, joint: str) -> Array:
+    """Over both sides, raw and with the offset removed, degrees."""
+    sides = [values for name, values in errors.hinges_deg.items() if name.endswith(joint)]
+    return np.sqrt((np.array(sides) ** 2).mean(axis=0)) if sides else np.full(2, np.nan)
