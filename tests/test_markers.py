@@ -19,6 +19,7 @@ from tracker.body import BodyModel
 from tracker.errors import ConfigError, SequenceError, TrackerError
 from tracker.evaluation.marker_alignment import align
 from tracker.evaluation.marker_comparison import compare
+from tracker.evaluation.marker_fit import placed, rigid_motion
 from tracker.evaluation.marker_set import MarkerJoints, MarkerSet, joints_of, load_marker_set
 from tracker.evaluation.time_correlation import Clocked, flexions, offsets_by_angles
 from tracker.marker_layouts import read_markers
@@ -120,13 +121,20 @@ def test_alignment_is_as_good_as_the_noise_allows_whichever_arm_is_lost(body, ma
 
 def test_a_plain_least_squares_fit_would_be_spoilt(body, marker_joints):
     """What the robust fit is for: the same track, all samples counted."""
-    from tracker.evaluation.marker_fit import rigid_motion
-
     ours = lost_arm(joints_at(body, TIMES_S), 0)
     theirs = marker_joints.at(TIMES_S + OFFSET_S)
     both = np.isfinite(theirs).all(axis=-1)
     rotation, _ = rigid_motion(ours[both], theirs[both])
     assert turn_error_deg(rotation, TURN) > 3
+
+
+@pytest.mark.parametrize("off_s", [-0.35, 0.35])
+def test_time_is_found_from_where_angles_were_wrong_about_it(body, marker_joints, off_s):
+    """A lost arm bends by itself: on R-Turn, angles were 0.3 s off."""
+    ours = Clocked(TIMES_S, lost_arm(joints_at(body, TIMES_S), 0))
+    found = placed(ours, marker_joints, OFFSET_S + off_s)
+    assert found is not None
+    assert found.offset_s == pytest.approx(OFFSET_S, abs=0.002)
 
 
 def test_noise_of_a_track_is_averaged_and_told(body, marker_joints):

@@ -63,30 +63,39 @@ def align(
     if n_joints < _LEAST_JOINTS:
         raise SequenceError(f"{n_joints} joints in the marker set, expected {_LEAST_JOINTS} or more")
     proposals = offsets_by_angles(ours, theirs, hinges) if offset_s is None else [(float("nan"), offset_s)]
-    tried = [(placed(ours, theirs, proposed), correlation) for correlation, proposed in proposals]
+    reach_s = REACH_S if offset_s is None else _GIVEN_S
+    tried = [(placed(ours, theirs, proposed, reach_s), correlation) for correlation, proposed in proposals]
     ended = [(fit, told, proposed) for (fit, told), (_, proposed) in zip(tried, proposals, strict=True) if fit]
     if not ended:
         raise SequenceError("no three joints are seen by both at the same time: check the marker set and --offset")
-    fits = sorted((pair for pair in ended if _stayed(pair[0], pair[2])), key=lambda pair: pair[0].median_mm)
+    most = max(fit.n_samples for fit, _, _ in ended)
+    stayed = [one for one in ended if abs(one[0].offset_s - one[2]) < _INSIDE * reach_s]
+    fits = sorted(stayed, key=lambda one: _worth_mm(one[0], most))
     if not fits:
         raise SequenceError(
-            f"joints and markers do not move alike at {ended[0][2]:.2f} s: the fit leaves it by over {REACH_S:g} s; "
+            f"joints and markers do not move alike at {ended[0][2]:.2f} s: the fit leaves it by over {reach_s:g} s; "
             "check that the files show the same movement, the marker set, and --offset"
         )
     (best, correlation, _), *others = fits
-    nearly = _NEARLY * (best.median_mm + 1000 * NOISE_M)
-    rivals = [fit.offset_s for fit, _, _ in others if fit.median_mm < nearly]
-    rival = next((other for other in rivals if abs(other - best.offset_s) > REACH_S), float("nan"))
+    nearly_mm = _NEARLY * (_worth_mm(best, most) + 1000 * NOISE_M)
+    rivals = [fit.offset_s for fit, _, _ in others if _worth_mm(fit, most) < nearly_mm]
+    rival = next((other for other in rivals if abs(other - best.offset_s) > _SAME_S), float("nan"))
     return Alignment(best, correlation, rival, *_errors(best, ours, theirs))
 
 
-def _stayed(fit: Placement, proposed_s: float) -> bool:
-    """Whether a fit ended where it may go, and not at the end of that."""
-    return abs(fit.offset_s - proposed_s) < _INSIDE * REACH_S
+def _worth_mm(fit: Placement, most: int) -> float:
+    """The distance in the middle; one of few samples is worth less: half a recording fits in more places than all."""
+    return fit.median_mm * most / fit.n_samples
 
+
+_GIVEN_S = 0.15
+"""An offset that is given is known so well."""
+
+_SAME_S = 0.1
+"""Fits closer together are one: proposals run into the same."""
 
 _INSIDE = 0.999
-"""Of the reach."""
+"""Of the reach: a fit that ends at the end of it has not ended."""
 
 
 def _errors(best: Placement, ours: Clocked, theirs: MarkerJoints) -> tuple[float, float, float]:

@@ -208,6 +208,9 @@ def _joint(k: int, name: str, gaps_mm: Array, alignment: Alignment) -> JointErro
 # markers than flesh is thick: such errors are as large as what is to be measured.
 _VAGUE_S, _VAGUE_DEG, _VAGUE_MM, _BESIDE_MM = 0.01, 2.0, 20.0, 40.0
 
+_APART_MM = 50.0
+"""Right tracks lie 12 to 40 mm from their markers, and from those of another moment 46 and more."""
+
 _DECIDING = 0.6
 """Two thirds are right where one arm is wrong."""
 
@@ -224,6 +227,11 @@ def _with_findings(made: MarkerComparison) -> MarkerComparison:
         said.append(
             f"the alignment is uncertain by {1000 * told.offset_sigma_s:.0f} ms, {told.rotation_sigma_deg:.1f} deg, "
             f"{told.position_sigma_mm:.0f} mm: positions may be off by that; angles of joints are not"
+        )
+    if told.placement.median_mm > _APART_MM:
+        said.append(
+            f"joints and markers lie {told.placement.median_mm:.0f} mm apart in the middle: the track is wrong, or the "
+            "alignment is: see whether the curves of the angles agree"
         )
     if told.placement.deciding < _DECIDING:
         share = 100 * told.placement.deciding

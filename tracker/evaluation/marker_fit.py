@@ -41,8 +41,11 @@ _N_STEPS = 60
 _STILL = 1e-8
 """Radians, metres and seconds below which a step of the fit has ended."""
 
-REACH_S = 0.15
-"""A fit changes the time by at most so much: angles tell it at least so well."""
+REACH_S = 0.5
+"""A fit changes the time by at most so much: on a track with a lost arm, angles have told it to 0.3 s."""
+
+_STRIDE_S = 0.05
+"""Most that one step changes it: how markers move is known near by only."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,9 @@ class Placement:
 
     deciding: float = float("nan")
     """Share of the samples that decided: those within two medians."""
+
+    n_samples: int = 0
+    """Joints in frames that both have."""
 
     def in_our_world(self, points: Array) -> Array:
         """Points (..., 3) of the marker world in ours, metres."""
@@ -98,22 +104,24 @@ class _Samples:
     """(N,) which joint it is."""
 
 
-def placed(ours: Clocked, theirs: MarkerJoints, near_s: float) -> Placement | None:
+def placed(ours: Clocked, theirs: MarkerJoints, near_s: float, reach_s: float = REACH_S) -> Placement | None:
     """Motion and offset of least robust distance near an offset; None where too little is seen by both."""
     found = _samples(ours, theirs, near_s)
     if len(found.mine) < _LEAST_SAMPLES:
         return None
     rotation, translation = _by_triples(found.mine, found.other)
-    return refined(ours, theirs, Placement(near_s, rotation, translation, np.zeros((ours.points.shape[1], 3))))
+    start = Placement(near_s, rotation, translation, np.zeros((ours.points.shape[1], 3)))
+    return refined(ours, theirs, start, reach_s)
 
 
-def refined(ours: Clocked, theirs: MarkerJoints, start: Placement) -> Placement | None:
+def refined(ours: Clocked, theirs: MarkerJoints, start: Placement, reach_s: float = REACH_S) -> Placement | None:
     """Gauss-Newton with Geman-McClure weights over twist, time, and where each joint lies beside its markers.
 
     Args:
         ours: (T, J) joints of a track.
         theirs: the same joints of markers.
         start: where to begin.
+        reach_s: most that the offset changes, seconds.
 
     Returns:
         The placement; None where too little is seen by both.
@@ -124,9 +132,10 @@ def refined(ours: Clocked, theirs: MarkerJoints, start: Placement) -> Placement 
         if len(found.mine) < _LEAST_SAMPLES:
             return None
         step = _step(found, now, theirs.shifts, len(ours.times_s))
+        stride = np.clip(step[6], -_STRIDE_S, _STRIDE_S)
         now = replace(
             now,
-            offset_s=float(np.clip(now.offset_s + step[6], near_s - REACH_S, near_s + REACH_S)),
+            offset_s=float(np.clip(now.offset_s + stride, near_s - reach_s, near_s + reach_s)),
             rotation=Rotation.from_rotvec(step[:3]).as_matrix() @ now.rotation,
             translation_m=now.translation_m + step[3:6],
             beside_m=now.beside_m + step[7:].reshape(-1, 3),
@@ -138,7 +147,8 @@ def refined(ours: Clocked, theirs: MarkerJoints, start: Placement) -> Placement 
         return None
     distance = np.linalg.norm(_residual(found, now), axis=1)
     deciding = float((distance < _scale(distance)).mean())
-    return replace(now, median_mm=1000 * float(np.median(distance)), deciding=deciding)
+    median_mm = 1000 * float(np.median(distance))
+    return replace(now, median_mm=median_mm, deciding=deciding, n_samples=len(distance))
 
 
 def _samples(ours: Clocked, theirs: MarkerJoints, offset_s: float) -> _Samples:
