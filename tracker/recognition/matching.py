@@ -88,10 +88,12 @@ def _in_part(course: Course, known: Packed, rule: Rule) -> Iterator[Recognized]:
 def _named(course: Course, known: Packed, piece: Piece, misfits: dict[str, tuple[float, int]]) -> Recognized:
     """The movement of the smallest angle that fits, and the next best of all."""
     k, first, behind = piece
-    angles = {name: misfit * known.limit_deg(name) for name, (misfit, _) in misfits.items()}
-    fitting = [one for one, (misfit, j) in misfits.items() if misfit < 1 and behind - first >= known.least_frames(j)]
-    name = min(fitting, key=lambda one: angles[one], default=known.movements[k])
-    nearest = misfits[name][1] if name != known.movements[k] else k
+    own = known.movements[k]
+    # a movement that repeats must last as long here as where it is found
+    lasting = [one for one, (_, j) in misfits.items() if one == own or behind - first >= known.least_frames(j)]
+    angles = {one: misfits[one][0] * known.limit_deg(one) for one in lasting}
+    name = min((one for one in lasting if misfits[one][0] < 1), key=lambda one: angles[one], default=own)
+    nearest = misfits[name][1] if name != own else k
     second = min((other for other in angles if other != name), key=lambda one: angles[one], default="")
     beside = angles.get(second, np.inf)
     return Recognized(
