@@ -17,7 +17,7 @@ from tracker.loss import LossRule
 from tracker.simulation.sequence import Simulation
 from tracker.tracking import track
 from tracker.trajectory import Replay, Step
-from tracker.two_passes import _windows, track_twice
+from tracker.two_passes import _length_of_windows, _windows, track_twice
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +31,10 @@ def short_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tracker.two_passes, "_SHORTEST", 4)
 
 
+DOUBTING = LossRule(doubtful_above=0.0, again_after=100)
+"""Everything is doubtful."""
+
+
 def twice(simulation: Simulation, cycle: Cycle, done: dict[int, Replay] | None = None) -> list[Step]:
     return list(track_twice(simulation.frames(), simulation.scene, cycle, done or {}, simulation.frames))
 
@@ -40,33 +44,39 @@ def errors_mm(simulation: Simulation, steps: list[Step]) -> list[float]:
 
 
 @pytest.mark.parametrize(("n_frames", "most"), [(1, 4), (4, 4), (5, 4), (9, 4), (9, 100)])
-def test_windows_have_every_frame_once_and_see_beyond(
-    simulation: Simulation, monkeypatch: pytest.MonkeyPatch, n_frames: int, most: int
-) -> None:
-    monkeypatch.setattr(tracker.two_passes, "_LONGEST", most)
-    monkeypatch.setattr(tracker.two_passes, "_SHORTEST", 1)
+def test_windows_have_every_frame_once_and_see_beyond(simulation: Simulation, n_frames: int, most: int) -> None:
     frames = list(simulation.frames())[:n_frames]
-    windows = list(_windows(iter(frames)))
+    windows = list(_windows(iter(frames), most))
     assert [frame.index for window, _ in windows for frame in window] == list(range(n_frames))
     for window, beyond in windows:
         after = window[-1].index + 1
         assert [frame.index for frame in beyond] == list(range(after, min(after + most // 4, n_frames)))
 
 
-def test_large_images_make_short_windows(simulation: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
-    frames = list(simulation.frames())
-    n_bytes = sum(image.nbytes for image in frames[0].images if image is not None)
-    monkeypatch.setattr(tracker.two_passes, "_SHORTEST", 1)
-    monkeypatch.setattr(tracker.two_passes, "_MOST_BYTES", 5 * n_bytes)
-    assert [(len(window), len(beyond)) for window, beyond in _windows(iter(frames))] == [(4, 1), (4, 1), (1, 0)]
+def test_large_images_make_short_windows_or_one_pass(simulation: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = next(iter(simulation.frames()))
+    n_bytes = sum(image.nbytes for image in first.images if image is not None)
+    for most, length in ((5 * n_bytes, 4), (1000 * n_bytes, 100), (n_bytes - 1, 0)):
+        monkeypatch.setattr(tracker.two_passes, "_MOST_BYTES", most)
+        assert _length_of_windows(first) == length
+    steps = twice(simulation, cycle_for(simulation, TrueStart(simulation), loss=DOUBTING))
+    assert [step.estimates[0].status for step in steps] == [Status.BOOTSTRAPPED] + 8 * [Status.TRACKED]
+
+
+def test_without_doubt_there_is_one_pass(simulation: Simulation) -> None:
+    cycle = cycle_for(simulation, TrueStart(simulation))
+    once = list(track(simulation.frames(), simulation.scene, cycle, {}, simulation.frames))
+    for one, other in zip(once, twice(simulation, cycle), strict=True):
+        np.testing.assert_array_equal(one.estimates[0].q, other.estimates[0].q)
 
 
 @pytest.mark.usefixtures("short_windows")
 def test_both_ways_are_as_exact_as_one(simulation: Simulation) -> None:
-    cycle = cycle_for(simulation, TrueStart(simulation))
+    cycle = cycle_for(simulation, TrueStart(simulation), loss=DOUBTING)
     steps, frames = twice(simulation, cycle), list(simulation.frames())
     assert [(step.frame.index, step.frame.time_s) for step in steps] == [(one.index, one.time_s) for one in frames]
     assert {step.estimates[0].status for step in steps} == {Status.TRACKED}
+    assert [step.ready for step in steps] == [3, 2, 1, 0, 3, 2, 1, 0, 0]
     assert max(errors_mm(simulation, steps)) < 8  # TRACKED_MM of test_tracking
     assert [step.frame.index for step in steps if step.start is not None] == [0]
 
@@ -82,7 +92,7 @@ def test_what_was_wrong_at_first_is_mended_from_behind(simulation: Simulation) -
 @pytest.mark.usefixtures("short_windows")
 @pytest.mark.parametrize("n_kept", [2, 4, 6, 8])
 def test_an_interrupted_run_goes_on_to_the_same_poses(simulation: Simulation, n_kept: int) -> None:
-    cycle = cycle_for(simulation, TrueStart(simulation))
+    cycle = cycle_for(simulation, TrueStart(simulation), loss=DOUBTING)
     whole = twice(simulation, cycle)
     kept = {
         step.frame.index: Replay(step.frame.index, step.frame.time_s, step.estimates, {}, step.overlap, step.untrusted)

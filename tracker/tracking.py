@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -47,7 +47,7 @@ def track(
     """
     state, step = State.before(scene), None
     back: LedBack | None = None
-    with _Ahead(frames, cycle, done) as ahead:
+    with Ahead(frames, cycle, done) as ahead:
         for n_frames in itertools.count(1):
             clock = Clock()
             with clock("waiting"):
@@ -120,18 +120,25 @@ def _was_led_back(replay: Replay) -> bool:
     return any(estimate.status is Status.TRACKED for estimate in replay.estimates)
 
 
-class _Ahead:
+class Ahead:
     """Decodes and looks at the next frame while the one before is being estimated, in a thread of its own.
 
     What it looks around is the outcome two frames before, which a resumed run knows as well: the results are the same.
     """
 
-    def __init__(self, frames: Iterator[Frame], cycle: Cycle, replays: Mapping[int, Replay]) -> None:
+    def __init__(self, frames: Iterable[Frame], cycle: Cycle, replays: Mapping[int, Replay] = _NOTHING) -> None:
+        """Nothing is decoded yet.
+
+        Args:
+            frames: in order.
+            cycle: the components; what its evidence can do ahead is done.
+            replays: frames that nothing is looked for in.
+        """
         self._frames, self._cycle, self._replays = iter(frames), cycle, replays
         self._worker = ThreadPoolExecutor(max_workers=1)
         self._waiting: Future[Sight | None] | None = None
 
-    def __enter__(self) -> _Ahead:
+    def __enter__(self) -> Ahead:
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -144,7 +151,7 @@ class _Ahead:
             before: outcome of the frame before the one that is returned.
         """
         if self._waiting is None:
-            self._waiting = self._worker.submit(self._fetch, None)
+            self._waiting = self._worker.submit(self._fetch, before)
         found = self._waiting.result()
         self._waiting = self._worker.submit(self._fetch, before)
         return found

@@ -54,6 +54,9 @@ class Step:
     observed: Any = None
     """What the evidence observed; None in a replayed frame."""
 
+    ready: int = 0
+    """How many of the steps that follow are there already."""
+
 
 @dataclass(frozen=True)
 class Replay:

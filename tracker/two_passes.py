@@ -8,22 +8,23 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from tracker.cycle import Clock, Cycle, State, advance
 from tracker.easier_start import LedBack
 from tracker.frame import Frame
+from tracker.loss import LossRule, doubted
 from tracker.rehearsal import Reopen
 from tracker.scene import Scene
 from tracker.sight import Sight
-from tracker.tracking import Looking, replayed, tracked
+from tracker.tracking import Ahead, Looking, replayed, track, tracked
 from tracker.trajectory import History, Replay, Step
 
 _LONGEST, _SHORTEST = 100, 16
 """Frames of a window. Limbs were wrong for 40 frames at most; a longer window takes memory, and makes a run wait."""
 
 _MOST_BYTES = 2**30
-"""Of images held at a time."""
+"""Of images held at a time; where that is less than the shortest window, there is one pass."""
 
 _BEYOND = 4
 """A window is tracked on for one in so many of its frames, so that the way back has found itself when it enters."""
@@ -32,7 +33,7 @@ _BEYOND = 4
 def track_twice(
     frames: Iterator[Frame], scene: Scene, cycle: Cycle, done: Mapping[int, Replay], reopen: Reopen
 ) -> Iterator[Step]:
-    """Tracks all persons through a sequence in both directions; see `tracker.tracking.track`.
+    """Tracks all persons through a sequence, and back again where there is doubt; see `tracker.tracking.track`.
 
     Args:
         frames: synchronized images in order.
@@ -42,50 +43,91 @@ def track_twice(
         reopen: opens the sequence anew, so that uncertain start poses can be rehearsed, and looked for in later frames.
 
     Yields:
-        One step a frame, those of a window one after the other.
+        One step a frame, those of a window one after the other; `ready` says how many follow at once.
 
     Raises:
         InitializationError: no start pose was found in the first frames.
     """
+    first = next(frames, None)
+    if first is None:
+        return
+    frames, length = itertools.chain([first], frames), _length_of_windows(first)
+    if length < _SHORTEST:
+        yield from track(frames, scene, cycle, done, reopen)
+        return
     state, before, n_before = State.before(scene), None, 0
-    for window, beyond in _windows(frames):
-        steps: Iterator[Step]
-        if all(frame.index in done for frame in window):
-            steps = (replayed(frame, scene, cycle, done[frame.index]) for frame in window)
+    for window, beyond in _windows(frames, length):
+        known = all(frame.index in done for frame in window)
+        if known:
+            steps = [replayed(frame, scene, cycle, done[frame.index]) for frame in window]
         else:
-            steps = iter(_both_ways((*window, *beyond), scene, cycle, state, n_before, reopen)[: len(window)])
-        for step in steps:
+            begin = _Pass(scene, state, before, n_before)
+            steps = _both_ways(window, beyond, begin, cycle, reopen)
+        for n, step in enumerate(steps, start=1):
             sight = Sight(step.frame, cycle.plates, None if before is None else before.model_px)
             state, scene, before = state.after(sight, step, cycle.evidence), step.scene, step
-            yield step
+            yield replace(step, ready=0 if known else len(steps) - n)
         n_before += len(window)
 
 
-def _windows(frames: Iterator[Frame]) -> Iterator[tuple[Sequence[Frame], Sequence[Frame]]]:
+def _length_of_windows(first: Frame) -> int:
+    """Frames of a window, of images like these."""
+    n_bytes = sum(image.nbytes for image in first.images if image is not None)
+    return min(_MOST_BYTES // max(n_bytes, 1) * _BEYOND // (_BEYOND + 1), _LONGEST)
+
+
+def _windows(frames: Iterator[Frame], length: int) -> Iterator[tuple[Sequence[Frame], Sequence[Frame]]]:
     """The frames in windows, each with some of those that follow it."""
-    held = list(itertools.islice(frames, 1))
-    n_bytes = sum(image.nbytes for frame in held for image in frame.images if image is not None)
-    most = _MOST_BYTES // max(n_bytes, 1) * _BEYOND // (_BEYOND + 1)
-    length = min(max(most, _SHORTEST), _LONGEST)
-    while held:
+    held: list[Frame] = []
+    while True:
         held += itertools.islice(frames, length + length // _BEYOND - len(held))
+        if not held:
+            return
         yield held[:length], held[length:]
         held = held[length:]
 
 
-def _both_ways(
-    frames: Sequence[Frame], scene: Scene, cycle: Cycle, state: State, n_before: int, reopen: Reopen
-) -> list[Step]:
-    """The frames of a window, tracked forwards from a state, n frames into the recording, and then back."""
-    first: list[Step] = []
+@dataclass(frozen=True)
+class _Pass:
+    """How far the first pass is."""
+
+    scene: Scene
+    state: State
+    before: Step | None
+    n_frames: int
     back: LedBack | None = None
-    for n, frame in enumerate(frames, start=n_before + 1):
-        cycle.progress(f"first pass: frame {frame.index}")
-        sight = Sight(frame, cycle.plates, first[-1].model_px if first else None)
-        step, back = tracked(sight, scene, cycle, state, Looking(n >= cycle.loss.start_within, reopen, back))
-        state, scene = state.after(sight, step, cycle.evidence), step.scene
-        first.append(step)
-    return first if state.nobody_found else _back(first, cycle, state)
+
+
+def _both_ways(
+    window: Sequence[Frame], beyond: Sequence[Frame], begin: _Pass, cycle: Cycle, reopen: Reopen
+) -> list[Step]:
+    """The frames of a window: tracked on from where it begins, and back from behind its end where there is doubt."""
+    first, there = _forwards(window, begin, cycle, reopen)
+    if there.state.nobody_found or not any(_in_doubt(step, cycle.loss) for step in first):
+        return first
+    more, there = _forwards(beyond, there, cycle, reopen)
+    return _back([*first, *more], cycle, there.state)[: len(first)]
+
+
+def _in_doubt(step: Step, loss: LossRule) -> bool:
+    unsure = step.start is not None and step.start.sureness < loss.sure
+    return unsure or any(one.lost or doubted(one) for one in step.estimates)
+
+
+def _forwards(frames: Sequence[Frame], begin: _Pass, cycle: Cycle, reopen: Reopen) -> tuple[list[Step], _Pass]:
+    """Some frames tracked on from where the first pass is, and where it is then."""
+    at, steps = begin, list[Step]()
+    with Ahead(frames, cycle) as ahead:
+        for n, frame in enumerate(frames, start=begin.n_frames + 1):
+            cycle.progress(f"first pass, frame {frame.index}")
+            clock = Clock()
+            with clock("waiting"):
+                sight = ahead.next(at.before) or Sight(frame, cycle.plates)
+            looking = Looking(n >= cycle.loss.start_within, reopen, at.back)
+            step, back = tracked(sight, at.scene, cycle, at.state, looking, clock)
+            at = _Pass(step.scene, at.state.after(sight, step, cycle.evidence), step, n, back)
+            steps.append(step)
+    return steps, at
 
 
 def _back(first: Sequence[Step], cycle: Cycle, state: State) -> list[Step]:
@@ -95,7 +137,7 @@ def _back(first: Sequence[Step], cycle: Cycle, state: State) -> list[Step]:
     state = replace(state, histories=tuple(known))
     found = [step]
     for there in reversed(first[:-1]):
-        cycle.progress(f"second pass: frame {there.frame.index}")
+        cycle.progress(f"second pass, back to frame {there.frame.index}")
         # predictions are made for a time that goes on
         mirrored = replace(there.frame, time_s=end_s - there.frame.time_s)
         sight = Sight(mirrored, cycle.plates, step.model_px)

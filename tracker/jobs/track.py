@@ -90,9 +90,9 @@ class TrackJob:
     loss: LossRule = LossRule()
     """When a person counts as lost."""
 
-    passes: int = pydantic.Field(default=1, ge=1, le=2)
-    """2 to track windows of 100 frames back again, with the poses found on the way there as candidates: twice the
-    time, fewer limbs lost for a while."""
+    passes: int = pydantic.Field(default=2, ge=1, le=2)
+    """2: a window of up to 100 frames in which there is doubt is tracked back again, with the poses found on the way
+    there as candidates; its frames are written when both ways are done. 1: every frame is written at once."""
 
     inspection: bool = True
     """Look at the first frames for input that can hardly be right: exchanged or mirrored videos, views out of step,
@@ -286,7 +286,7 @@ def _recorded(
                 _log_step(step)
                 progress("tracking", n_frames, context.n_frames, pace.after(step, doubts))
                 stop.patient = n_frames >= len(context.resumed)
-                if stop.asked and n_frames < context.n_frames:
+                if stop.asked and n_frames < context.n_frames and not step.ready:
                     raise KeyboardInterrupt
         except KeyboardInterrupt:
             if not folder.kept:
