@@ -81,8 +81,7 @@ def test_recordings_are_found_run_once_and_scored(recordings: Path, tmp_path: Pa
     for row in rows:
         # the model is the simulation's own
         assert 0 < float(row["removed_mm"]) <= float(row["mean_mm"]) < 60
-        assert float(row["cpu_ms"]) > 1
-        assert float(row["start_s"]) > 0.01
+        assert float(row["cpu_s"]) > 0.01
     before = (tmp_path / "scores.csv").read_text()
     benchmark(*arguments, BODYTRACK_DATA=str(recordings))
     assert (tmp_path / "scores.csv").read_text() == before

@@ -34,6 +34,7 @@ SECTIONS = {
     "persons": [{"name": "anna", "stature_m": 1.7}],
     "calibration": {"use": "reference_bar", "length_m": 1.0},
     "pairs": [{"front": {"mask": "front.png"}, "side": {"mask": "side.png"}}],
+    "scan": {"surface": "scan.ply", "weights": "weights.npz", "joints": "joints.json"},
 }
 """What a section needs at least."""
 

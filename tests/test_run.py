@@ -244,12 +244,27 @@ def test_the_first_signal_lets_frame_and_report_be_finished(number, run, tmp_pat
             os.kill(os.getpid(), number)
 
     handlers = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
-    result = execute(run, tmp_path / "out", progress=press)
+    result = execute(replace(run, passes=1), tmp_path / "out", progress=press)
     assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == handlers
     assert result.interrupted
     assert result.n_frames in (2, 3)  # one more, if the signal comes after the question
     assert {path.name for path in result.folder.iterdir()} == set(RESULTS)
     assert len(poses(result.folder)) == result.n_frames
+
+
+def test_a_signal_between_two_passes_leaves_what_the_first_has_found(run, tmp_path):
+    def press(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
+        if what == "first pass, frame 2":
+            os.kill(os.getpid(), signal.SIGINT)
+
+    result = execute(run, tmp_path / "out", progress=press)
+    assert result.interrupted
+    assert [row["frame"] for row in poses(result.folder)] == ["0", "1", "2"]
+    assert (result.folder / "steps.jsonl").read_bytes() == b""  # all of it is to be tracked both ways yet
+    execute(run, tmp_path / "out", resume=True)
+    execute(run, tmp_path / "whole")
+    for name in ("poses.csv", "joints.csv"):
+        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
 
 def test_the_second_signal_leaves_whole_files(run, tmp_path):

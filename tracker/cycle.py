@@ -32,6 +32,10 @@ from tracker.trajectory import History, Step
 _CLEARLY_PX = 0.2
 
 
+def _never() -> bool:
+    return False
+
+
 @dataclass(frozen=True)
 class Cycle:
     """The components of the cycle and the clean plates they may use."""
@@ -44,6 +48,8 @@ class Cycle:
     loss: LossRule
     plates: tuple[Plate | None, ...]
     progress: Progress = silent
+    leaving: Callable[[], bool] = _never
+    """Whether what takes several frames is to be ended."""
 
     @property
     def stages(self) -> Stages:

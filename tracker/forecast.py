@@ -54,7 +54,7 @@ def forecast(job: TrackJob, n_frames: int = 12, progress: Progress = silent) -> 
     short = replace(reading, stop=reading.start + tracked * reading.stride)
     clock = _Clock(progress)
     with tempfile.TemporaryDirectory(prefix="bodytrack-") as folder:
-        outcome: TrackOutcome = execute(replace(job, reading=short), Path(folder) / "out", progress=clock)
+        outcome: TrackOutcome = execute(replace(job, reading=short, passes=1), Path(folder) / "out", progress=clock)
     if outcome.interrupted:
         raise KeyboardInterrupt
     begin, *ends = clock.stamps

@@ -57,6 +57,9 @@ class Step:
     ready: int = 0
     """How many of the steps that follow are there already."""
 
+    provisional: bool = False
+    """Whether a second pass would have followed, had the run not been interrupted: a resumed run does it again."""
+
 
 @dataclass(frozen=True)
 class Replay:

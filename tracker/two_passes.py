@@ -67,6 +67,8 @@ def track_twice(
             sight = Sight(step.frame, cycle.plates, None if before is None else before.model_px)
             state, scene, before = state.after(sight, step, cycle.evidence), step.scene, step
             yield replace(step, ready=0 if known else len(steps) - n)
+        if steps[-1].provisional:
+            return
         n_before += len(window)
 
 
@@ -101,12 +103,18 @@ class _Pass:
 def _both_ways(
     window: Sequence[Frame], beyond: Sequence[Frame], begin: _Pass, cycle: Cycle, reopen: Reopen
 ) -> list[Step]:
-    """The frames of a window: tracked on from where it begins, and back from behind its end where there is doubt."""
+    """The frames of a window: tracked on from where it begins, and back from behind its end where there is doubt.
+
+    Who wants to leave meanwhile gets what the first pass has found so far.
+    """
     first, there = _forwards(window, begin, cycle, reopen)
-    if there.state.nobody_found or not any(_in_doubt(step, cycle.loss) for step in first):
-        return first
-    more, there = _forwards(beyond, there, cycle, reopen)
-    return _back([*first, *more], cycle, there.state)[: len(first)]
+    found = first
+    if not there.state.nobody_found and any(_in_doubt(step, cycle.loss) for step in first):
+        more, there = _forwards(beyond, there, cycle, reopen)
+        found = _back([*first, *more], cycle, there.state)[: len(first)]
+    if cycle.leaving():
+        return [replace(step, provisional=True) for step in first]
+    return found
 
 
 def _in_doubt(step: Step, loss: LossRule) -> bool:
@@ -119,6 +127,8 @@ def _forwards(frames: Sequence[Frame], begin: _Pass, cycle: Cycle, reopen: Reope
     at, steps = begin, list[Step]()
     with Ahead(frames, cycle) as ahead:
         for n, frame in enumerate(frames, start=begin.n_frames + 1):
+            if steps and cycle.leaving():
+                break
             cycle.progress(f"first pass, frame {frame.index}")
             clock = Clock()
             with clock("waiting"):
@@ -137,6 +147,8 @@ def _back(first: Sequence[Step], cycle: Cycle, state: State) -> list[Step]:
     state = replace(state, histories=tuple(known))
     found = [step]
     for there in reversed(first[:-1]):
+        if cycle.leaving():
+            break
         cycle.progress(f"second pass, back to frame {there.frame.index}")
         # predictions are made for a time that goes on
         mirrored = replace(there.frame, time_s=end_s - there.frame.time_s)

@@ -124,12 +124,8 @@ class Score:
     """Frames not lost with a joint flagged, but none 150 mm and a mean of less than 100 mm off."""
 
     confidence: float = np.nan
-    start_s: float = np.nan
-    """Processor time up to the first pose."""
-
-    cpu_ms: float = np.nan
-    cpu_worst_ms: float = np.nan
-    """What the slowest tenth of the frames takes at least."""
+    cpu_s: float = np.nan
+    """Processor time of the whole run, its start with it."""
 
     exchanged: str = ""
     """Name of the person whose place this one has."""
@@ -233,7 +229,6 @@ def _score(row: Score, recording: Recorded, result: Path, errors: PersonErrors, 
     flagged = flags.all(axis=0)
     wrong, limb_off = gaps.mean(axis=0) >= TRACKED_MM, (gaps > LIMB_MM).any(axis=0)
     elbows, knees = _hinges(errors, "elbow"), _hinges(errors, "knee")
-    start_s, cpu_ms = _processor(result)
     others = [name for name, known in recording.truth_names.items() if known == errors.truth]
     return replace(
         row,
@@ -253,9 +248,7 @@ def _score(row: Score, recording: Recorded, result: Path, errors: PersonErrors, 
         limb_off_flagged=int(((gaps > LIMB_MM) & flags).any(axis=0).sum()),
         false_flags=int((flags.any(axis=0) & ~wrong & ~limb_off).sum()),
         confidence=_confidence(result, errors.person),
-        start_s=start_s,
-        cpu_ms=float(np.median(cpu_ms)) if cpu_ms.size else np.nan,
-        cpu_worst_ms=float(np.percentile(cpu_ms, 90)) if cpu_ms.size else np.nan,
+        cpu_s=_processor_s(result),
         exchanged=others[0] if others and others[0] != errors.person else "",
     )
 
@@ -290,10 +283,9 @@ def _confidence(result: Path, person: str) -> float:
     return np.nan
 
 
-def _processor(result: Path) -> tuple[float, Array]:
-    """Processor seconds up to the first pose, and milliseconds of every later frame."""
-    seconds = np.array([float(row["processor_s"]) for row in read_rows(result / CLOCK_FILE)])
-    return float(seconds[0]), 1000 * seconds[1:]
+def _processor_s(result: Path) -> float:
+    """Processor seconds of a run. Frames of a window are written together: those of a single one tell nothing."""
+    return float(sum(float(row["processor_s"]) for row in read_rows(result / CLOCK_FILE)))
 
 
 def as_cells(score: Score) -> dict[str, object]:

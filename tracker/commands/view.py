@@ -52,7 +52,7 @@ def _live(config: Path, overrides: list[str], server: Any) -> None:
     from tracker.run import load_run
     from tracker.viewing.live import LiveRun
 
-    run = load_run(config, overrides)
+    run = load_run(config, ["passes=1", *overrides])  # every frame at once
     with ProgressBar() as progress:
         live = LiveRun(run, server, progress)
         with contextlib.suppress(KeyboardInterrupt):

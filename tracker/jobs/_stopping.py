@@ -19,6 +19,11 @@ class Stop:
         self.patient = False
         """Whether there is something to be finished; without it, the first request ends the job."""
 
+    def heard(self) -> bool:
+        """Whether it was asked, for those who then end soon with what they have."""
+        self.patient = True
+        return self.asked
+
     def ask(self, number: int = 0, frame: FrameType | None = None) -> None:
         """Asks; whoever asks twice does not want to wait.
 
@@ -31,9 +36,9 @@ class Stop:
 
 
 @contextlib.contextmanager
-def stopping() -> Iterator[Stop]:
+def stopping(stop: Stop | None = None) -> Iterator[Stop]:
     """Takes signals as a request to stop; in a thread of a program that has others, the program decides."""
-    stop = Stop()
+    stop = stop or Stop()
     if threading.current_thread() is not threading.main_thread():
         yield stop
         return

@@ -28,7 +28,7 @@ from tracker.files import remove_unfinished
 from tracker.initialization import Initialization
 from tracker.inspection import findings, survey
 from tracker.jobs import ResultFolder, described, versions
-from tracker.jobs._stopping import stopping
+from tracker.jobs._stopping import Stop, stopping
 from tracker.kernels.ahead import Group
 from tracker.loss import LossRule
 from tracker.plate import Plate
@@ -206,10 +206,11 @@ class TrackJob:
             details=details,
             resumed=frozenset(opened.done or ()),
         )
-        cycle = self.cycle(sequence.plates, progress)
+        stop = Stop()
+        cycle = replace(self.cycle(sequence.plates, progress), leaving=stop.heard)
         way = track if self.passes == 1 else track_twice
         steps = way(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
-        outcome = _recorded(self.recordings, context, map(as_kept, steps), folder, progress)
+        outcome = _recorded(self.recordings, context, map(as_kept, steps), folder, (progress, stop))
         return outcome if self.smoothing is None or not outcome.n_frames else _smoothed(outcome, self.smoothing)
 
 
@@ -265,12 +266,13 @@ def _recorded(
     context: RunContext,
     steps: Iterable[Step],
     folder: ResultFolder,
-    progress: Progress,
+    running: tuple[Progress, Stop],
 ) -> TrackOutcome:
     """Feeds every recorder; they are finished whatever happens, once there is more than was there before."""
+    progress, stop = running
     begin, doubts, n_frames, interrupted, pace = time.perf_counter(), Doubts(), 0, False, _Pace()
     files: list[Path] = []
-    with stopping() as stop, _tidied(context.folder), contextlib.ExitStack() as finishing:
+    with stopping(stop), _tidied(context.folder), contextlib.ExitStack() as finishing:
         recorders: list[Recorder] = []
         for recording in recordings:
             recorders.append(recording.begin(context))
@@ -286,7 +288,8 @@ def _recorded(
                 _log_step(step)
                 progress("tracking", n_frames, context.n_frames, pace.after(step, doubts))
                 stop.patient = n_frames >= len(context.resumed)
-                if stop.asked and n_frames < context.n_frames and not step.ready:
+                unfinished = step.provisional or n_frames < context.n_frames
+                if stop.asked and unfinished and not step.ready:
                     raise KeyboardInterrupt
         except KeyboardInterrupt:
             if not folder.kept:

@@ -50,8 +50,8 @@ class JournalRecorder:
         self._present, self._file = present, GrowingFile(path, append=bool(present))
 
     def write(self, step: Step) -> None:
-        """Adds one line for a frame that is not in it yet."""
-        if step.frame.index not in self._present:
+        """Adds one line for a frame that is not in it yet; a provisional one is left to the resumed run."""
+        if step.frame.index not in self._present and not step.provisional:
             self._file.add(line_of(step))
 
     def finish(self) -> tuple[Path, ...]:
