@@ -73,7 +73,7 @@ def test_recordings_are_found_run_once_and_scored(recordings: Path, tmp_path: Pa
     arguments = "recordings", "--models", "gavrila22", "--starts", "2", "--output", str(tmp_path)
     printed = benchmark(*arguments, BODYTRACK_DATA=str(recordings))
     assert "nobody: a truth, but neither meta.json" in printed
-    for word in ("joints mm", "offsets removed", "swing", "gavrila22", "0 1", "false flags", "slowest tenth"):
+    for word in ("joints mm", "offsets removed", "swing", "gavrila22", "0 1", "false flags", "CPU ms a frame"):
         assert word in printed
     with (tmp_path / "scores.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
