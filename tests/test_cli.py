@@ -58,6 +58,28 @@ def test_a_mistake_is_one_line_and_leaves_nothing(arguments, message, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["demo", "--seed", "-1"], ["'--seed'", "greater than or equal to 0"]),
+        (["demo", "--frams", "3"], ["--frams", "--frames"]),
+        (["demmo"], ["'demmo'", "'demo'"]),
+        (["run"], ["Missing argument 'config'", "run --help"]),
+    ],
+)
+def test_a_command_line_that_cannot_be_is_one_line(arguments, words, tmp_path):
+    done = bodytrack(*arguments, folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert all(word in done.stderr for word in words), done.stderr
+
+
+def test_no_arguments_show_the_help(tmp_path):
+    done = bodytrack(folder=tmp_path)
+    assert done.returncode == 2
+    assert "calibrate" in done.stdout + done.stderr
+
+
 def test_debug_shows_the_traceback(tmp_path):
     done = bodytrack("--debug", "run", "nowhere.toml", folder=tmp_path)
     assert done.returncode != 0

@@ -25,8 +25,10 @@ from tracker.errors import CalibrationError, ConfigError, SequenceError, Tracker
 from tracker.files import GrowingFile, remove_unfinished, replacing, whole_folder, write_json, write_whole
 from tracker.jobs import Job, ResultFolder, described, execute, job_from, load_job
 from tracker.jobs._folder import result_folder
+from tracker.jobs._inputs import fingerprints
 from tracker.kernels.ahead import Group, all_cached, warm_up
 from tracker.progress import Progress, silent, within
+from tracker.subject import Subject
 
 JOBS = available("jobs")
 SECTIONS = {
@@ -464,3 +466,16 @@ def test_a_folder_is_moved_into_place_as_a_whole(tmp_path: Path) -> None:
     with pytest.raises(SequenceError), whole_folder(tmp_path / "a" / "c"):
         raise SequenceError("stopped")
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["b"]
+
+
+def test_the_files_of_a_skin_are_inputs_as_the_model_is(tmp_path: Path) -> None:
+    model = tmp_path / "anna.toml"
+    model.write_text('[skin]\nsurface = "scan.ply"\nweights = "absent.npz"\n')
+    (tmp_path / "scan.ply").write_text("ply\n")
+    subject = Subject(name="anna", model=model)
+    first = fingerprints(subject, ())
+    assert list(first) == [str(model), str(tmp_path / "scan.ply")]
+    (tmp_path / "scan.ply").write_text("another\n")
+    assert {name for name, print_ in fingerprints(subject, ()).items() if print_ != first[name]} == {
+        str(tmp_path / "scan.ply")
+    }

@@ -56,8 +56,12 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _interrupt)
     ask_before_plugins(_refuse_plugin if _NO_PLUGINS in options else _tell_plugin)
     try:
-        app()
+        code = app(standalone_mode=False)
     except Exception as error:
+        if usage := _told_usage(error):
+            print_error(usage)
+        if isinstance(usage, str):
+            raise SystemExit(2) from None
         if _DEBUG in options:
             raise
         text, code = _told(error)
@@ -66,6 +70,7 @@ def main() -> None:
     except KeyboardInterrupt:
         Console(stderr=True).print("interrupted")
         raise SystemExit(130) from None
+    raise SystemExit(code if isinstance(code, int) else 0)
 
 
 def _split(arguments: list[str]) -> tuple[set[str], list[str]]:
@@ -77,6 +82,15 @@ def _split(arguments: list[str]) -> tuple[set[str], list[str]]:
 def _interrupt(number: int, frame: FrameType | None) -> None:
     """SIGTERM is taken for Ctrl-C: what was begun is put away."""
     raise KeyboardInterrupt
+
+
+def _told_usage(error: Exception) -> str | None:
+    """What is told of a command line that cannot be: nothing where the help was shown; None for other errors."""
+    told, context = getattr(error, "format_message", None), getattr(error, "ctx", None)
+    if told is None:
+        return None
+    message = str(told()).strip().rstrip(".")
+    return f"{message}: see `{context.command_path if context else 'bodytrack'} --help`" if message else ""
 
 
 def _told(error: Exception) -> tuple[str, int]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import hashlib
 import json
 import re
+import tomllib
 import typing
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -35,7 +37,19 @@ def fingerprints(job: Any, views: tuple[str, ...]) -> Fingerprints:
         views: names that `{view}` stands for.
     """
     files = (file for text in _paths(job) for file in _files(text, views))
+    files = (one for file in files for one in (file, *_skin_of(file)))
     return {str(file): _fingerprint(file) for file in dict.fromkeys(files)}
+
+
+def _skin_of(path: Path) -> Iterator[Path]:
+    """The files of the skin, if that is a model file that has one."""
+    if path.suffix != ".toml":
+        return
+    with contextlib.suppress(OSError, ValueError):
+        skin = tomllib.loads(path.read_text(encoding="utf-8")).get("skin")
+        named = skin if isinstance(skin, dict) else {}
+        files = (path.parent / str(named[name]) for name in ("surface", "weights") if named.get(name))
+        yield from (file for file in files if file.is_file())
 
 
 def check_inputs(folder: Path, now: Mapping[str, str]) -> None:
