@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -37,6 +38,14 @@ DOUBTING = LossRule(doubtful_above=0.0, again_after=100)
 
 def twice(simulation: Simulation, cycle: Cycle, done: dict[int, Replay] | None = None) -> list[Step]:
     return list(track_twice(simulation.frames(), simulation.scene, cycle, done or {}, simulation.frames))
+
+
+def kept(steps: list[Step]) -> dict[int, Replay]:
+    """What a journal has of them."""
+    return {
+        step.frame.index: Replay(step.frame.index, step.frame.time_s, step.estimates, {}, step.overlap, step.untrusted)
+        for step in steps
+    }
 
 
 def errors_mm(simulation: Simulation, steps: list[Step]) -> list[float]:
@@ -94,14 +103,21 @@ def test_what_was_wrong_at_first_is_mended_from_behind(simulation: Simulation) -
 def test_an_interrupted_run_goes_on_to_the_same_poses(simulation: Simulation, n_kept: int) -> None:
     cycle = cycle_for(simulation, TrueStart(simulation), loss=DOUBTING)
     whole = twice(simulation, cycle)
-    kept = {
-        step.frame.index: Replay(step.frame.index, step.frame.time_s, step.estimates, {}, step.overlap, step.untrusted)
-        for step in whole[:n_kept]
-    }
-    again = twice(simulation, cycle, kept)
+    again = twice(simulation, cycle, kept(whole[:n_kept]))
     for one, other in zip(whole, again, strict=True):
         np.testing.assert_array_equal(one.estimates[0].q, other.estimates[0].q)
         np.testing.assert_array_equal(one.estimates[0].covariance, other.estimates[0].covariance)
+
+
+@pytest.mark.usefixtures("short_windows")
+def test_an_extended_run_keeps_what_it_had(simulation: Simulation) -> None:
+    cycle = cycle_for(simulation, TrueStart(simulation), loss=DOUBTING)
+    short = list(track_twice(itertools.islice(simulation.frames(), 6), simulation.scene, cycle, {}, simulation.frames))
+    longer = twice(simulation, cycle, kept(short))
+    assert len(longer) == 9
+    for one, other in zip(short, longer[:6], strict=True):
+        np.testing.assert_array_equal(one.estimates[0].q, other.estimates[0].q)
+    assert max(errors_mm(simulation, longer)) < 8
 
 
 def test_nobody_in_the_first_frames_is_an_error_in_time(simulation: Simulation) -> None:

@@ -64,6 +64,9 @@ def track_twice(
             begin = _Pass(scene, state, before, n_before)
             steps = _both_ways(window, beyond, begin, cycle, reopen)
         for n, step in enumerate(steps, start=1):
+            if not known and step.frame.index in done:
+                # a run that was extended keeps what it had, though more frames could say better now
+                step = replayed(step.frame, scene, cycle, done[step.frame.index])
             sight = Sight(step.frame, cycle.plates, None if before is None else before.model_px)
             state, scene, before = state.after(sight, step, cycle.evidence), step.scene, step
             yield replace(step, ready=0 if known else len(steps) - n)
