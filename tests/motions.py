@@ -17,7 +17,7 @@ from tracker.contours import Contours
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
 from tracker.recording import RunContext
-from tracker.recording.journal import Journal, as_kept
+from tracker.recording.journal import Journal
 from tracker.recording.run_json import RunJson
 from tracker.rig_layouts import save_rig
 from tracker.scene import Person, Scene
@@ -26,6 +26,8 @@ from tracker.trajectory import Step
 MODELS = Path(__file__).parents[1] / "models"
 LOST = slice(4, 7)
 N_FRAMES, INTERVAL_S = 12, 0.04
+SIGMA = 2.0**-10
+"""Of every parameter, rad and m: a variance that a journal keeps to the bit."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +44,9 @@ class Movement:
         return RunContext("made_up", folder, self.scene, fps=25.0, interval_s=INTERVAL_S, n_frames=len(self.steps))
 
     def record(self, recording: object, folder: Path) -> tuple[Path, ...]:
-        """What a recording makes of it; the covariances are those of the journal, as in a run."""
+        """What a recording makes of it."""
         recorder = recording.begin(self.context(folder))
-        for step in map(as_kept, self.steps):
+        for step in self.steps:
             recorder.write(step)
         return recorder.finish()
 
@@ -104,4 +106,4 @@ def _estimate(q: Array, n_parts: int, lost: bool) -> Estimate:
     visible = np.arange(n_parts) * 10.0  # the first part is hidden
     account = Account(1.0, np.ones(2), np.ones(n_parts), visible, 0.75 * visible, np.zeros(n_parts))
     status = Status.LOST if lost else Status.TRACKED
-    return Estimate(q, 1e-6 * np.eye(len(q)), account, penalty_px=0.0, evaluations=1, status=status)
+    return Estimate(q, SIGMA**2 * np.eye(len(q)), account, penalty_px=0.0, evaluations=1, status=status)

@@ -59,8 +59,9 @@ def test_an_animal_needs_no_setting_outside_its_file(recording: Path, tmp_path: 
     assert person["mean_mm"] < PIXEL_MM * np.sqrt(3 / 12)
     # the nose hangs on trunk, neck and head, whose errors add up
     assert person["p95_mm"] < 3 * PIXEL_MM * np.sqrt(3 / 12)
-    # three joints, each off by so much, at both ends of two bones of 0.3 m
-    worst = np.degrees(PIXEL_MM * np.sqrt(1 / 12) * np.sqrt(1 + 4 + 1) / 300)
+    # three joints, each off by so much, at both ends of two bones of 0.3 m; colours are learnt from frames that were
+    # off as much
+    worst = np.degrees(PIXEL_MM * np.sqrt(2 / 12) * np.sqrt(1 + 4 + 1) / 300)
     assert max(raw for raw, _ in person["hinges_deg"].values()) < 2 * worst
     assert "trot" in (result / "report.html").read_text()
     assert (result / "parameters.png").stat().st_size > 0

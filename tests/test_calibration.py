@@ -280,7 +280,7 @@ def test_blank_images_leave_nothing_half_written(tmp_path, kind, table, words):
     ("text", "words"),
     [
         (VIDEO, 'the key "calibration" is missing, expected e.g. calibration = '),
-        (VIDEO + "[views]\n", 'unknown section "views"; valid: calibration, name, reading'),
+        (VIDEO + "[views]\n", 'unknown section "views"; valid: calibration, interiors, name, reading'),
         (VIDEO + '[calibration]\nuse = "chessboard"\n', 'use = "chessboard"'),
         (VIDEO + "[calibration]\nlenght_m = 1.0\n", "length_m"),
         (VIDEO + 'rig = "x.toml"\n[calibration]\n', 'the key "rig" is of no use'),

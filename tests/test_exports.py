@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from exported import FOUND, HUNDREDTH_MM, motion_of, vars_of
-from motions import LOST, N_FRAMES, made_up
+from motions import LOST, N_FRAMES, SIGMA, made_up
 from typer.testing import CliRunner
 
 from tracker.cli import app
@@ -51,7 +51,7 @@ def test_the_wide_table_is_read_back(movement, tmp_path):
             for parameter, q in zip(body.parameters, motion.q[t], strict=True):
                 unit = np.pi / 180 if parameter.rotates else 1.0
                 assert unit * float(row[parameter.column]) == pytest.approx(q, abs=1e-5)
-                assert unit * float(row[f"{parameter.name}_sigma_{parameter.unit}"]) == pytest.approx(1e-3, abs=1e-5)
+                assert unit * float(row[f"{parameter.name}_sigma_{parameter.unit}"]) == pytest.approx(SIGMA, abs=1e-5)
             for name, place in zip(body.landmark_names, body.landmarks_in_world(motion.q[t]), strict=True):
                 found = [float(row[f"{name}_{axis}_m"]) for axis in "xyz"]
                 np.testing.assert_allclose(found, place, atol=HUNDREDTH_MM)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trc
 from exported import FOUND, HUNDREDTH_MM, motion_of, truth
-from motions import INTERVAL_S, LOST, N_FRAMES, made_up
+from motions import INTERVAL_S, LOST, N_FRAMES, SIGMA, made_up
 
 from tracker.errors import ConfigError
 from tracker.recording._motion import Y_UP, markers_of
@@ -113,14 +113,14 @@ def test_doubt_is_told_by_the_reliabilities(tmp_path):
 
 
 def test_sigmas_are_those_of_the_poses():
-    """Against finite differences of the markers: sigma of each parameter 1 mrad or 1 mm, independent."""
+    """Against finite differences of the markers: sigma of each parameter 1/1024 rad or m, independent."""
     motion = motion_of(made_up("human"))
     markers = markers_of(motion.body)
     q, step = motion.q[0], 1e-6
     moved = motion.points(q + step * np.eye(motion.body.dof), markers) - motion.points(
         q - step * np.eye(len(q)), markers
     )
-    wanted = 1e-3 * np.sqrt(((moved / (2 * step)) ** 2).sum(axis=(0, 2)))
+    wanted = SIGMA * np.sqrt(((moved / (2 * step)) ** 2).sum(axis=(0, 2)))
     np.testing.assert_allclose(motion.sigmas(markers)[0], wanted, rtol=1e-6)
 
 
