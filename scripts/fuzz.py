@@ -68,17 +68,27 @@ def kills(
     n: Annotated[int, typer.Option(min=1, help="Kills.")] = 50,
     seed: Annotated[int, typer.Option(min=0, help="Chooses the instants.")] = 0,
 ) -> None:
-    """Kills runs with -9 at random instants and resumes them: `python scripts/fuzz.py kills --n 50`."""
+    """Kills runs with -9 at random instants and resumes them: `python scripts/fuzz.py kills --n 50`.
+
+    Every second one writes each frame at once (`passes = 1`); of the others a kill takes the whole window.
+    """
     rng, done, anew = random.Random(seed), 0, 0
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         config = write_sequence(Recipe("arm_swing", seconds=0.4, size=(256, 208)), folder / "sequence")
-        seconds = left_alone(config, folder / "whole")
+        text = config.read_text(encoding="utf-8")
+        seconds = []
+        for passes in (1, 2):
+            config.with_name(f"passes{passes}.toml").write_text(f"passes = {passes}\n{text}", encoding="utf-8")
+            seconds.append(left_alone(config.with_name(f"passes{passes}.toml"), folder / f"whole{passes}"))
         for k in range(-(-n // 10)):
-            found = killed(config, folder / f"killed{k}", min(10, n - done), rng, seconds)
-            fault = found.fault or difference(folder / "whole", folder / f"killed{k}")
+            passes = 1 + k % 2
+            one = config.with_name(f"passes{passes}.toml")
+            found = killed(one, folder / f"killed{k}", min(10, n - done), rng, seconds[passes - 1])
+            fault = found.fault or difference(folder / f"whole{passes}", folder / f"killed{k}")
             done, anew = done + found.n_kills, anew + found.n_anew
-            console.print(f"{done} kills, {anew} before anything was computed: {fault or 'same bytes'}")
+            told = f"{done} kills, {anew} before anything was computed, passes = {passes}: {fault or 'same bytes'}"
+            console.print(told)
             if fault:
                 raise typer.Exit(1)
 
