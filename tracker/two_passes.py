@@ -55,24 +55,40 @@ def track_twice(
     if length < _SHORTEST:
         yield from track(frames, scene, cycle, done, reopen)
         return
-    state, before, n_before = State.before(scene), None, 0
+    at = _Pass(scene, State.before(scene), None, 0)
     for window, beyond in _windows(frames, length):
-        known = all(frame.index in done for frame in window)
-        if known:
-            steps = [replayed(frame, scene, cycle, done[frame.index]) for frame in window]
+        if all(frame.index in done for frame in window):
+            steps, reached = [replayed(frame, at.scene, cycle, done[frame.index]) for frame in window], None
         else:
-            begin = _Pass(scene, state, before, n_before)
-            steps = _both_ways(window, beyond, begin, cycle, reopen)
-        for n, step in enumerate(steps, start=1):
-            if not known and step.frame.index in done:
-                # a run that was extended keeps what it had, though more frames could say better now
-                step = replayed(step.frame, scene, cycle, done[step.frame.index])
-            sight = Sight(step.frame, cycle.plates, None if before is None else before.model_px)
-            state, scene, before = state.after(sight, step, cycle.evidence), step.scene, step
-            yield replace(step, ready=0 if known else len(steps) - n)
+            found, reached = _both_ways(window, beyond, at, cycle, reopen)
+            steps = _with_kept(found, cycle, done)
+            if any(frame.index in done for frame in window):
+                reached = None
+        for n_left, step in zip(range(len(steps) - 1, -1, -1), steps, strict=True):
+            yield replace(step, ready=n_left)
         if steps[-1].provisional:
             return
-        n_before += len(window)
+        at = replace(reached or _after(at, steps, cycle), back=None)
+
+
+def _with_kept(steps: list[Step], cycle: Cycle, done: Mapping[int, Replay]) -> list[Step]:
+    """The steps, those of frames that an interrupted run has kept as it kept them.
+
+    A run that was extended keeps what it had, though more frames could say better now.
+    """
+    return [
+        replayed(step.frame, step.scene, cycle, done[step.frame.index]) if step.frame.index in done else step
+        for step in steps
+    ]
+
+
+def _after(begin: _Pass, steps: Sequence[Step], cycle: Cycle) -> _Pass:
+    """Where a pass is after steps that were found in another way than by its going on."""
+    state, before = begin.state, begin.before
+    for step in steps:
+        sight = Sight(step.frame, cycle.plates, None if before is None else before.model_px)
+        state, before = state.after(sight, step, cycle.evidence), step
+    return _Pass(steps[-1].scene, state, steps[-1], begin.n_frames + len(steps))
 
 
 def _length_of_windows(first: Frame) -> int:
@@ -105,19 +121,22 @@ class _Pass:
 
 def _both_ways(
     window: Sequence[Frame], beyond: Sequence[Frame], begin: _Pass, cycle: Cycle, reopen: Reopen
-) -> list[Step]:
+) -> tuple[list[Step], _Pass | None]:
     """The frames of a window: tracked on from where it begins, and back from behind its end where there is doubt.
 
     Who wants to leave meanwhile gets what the first pass has found so far.
+
+    Returns:
+        The steps, and where the pass is then; None if they are not those that led there.
     """
-    first, there = _forwards(window, begin, cycle, reopen)
-    found = first
-    if not there.state.nobody_found and any(_in_doubt(step, cycle.loss) for step in first):
-        more, there = _forwards(beyond, there, cycle, reopen)
-        found = _back([*first, *more], cycle, there.state)[: len(first)]
+    first, reached = _forwards(window, begin, cycle, reopen)
+    found, back = first, False
+    if not reached.state.nobody_found and any(_in_doubt(step, cycle.loss) for step in first):
+        more, there = _forwards(beyond, reached, cycle, reopen)
+        found, back = _back([*first, *more], cycle, there.state)[: len(first)], True
     if cycle.leaving():
-        return [replace(step, provisional=True) for step in first]
-    return found
+        return [replace(step, provisional=True) for step in first], None
+    return found, None if back else reached
 
 
 def _in_doubt(step: Step, loss: LossRule) -> bool:
