@@ -160,6 +160,11 @@ def _value(kind: Any, value: Any, where: str, folder: Path) -> Any:
             raise ConfigError(f"{where}: expected a list, found {value!r}")
         numbered = (f"{where[:-1]} {k}]" if where.endswith("]") else f"{where} {k}" for k in itertools.count(1))
         return tuple(_value(entries, entry, next(numbered), folder) for entry in value)
+    named = named_of(kind)
+    if named is not None and isinstance(value, dict):
+        label = f"{where[:-1]}." if where.endswith("]") else f"{where} "
+        end = "]" if where.endswith("]") else ""
+        return {name: _value(named, entry, f"{label}{name}{end}", folder) for name, entry in value.items()}
     for option in _options(kind):
         if component_stage(option) is not None:
             return _component(option, value, where, folder)
@@ -189,6 +194,13 @@ def entries_of(kind: Any) -> Any:
     """X of tuple[X, ...]; None for other types."""
     arguments = typing.get_args(kind)
     return arguments[0] if typing.get_origin(kind) is tuple and arguments[1:] == (Ellipsis,) else None
+
+
+def named_of(kind: Any) -> Any:
+    """X of dict[str, X] where X is a component; None for other types."""
+    arguments = typing.get_args(kind)
+    found = typing.get_origin(kind) is dict and len(arguments) == 2 and component_stage(arguments[1]) is not None
+    return arguments[1] if found else None
 
 
 def _options(kind: Any) -> tuple[Any, ...]:
@@ -270,5 +282,5 @@ def _described(value: Any, kind: Any) -> Any:
     if isinstance(value, (tuple, list)):
         return [_described(entry, entries_of(kind)) for entry in value]
     if isinstance(value, dict):
-        return {key: _described(entry, None) for key, entry in value.items()}
+        return {key: _described(entry, named_of(kind)) for key, entry in value.items()}
     return value

@@ -44,6 +44,9 @@ def _command(use: str) -> Callable[..., None]:
         for field in dataclasses.fields(outcome):
             value = getattr(outcome, field.name)
             if isinstance(value, (str, int, float, Path)):
-                console.print(f"{field.name.replace('_', ' ')}: {value}", highlight=False)
+                shown = f"{value:.4g}" if isinstance(value, float) else value
+                console.print(f"{field.name.removeprefix('n_').replace('_', ' ')}: {shown}", highlight=False)
+        for warning in getattr(outcome, "warnings", ()):
+            console.print(f"[yellow]warning:[/] {warning}", soft_wrap=True, highlight=False)
 
     return command

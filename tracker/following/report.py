@@ -16,9 +16,10 @@ def report_html(name: str, summary: Mapping[str, object], folder: Path) -> str:
     rows = "".join(
         f"<tr><td>{html.escape(key.removeprefix('n_').replace('_', ' '))}</td><td>{_shown(value)}</td></tr>"
         for key, value in summary.items()
-        if value is not None
+        if value is not None and key != "warnings"
     )
-    pictures = [*sorted(folder.glob("points_*.jpg")), folder / "trajectories.png", folder / "counts.png"]
+    pictures = [*sorted(folder.glob("points_*.jpg"))]
+    pictures += [folder / name for name in ("snakes.jpg", "trajectories.png", "counts.png")]
     parts = [_picture(path) for path in pictures if path.is_file()]
     legend = "green: followed by their key patch; orange: a new key; blue: found again; white: new; grey: their way"
     return (
@@ -29,18 +30,12 @@ def report_html(name: str, summary: Mapping[str, object], folder: Path) -> str:
 
 
 def _warning(summary: Mapping[str, object]) -> str:
-    """What a reader must not overlook: most points are gone, or the job was interrupted."""
-    first, last = summary["n_seen_first"], summary["n_seen_last"]
-    said = []
+    """What a reader must not overlook."""
+    warnings = summary["warnings"]
+    said = list(warnings) if isinstance(warnings, tuple | list) else []
     if summary["interrupted"]:
-        said.append("The job was interrupted: what follows is of the frames before.")
-    if isinstance(first, int) and isinstance(last, int) and last < _FEW * first:
-        said.append(f"Of {first} points at first, {last} are seen at last: most have been lost or are hidden.")
-    return f"<p class='warn'>{' '.join(said)}</p>" if said else ""
-
-
-# Below half of the points of the first frame, the report warns.
-_FEW = 0.5
+        said.insert(0, "The job was interrupted: what follows is of the frames before.")
+    return "".join(f"<p class='warn'>{html.escape(str(warning))}</p>" for warning in said)
 
 
 def _shown(value: object) -> str:

@@ -63,7 +63,7 @@ def follow(
     Yields:
         What is known of all points in each frame, and the points themselves, which the next frame changes.
     """
-    rig, previous = prepared_rig(preparation, rig), None
+    rig, previous, following = prepared_rig(preparation, rig), None, following.for_views(len(rig))
     for frame in frames:
         present = prepared(following, preparation, frame)
         if points is not None and previous is None:

@@ -1,4 +1,4 @@
-"""Trajectories of points as files: CSV for everything, TRC for biomechanics, PLY clouds of single frames."""
+"""Trajectories of points as files: CSV for everything, PLY clouds of single frames."""
 
 from __future__ import annotations
 
@@ -34,26 +34,6 @@ def csv_lines(trajectories: PointTrajectories, motion: Motion, names: Names) -> 
         for n in np.flatnonzero(trajectories.seen[t]):
             numbers = (row % tuple(table[n])).replace("nan", "")
             yield f"{lead},{labels[n]},{words[int(trajectories.status[t, n])]},{numbers}\n"
-
-
-def trc_text(trajectories: PointTrajectories, names: Names, file_name: str) -> str:
-    """Trajectories in space as TRC, metres; NaN where a point is not seen."""
-    labels = [names.get(int(number), f"p{number}") for number in trajectories.ids]
-    steps = np.diff(trajectories.times)
-    rate = f"{1 / np.median(steps):.6g}" if len(steps) else "1"
-    n_frames = str(len(trajectories.times))
-    lines = [
-        f"PathFileType\t4\t(X/Y/Z)\t{file_name}",
-        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
-        "\t".join([rate, rate, n_frames, str(len(labels)), "m", rate, "1", n_frames]),
-        "Frame#\tTime\t" + "\t\t\t".join(labels) + "\t\t",
-        "\t\t" + "\t".join(f"{axis}{k}" for k in range(1, len(labels) + 1) for axis in "XYZ"),
-        "",
-    ]
-    for k, (time_s, places) in enumerate(zip(trajectories.times, trajectories.positions, strict=True), start=1):
-        cells = ("NaN" if value != value else f"{value:.6f}" for value in places.ravel().tolist())
-        lines.append(f"{k}\t{time_s:.6f}\t" + "\t".join(cells))
-    return "\n".join(lines) + "\n"
 
 
 def ply_bytes(trajectories: PointTrajectories, motion: Motion, t: int) -> bytes:

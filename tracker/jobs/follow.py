@@ -21,24 +21,29 @@ from tracker.errors import ConfigError, SequenceError, nearest
 from tracker.files import replacing, write_json, write_whole
 from tracker.following.births import given_points, points_of_image, points_of_surface, textured_places
 from tracker.following.density import Density
-from tracker.following.filters import Filtered, TrajectoryFilters
+from tracker.following.filters import TrajectoryFilters
 from tracker.following.following import Following
 from tracker.following.key_points import clicked_places, followed_key_points, key_points_csv, points_around
+from tracker.following.marker_files import C3D_ASKED, chosen_markers, trc_text, write_c3d
 from tracker.following.motion import Motion, motion_of
 from tracker.following.pictures import counts_figure, points_picture, trajectories_figure
 from tracker.following.points import NewPoints, Points, restored
 from tracker.following.record import append, read, shortened, trajectories_of
 from tracker.following.report import report_html
-from tracker.following.sequence import follow, prepared
-from tracker.following.tables import csv_lines, ply_bytes, trc_text
+from tracker.following.sequence import follow, prepared, prepared_rig
+from tracker.following.snake_files import FollowedSnake, drawn, pixels_of, sheet, sheet_frames, snakes_csv
+from tracker.following.snakes import Contour, Snake, snake_faults
+from tracker.following.summary import Course, Summary, summarized
+from tracker.following.tables import Names, csv_lines, ply_bytes
 from tracker.frame import Frame
 from tracker.jobs import ResultFolder, described
 from tracker.jobs._stopping import stopping
 from tracker.kernels.ahead import Group
 from tracker.lsm.surface import SurfaceMeasurement, measure_surface
-from tracker.point_trajectories import PointStatus, PointTrajectories
+from tracker.point_trajectories import PointTrajectories
 from tracker.progress import Progress, silent
 from tracker.reading import Reading, Sequence
+from tracker.recording.c3d import c3d_library
 from tracker.rig import Rig
 from tracker.rig_layouts import save_rig
 
@@ -80,6 +85,15 @@ class FollowJob:
     key_point_reach_mm: float = pydantic.Field(default=120.0, gt=0)
     """Points farther from a key point than this do not move it, mm."""
 
+    snakes: dict[str, Contour] = pydantic.Field(default_factory=dict)
+    """Contours, of a limb for instance, to follow in the image of a view, led by the points around them.
+
+    Each is clicked in the first frame: `right_arm = { view = "centre", points = [[x, y], ...], closed = false }`.
+    """
+
+    snake: Snake = pydantic.Field(default_factory=Snake)
+    """How contours are followed."""
+
     surface: SurfaceMeasurement = pydantic.Field(default_factory=SurfaceMeasurement)
     """How the surface is measured that points are born on; `surface.growth.step_px` is their distance."""
 
@@ -97,6 +111,13 @@ class FollowJob:
 
     cloud_frames: int = pydantic.Field(default=25, ge=0)
     """Frames from one PLY cloud to the next; 0 for none."""
+
+    c3d: bool = False
+    """Write `trajectories.c3d` beside `trajectories.trc`; needs the extra `export`."""
+
+    most_markers: int = pydantic.Field(default=500, ge=1)
+    """TRC and C3D hold no more points, named ones first, then those seen in most frames: programs that read them have a
+    row or a column for each. CSV and PLY hold all."""
 
     saved_frames: int = pydantic.Field(default=50, ge=1)
     """Frames from one saved state to the next; an interrupted job goes on from the last one."""
@@ -130,6 +151,10 @@ class FollowJob:
             clicked_places(self.key_points, sequence.rig)
         elif self.key_points:
             raise ConfigError("key_points move in space: they need all views, and no `view`")
+        if fault := snake_faults(self.snakes, self._rig(sequence).names):
+            raise ConfigError(fault)
+        if self.c3d:
+            c3d_library(C3D_ASKED)
         return OpenedFollow(sequence, None if earlier is None else _saved_state(earlier))
 
     def execute(self, opened: OpenedFollow, folder: ResultFolder, progress: Progress = silent) -> FollowOutcome:
@@ -154,34 +179,49 @@ class FollowJob:
         for frame in frames:
             yield Frame(frame.index, frame.time_s, tuple(frame.images[v] for v in chosen))
 
-    def _births(self, rig: Rig) -> Callable[[Frame], NewPoints]:
+    def _births(self, rig: Rig, counts: Counts) -> Callable[[Frame], NewPoints]:
+        """What is followed from a frame on; what is doubtful of the first one is added to the warnings."""
         names = list(self.points) if isinstance(self.points, dict) else [str(k) for k in range(len(self.points))]
         places = list(self.points.values()) if isinstance(self.points, dict) else list(self.points)
         at = np.array(places, dtype=np.float64).reshape(-1, 2)
 
         def births(frame: Frame) -> NewPoints:
+            greys = self._shown(frame)
+            if not counts.frames:
+                self._check_snakes(rig, greys)
             if self.view is not None:
-                grey = prepared(self.following, self.surface.preparation, frame).greys[0]
-                assert grey is not None
-                return points_of_image(at if len(at) else textured_places(grey, self.surface.growth.step_px))
+                assert greys[0] is not None
+                return points_of_image(at if len(at) else textured_places(greys[0], self.surface.growth.step_px))
             surface = measure_surface(self.surface, frame, rig)
+            if not counts.frames:
+                counts.warnings.extend(surface.warnings)
             return given_points(surface, self.surface, at, names) if len(at) else points_of_surface(surface)
 
         return births
+
+    def _check_snakes(self, rig: Rig, greys: tuple[Image | None, ...]) -> None:
+        """Begins all snakes, so that a contour that is none is told before anything is followed."""
+        for name, contour in self.snakes.items():
+            view = self._view_of(contour, rig)
+            FollowedSnake(name, contour, view).look(self.snake, np.zeros((1, 0, 2)), 0, 0, greys[view])
+
+    @staticmethod
+    def _view_of(contour: Contour, rig: Rig) -> int:
+        return 0 if contour.view is None else rig.names.index(contour.view)
 
     def _followed(self, opened: OpenedFollow, rig: Rig, folder: ResultFolder, progress: Progress) -> Counts:
         sequence, state = opened.sequence, opened.state
         density = None if self.view is not None or len(self.points) else self.density
         preparation, record = self.surface.preparation, folder.path / RECORD
-        begin, counts = time.perf_counter(), Counts([], [], 0.0, False)
+        begin, counts = time.perf_counter(), Counts([], [], 0.0, False, [])
         if state is not None:
             shortened(record, state.n_bytes)
-            counts = Counts(list(state.frames), list(state.times), 0.0, False)
+            counts = Counts(list(state.frames), list(state.times), 0.0, False, list(state.warnings))
         else:
             record.touch()
         known = None if state is None else state.points
         steps = follow(
-            self.following, preparation, rig, self._frames(opened), self._births(rig), known, density=density
+            self.following, preparation, rig, self._frames(opened), self._births(rig, counts), known, density=density
         )
         n_points = 0
         with stopping() as stop:
@@ -214,54 +254,67 @@ class FollowJob:
         filtered = None if whole.flat else self.filters.applied(whole)
         trajectories = whole if filtered is None else filtered.trajectories
         motion = motion_of(trajectories)
-        names = dict(enumerate(self.points)) if isinstance(self.points, dict) else {}
-        with replacing(folder / "trajectories.csv") as path, path.open("w", encoding="utf-8") as file:
-            file.writelines(csv_lines(trajectories, motion, names))
-        if not trajectories.flat and len(trajectories.ids) <= _MOST_MARKERS:
-            write_whole(folder / "trajectories.trc", trc_text(trajectories, names, "trajectories.trc"))
-        if not trajectories.flat and self.cloud_frames:
-            for t in range(0, len(counts.frames), self.cloud_frames):
-                write_whole(folder / f"points_{counts.frames[t]:06d}.ply", ply_bytes(trajectories, motion, t))
+        self._write_tables(folder, trajectories, motion)
         if self.key_points:
             places = clicked_places(self.key_points, rig)
             found = followed_key_points(trajectories, list(self.key_points), places, self.key_point_reach_mm / 1000)
             write_whole(folder / "key_points.csv", key_points_csv(found, trajectories.frames, trajectories.times))
-        summary = _summary(whole, filtered, counts)
-        write_json(folder / "follow.json", {"config": described(self), **asdict(summary)})
-        self._draw(folder, sequence, rig, (trajectories, motion), counts)
-        write_whole(folder / "report.html", report_html(self.name, asdict(summary), folder))
-        return FollowOutcome(folder=folder, **asdict(summary))
-
-    def _draw(
-        self,
-        folder: Path,
-        sequence: Sequence,
-        rig: Rig,
-        moved: tuple[PointTrajectories, Motion],
-        counts: Counts,
-    ) -> None:
-        rows = read(folder / RECORD, len(rig))
         figures = {
-            "trajectories.png": trajectories_figure(*moved, None if moved[0].flat else rig),
-            "counts.png": counts_figure(moved[0]),
+            "trajectories.png": trajectories_figure(trajectories, motion, None if trajectories.flat else rig),
+            "counts.png": counts_figure(trajectories),
         }
         for name, figure in figures.items():
             with replacing(folder / name) as path:
                 figure.savefig(path, dpi=110)
-        wanted = {counts.frames[0], *counts.frames[:: self.picture_frames], counts.frames[-1]}
+        snakes = self._seen_again(folder, sequence, rig, trajectories)
+        counts.warnings.extend(warning for snake in snakes if (warning := snake.warning))
+        summary = summarized(whole, filtered, Course(counts.seconds, counts.interrupted, tuple(counts.warnings)))
+        write_json(folder / "follow.json", {"config": described(self), **asdict(summary)})
+        write_whole(folder / "report.html", report_html(self.name, asdict(summary), folder))
+        return FollowOutcome(folder=folder, **asdict(summary))
+
+    def _write_tables(self, folder: Path, trajectories: PointTrajectories, motion: Motion) -> None:
+        names: Names = dict(enumerate(self.points)) if isinstance(self.points, dict) else {}
+        with replacing(folder / "trajectories.csv") as path, path.open("w", encoding="utf-8") as file:
+            file.writelines(csv_lines(trajectories, motion, names))
+        if trajectories.flat:
+            return
+        markers = chosen_markers(trajectories, names, self.most_markers)
+        write_whole(folder / "trajectories.trc", trc_text(markers, names, "trajectories.trc"))
+        if self.c3d:
+            write_c3d(folder / "trajectories.c3d", markers, names)
+        for t in range(0, len(trajectories.frames), self.cloud_frames) if self.cloud_frames else ():
+            write_whole(folder / f"points_{trajectories.frames[t]:06d}.ply", ply_bytes(trajectories, motion, t))
+
+    def _seen_again(
+        self, folder: Path, sequence: Sequence, rig: Rig, trajectories: PointTrajectories
+    ) -> list[FollowedSnake]:
+        """Goes through the images once more: pictures of the points, and snakes that the trajectories lead."""
+        rows, frames = read(folder / RECORD, len(rig)), trajectories.frames.tolist()
+        snakes = [FollowedSnake(name, contour, self._view_of(contour, rig)) for name, contour in self.snakes.items()]
+        watching = prepared_rig(self.surface.preparation, rig)
+        pixels = {snake.view: pixels_of(trajectories, watching, snake.view) for snake in snakes}
+        wanted, shown = {frames[0], *frames[:: self.picture_frames], frames[-1]}, set(sheet_frames(frames))
+        pictures: list[tuple[int, int, Image]] = []
         for frame in self._frames(OpenedFollow(sequence, None)):
-            if frame.index in wanted:
-                picture = points_picture(self._shown(frame), rows, frame.index)
-                _write_image(folder / f"points_{frame.index:06d}.jpg", picture)
-            if frame.index >= counts.frames[-1]:
+            if frame.index > frames[-1]:
                 break
+            greys = self._shown(frame) if snakes or frame.index in wanted else ()
+            for snake in snakes:
+                snake.look(self.snake, pixels[snake.view], frames.index(frame.index), frame.index, greys[snake.view])
+            for view in pixels if frame.index in shown else ():
+                if (grey := greys[view]) is not None:
+                    pictures.append((frame.index, view, drawn(snakes, grey, view, frame.index)))
+            if frame.index in wanted:
+                _write_image(folder / f"points_{frame.index:06d}.jpg", points_picture(greys, rows, frame.index))
+        if snakes:
+            with replacing(folder / "snakes.csv") as path, path.open("w", encoding="utf-8") as file:
+                file.writelines(snakes_csv(snakes, rig.names))
+            _write_image(folder / "snakes.jpg", sheet(snakes, pictures))
+        return snakes
 
     def _shown(self, frame: Frame) -> tuple[Image | None, ...]:
         return prepared(self.following, self.surface.preparation, frame).greys
-
-
-_MOST_MARKERS = 500
-"""More points than this are not written as TRC: programs that read it hold a column for each."""
 
 
 def _position(place: object) -> object:
@@ -277,6 +330,7 @@ class SavedState:
     frames: tuple[int, ...]
     times: tuple[float, ...]
     points: Points
+    warnings: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -295,34 +349,7 @@ class Counts:
     times: list[float]
     seconds: float
     interrupted: bool
-
-
-@dataclass(frozen=True)
-class Summary:
-    """A following in numbers."""
-
-    n_frames: int
-    n_points: int
-    """Points that were born."""
-
-    n_seen_first: int
-    n_seen_last: int
-    n_rekeyed: int
-    """Times that a point got a new key."""
-
-    n_found_again: int
-    n_cut: int
-    """Steps that the filters took for false."""
-
-    n_removed: int
-    median_sigma_mm: float | None
-    """Point error in the last frame, root of the sum of the three variances; None in 2-D mode or without points."""
-
-    median_sigma_px: float | None
-    """The same of the image of one view, in 2-D mode."""
-
-    points_a_second: float
-    interrupted: bool
+    warnings: list[str]
 
 
 @dataclass(frozen=True)
@@ -332,31 +359,12 @@ class FollowOutcome(Summary):
     folder: Path
 
 
-def _summary(whole: PointTrajectories, filtered: Filtered | None, counts: Counts) -> Summary:
-    seen = whole.seen
-    sigma = np.sqrt((whole.sigmas[-1] ** 2).sum(axis=1))
-    usual = float(np.median(sigma[seen[-1]])) if seen[-1].any() else None
-    return Summary(
-        n_frames=len(whole.frames),
-        n_points=len(whole.ids),
-        n_seen_first=int(seen[0].sum()),
-        n_seen_last=int(seen[-1].sum()),
-        n_rekeyed=int((whole.status == PointStatus.REKEYED).sum()),
-        n_found_again=int((whole.status == PointStatus.FOUND_AGAIN).sum()),
-        n_cut=0 if filtered is None else filtered.n_fast + filtered.n_unlike,
-        n_removed=0 if filtered is None else filtered.n_removed,
-        median_sigma_mm=None if whole.flat or usual is None else 1000 * usual,
-        median_sigma_px=usual if whole.flat else None,
-        points_a_second=round(float(seen.sum() / max(counts.seconds, 1e-9))),
-        interrupted=counts.interrupted,
-    )
-
-
 def _save_state(path: Path, points: Points, counts: Counts, n_bytes: int) -> None:
     told: dict[str, NDArray[Any]] = {
         "frames": np.array(counts.frames),
         "times": np.array(counts.times),
         "n_bytes": np.array(n_bytes),
+        "warnings": np.array(counts.warnings, dtype=np.str_),
     }
     with replacing(path) as unfinished:
         np.savez(unfinished, **{f"job_{name}": value for name, value in told.items()}, **points.arrays())  # type: ignore[arg-type]
@@ -370,7 +378,8 @@ def _saved_state(folder: Path) -> SavedState:
         raise SequenceError(f"{folder / STATE}: no saved state to go on from; run without --resume") from error
     frames = tuple(int(frame) for frame in arrays["job_frames"])
     times = tuple(float(time_s) for time_s in arrays["job_times"])
-    return SavedState(frames[-1], int(arrays["job_n_bytes"]), frames, times, restored(arrays))
+    warnings = tuple(map(str, arrays["job_warnings"]))
+    return SavedState(frames[-1], int(arrays["job_n_bytes"]), frames, times, restored(arrays), warnings)
 
 
 def _write_image(path: Path, picture: Image) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, Self
 
 import cv2
 import numpy as np
@@ -160,7 +160,7 @@ class LeastSquaresMatching:
         splines = cv2.sepFilter2D(grey, -1, self._taps, self._taps, borderType=cv2.BORDER_REFLECT_101)
         return PatchImage(frozen(splines.ravel(), np.float32), (grey.shape[1], grey.shape[0]))
 
-    def with_patch(self, patch_px: int) -> LeastSquaresMatching:
+    def with_patch(self, patch_px: int) -> Self:
         """The same with another patch."""
         return replace(self, patch_px=patch_px)
 

@@ -40,7 +40,7 @@ class C3d:
         Raises:
             ConfigError: ezc3d is not installed.
         """
-        _library()
+        c3d_library()
         return MotionRecorder(run, self._written)
 
     def _written(self, motion: Motion, folder: Path) -> Path:
@@ -52,17 +52,22 @@ class C3d:
         return path
 
 
-def _library() -> Any:
+def c3d_library(asked: str = 'recording "c3d"') -> Any:
+    """The package ezc3d, for what was asked for.
+
+    Raises:
+        ConfigError: it is not installed.
+    """
     try:
         return importlib.import_module("ezc3d")
     except ImportError as error:
-        raise ConfigError('recording "c3d" needs the Python package ezc3d: pip install "bodytrack[export]"') from error
+        raise ConfigError(f'{asked} needs the Python package ezc3d: pip install "bodytrack[export]"') from error
 
 
 def _content(motion: Motion, y_up: bool) -> Any:
     markers, turn = markers_of(motion.body), Y_UP if y_up else np.eye(3)
     rate, n_frames = 1 / motion.interval_s, len(motion.q)
-    file = _library().c3d()
+    file = c3d_library().c3d()
     point = file["parameters"]["POINT"]
     point["RATE"]["value"], point["UNITS"]["value"] = [rate], ["mm"]
     point["LABELS"]["value"] = [marker.name for marker in markers]
@@ -117,7 +122,7 @@ def _mean_share(body: BodyModel, shares: Array, segment: str) -> Array:
 
 def _write_reliabilities(path: Path, reliabilities: Array) -> None:
     """Puts the 17th values into a written file: ezc3d's Python interface leaves them 0."""
-    start = int(_library().c3d(str(path))["parameters"]["ROTATION"]["DATA_START"]["value"][0])
+    start = int(c3d_library().c3d(str(path))["parameters"]["ROTATION"]["DATA_START"]["value"][0])
     content = bytearray(path.read_bytes())
     values = np.frombuffer(
         content, dtype="<f4", count=reliabilities.size * _ROTATION_FLOATS, offset=(start - 1) * _BLOCK_BYTES
