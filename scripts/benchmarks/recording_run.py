@@ -28,6 +28,8 @@ from tracker.evaluation.tables import read_rows
 
 SCRIPTS = Path(__file__).parents[1]
 _RECORDINGS = ["csv_table", "run_json", "benchmarks.processor_clock:ProcessorClock"]
+# Frames of a window are written together: what each of them took is known in runs of one pass alone.
+_ONE_PASS = "passes=1"
 _WARNINGS = {"doubtful", "ambiguous", "lost"}
 _CONFIDENCE = re.compile(r"(\S+) start pose of confidence ([\d.]+)")
 
@@ -126,6 +128,12 @@ class Score:
     confidence: float = np.nan
     cpu_s: float = np.nan
     """Processor time of the whole run, its start with it."""
+
+    frame_s: float = np.nan
+    """The same of a frame, the median without the first one; unknown where frames are written in windows."""
+
+    slow_frame_s: float = np.nan
+    """The same that nine of ten frames stay under."""
 
     exchanged: str = ""
     """Name of the person whose place this one has."""
@@ -229,6 +237,9 @@ def _score(row: Score, recording: Recorded, result: Path, errors: PersonErrors, 
     flagged = flags.all(axis=0)
     wrong, limb_off = gaps.mean(axis=0) >= TRACKED_MM, (gaps > LIMB_MM).any(axis=0)
     elbows, knees = _hinges(errors, "elbow"), _hinges(errors, "knee")
+    spent_s = np.array([float(entry["processor_s"]) for entry in read_rows(result / CLOCK_FILE)])
+    one_by_one = _ONE_PASS in row.settings.split() and len(spent_s) > 1
+    frames_s = spent_s[1:] if one_by_one else np.array([np.nan])
     others = [name for name, known in recording.truth_names.items() if known == errors.truth]
     return replace(
         row,
@@ -248,7 +259,9 @@ def _score(row: Score, recording: Recorded, result: Path, errors: PersonErrors, 
         limb_off_flagged=int(((gaps > LIMB_MM) & flags).any(axis=0).sum()),
         false_flags=int((flags.any(axis=0) & ~wrong & ~limb_off).sum()),
         confidence=_confidence(result, errors.person),
-        cpu_s=_processor_s(result),
+        cpu_s=float(spent_s.sum()),
+        frame_s=float(np.median(frames_s)),
+        slow_frame_s=float(np.quantile(frames_s, 0.9)),
         exchanged=others[0] if others and others[0] != errors.person else "",
     )
 
@@ -281,11 +294,6 @@ def _confidence(result: Path, person: str) -> float:
         if name == person:
             return float(sure)
     return np.nan
-
-
-def _processor_s(result: Path) -> float:
-    """Processor seconds of a run. Frames of a window are written together: those of a single one tell nothing."""
-    return float(sum(float(row["processor_s"]) for row in read_rows(result / CLOCK_FILE)))
 
 
 def as_cells(score: Score) -> dict[str, object]:

@@ -39,10 +39,13 @@ _FLAGS: dict[str, tuple[_Value, str]] = {
     "start confidence": (lambda one: one.confidence, ".2f"),
     "CPU s": (lambda one: one.cpu_s, ".0f"),
     "CPU ms a frame": (lambda one: 1000 * one.cpu_s / max(one.n_frames, 1), ".0f"),
+    "its frames, median": (lambda one: 1000 * one.frame_s, ".0f"),
+    "slowest tenth": (lambda one: 1000 * one.slow_frame_s, ".0f"),
 }
 _LEGEND = (
     "median / worst of the starts. Errors over the frames not lost; < 100 mm: share of all frames that have a pose so "
-    "near on average; flag: the frame is doubtful, or that joint ambiguous. CPU: all threads, with reading and start"
+    "near on average; flag: the frame is doubtful, or that joint ambiguous. CPU: all threads, with reading and start; "
+    "that of single frames is known with --set passes=1 alone"
 )
 _MORE_IS_BETTER = "< 100 mm %", "start confidence"
 
