@@ -20,7 +20,7 @@ import tracker.errors
 ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
-    "errors arrays plugins components config resources files source_files progress geometry imaging kernels",
+    "errors arrays plugins components config resources files source_files pages progress geometry imaging kernels",
     "camera rig rig_layouts frame shape skin skin_files segments mirror point_trajectories "
     "body_sections body body_defaults body_facts body_skin body_description body_files body_surface scene contours "
     "expectation observation keypoints keypoint_layouts markers marker_layouts account equations plate sight estimate "

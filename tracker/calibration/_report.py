@@ -8,13 +8,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import jinja2
 import numpy as np
 from matplotlib.figure import Figure
 
 from tracker.calibration._advice import coverage
 from tracker.calibration._calibrated import Calibrated
 from tracker.calibration._self_calibration import Adjustment, parameter_table
+from tracker.pages import filled
 
 _ARROW_PX = 20.0
 """Length of the median residual as drawn."""
@@ -50,7 +50,6 @@ def report_html(name: str, calibrated: Calibrated) -> str:
         }
         for v, view in enumerate(adjustment.names)
     ]
-    environment = jinja2.Environment(loader=jinja2.PackageLoader("tracker.calibration", "."), autoescape=True)
     content: dict[str, Any] = {
         "name": name,
         "calibrated": calibrated,
@@ -60,7 +59,7 @@ def report_html(name: str, calibrated: Calibrated) -> str:
         "histogram": _uri(lambda figure: _draw_histogram(figure, adjustment), (9.0, 2.6)),
         "correlations": [(f"{value:+.3f}", a, b) for value, a, b in adjustment.correlations(0.95)[:20]],
     }
-    return environment.get_template("_report.html").render(content)
+    return filled("tracker.calibration", "_report.html", content)
 
 
 def _summary(calibrated: Calibrated) -> list[tuple[str, str]]:

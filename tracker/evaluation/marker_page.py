@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,6 +15,7 @@ from matplotlib.figure import Figure
 from tracker.arrays import Array
 from tracker.evaluation.marker_comparison import MarkerComparison
 from tracker.files import csv_lines, replacing, write_json, write_whole
+from tracker.pages import filled
 
 _OURS, _MARKERS, _GAP = "#2a6f85", "#1d2733", "#c2571a"
 _DOUBT = {"lost": "#d9534f", "doubtful": "#e39b2d", "ambiguous": "#f2c464"}
@@ -42,9 +42,8 @@ def write_comparison(made: MarkerComparison, folder: Path, sources: tuple[str, s
     write_json(values, made.as_dict() | dict(zip(("result", "markers", "marker_set"), sources, strict=True)))
     with replacing(picture) as unfinished:
         figure.savefig(unfinished, dpi=110)
-    environment = jinja2.Environment(loader=jinja2.PackageLoader("tracker.evaluation", "_pages"), autoescape=True)
     content = {"made": made, "sources": sources, "angles": _uri(figure), "distances": _uri(distance_figure(made))}
-    write_whole(page, environment.get_template("comparison.html").render(content))
+    write_whole(page, filled("tracker.evaluation", "_pages/comparison.html", content))
     return page, table, values, picture
 
 

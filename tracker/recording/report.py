@@ -7,7 +7,6 @@ import io
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 import pydantic
 import tomli_w
@@ -16,6 +15,7 @@ from matplotlib.figure import Figure
 from tracker.arrays import Image
 from tracker.components import component
 from tracker.files import write_whole
+from tracker.pages import filled
 from tracker.recording import RunContext
 from tracker.recording._drawing import STATUS_COLOURS, draw_axes, draw_step, encoded, tile
 from tracker.recording._player import Player
@@ -87,8 +87,7 @@ class ReportRecorder:
         """Writes the page."""
         if not self._series.frames:
             return ()
-        environment = jinja2.Environment(loader=jinja2.PackageLoader("tracker.recording", "_report"), autoescape=True)
-        page = environment.get_template("report.html").render(self._content())
+        page = filled("tracker.recording", "_report/report.html", self._content())
         path = self._run.folder / "report.html"
         write_whole(path, page)
         return (path,)
