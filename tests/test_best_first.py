@@ -111,6 +111,19 @@ def test_patience_counts_from_the_last_improvement(body: BodyModel) -> None:
     assert (q - start)[column] == pytest.approx(-np.radians(15))
 
 
+def test_searches_side_by_side_find_what_each_finds_alone(body: BodyModel) -> None:
+    columns = body.group("left_arm")
+    starts = np.array([bent(body), body.rest(), bent(body) + off(body, 20.0, 0.05, 3)])
+    target = bent(body) + off(body, 12.0, 0.03, 7)
+    search = BestFirstEstimation(**PAPER)
+    together = bowl(body, target)
+    found, n_evaluations = search.search_from(cast("Objective", together), starts, columns)
+    apart = [search.search_group(cast("Objective", bowl(body, target)), start, columns) for start in starts]
+    np.testing.assert_array_equal(found, [q for q, _ in apart])
+    assert n_evaluations == sum(n for _, n in apart) == len(together.poses)
+    assert len(together.asked) < n_evaluations / len(starts)
+
+
 def test_the_search_stays_in_range_and_limits(body: BodyModel) -> None:
     elbow, knee = body.index("left_arm_extension"), body.index("right_leg_extension")
     start = bent(body)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+from collections.abc import Generator
 
 import numpy as np
 import pydantic
@@ -58,7 +59,7 @@ class BestFirstEstimation:
         return objective.estimate(q, unknown, n_evaluations)
 
     def search_group(self, objective: Objective, q: Array, columns: Integers, scale: float = 1.0) -> tuple[Array, int]:
-        """Best-first search of some parameters, the others held.
+        """Best-first search of some parameters, the others held; see `search_from`.
 
         Args:
             objective: poses (B, dof) -> distances (B,) px.
@@ -69,13 +70,44 @@ class BestFirstEstimation:
         Returns:
             The best pose (dof,) and the number of poses evaluated.
         """
-        rotates = objective.body.rotates[columns]
+        found, n_evaluations = self.search_from(objective, q[None], columns, scale)
+        return found[0], n_evaluations
+
+    def search_from(
+        self, objective: Objective, starts: Array, columns: Integers, scale: float = 1.0
+    ) -> tuple[Array, int]:
+        """Best-first searches of the same parameters from several poses (S, dof), side by side.
+
+        What one search would ask next and what the others would is asked together: parts that stand still are looked at
+        once for all of them. Each finds what it finds alone.
+
+        Returns:
+            The best pose of each search (S, dof) and the number of poses evaluated.
+        """
+        searches = [self._search(objective.body, q, columns, scale) for q in starts]
+        asked = {k: next(search) for k, search in enumerate(searches)}
+        found, n_evaluations = starts.copy(), 0
+        while asked:
+            distances = objective(np.concatenate(list(asked.values())))
+            n_evaluations += len(distances)
+            ends = np.cumsum([len(poses) for poses in asked.values()])
+            for k, answer in zip(list(asked), np.split(distances, ends[:-1]), strict=True):
+                try:
+                    asked[k] = searches[k].send(answer)
+                except StopIteration as end:
+                    found[k] = end.value
+                    del asked[k]
+        return found, n_evaluations
+
+    def _search(self, body: BodyModel, q: Array, columns: Integers, scale: float) -> Generator[Array, Array, Array]:
+        """One search: yields poses (B, dof), is sent their distances (B,), and returns the best pose (dof,)."""
+        rotates = body.rotates[columns]
         steps = scale * np.where(rotates, np.radians(self.step_deg), self.step_m)
         reach = np.where(rotates, round(self.range_deg / self.step_deg), round(self.range_m / self.step_m))
-        lattice = _Lattice(objective.body, q, columns, steps, reach.astype(np.int64))
-        origin = (0,) * len(columns)
-        best_distance, best = float(objective(q[None])[0]), origin
-        frontier, seen, idle, n_evaluations = [(best_distance, origin)], {origin}, 0, 1
+        lattice = _Lattice(body, q, columns, steps, reach.astype(np.int64))
+        best = (0,) * len(columns)
+        best_distance = float((yield q[None])[0])
+        frontier, seen, idle = [(best_distance, best)], {best}, 0
         for _ in range(self.max_expansions):
             if not frontier or idle >= self.patience:
                 break
@@ -85,13 +117,13 @@ class BestFirstEstimation:
             if not fresh:
                 continue
             seen.update(fresh)
-            distances = objective(lattice.poses(fresh))
-            n_evaluations += len(fresh)
+            distances = yield lattice.poses(fresh)
             for distance, other in zip(distances.tolist(), fresh, strict=True):
                 heapq.heappush(frontier, (distance, other))
                 if distance < best_distance - 1e-9:
                     best_distance, best, idle = distance, other, 0
-        return lattice.poses([best])[0], n_evaluations
+        found: Array = lattice.poses([best])[0]
+        return found
 
 
 class _Lattice:
