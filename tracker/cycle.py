@@ -15,6 +15,7 @@ from tracker.contours import Contours, joined
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.estimation import Estimation
+from tracker.estimation.rivals import weighed
 from tracker.evidence import Evidence, Memory, Observed
 from tracker.initialization import Initialization, Stages
 from tracker.loss import LossRule, doubted, judged, sought_anew, trusted_parts
@@ -106,7 +107,7 @@ def advance(
     cycle: Cycle,
     state: State,
     clock: Clock | None = None,
-    further: Sequence[Array] = (),
+    rivals: Sequence[Estimate] = (),
 ) -> Step:
     """One frame: predict, expect, observe, estimate; lost persons are looked for anew.
 
@@ -116,16 +117,15 @@ def advance(
         cycle: the components.
         state: histories up to the frame before.
         clock: with the time spent on the frame before.
-        further: for each person another pose (dof,) that may be right; empty for none.
+        rivals: for each person what was found in another way in this frame; empty for nothing.
     """
     clock = clock or Clock()
     with clock("prediction"):
         candidates = _predictions(scene, cycle, state, sight.frame.time_s)
-        if further:
-            candidates = [np.vstack(poses) for poses in zip(candidates, further, strict=True)]
         predicted = scene.with_poses(tuple(poses[0] for poses in candidates))
     with clock("synthesis"):
-        expected = joined([cycle.synthesis.contours(predicted, k, poses) for k, poses in enumerate(candidates)])
+        around = [np.vstack([poses, *(one.q for one in rivals[k : k + 1])]) for k, poses in enumerate(candidates)]
+        expected = joined([cycle.synthesis.contours(predicted, k, poses) for k, poses in enumerate(around)])
     with clock("observation"):
         observed = cycle.evidence.observe(sight, expected, state.memory)
     estimates, current = [], predicted
@@ -134,6 +134,8 @@ def advance(
             # Earlier persons are at their best poses by now, later ones as predicted (paper, figure 2).
             objective = _objective(current, k, cycle, observed, state.histories[k])
             estimate = cycle.estimation.estimate(objective, poses)
+            if rivals and not rivals[k].lost:
+                estimate = weighed(objective, estimate, rivals[k])
             estimates.append(judged(objective.body, estimate, cycle.loss))
             current = current.with_pose(k, estimate.q)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))

@@ -1,7 +1,7 @@
-"""A second pass: windows of a recording are tracked forwards and then back, with the first poses as candidates.
+"""A second pass: windows of a recording are tracked forwards and then back, the poses of both weighed frame by frame.
 
 The errors of the two directions hardly coincide: a limb is lost on the way into its hiding, not on the way out of it.
-What explains the images better is taken, frame by frame.
+See `tracker.estimation.rivals`.
 """
 
 from __future__ import annotations
@@ -175,7 +175,7 @@ def _back(first: Sequence[Step], cycle: Cycle, state: State) -> list[Step]:
         # predictions are made for a time that goes on
         mirrored = replace(there.frame, time_s=end_s - there.frame.time_s)
         sight = Sight(mirrored, cycle.plates, step.model_px)
-        step = advance(sight, step.scene, cycle, state, Clock(there.seconds), [one.q for one in there.estimates])
+        step = advance(sight, step.scene, cycle, state, Clock(there.seconds), there.estimates)
         state = state.after(sight, step, cycle.evidence)
         found.append(replace(step, frame=there.frame, start=there.start))
     return found[::-1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.arrays import Array
+from tracker.arrays import Array, Integers
 from tracker.body import BodyModel
 
 # A bound of the Gauss-Newton steps.
@@ -32,10 +32,21 @@ def exchanged(body: BodyModel, q: Array, one: str, other: str) -> Array:
     """
     marks = np.flatnonzero(body.landmarks_of(one) | body.landmarks_of(other))
     places = [body.landmark_names.index(body.mirror.of(body.landmark_names[mark])) for mark in marks]
-    targets = body.landmarks_in_world(q)[places]
-    ends = np.array([body.landmarks[mark].parameter for mark in marks])
     columns = np.concatenate([body.group(one), body.group(other)])
-    pose = mirrored(body, q, one, other)
+    return _reaching(body, mirrored(body, q, one, other), columns, marks, body.landmarks_in_world(q)[places])
+
+
+def taken_over(body: BodyModel, q: Array, other: Array, group: str) -> Array:
+    """The pose (dof,) in which a limb's joints are where those of another pose (dof,) are, as near as they can be."""
+    pose, columns = q.copy(), body.group(group)
+    pose[columns] = other[columns]
+    marks = np.flatnonzero(body.landmarks_of(group))
+    return _reaching(body, body.clamped(pose), columns, marks, body.landmarks_in_world(other)[marks])
+
+
+def _reaching(body: BodyModel, pose: Array, columns: Integers, marks: Integers, targets: Array) -> Array:
+    """The pose (dof,) whose landmarks reach for points (M, 3) with some of its parameters."""
+    ends = np.array([body.landmarks[mark].parameter for mark in marks])
     for _ in range(_STEPS):
         points = body.landmarks_in_world(pose)[marks]
         jacobian = body.point_jacobian(pose, points, ends)[:, :, columns].reshape(-1, len(columns))

@@ -48,6 +48,10 @@ class HybridEstimation:
     """Share of a group's visible contour on scene edges under which the group is searched. A shin 30 degrees off still
     lies 80 % on edges: those of its other side, of the other leg, of the floor."""
 
+    trunk_above: float = pydantic.Field(default=0.35, ge=0, le=1)
+    """Share left over above which a group without a partner on the other side is searched: trunk and head, of which
+    clothes and hair leave over up to 0.3 in frames where nothing is wrong."""
+
     unusual: float = pydantic.Field(default=0.06, ge=0, le=1)
     """The same, by how much the share must be less than is usual for the group: a model that does not quite fit leaves
     something unexplained in every frame."""
@@ -121,10 +125,9 @@ class HybridEstimation:
             q, columns = estimate.q, objective.body.group(group)
             scattered = _scattered(objective.body, q, columns, self.scatter)
             best = scattered[np.argsort(objective(scattered), kind="stable")[: self.restarts]]
-            found = [self.limb.search_group(objective, start, columns) for start in (q, *best)]
-            poses = np.array([pose for pose, _ in found])
+            poses, n_searched = self.limb.search_from(objective, np.array([q, *best]), columns)
             refined = self.then.estimate(objective, poses[np.argsort(objective(poses), kind="stable")[:2]])
-            n_evaluations = refined.evaluations + self.scatter + sum(n for _, n in found)
+            n_evaluations = refined.evaluations + self.scatter + n_searched
             estimate = _better(estimate, replace(refined, evaluations=n_evaluations))
         return estimate
 
@@ -141,13 +144,11 @@ class HybridEstimation:
         neutral[columns] = body.rest()[columns]
         scattered = np.concatenate([neutral[None], _scattered(body, q, columns, self.scatter)])
         best = scattered[np.argsort(objective(scattered), kind="stable")[: self.restarts]]
-        found, n_evaluations = [], len(scattered)
-        for start in (neutral, *best):
-            for group in groups:
-                start, n = self.limb.search_group(objective, start, body.group(group))
-                n_evaluations += n
-            found.append(start)
-        refined = self.then.estimate(objective, np.array(found))
+        found, n_evaluations = np.array([neutral, *best]), len(scattered)
+        for group in groups:
+            found, n = self.limb.search_from(objective, found, body.group(group))
+            n_evaluations += n
+        refined = self.then.estimate(objective, found)
         return replace(refined, evaluations=refined.evaluations + n_evaluations)
 
     def _weak_groups(self, objective: Objective, estimate: Estimate) -> tuple[str, ...]:
@@ -159,7 +160,7 @@ class HybridEstimation:
         weak = []
         for group in body.fine_groups:
             parts = body.parts_of(group)
-            allowed = 1 - self.search_below
+            allowed = 1 - self.search_below if body.partner_of(group) else self.trunk_above
             if usual_px is not None:
                 usual = self._share(usual_px[0], usual_px[1], parts)
                 poor = usual > self.most_usual and history is not None and history.n_frames % self.poor_every == 0
