@@ -90,6 +90,23 @@ def test_velocities_of_the_table_are_those_of_the_plane(outcome):
     assert 0.2 < np.sqrt(np.median(off**2)) < 1.0
 
 
+def test_the_table_has_what_is_known_of_a_point(outcome, rig):
+    rows = [row for row in table(outcome.folder) if row["frame"] == "5"]
+    places = np.array([[float(row[f"{axis}_m"]) for axis in "xyz"] for row in rows])
+    for view, camera in zip(rig.names, rig.cameras, strict=True):
+        pixels = np.array([[float(row[f"{view}_{axis}_px"] or "nan") for axis in "xy"] for row in rows])
+        assert np.nanmax(np.linalg.norm(camera.project(places) - pixels, axis=1)) < 1.0
+    sigmas = np.array([[float(row[f"sigma_{axis}_m"]) for axis in "xyz"] for row in rows])
+    mixed = np.array([[float(row[f"cov_{pair}_m2"]) for pair in ("xy", "xz", "yz")] for row in rows])
+    correlations = mixed / sigmas[:, (0, 0, 1)] / sigmas[:, (1, 2, 2)]
+    # all cameras look from one side, above: depth and height are measured together
+    assert (np.abs(correlations) < 1).all()
+    assert (np.abs(correlations).max(axis=1) > 0.5).all()
+    assert {(row["born"], row["key"]) for row in rows if row["status"] == "followed"} >= {("0", "0")}
+    assert all(row["key"] == "4" for row in rows if row["status"] == "rekeyed")
+    assert all(float(row["drift_px"]) >= 0 for row in rows)
+
+
 def test_an_interrupted_job_is_resumed_to_the_same_bytes(folder, outcome, monkeypatch):
     from tracker.jobs import follow as job_file
 

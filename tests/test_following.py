@@ -179,6 +179,11 @@ def test_a_changing_pattern_gets_new_keys_and_says_so(rig, frames, born):
     assert rekeyed.any(axis=0)[alive].mean() > 0.8
     assert alive.mean() > 0.5
     assert (result[-1].drift_px[alive & rekeyed.any(axis=0)] > np.nanmedian(result[1].drift_px)).mean() > 0.9
+    for k, frame in enumerate(result):
+        # a new key is of the frame before; whoever never got one is known by the patch of the birth
+        assert (frame.keys[:, frame.status == PointStatus.REKEYED].max(axis=0, initial=0) == k - 1).all()
+        assert (frame.keys[:, ~rekeyed[: k + 1].any(axis=0)] == 0).all()
+        assert (frame.born == 0).all()
 
 
 def test_one_view_is_followed_in_its_image(rig, frames, born):
@@ -275,7 +280,7 @@ def test_ray_intersection_is_triangulation(rig):
 
 def test_neighbours_of_an_affine_motion_expect_it(rig, frames, born):
     new = points_of_image(born[0].pixels[1])
-    points = Following().begin(new, (LeastSquaresMatching().prepared(frames[0].images[1]),))
+    points = Following().begin(new, (LeastSquaresMatching().prepared(frames[0].images[1]),), 0)
     affine, shift = np.array([[0.9, 0.2], [-0.1, 1.2]]), np.array([12.0, -7.0])
     now = new.pixels @ affine.T + shift
     now[:, ::3] = np.nan
@@ -370,7 +375,7 @@ def test_new_surface_gets_new_points_and_old_surface_does_not(rig, frames):
 
 def test_of_two_points_that_run_together_the_older_one_goes_on(frames, born):
     new = points_of_image(np.concatenate([born[0].pixels[1][:50], born[0].pixels[1][:10] + 0.4]))
-    points = Following().begin(new, (LeastSquaresMatching().prepared(frames[0].images[1]),))
+    points = Following().begin(new, (LeastSquaresMatching().prepared(frames[0].images[1]),), 0)
     kept = Density().kept(points, 4.0)
     np.testing.assert_array_equal(np.flatnonzero(~kept), np.arange(50, 60))
     points.since[3] = 251

@@ -10,7 +10,7 @@ import pytest
 
 from tracker.errors import ConfigError
 from tracker.following.leading import led_nodes
-from tracker.following.snake_files import FollowedSnake, snakes_csv
+from tracker.following.snake_files import FollowedSnake, Seen, snakes_csv
 from tracker.following.snakes import Contour, Snake, _best, advanced, begun, evenly
 
 SIZE, RADII, NOISE_GREY = (220, 160), np.array((34.0, 22.0)), 2.0
@@ -126,9 +126,8 @@ def test_shifts_of_an_open_contour_are_the_best_of_all():
 def test_a_contour_whose_edges_vanish_is_doubtful_and_then_given_up():
     followed = FollowedSnake("limb", clicked(), 0)
     dark = np.full(SIZE[::-1], 45, dtype=np.uint8)
-    pixels = np.stack([surface(0)] * 20)
     for t in range(20):
-        followed.look(Snake(), pixels, t, t, image(0) if t < 3 else dark)
+        followed.look(Snake(), Seen(np.arange(120), surface(0)), t, image(0) if t < 3 else dark)
     assert followed.nodes[3].doubtful
     assert followed.lost_in == 12
     assert followed.warning == "snake limb: given up in frame 12, after 10 frames near hardly an edge"
@@ -140,9 +139,10 @@ def test_a_contour_whose_edges_vanish_is_doubtful_and_then_given_up():
 
 def test_an_image_that_is_missing_is_leapt_over():
     followed = FollowedSnake("limb", clicked(), 0)
-    pixels = np.stack([surface(k) for k in range(6)])
     for t in range(6):
-        followed.look(Snake(), pixels, t, t, None if t in (2, 3) else image(t))
+        # points come and go
+        own = np.flatnonzero((np.arange(120) + t) % 5)
+        followed.look(Snake(), Seen(own, surface(t)[own]), t, None if t in (2, 3) else image(t))
     assert followed.frames == [0, 1, 4, 5]
     assert np.median(np.abs(off(followed.nodes[-1].places, 5))) < 0.3
 

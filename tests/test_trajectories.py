@@ -8,19 +8,34 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tracker.following.cuts import cut_where_false
 from tracker.following.filters import TrajectoryFilters
 from tracker.following.motion import motion_of
-from tracker.point_trajectories import PointStatus, PointTrajectories
+from tracker.following.record import sighting_type, trajectories_of
+from tracker.following.windows import windows
+from tracker.point_trajectories import PointStatus
 
 N_FRAMES, N_POINTS, FPS, NOISE_M = 40, 1600, 50.0, 3e-4
 
 
 def trajectories(positions, sigma=NOISE_M):
     times = np.arange(len(positions)) / FPS
-    n = positions.shape[1]
-    status = np.where(np.isfinite(positions[..., 0]), PointStatus.FOLLOWED, PointStatus.HIDDEN)
-    sigmas = np.where(np.isfinite(positions), sigma, np.nan)
-    return PointTrajectories(np.arange(len(positions)), times, np.arange(n), positions, sigmas, status)
+    return trajectories_of(sightings(positions, sigma), np.arange(len(positions)), times)
+
+
+def sightings(positions, sigma=NOISE_M):
+    t, n = np.nonzero(np.isfinite(positions[..., 0]))
+    rows = np.zeros(len(t), dtype=sighting_type(2))
+    rows["frame"], rows["id"], rows["status"] = t, n, PointStatus.FOLLOWED
+    rows["position"], rows["covariance"] = positions[t, n], sigma**2 * np.eye(3)
+    return rows
+
+
+def cut(positions, **settings):
+    rows, n_frames = sightings(positions), len(positions)
+    frames, times = np.arange(n_frames), np.arange(n_frames) / FPS
+    cuts = cut_where_false(TrajectoryFilters(), rows, frames, times, **settings)
+    return cuts, trajectories_of(cuts.relabelled(rows), frames, times)
 
 
 @pytest.fixture(scope="module")
@@ -65,14 +80,8 @@ def test_no_motion_is_told_across_a_gap():
     np.testing.assert_allclose(motion.velocities[known], FPS, rtol=1e-9)
 
 
-def test_the_filters_leave_a_turning_body_alone(turning):
-    filtered = TrajectoryFilters().applied(turning)
-    assert (filtered.n_fast, filtered.n_unlike, filtered.n_removed) == (0, 0, 0)
-    np.testing.assert_array_equal(filtered.trajectories.ids, turning.ids)
-    np.testing.assert_array_equal(filtered.trajectories.positions, turning.positions)
-
-
-def test_seeded_jumps_split_trajectories_and_nothing_else(turning):
+def jumping(turning):
+    """Positions with jumps seeded, of which points, in which frames."""
     rng = np.random.default_rng(2)
     # cubes at the border hold too few points to judge by
     inner = np.flatnonzero((np.abs(turning.positions[0][:, [0, 2]]) < 0.15).all(axis=1))
@@ -82,13 +91,25 @@ def test_seeded_jumps_split_trajectories_and_nothing_else(turning):
         direction = rng.normal(size=3)
         # from 8 mm, which is 0.4 m/s, to 60 mm
         positions[t:, n] += direction / np.linalg.norm(direction) * rng.uniform(0.008, 0.06)
-    filtered = TrajectoryFilters().applied(replace(turning, positions=positions))
-    after = filtered.trajectories
-    assert filtered.n_fast + filtered.n_unlike == 40
+    return positions, jumped, at
+
+
+def test_the_filters_leave_a_turning_body_alone(turning):
+    cuts, after = cut(turning.positions)
+    assert (cuts.n_fast, cuts.n_unlike, cuts.n_removed) == (0, 0, 0)
+    np.testing.assert_array_equal(after.ids, turning.ids)
+    np.testing.assert_array_equal(after.positions, turning.positions)
+
+
+def test_seeded_jumps_split_trajectories_and_nothing_else(turning):
+    positions, jumped, at = jumping(turning)
+    cuts, after = cut(positions)
+    assert cuts.n_fast + cuts.n_unlike == 40
     assert len(after.ids) == N_POINTS + 40
     assert len(set(after.ids)) == len(after.ids)
+    parents = np.array([cuts.parents[number] for number in after.ids])
     for n, t in zip(jumped, at, strict=True):
-        first, second = np.flatnonzero(filtered.parents == n)
+        first, second = np.flatnonzero(parents == n)
         np.testing.assert_array_equal(after.seen[:, first], np.arange(N_FRAMES) < t)
         np.testing.assert_array_equal(after.seen[:, second], np.arange(N_FRAMES) >= t)
         assert after.ids[first] == n
@@ -99,15 +120,42 @@ def test_short_pieces_are_cut_off(turning):
     positions = turning.positions.copy()
     positions[-2:, 7] += 0.05
     positions[2:, 9] = np.nan
-    filtered = TrajectoryFilters().applied(replace(turning, positions=positions))
-    assert 9 not in filtered.trajectories.ids
-    assert filtered.n_removed == 1
-    own = np.flatnonzero(filtered.parents == 7)
+    cuts, after = cut(positions)
+    assert 9 not in after.ids
+    assert cuts.n_removed == 1
+    own = [number for number in after.ids if cuts.parents[number] == 7]
     assert len(own) == 1
-    assert filtered.trajectories.seen[:, own[0]].sum() == N_FRAMES - 2
+    assert after.seen[:, after.ids == own[0]].sum() == N_FRAMES - 2
 
 
 def test_a_step_that_no_body_makes_is_fast(turning):
     positions = turning.positions.copy()
     positions[20:, 3] += 0.5
-    assert TrajectoryFilters().applied(replace(turning, positions=positions)).n_fast == 1
+    assert cut(positions)[0].n_fast == 1
+
+
+def test_windows_of_a_record_tell_what_the_whole_tells(turning):
+    positions, *_ = jumping(turning)
+    cuts, after = cut(positions)
+    parts, _ = cut(positions, most_sightings=1)
+    for name in ("false", "pieces", "ids", "n_seen"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(cuts, name))
+    whole, n_windows = motion_of(after), 0
+    record = sightings(positions), np.arange(N_FRAMES), np.arange(N_FRAMES) / FPS
+    for window in windows(*record, 4, cuts.relabelled, most_sightings=1):
+        own, motion = window.trajectories, motion_of(window.trajectories)
+        columns = np.searchsorted(after.ids, own.ids)
+        numbers = own.frames[window.inner]
+        np.testing.assert_array_equal(own.positions[window.inner], after.positions[numbers][:, columns])
+        found, expected = motion.velocities[window.inner], whole.velocities[numbers][:, columns]
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+        assert len(own.frames) < N_FRAMES
+        n_windows += 1
+    assert n_windows == 2
+
+
+def test_the_points_seen_longest_are_chosen_and_the_named_ones(turning):
+    positions = turning.positions.copy()
+    positions[10:, 100:] = np.nan
+    cuts, _ = cut(positions)
+    np.testing.assert_array_equal(cuts.longest(np.array([500, 700]), 52), [*range(50), 500, 700])

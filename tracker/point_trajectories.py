@@ -57,6 +57,12 @@ class PointFrame:
     status: Integers
     """(N,) see `PointStatus`."""
 
+    born: Integers
+    """(N,) frame numbers of the points' births."""
+
+    keys: Integers
+    """(V, N) frame numbers of the images that the key patches were cut from."""
+
     @property
     def alive(self) -> Mask:
         """(N,) points that are seen."""
@@ -66,7 +72,7 @@ class PointFrame:
 
 @dataclass(frozen=True)
 class PointTrajectories:
-    """N points over T frames."""
+    """N points over T frames, in V views."""
 
     frames: Integers
     """(T,) frame numbers, consecutive."""
@@ -77,14 +83,32 @@ class PointTrajectories:
     ids: Integers
     """(N,)"""
 
+    born: Integers
+    """(N,) frame numbers of the points' births."""
+
     positions: Array
     """(T, N, D) metres in space, or px in the image of one view; NaN where a point is not seen."""
 
-    sigmas: Array
-    """(T, N, D) standard deviations of the coordinates."""
+    covariances: Array
+    """(T, N, D, D) of the positions."""
+
+    pixels: Array
+    """(T, V, N, 2) px; NaN where a view does not show a point."""
+
+    keys: Integers
+    """(T, V, N) frame numbers of the images that the key patches were cut from; -1 where a point is not seen."""
+
+    drift_px: Array
+    """(T, N) standard deviation that the replaced key patches add up to, the worst view and axis, px."""
 
     status: Integers
     """(T, N) see `PointStatus`."""
+
+    @property
+    def sigmas(self) -> Array:
+        """(T, N, D) standard deviations of the coordinates."""
+        deviations: Array = np.sqrt(np.diagonal(self.covariances, axis1=2, axis2=3))
+        return deviations
 
     @property
     def seen(self) -> Mask:
@@ -96,8 +120,3 @@ class PointTrajectories:
     def flat(self) -> bool:
         """Whether the trajectories lie in the image of one view."""
         return bool(self.positions.shape[2] == 2)
-
-    def select(self, which: Mask | Integers) -> PointTrajectories:
-        """The chosen points."""
-        places, sigmas, status = self.positions[:, which], self.sigmas[:, which], self.status[:, which]
-        return PointTrajectories(self.frames, self.times, self.ids[which], places, sigmas, status)

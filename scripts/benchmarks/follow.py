@@ -223,9 +223,8 @@ def _lucas_kanade(back: _Back, start: _Start) -> PointFrame:
         images, before, pixels = now, pixels, moved
     points[~alive] = np.nan
     n, status, unknown = len(points), alive.astype(np.int64), np.full_like(pixels, np.nan)
-    return PointFrame(
-        index, index / 50, np.arange(n), pixels, unknown, points, np.full((n, 3, 3), np.nan), np.full(n, np.nan), status
-    )
+    places = np.arange(n), pixels, unknown, points, np.full((n, 3, 3), np.nan), np.full(n, np.nan)
+    return PointFrame(index, index / 50, *places, status, np.zeros(n, np.int64), np.zeros((3, n), np.int64))
 
 
 def _hidden(table: Table, back: _Back) -> None:
@@ -337,8 +336,9 @@ def _interlaced(table: Table, back: _Back) -> None:
 def _flat(table: Table, back: _Back) -> None:
     start, camera = back.start(N_POINTS), back.rig.cameras[CENTRE]
     new, visible = points_of_image(start.new.pixels[CENTRE]), start.visible[:, CENTRE].all(axis=0)
-    for patch_px in (13, 21):
-        following = Following(matching=Following().matching.with_patch(patch_px))
+    usual = Following().for_views(1)
+    for following in (usual, replace(usual, matching=usual.matching.with_patch(21))):
+        patch_px = following.matching.patch_px
         frames = (replace(frame, images=frame.images[CENTRE : CENTRE + 1]) for frame in back.frames())
         *_, (last, _) = follow(following, Preparation(), Rig((camera,)), frames, lambda frame: new)
         errors = np.linalg.norm(last.pixels[0] - camera.project(start.positions[last.index]), axis=1)

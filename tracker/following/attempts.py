@@ -67,6 +67,7 @@ def _take_previous_keys(sightings: Sightings, rows: Integers) -> None:
             points.keys[v].put(new.rows, new.keys)
             points.drift[v, new.rows] = sightings.drift[v, new.rows] = new.drift
             points.key_from_birth[v, new.rows] = new.from_birth
+            points.keys_in[v, new.rows] = new.cut_in
             points.affine[v, new.rows] = sightings.affine[v, new.rows] = np.eye(2)
             points.variances[v, new.rows] = 0.0
 
@@ -80,7 +81,8 @@ def _keys_of_previous(sightings: Sightings, view: int, rows: Integers) -> NewKey
     rows, keys = rows[keys.usable], keys.select(keys.usable)
     affine = points.affine[view, rows]
     drift = carried(points.drift[view, rows], affine) + points.variances[view, rows]
-    return NewKeys(view, rows, keys, drift, affine @ points.key_from_birth[view, rows])
+    cut_in = np.full(len(rows), sightings.previous.index)
+    return NewKeys(view, rows, keys, drift, affine @ points.key_from_birth[view, rows], cut_in)
 
 
 def look_for_previous(sightings: Sightings) -> None:
@@ -104,7 +106,8 @@ def look_for_previous(sightings: Sightings) -> None:
         rows = new.rows[good]
         sightings.drift[v, rows] = new.drift[good]
         sightings.status[rows] = PointStatus.REKEYED
-        sightings.new_keys.append(NewKeys(v, rows, new.keys.select(good), new.drift[good], new.from_birth[good]))
+        kept = new.keys.select(good), new.drift[good], new.from_birth[good], new.cut_in[good]
+        sightings.new_keys.append(NewKeys(v, rows, *kept))
 
 
 def look_again(sightings: Sightings) -> None:
@@ -179,4 +182,5 @@ def _look_expected(sightings: Sightings, view: int, rows: Integers, expectation:
     sightings.put(view, rows[near], found.select(near))
     if of_birth:
         unit = np.tile(np.eye(2), (int(near.sum()), 1, 1))
-        sightings.new_keys.append(NewKeys(view, rows[near], keys.select(rows[near]), drift[near], unit))
+        own = keys.select(rows[near]), drift[near], unit, points.born[rows[near]]
+        sightings.new_keys.append(NewKeys(view, rows[near], *own))

@@ -9,7 +9,7 @@ import pydantic
 
 from tracker.arrays import Array, Integers, Mask
 from tracker.components import component
-from tracker.point_trajectories import PointStatus, PointTrajectories
+from tracker.point_trajectories import PointTrajectories
 
 # The median of fewer than four neighbours is moved by one wrong one.
 _LEAST_IN_VOXEL = 4
@@ -18,22 +18,18 @@ _SPREADS = 4.0
 
 
 @dataclass(frozen=True)
-class Filtered:
-    """Trajectories after the filters, and what these did."""
+class FalseSteps:
+    """Steps that no body makes."""
 
-    trajectories: PointTrajectories
+    fast: Mask
+    """(T, N) steps into each frame whose velocity or acceleration is too large."""
 
-    parents: Integers
-    """(M,) ids of the trajectories that the new ones were parts of."""
+    unlike: Mask
+    """(T, N) steps where neighbours move otherwise."""
 
-    n_fast: int
-    """Steps cut for their velocity or acceleration."""
 
-    n_unlike: int
-    """Steps cut because neighbours move otherwise."""
-
-    n_removed: int
-    """Trajectories of which nothing long enough is left."""
+FAR_FRAMES = 6
+"""Frames farther from a step have no say in whether it is false."""
 
 
 @component
@@ -60,16 +56,15 @@ class TrajectoryFilters:
     min_frames: int = pydantic.Field(default=3, ge=1)
     """Trajectories that are seen in fewer frames are removed."""
 
-    def applied(self, trajectories: PointTrajectories) -> Filtered:
-        """Cuts trajectories in space (T, N, 3)."""
+    def false_steps(self, trajectories: PointTrajectories) -> FalseSteps:
+        """Judges the steps of trajectories in space (T, N, 3)."""
         steps, elapsed = _steps(trajectories)
         fast = self._fast(steps, elapsed)
         steps = np.where(fast[..., None], np.nan, steps)
         # A turning surface has other velocities at each place, but hardly others than a moment ago: changes tell small
         # jumps, the velocities themselves tell those that move otherwise all the time.
         unlike = self._unlike(trajectories, steps) | self._unlike(trajectories, steps - _usual(steps))
-        cut, parents, n_removed = _cut(trajectories, fast | unlike, self.min_frames)
-        return Filtered(cut, parents, int(fast.sum()), int(unlike.sum()), n_removed)
+        return FalseSteps(fast, unlike)
 
     def _fast(self, steps: Array, elapsed: Array) -> Mask:
         """(T, N) steps into each frame that are too fast, or too much faster than those around."""
@@ -145,32 +140,3 @@ def _medians(values: Array, members: Integers, n_groups: int) -> Array:
     low, high = first + np.maximum(count - 1, 0) // 2, first + count // 2
     medians[some] = 0.5 * (flat[low[some]] + flat[high[some]])
     return medians
-
-
-def _cut(trajectories: PointTrajectories, false: Mask, min_frames: int) -> tuple[PointTrajectories, Integers, int]:
-    """The pieces between false steps that are long enough, in the order of their parents."""
-    seen, positions = trajectories.seen, trajectories.positions
-    pieces = np.cumsum(false, axis=0)
-    whole = ~false.any(axis=0)
-    kept = np.flatnonzero(whole & (seen.sum(axis=0) >= min_frames))
-    columns, parents, n_removed = [positions[:, kept]], [trajectories.ids[kept]], 0
-    status, sigmas = [trajectories.status[:, kept]], [trajectories.sigmas[:, kept]]
-    ids, next_id = [trajectories.ids[kept]], int(trajectories.ids.max(initial=-1)) + 1
-    n_removed += int(whole.sum()) - len(kept)
-    for n in np.flatnonzero(~whole):
-        lengths = np.bincount(pieces[seen[:, n], n], minlength=1)
-        long = np.flatnonzero(lengths >= min_frames)
-        n_removed += int(len(long) == 0)
-        for k, piece in enumerate(long):
-            own = (pieces[:, n] == piece) & seen[:, n]
-            columns.append(np.where(own[:, None], positions[:, n], np.nan)[:, None])
-            sigmas.append(np.where(own[:, None], trajectories.sigmas[:, n], np.nan)[:, None])
-            status.append(np.where(own, trajectories.status[:, n], PointStatus.HIDDEN)[:, None])
-            parents.append(trajectories.ids[n : n + 1])
-            # the first piece is the point that was born; a later one is another place of the surface
-            ids.append(trajectories.ids[n : n + 1] if k == 0 and piece == 0 else np.array([next_id]))
-            next_id += not (k == 0 and piece == 0)
-    places, deviations = np.concatenate(columns, axis=1), np.concatenate(sigmas, axis=1)
-    states = np.concatenate(status, axis=1)
-    cut = PointTrajectories(trajectories.frames, trajectories.times, np.concatenate(ids), places, deviations, states)
-    return cut, np.concatenate(parents), n_removed

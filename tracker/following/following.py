@@ -118,12 +118,14 @@ class Following:
         needed: Integers = np.minimum(points.needed, most)
         return needed
 
-    def begin(self, new: NewPoints, images: tuple[PatchImage | None, ...], living: Points | None = None) -> Points:
-        """Points are born in the present frame."""
+    def begin(
+        self, new: NewPoints, images: tuple[PatchImage | None, ...], index: int, living: Points | None = None
+    ) -> Points:
+        """Points are born in the present frame, whose number is the index."""
         half = self.matching.patch_px // 2
         n = len(new.positions)
         keys = tuple(
             Keys.empty(n, half) if image is None else Keys.cut(image, new.pixels[v], half)
             for v, image in enumerate(images)
         )
-        return born(new, keys, living, self.reach_px)
+        return born(new, keys, living, self.reach_px, index)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,40 +65,31 @@ def clicked_places(clicks: Mapping[str, Mapping[str, tuple[float, float]]], rig:
 _CLICK_PX = 10.0
 
 
-def followed_key_points(
-    trajectories: PointTrajectories, names: Sequence[str], places: Array, reach_m: float
-) -> KeyPoints:
-    """Carries places along with the surface around them.
+@dataclass(frozen=True)
+class Surroundings:
+    """K key points and the followed points around them in the first frame."""
 
-    Each frame's rigid motion is that of least squares from the first frame (Kabsch 1976), of up to 40 of the nearest
-    points; points that lie three times farther off than usual are left out once.
+    names: tuple[str, ...]
+
+    places: Array
+    """(K, 3) metres."""
+
+    ids: tuple[Integers, ...]
+    """Of the points around each place, the nearest first."""
+
+    rest: tuple[Array, ...]
+    """(n, 3) where these were, metres."""
+
+
+def surroundings(ids: Integers, positions: Array, names: Sequence[str], places: Array, reach_m: float) -> Surroundings:
+    """The points around key points.
 
     Args:
-        trajectories: points in space.
+        ids: (N,) of the points that the first frame shows.
+        positions: (N, 3) metres.
         names: (K,) of the places.
         places: (K, 3) in the first frame, metres.
         reach_m: points farther away take no part.
-
-    Raises:
-        MatchingError: fewer than six points lie around a place.
-    """
-    first = trajectories.positions[0]
-    around = points_around(first, names, places, reach_m)
-    n_frames = len(trajectories.times)
-    positions, spread = np.full((n_frames, len(places), 3), np.nan), np.full((n_frames, len(places)), np.nan)
-    n_around = np.zeros((n_frames, len(places)), dtype=np.int64)
-    for k, place in enumerate(places):
-        for t in range(n_frames):
-            now = trajectories.positions[t, around[k]]
-            own = np.flatnonzero(np.isfinite(now).all(axis=1))[:_MOST]
-            if len(own) >= _LEAST:
-                carried = _carried(first[around[k][own]], now[own], place)
-                positions[t, k], spread[t, k], n_around[t, k] = carried
-    return KeyPoints(tuple(names), positions, spread, n_around)
-
-
-def points_around(positions: Array, names: Sequence[str], places: Array, reach_m: float) -> list[Integers]:
-    """Rows of the points (N, 3) near each place, the nearest first.
 
     Raises:
         MatchingError: fewer than six points lie around a place.
@@ -114,7 +105,28 @@ def points_around(positions: Array, names: Sequence[str], places: Array, reach_m
                 "or more: raise key_point_reach_mm, or lower surface.growth.step_px"
             )
         around.append(near)
-    return around
+    rest = tuple(positions[near] for near in around)
+    return Surroundings(tuple(names), places, tuple(ids[near] for near in around), rest)
+
+
+def followed_key_points(trajectories: PointTrajectories, around: Surroundings) -> KeyPoints:
+    """Carries places along with the surface around them.
+
+    Each frame's rigid motion is that of least squares from the first frame (Kabsch 1976), of up to 40 of the nearest
+    points; points that lie three times farther off than usual are left out once.
+    """
+    n_frames, n_places = len(trajectories.times), len(around.places)
+    positions, spread = np.full((n_frames, n_places, 3), np.nan), np.full((n_frames, n_places), np.nan)
+    n_around = np.zeros((n_frames, n_places), dtype=np.int64)
+    for k, place in enumerate(around.places):
+        here = np.isin(around.ids[k], trajectories.ids)
+        columns, rest = np.searchsorted(trajectories.ids, around.ids[k][here]), around.rest[k][here]
+        for t in range(n_frames):
+            now = trajectories.positions[t, columns]
+            own = np.flatnonzero(np.isfinite(now).all(axis=1))[:_MOST]
+            if len(own) >= _LEAST:
+                positions[t, k], spread[t, k], n_around[t, k] = _carried(rest[own], now[own], place)
+    return KeyPoints(around.names, positions, spread, n_around)
 
 
 def _carried(rest: Array, now: Array, place: Array) -> tuple[Array, float, int]:
@@ -133,12 +145,13 @@ def _rigid(rest: Array, now: Array, place: Array) -> tuple[Array, Array]:
     return rotation.apply(place - centre) + target, gaps
 
 
-def key_points_csv(found: KeyPoints, frames: Integers, times: Array) -> str:
-    """A row for each place and frame; empty where it is not known."""
-    lines = ["frame,time_s,key_point,x_m,y_m,z_m,spread_m,points_around"]
-    for t, frame in enumerate(frames):
+KEY_POINTS_HEADER = "frame,time_s,key_point,x_m,y_m,z_m,spread_m,points_around\n"
+
+
+def key_points_csv(found: KeyPoints, frames: Integers, times: Array, inner: slice) -> Iterator[str]:
+    """A row for each place and frame, of some of the frames; empty where it is not known."""
+    for t in range(*inner.indices(len(frames))):
         for k, name in enumerate(found.names):
             numbers = (*found.positions[t, k].tolist(), float(found.spread_m[t, k]))
             cells = ["" if value != value else f"{value:.6f}" for value in numbers]
-            lines.append(",".join([str(frame), f"{times[t]:.6f}", name, *cells, str(found.n_around[t, k])]))
-    return "\n".join(lines) + "\n"
+            yield ",".join([str(frames[t]), f"{times[t]:.6f}", name, *cells, str(found.n_around[t, k])]) + "\n"

@@ -6,11 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracker.arrays import Array
+from tracker.arrays import Array, Mask
 from tracker.point_trajectories import PointTrajectories
 
 # A parabola through four has one redundant observation.
 _LEAST_FRAMES = 4
+
+
+REACH_FRAMES = 2
+"""Frames before and after that take part in a fit."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,7 @@ class Motion:
     """(T, N, D)"""
 
 
-def motion_of(trajectories: PointTrajectories, reach: int = 2) -> Motion:
+def motion_of(trajectories: PointTrajectories, reach: int = REACH_FRAMES) -> Motion:
     """Fits a parabola to the frames around each one.
 
     Args:
@@ -43,18 +47,21 @@ def motion_of(trajectories: PointTrajectories, reach: int = 2) -> Motion:
     """
     positions, times = trajectories.positions, trajectories.times
     n_frames = len(times)
-    parts = [_fitted(trajectories, t, reach) for t in range(n_frames)]
+    known = trajectories.seen, trajectories.sigmas**2
+    parts = [_fitted(trajectories, *known, t, reach) for t in range(n_frames)]
     first, second, first_sigma, second_sigma = (np.stack([part[k] for part in parts]) for k in range(4))
     assert first.shape == positions.shape
     return Motion(first, second, first_sigma, second_sigma)
 
 
-def _fitted(trajectories: PointTrajectories, t: int, reach: int) -> tuple[Array, Array, Array, Array]:
+def _fitted(
+    trajectories: PointTrajectories, all_seen: Mask, variances: Array, t: int, reach: int
+) -> tuple[Array, Array, Array, Array]:
     """Velocities, accelerations and their sigmas (N, D) in one frame."""
     n_frames = len(trajectories.times)
     first = min(max(0, t - reach), max(0, n_frames - 2 * reach - 1))
     around = np.arange(first, min(n_frames, first + 2 * reach + 1))
-    seen = trajectories.seen[around]
+    seen = all_seen[around]
     # A gap ends the window: what lies behind it may be another place of a movement that was not seen.
     middle = int(np.flatnonzero(around == t)[0])
     for k in range(middle + 1, len(around)):
@@ -70,7 +77,7 @@ def _fitted(trajectories: PointTrajectories, t: int, reach: int) -> tuple[Array,
     normal[~enough] = np.eye(3)
     inverse = np.linalg.inv(normal)
     values = np.where(seen[..., None], trajectories.positions[around], 0.0)
-    spread = np.where(seen[..., None], trajectories.sigmas[around] ** 2, 0.0)
+    spread = np.where(seen[..., None], variances[around], 0.0)
     gains = np.einsum("nij,kj,kn->kni", inverse, design, weight)
     factors = np.array([1.0, 1 / scale, 2 / scale**2])
     found = np.einsum("kni,knd->ind", gains, values) * factors[:, None, None]

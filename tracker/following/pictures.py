@@ -9,10 +9,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from tracker.arrays import Array, Image, Integers
-from tracker.following.motion import Motion
-from tracker.following.record import Rows
-from tracker.point_trajectories import PointStatus, PointTrajectories
+from tracker.arrays import Array, Image
+from tracker.following.overview import Overview
+from tracker.following.record import Rows, between
+from tracker.point_trajectories import PointStatus
 from tracker.rig import Rig
 
 _COLOURS = "turbo"
@@ -20,8 +20,6 @@ _COLOURS = "turbo"
 _WIDTH_PX = 700
 # Of the trails: a third of a second at 25 frames/s.
 _TAIL_FRAMES = 8
-# More are a carpet.
-_MOST_LINES = 3000
 
 
 def points_picture(pictures: tuple[Image | None, ...], rows: Rows, frame: int) -> Image:
@@ -29,7 +27,7 @@ def points_picture(pictures: tuple[Image | None, ...], rows: Rows, frame: int) -
 
     Green points are followed by their key patch, orange ones have got a new key, blue ones were found again.
     """
-    recent = rows[(rows["frame"] > frame - _TAIL_FRAMES) & (rows["frame"] <= frame)]
+    recent = between(rows, frame - _TAIL_FRAMES + 1, frame + 1)
     drawn = [_drawn(picture, recent, v, frame) for v, picture in enumerate(pictures) if picture is not None]
     height = min(picture.shape[0] for picture in drawn)
     return np.concatenate([picture[:height] for picture in drawn], axis=1)
@@ -63,30 +61,26 @@ _STATUS_COLOURS = {
 }
 
 
-def trajectories_figure(trajectories: PointTrajectories, motion: Motion, rig: Rig | None) -> Figure:
-    """All trajectories, coloured by their speed: in space from the front and from the left, else in the image."""
-    chosen = _some(trajectories)
-    speed = np.linalg.norm(motion.velocities[:, chosen], axis=2)
-    positions = trajectories.positions[:, chosen]
-    sides: tuple[tuple[str, Array], ...] = (("in the image, px", positions * (1, -1)),) if rig is None else ()
+def trajectories_figure(overview: Overview, rig: Rig | None) -> Figure:
+    """Trajectories coloured by their speed: in space from the front and from the left, else in the image."""
+    places, speed = overview.steps, overview.speeds
+    sides: tuple[tuple[str, Array], ...] = (("in the image, px", places * (1, -1)),) if rig is None else ()
     if rig is not None:
-        right, down, away = _directions(trajectories, rig)
+        right, down, away = _directions(places, rig)
         sides = (
-            ("from the front, m", np.stack([positions @ right, -(positions @ down)], axis=2)),
-            ("from the left, m", np.stack([positions @ away, -(positions @ down)], axis=2)),
+            ("from the front, m", np.stack([places @ right, -(places @ down)], axis=-1)),
+            ("from the left, m", np.stack([places @ away, -(places @ down)], axis=-1)),
         )
-    top = float(np.nanpercentile(speed, 99)) if np.isfinite(speed).any() else 1.0
+    top = float(np.percentile(speed, 99)) if len(speed) else 1.0
     scale = Normalize(0.0, max(top, 1e-9))
-    widths = [float(np.ptp(places[..., 0][np.isfinite(places[..., 0])])) for _, places in sides]
-    height = max(float(np.ptp(places[..., 1][np.isfinite(places[..., 1])])) for _, places in sides)
-    ratios = [np.clip(width / height, 0.3, 2.0) for width in widths]
+    extents = [np.ptp(lines.reshape(-1, 2), axis=0) if len(lines) else np.ones(2) for _, lines in sides]
+    height = max(1e-9, *(float(extent[1]) for extent in extents))
+    ratios = [float(np.clip(extent[0] / height, 0.3, 2.0)) for extent in extents]
     figure = Figure((6.0 * sum(ratios) + 2.5, 6.6), layout="constrained")
     axes = figure.subplots(1, len(sides), squeeze=False, width_ratios=ratios)[0]
-    for axis, (title, places) in zip(axes, sides, strict=True):
-        segments = np.stack([places[:-1], places[1:]], axis=2).reshape(-1, 2, 2)
-        known = np.isfinite(segments).all(axis=(1, 2))
-        lines = LineCollection(list(segments[known]), cmap=_COLOURS, norm=scale, linewidths=0.6)
-        lines.set_array(np.nan_to_num(speed[1:].ravel()[known]))
+    for axis, (title, segments) in zip(axes, sides, strict=True):
+        lines = LineCollection(list(segments), cmap=_COLOURS, norm=scale, linewidths=0.6)
+        lines.set_array(speed)
         axis.add_collection(lines)
         axis.set_aspect("equal")
         axis.autoscale()
@@ -97,16 +91,10 @@ def trajectories_figure(trajectories: PointTrajectories, motion: Motion, rig: Ri
     return figure
 
 
-def _some(trajectories: PointTrajectories) -> Integers:
-    """Rows of no more trajectories than can be told apart."""
-    n = len(trajectories.ids)
-    return np.linspace(0, n - 1, min(n, _MOST_LINES)).astype(np.int64)
-
-
-def _directions(trajectories: PointTrajectories, rig: Rig) -> tuple[Array, Array, Array]:
-    """Right, down and away as the cameras see them, unit vectors in the world."""
+def _directions(places: Array, rig: Rig) -> tuple[Array, Array, Array]:
+    """Right, down and away as the cameras see places (..., 3), unit vectors in the world."""
     centre = np.mean([camera.centre for camera in rig.cameras], axis=0)
-    away = np.nanmedian(trajectories.positions.reshape(-1, 3), axis=0) - centre
+    away = np.median(places.reshape(-1, 3), axis=0) - centre if places.size else np.array([1.0, 0.0, 0.0])
     away /= np.linalg.norm(away)
     down = np.mean([camera.camera_from_world[1, :3] for camera in rig.cameras], axis=0)
     down -= (down @ away) * away
@@ -114,20 +102,21 @@ def _directions(trajectories: PointTrajectories, rig: Rig) -> tuple[Array, Array
     return np.cross(down, away), down, away
 
 
-def counts_figure(trajectories: PointTrajectories) -> Figure:
+def counts_figure(overview: Overview, times: Array) -> Figure:
     """How many points each frame shows, and how many got a new key, were found again or born in it."""
     figure = Figure((9, 3.2), layout="constrained")
     seen, events = figure.subplots(1, 2)
-    seen.plot(trajectories.times, trajectories.seen.sum(axis=1), color="tab:green")
+    n_seen = overview.n_with_status[:, 1:].sum(axis=1)
+    seen.plot(times, n_seen, color="tab:green")
     seen.set(xlabel="s", title="points seen")
-    seen.set_ylim(0, 1.1 * max(1, int(trajectories.seen.sum(axis=1).max())))
+    seen.set_ylim(0, 1.1 * max(1, int(n_seen.max())))
     for status, colour in (
         (PointStatus.REKEYED, "tab:orange"),
         (PointStatus.FOUND_AGAIN, "tab:blue"),
         (PointStatus.BORN, "tab:grey"),
     ):
-        count = (trajectories.status[1:] == status).sum(axis=1)
-        events.plot(trajectories.times[1:], count, color=colour, label=status.name.lower().replace("_", " "))
+        label = status.name.lower().replace("_", " ")
+        events.plot(times[1:], overview.n_with_status[1:, int(status)], color=colour, label=label)
     events.set(xlabel="s", title="a frame")
     events.legend(fontsize=8)
     return figure

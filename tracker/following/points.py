@@ -104,6 +104,12 @@ class Points:
     since: Integers
     """(N,) frames since the point was seen last."""
 
+    born: Integers
+    """(N,) frame numbers of the births."""
+
+    keys_in: Integers
+    """(V, N) frame numbers of the images that the key patches were cut from."""
+
     keys: tuple[Keys, ...]
     birth_keys: tuple[Keys, ...]
     next_id: int
@@ -149,14 +155,16 @@ class Points:
         covariances = np.where(alive[:, None, None], covariances, np.nan)
         sigmas = np.where(np.isfinite(self.pixels), np.sqrt(self.total_variances[..., :2]), np.nan)
         known = self.ids.copy(), self.pixels.copy(), sigmas
-        return PointFrame(index, time_s, *known, positions, covariances, drift, self.status.copy())
+        origin = self.status.copy(), self.born.copy(), self.keys_in.copy()
+        return PointFrame(index, time_s, *known, positions, covariances, drift, *origin)
 
     def unseen(self, index: int, time_s: float) -> PointFrame:
         """A frame that shows none of them."""
         n, hidden = len(self), np.full(len(self), int(PointStatus.HIDDEN))
         pixels, places = np.full((self.n_views, n, 2), np.nan), np.full((n, 3), np.nan)
         nothing = pixels, pixels.copy(), places, np.full((n, 3, 3), np.nan), np.full(n, np.nan)
-        return PointFrame(index, time_s, self.ids.copy(), *nothing, hidden)
+        origin = hidden, self.born.copy(), self.keys_in.copy()
+        return PointFrame(index, time_s, self.ids.copy(), *nothing, *origin)
 
     def select(self, kept: Mask) -> Points:
         """The chosen ones alone."""
@@ -182,10 +190,10 @@ class Points:
         return saved | {"next_id": np.array(self.next_id)}
 
 
-_FIRST_AXIS = ("ids", "status", "positions", "neighbours", "since")
+_FIRST_AXIS = ("ids", "status", "positions", "neighbours", "since", "born")
 _SECOND_AXIS = (
     *("pixels", "before", "last_pixels", "affine", "variances", "drift", "birth_pixels", "key_from_birth"),
-    *("across", "birth_drift", "neighbour_pixels"),
+    *("across", "birth_drift", "neighbour_pixels", "keys_in"),
 )
 
 
@@ -214,7 +222,7 @@ def carried(variances: Array, affine: Array) -> Array:
     )
 
 
-def born(new: NewPoints, keys: tuple[Keys, ...], living: Points | None, reach_px: float) -> Points:
+def born(new: NewPoints, keys: tuple[Keys, ...], living: Points | None, reach_px: float, index: int) -> Points:
     """Points begin to be followed.
 
     Args:
@@ -222,6 +230,7 @@ def born(new: NewPoints, keys: tuple[Keys, ...], living: Points | None, reach_px
         keys: cut from its images.
         living: points that are followed already, in this frame; None for none.
         reach_px: neighbours lie no farther apart than this.
+        index: number of the frame.
     """
     n, n_views = len(new.positions), len(new.pixels)
     first = 0 if living is None else living.next_id
@@ -247,6 +256,8 @@ def born(new: NewPoints, keys: tuple[Keys, ...], living: Points | None, reach_px
         neighbours=neighbours,
         neighbour_pixels=neighbour_pixels,
         since=np.zeros(n, dtype=np.int64),
+        born=np.full(n, index),
+        keys_in=np.full((n_views, n), index),
         keys=keys,
         birth_keys=tuple(key.select(np.arange(n)) for key in keys),
         next_id=first + n,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +17,24 @@ Rows = NDArray[Any]
 """Sightings; the columns are those of `sighting_type`."""
 
 
+AT_A_TIME = 100_000
+"""Sightings that are read at a time where their order does not matter: 15 MB with three views."""
+
+
 def sighting_type(n_views: int) -> np.dtype[Any]:
-    """Columns of a sighting, metres and px."""
+    """Columns of a sighting, metres and px; rows are in the order of the frames."""
     return np.dtype(
         [
             ("frame", "<i4"),
             ("id", "<i4"),
             ("status", "<i4"),
+            ("born", "<i4"),
             ("position", "<f8", 3),
-            ("sigma", "<f4", 3),
+            ("covariance", "<f4", (3, 3)),
             ("drift_px", "<f4"),
             ("pixels", "<f4", (n_views, 2)),
             ("sigmas_px", "<f4", (n_views, 2)),
+            ("keys", "<i4", (n_views,)),
         ]
     )
 
@@ -37,8 +44,8 @@ def rows_of(frame: PointFrame) -> Rows:
     seen = frame.alive
     rows = np.zeros(int(seen.sum()), dtype=sighting_type(len(frame.pixels)))
     rows["frame"], rows["id"], rows["status"] = frame.index, frame.ids[seen], frame.status[seen]
-    rows["position"] = frame.positions[seen]
-    rows["sigma"] = np.sqrt(np.diagonal(frame.covariances[seen], axis1=1, axis2=2))
+    rows["born"], rows["keys"] = frame.born[seen], frame.keys[:, seen].T
+    rows["position"], rows["covariance"] = frame.positions[seen], frame.covariances[seen]
     rows["drift_px"] = frame.drift_px[seen]
     rows["pixels"] = frame.pixels[:, seen].swapaxes(0, 1)
     rows["sigmas_px"] = frame.sigmas_px[:, seen].swapaxes(0, 1)
@@ -70,6 +77,12 @@ def read(path: Path, n_views: int) -> Rows:
     return np.memmap(path, dtype=sighting_type(n_views), mode="r")
 
 
+def between(rows: Rows, first: int, last: int) -> Rows:
+    """The sightings in the frames from the first number to before the last one; no others are read."""
+    numbers = rows["frame"]
+    return np.asarray(rows[bisect_left(numbers, first) : bisect_left(numbers, last)])
+
+
 def trajectories_of(rows: Rows, frames: Integers, times: NDArray[np.float64]) -> PointTrajectories:
     """Trajectories in space, or in the image where there is one view alone.
 
@@ -78,13 +91,27 @@ def trajectories_of(rows: Rows, frames: Integers, times: NDArray[np.float64]) ->
         frames: (T,) all frame numbers, also of frames without a sighting.
         times: (T,) seconds.
     """
-    flat = rows["pixels"].shape[1] == 1
-    ids = np.unique(rows["id"])
-    shape = len(frames), len(ids), 2 if flat else 3
-    positions, sigmas = np.full(shape, np.nan), np.full(shape, np.nan)
-    status = np.full(shape[:2], int(PointStatus.HIDDEN))
-    t, n = np.searchsorted(frames, rows["frame"]), np.searchsorted(ids, rows["id"])
-    positions[t, n] = rows["pixels"][:, 0] if flat else rows["position"]
-    sigmas[t, n] = rows["sigmas_px"][:, 0] if flat else rows["sigma"]
-    status[t, n] = rows["status"]
-    return PointTrajectories(frames, times, ids.astype(np.int64), positions, sigmas, status)
+    n_views = rows["pixels"].shape[1]
+    flat = n_views == 1
+    ids, first = np.unique(rows["id"], return_index=True)
+    t, n, shape = np.searchsorted(frames, rows["frame"]), np.searchsorted(ids, rows["id"]), (len(frames), len(ids))
+
+    def spread(values: NDArray[Any], empty: float) -> NDArray[Any]:
+        kind = np.int64 if values.dtype.kind == "i" else np.float64
+        table = np.full((*shape, *values.shape[1:]), empty, dtype=kind)
+        table[t, n] = values
+        return table
+
+    in_image = np.einsum("ni,ij->nij", rows["sigmas_px"][:, 0].astype(np.float64) ** 2, np.eye(2))
+    return PointTrajectories(
+        frames,
+        times,
+        ids.astype(np.int64),
+        rows["born"][first].astype(np.int64),
+        spread(rows["pixels"][:, 0] if flat else rows["position"], np.nan),
+        spread(in_image if flat else rows["covariance"], np.nan),
+        spread(rows["pixels"], np.nan).swapaxes(1, 2),
+        spread(rows["keys"], -1).swapaxes(1, 2),
+        spread(rows["drift_px"], np.nan),
+        spread(rows["status"], int(PointStatus.HIDDEN)),
+    )

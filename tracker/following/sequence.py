@@ -27,7 +27,7 @@ def prepared(following: Following, preparation: Preparation, frame: Frame) -> Pr
     """A frame made ready; views without an image stay empty."""
     greys = tuple(None if image is None else _grey(image, preparation.odd_lines_only) for image in frame.images)
     images = tuple(None if grey is None else following.matching.prepared(grey) for grey in greys)
-    return Prepared(images, greys)
+    return Prepared(frame.index, images, greys)
 
 
 def _grey(image: Image, odd_lines_only: bool) -> Image:
@@ -72,7 +72,7 @@ def follow(
         if points is None or previous is None:
             _check_first(rig, frame)
             new = births(frame)
-            points, covariances = following.begin(new, present.images), new.covariances
+            points, covariances = following.begin(new, present.images, frame.index), new.covariances
         elif len(present.seen) < following.needed(points).max(initial=1):
             # The points have moved further by the next frame; they have not vanished.
             yield points.unseen(frame.index, frame.time_s), points
@@ -94,7 +94,7 @@ def _renewed(
     new = new.select(density.new_places(points, new))
     if not len(new.positions):
         return points, covariances
-    joined = points.joined(following.begin(new, present.images, points))
+    joined = points.joined(following.begin(new, present.images, present.index, points))
     return joined, np.concatenate([covariances, new.covariances])
 
 

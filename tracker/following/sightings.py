@@ -21,6 +21,9 @@ from tracker.rig import Rig
 class Prepared:
     """The images of a frame, ready to be followed in; None for views without one."""
 
+    index: int
+    """Number of the frame."""
+
     images: tuple[PatchImage | None, ...]
 
     greys: tuple[Image | None, ...]
@@ -45,6 +48,9 @@ class NewKeys:
 
     from_birth: Array
     """(M, 2, 2)"""
+
+    cut_in: Integers
+    """(M,) frame numbers of the images that they were cut from."""
 
 
 class Sightings:
@@ -146,6 +152,7 @@ class Sightings:
             points.keys[new.view].put(rows, new.keys.select(kept))
             points.drift[new.view, rows] = new.drift[kept]
             points.key_from_birth[new.view, rows] = new.from_birth[kept]
+            points.keys_in[new.view, rows] = new.cut_in[kept]
         points.before, points.pixels = points.pixels, self.pixels
         points.last_pixels = np.where(seen[..., None], self.pixels, points.last_pixels)
         points.affine = np.where(seen[..., None, None], self.affine, points.affine)

@@ -8,16 +8,27 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from tracker.arrays import Array, Image
+from tracker.arrays import Array, Image, Integers
 from tracker.errors import ConfigError
+from tracker.following.record import Rows
 from tracker.following.snakes import Contour, Nodes, Snake, advanced, begun
-from tracker.point_trajectories import PointTrajectories
 from tracker.rig import Rig
 
 # A snake that lies on few edges for so long is not looked for any more: it would hold to whatever comes by.
 _LOST_FRAMES = 10
-# Pictures in the sheet, a side of each, and the surroundings of the snakes that they show, px.
-_N_PICTURES, _SIDE_PX, _MARGIN_PX = 6, 420, 40
+# Pictures in the sheet and in a row of it, a side of each, and the surroundings of the snakes that they show, px.
+_N_PICTURES, _IN_A_ROW, _SIDE_PX, _MARGIN_PX = 6, 3, 420, 40
+
+
+@dataclass(frozen=True)
+class Seen:
+    """M followed points in the image of a view."""
+
+    ids: Integers
+    """(M,)"""
+
+    pixels: Array
+    """(M, 2) px."""
 
 
 @dataclass
@@ -34,16 +45,15 @@ class FollowedSnake:
     lost_in: int | None = None
     """Frame in which it was given up; None while it is followed."""
 
-    _last: int | None = None
+    _last: Seen | None = None
 
-    def look(self, snake: Snake, pixels: Array, t: int, frame: int, image: Image | None) -> None:
+    def look(self, snake: Snake, seen: Seen, frame: int, image: Image | None) -> None:
         """The next frame.
 
         Args:
             snake: how it is followed.
-            pixels: (T, M, 2) of the followed points in its view, px.
-            t: row of the frame there.
-            frame: its number.
+            seen: the followed points in its view.
+            frame: number of the frame.
             image: what its view shows; None for nothing.
         """
         if image is None or self.lost_in is not None:
@@ -54,8 +64,9 @@ class FollowedSnake:
             except ConfigError as error:
                 raise ConfigError(f"snakes.{self.name}: {error}") from error
         else:
-            nodes = advanced(snake, self.nodes[-1], pixels[self._last], pixels[t], image)
-        self._last = t
+            _, before, now = np.intersect1d(self._last.ids, seen.ids, assume_unique=True, return_indices=True)
+            nodes = advanced(snake, self.nodes[-1], self._last.pixels[before], seen.pixels[now], image)
+        self._last = seen
         self.frames.append(frame)
         self.nodes.append(nodes)
         if len(self.nodes) > _LOST_FRAMES and all(nodes.doubtful for nodes in self.nodes[-_LOST_FRAMES:]):
@@ -74,19 +85,11 @@ class FollowedSnake:
         return None
 
 
-def pixels_of(trajectories: PointTrajectories, rig: Rig, view: int) -> Array:
-    """(T, M, 2) where trajectories lie in the image of a view, px; NaN where they are not seen."""
-    if trajectories.flat:
-        return trajectories.positions
-    return np.stack([_projected(rig, view, positions) for positions in trajectories.positions])
-
-
-def _projected(rig: Rig, view: int, positions: Array) -> Array:
-    known = np.isfinite(positions).all(axis=1)
-    pixels = np.full((len(positions), 2), np.nan)
-    if known.any():
-        pixels[known] = rig.cameras[view].project(positions[known])
-    return pixels
+def seen_in(rows: Rows, rig: Rig, view: int) -> Seen:
+    """The points of a frame in a view: their positions projected, or what the view shows where it is alone."""
+    if rows["pixels"].shape[1] == 1:
+        return Seen(rows["id"], rows["pixels"][:, 0].astype(np.float64))
+    return Seen(rows["id"], rig.cameras[view].project(rows["position"]) if len(rows) else np.zeros((0, 2)))
 
 
 def snakes_csv(snakes: Sequence[FollowedSnake], views: tuple[str, ...]) -> Iterator[str]:
@@ -132,7 +135,8 @@ def sheet(snakes: Sequence[FollowedSnake], pictures: Sequence[tuple[int, int, Im
     for view in sorted({snake.view for snake in snakes}):
         own = [picture for picture in pictures if picture[1] == view]
         box = _box([s for s in snakes if s.view == view], own[0][2])
-        rows.append(np.concatenate([_cut(picture, frame, box) for frame, _, picture in own], axis=1))
+        cut = [_cut(picture, frame, box) for frame, _, picture in own]
+        rows += [np.concatenate(cut[k : k + _IN_A_ROW], axis=1) for k in range(0, len(cut), _IN_A_ROW)]
     wide = max(row.shape[1] for row in rows)
     return np.concatenate([np.pad(row, ((0, 0), (0, wide - row.shape[1]), (0, 0))) for row in rows])
 

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracker.arrays import Mask
-from tracker.following.filters import Filtered
-from tracker.point_trajectories import PointStatus, PointTrajectories
+from tracker.arrays import Integers
+from tracker.following.cuts import Cuts
+from tracker.following.record import AT_A_TIME, Rows, between
+from tracker.point_trajectories import PointStatus
 
 
 @dataclass(frozen=True)
@@ -52,25 +53,36 @@ class Course:
     """Told on the way."""
 
 
-def summarized(whole: PointTrajectories, filtered: Filtered | None, course: Course) -> Summary:
-    """Counts what was followed, and what the filters made of it."""
-    seen = whole.seen
-    sigma = np.sqrt((whole.sigmas[-1] ** 2).sum(axis=1))
-    usual = float(np.median(sigma[seen[-1]])) if seen[-1].any() else None
+def summarized(rows: Rows, frames: Integers, cuts: Cuts, course: Course) -> Summary:
+    """Counts what was followed, and what the filters made of it.
+
+    Args:
+        rows: sightings in the order of the frames, before the filters.
+        frames: (T,) all frame numbers.
+        cuts: what the filters do.
+        course: how the following went.
+    """
+    first, last = (between(rows, int(frame), int(frame) + 1) for frame in (frames[0], frames[-1]))
+    flat = rows["pixels"].shape[1] == 1
+    squares = last["sigmas_px"][:, 0] ** 2 if flat else np.diagonal(last["covariance"], axis1=1, axis2=2)
+    usual = float(np.median(np.sqrt(squares.sum(axis=1)))) if len(last) else None
+    n_with = np.zeros(len(PointStatus), dtype=np.int64)
+    for k in range(0, len(rows), AT_A_TIME):
+        n_with += np.bincount(rows["status"][k : k + AT_A_TIME], minlength=len(n_with))
     return Summary(
-        n_frames=len(whole.frames),
-        n_points=len(whole.ids),
-        n_seen_first=int(seen[0].sum()),
-        n_seen_last=int(seen[-1].sum()),
-        n_rekeyed=int((whole.status == PointStatus.REKEYED).sum()),
-        n_found_again=int((whole.status == PointStatus.FOUND_AGAIN).sum()),
-        n_cut=0 if filtered is None else filtered.n_fast + filtered.n_unlike,
-        n_removed=0 if filtered is None else filtered.n_removed,
-        median_sigma_mm=None if whole.flat or usual is None else 1000 * usual,
-        median_sigma_px=usual if whole.flat else None,
-        points_a_second=round(float(seen.sum() / max(course.seconds, 1e-9))),
+        n_frames=len(frames),
+        n_points=cuts.n_before,
+        n_seen_first=len(first),
+        n_seen_last=len(last),
+        n_rekeyed=int(n_with[PointStatus.REKEYED]),
+        n_found_again=int(n_with[PointStatus.FOUND_AGAIN]),
+        n_cut=cuts.n_fast + cuts.n_unlike,
+        n_removed=cuts.n_removed,
+        median_sigma_mm=None if flat or usual is None else 1000 * usual,
+        median_sigma_px=usual if flat else None,
+        points_a_second=round(len(rows) / max(course.seconds, 1e-9)),
         interrupted=course.interrupted,
-        warnings=(*course.warnings, *_warnings(seen)),
+        warnings=(*course.warnings, *_warnings(len(first), len(last))),
     )
 
 
@@ -78,8 +90,7 @@ def summarized(whole: PointTrajectories, filtered: Filtered | None, course: Cour
 _FEW = 0.5
 
 
-def _warnings(seen: Mask) -> tuple[str, ...]:
-    first, last = int(seen[0].sum()), int(seen[-1].sum())
+def _warnings(first: int, last: int) -> tuple[str, ...]:
     if last >= _FEW * first:
         return ()
     return (f"of {first} points at first, {last} are seen at last: most have been lost or are hidden",)

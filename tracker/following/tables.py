@@ -14,32 +14,50 @@ Names = Mapping[int, str]
 """Names of points that have one, by id."""
 
 
-def csv_lines(trajectories: PointTrajectories, motion: Motion, names: Names) -> Iterator[str]:
-    """A row for each point and frame that shows it; units are in the columns' names."""
-    unit, axes = ("px", "xy") if trajectories.flat else ("m", "xyz")
-    columns = ["frame", "time_s", "point", "status"]
+def csv_header(views: tuple[str, ...]) -> str:
+    """Names of the columns, with units; `views` are those that points are followed in."""
+    flat = len(views) == 1
+    unit, axes = ("px", "xy") if flat else ("m", "xyz")
+    columns = ["frame", "time_s", "point", "status", "born", "key", "drift_px"]
     kinds = [("", unit), ("sigma_", unit), ("v", f"{unit}_s"), ("sigma_v", f"{unit}_s")]
     kinds += [("a", f"{unit}_s2"), ("sigma_a", f"{unit}_s2")]
     columns += [f"{prefix}{axis}_{suffix}" for prefix, suffix in kinds for axis in axes]
-    yield ",".join(columns) + "\n"
+    columns += [] if flat else [f"cov_{pair}_m2" for pair in ("xy", "xz", "yz")]
+    columns += [] if flat else [f"{view}_{axis}_px" for view in views for axis in "xy"]
+    return ",".join(columns) + "\n"
+
+
+def csv_lines(trajectories: PointTrajectories, motion: Motion, names: Names, inner: slice) -> Iterator[str]:
+    """A row for each point and frame that shows it, of some of the frames; see `csv_header`.
+
+    `key` is the frame of the newest key patch that the point is known by in any view, `drift_px` the standard deviation
+    that new keys have added up to since its birth.
+    """
+    axes = "xy" if trajectories.flat else "xyz"
     values = [trajectories.positions, trajectories.sigmas, motion.velocities, motion.velocity_sigmas]
     values += [motion.accelerations, motion.acceleration_sigmas]
+    digits = ["%.6f"] * (2 * len(axes)) + ["%.5g"] * (4 * len(axes))
+    n_frames, n_points = trajectories.status.shape
+    if not trajectories.flat:
+        values += [trajectories.covariances[:, :, (0, 0, 1), (1, 2, 2)]]
+        values += [trajectories.pixels.swapaxes(1, 2).reshape(n_frames, n_points, -1)]
+        digits += ["%.4g"] * 3 + ["%.3f"] * (2 * trajectories.pixels.shape[1])
     labels = [names.get(int(number), str(number)) for number in trajectories.ids]
     words = {int(status): status.name.lower() for status in PointStatus}
-    digits = ["%.6f"] * (2 * len(axes)) + ["%.5g"] * (4 * len(axes))
-    row = ",".join(digits)
-    for t, frame in enumerate(trajectories.frames):
+    row, keys = ",".join(digits), trajectories.keys.max(axis=1)
+    for t in range(*inner.indices(n_frames)):
         table = np.concatenate([kind[t] for kind in values], axis=1)
-        lead = f"{frame},{trajectories.times[t]:.6f}"
+        lead = f"{trajectories.frames[t]},{trajectories.times[t]:.6f}"
         for n in np.flatnonzero(trajectories.seen[t]):
+            origin = f"{trajectories.born[n]},{keys[t, n]},{trajectories.drift_px[t, n]:.4f}"
             numbers = (row % tuple(table[n])).replace("nan", "")
-            yield f"{lead},{labels[n]},{words[int(trajectories.status[t, n])]},{numbers}\n"
+            yield f"{lead},{labels[n]},{words[int(trajectories.status[t, n])]},{origin},{numbers}\n"
 
 
 def ply_bytes(trajectories: PointTrajectories, motion: Motion, t: int) -> bytes:
     """The points that a frame shows, with velocities and sigmas, as binary PLY in metres."""
     seen = np.flatnonzero(trajectories.seen[t])
-    names = ("x", "y", "z", "vx", "vy", "vz", "sigma")
+    names = "x", "y", "z", "vx", "vy", "vz", "sigma"
     vertices = np.zeros(len(seen), dtype=[*((name, "<f4") for name in names), ("point", "<i4")])
     sigma: Array = np.sqrt((trajectories.sigmas[t, seen] ** 2).sum(axis=1))
     table = np.concatenate(

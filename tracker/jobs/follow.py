@@ -2,45 +2,54 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from itertools import dropwhile
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar, TextIO
 
 import cv2
 import numpy as np
 import pydantic
-from numpy.typing import NDArray
 
-from tracker.arrays import Image
+from tracker.arrays import Array, Image, Integers
 from tracker.components import component
-from tracker.errors import ConfigError, SequenceError, nearest
+from tracker.errors import ConfigError, nearest
 from tracker.files import replacing, write_json, write_whole
 from tracker.following.births import given_points, points_of_image, points_of_surface, textured_places
+from tracker.following.cuts import Cuts, cut_where_false, no_cuts
 from tracker.following.density import Density
 from tracker.following.filters import TrajectoryFilters
 from tracker.following.following import Following
-from tracker.following.key_points import clicked_places, followed_key_points, key_points_csv, points_around
-from tracker.following.marker_files import C3D_ASKED, chosen_markers, trc_text, write_c3d
-from tracker.following.motion import Motion, motion_of
+from tracker.following.key_points import (
+    KEY_POINTS_HEADER,
+    Surroundings,
+    clicked_places,
+    followed_key_points,
+    key_points_csv,
+    surroundings,
+)
+from tracker.following.marker_files import C3D_ASKED, marker_labels, trc_text, write_c3d
+from tracker.following.motion import REACH_FRAMES, Motion, motion_of
+from tracker.following.overview import Gathering, Overview
 from tracker.following.pictures import counts_figure, points_picture, trajectories_figure
-from tracker.following.points import NewPoints, Points, restored
-from tracker.following.record import append, read, shortened, trajectories_of
+from tracker.following.points import NewPoints
+from tracker.following.record import Rows, append, between, read, shortened
 from tracker.following.report import report_html
+from tracker.following.saved_state import Counts, SavedState, save_state, saved_state
 from tracker.following.sequence import follow, prepared, prepared_rig
-from tracker.following.snake_files import FollowedSnake, drawn, pixels_of, sheet, sheet_frames, snakes_csv
+from tracker.following.snake_files import FollowedSnake, Seen, drawn, seen_in, sheet, sheet_frames, snakes_csv
 from tracker.following.snakes import Contour, Snake, snake_faults
 from tracker.following.summary import Course, Summary, summarized
-from tracker.following.tables import Names, csv_lines, ply_bytes
+from tracker.following.tables import Names, csv_header, csv_lines, ply_bytes
+from tracker.following.windows import Window, windows
 from tracker.frame import Frame
 from tracker.jobs import ResultFolder, described
 from tracker.jobs._stopping import stopping
 from tracker.kernels.ahead import Group
 from tracker.lsm.surface import SurfaceMeasurement, measure_surface
-from tracker.point_trajectories import PointTrajectories
 from tracker.progress import Progress, silent
 from tracker.reading import Reading, Sequence
 from tracker.recording.c3d import c3d_library
@@ -49,7 +58,7 @@ from tracker.rig_layouts import save_rig
 
 Places = tuple[tuple[float, float], ...] | dict[str, tuple[float, float]]
 
-RECORD, STATE = "points.bin", "state.npz"
+RECORD = "points.bin"
 
 
 @component
@@ -155,7 +164,7 @@ class FollowJob:
             raise ConfigError(fault)
         if self.c3d:
             c3d_library(C3D_ASKED)
-        return OpenedFollow(sequence, None if earlier is None else _saved_state(earlier))
+        return OpenedFollow(sequence, None if earlier is None else saved_state(earlier))
 
     def execute(self, opened: OpenedFollow, folder: ResultFolder, progress: Progress = silent) -> FollowOutcome:
         """Follows, writing every frame as it comes, then the tables and pictures; see `tracker.jobs.Job.execute`."""
@@ -203,7 +212,9 @@ class FollowJob:
         """Begins all snakes, so that a contour that is none is told before anything is followed."""
         for name, contour in self.snakes.items():
             view = self._view_of(contour, rig)
-            FollowedSnake(name, contour, view).look(self.snake, np.zeros((1, 0, 2)), 0, 0, greys[view])
+            FollowedSnake(name, contour, view).look(
+                self.snake, Seen(np.zeros(0, np.int64), np.zeros((0, 2))), 0, greys[view]
+            )
 
     @staticmethod
     def _view_of(contour: Contour, rig: Rig) -> int:
@@ -213,10 +224,10 @@ class FollowJob:
         sequence, state = opened.sequence, opened.state
         density = None if self.view is not None or len(self.points) else self.density
         preparation, record = self.surface.preparation, folder.path / RECORD
-        begin, counts = time.perf_counter(), Counts([], [], 0.0, False, [])
+        begin, counts = time.perf_counter(), Counts()
         if state is not None:
             shortened(record, state.n_bytes)
-            counts = Counts(list(state.frames), list(state.times), 0.0, False, list(state.warnings))
+            counts = Counts(list(state.frames), list(state.times), warnings=list(state.warnings))
         else:
             record.touch()
         known = None if state is None else state.points
@@ -228,14 +239,13 @@ class FollowJob:
             try:
                 for k, (frame, points) in enumerate(steps):
                     if not counts.frames and self.key_points:
-                        places = clicked_places(self.key_points, rig)
-                        points_around(frame.positions, list(self.key_points), places, self.key_point_reach_mm / 1000)
+                        self._around(frame.ids, frame.positions, rig)
                     append(record, frame)
                     counts.frames.append(frame.index)
                     counts.times.append(frame.time_s)
                     n_points += int(frame.alive.sum())
                     if len(counts.frames) % self.saved_frames == 0:
-                        _save_state(folder.path / STATE, points, counts, record.stat().st_size)
+                        save_state(folder.path, points, counts, record.stat().st_size)
                     folder.keep()
                     seconds = max(time.perf_counter() - begin, 1e-9)
                     rate = f"{int(frame.alive.sum())} points seen, {n_points / seconds:.0f} points/s"
@@ -249,67 +259,82 @@ class FollowJob:
         return counts
 
     def _written(self, folder: Path, sequence: Sequence, rig: Rig, counts: Counts) -> FollowOutcome:
-        rows = read(folder / RECORD, len(rig))
-        whole = trajectories_of(rows, np.array(counts.frames), np.array(counts.times))
-        filtered = None if whole.flat else self.filters.applied(whole)
-        trajectories = whole if filtered is None else filtered.trajectories
-        motion = motion_of(trajectories)
-        self._write_tables(folder, trajectories, motion)
-        if self.key_points:
-            places = clicked_places(self.key_points, rig)
-            found = followed_key_points(trajectories, list(self.key_points), places, self.key_point_reach_mm / 1000)
-            write_whole(folder / "key_points.csv", key_points_csv(found, trajectories.frames, trajectories.times))
+        rows, frames, times = read(folder / RECORD, len(rig)), np.array(counts.frames), np.array(counts.times)
+        cuts = no_cuts(rows) if self.view is not None else cut_where_false(self.filters, rows, frames, times)
+        overview = self._write_tables(folder, rig, (rows, frames, times), cuts)
         figures = {
-            "trajectories.png": trajectories_figure(trajectories, motion, None if trajectories.flat else rig),
-            "counts.png": counts_figure(trajectories),
+            "trajectories.png": trajectories_figure(overview, rig if self.view is None else None),
+            "counts.png": counts_figure(overview, times),
         }
         for name, figure in figures.items():
             with replacing(folder / name) as path:
                 figure.savefig(path, dpi=110)
-        snakes = self._seen_again(folder, sequence, rig, trajectories)
+        snakes = self._seen_again(folder, sequence, rig, (rows, frames), cuts)
         counts.warnings.extend(warning for snake in snakes if (warning := snake.warning))
-        summary = summarized(whole, filtered, Course(counts.seconds, counts.interrupted, tuple(counts.warnings)))
+        course = Course(counts.seconds, counts.interrupted, tuple(counts.warnings))
+        summary = summarized(rows, frames, cuts, course)
         write_json(folder / "follow.json", {"config": described(self), **asdict(summary)})
         write_whole(folder / "report.html", report_html(self.name, asdict(summary), folder))
         return FollowOutcome(folder=folder, **asdict(summary))
 
-    def _write_tables(self, folder: Path, trajectories: PointTrajectories, motion: Motion) -> None:
+    def _write_tables(self, folder: Path, rig: Rig, record: tuple[Rows, Integers, Array], cuts: Cuts) -> Overview:
         names: Names = dict(enumerate(self.points)) if isinstance(self.points, dict) else {}
-        with replacing(folder / "trajectories.csv") as path, path.open("w", encoding="utf-8") as file:
-            file.writelines(csv_lines(trajectories, motion, names))
-        if trajectories.flat:
-            return
-        markers = chosen_markers(trajectories, names, self.most_markers)
-        write_whole(folder / "trajectories.trc", trc_text(markers, names, "trajectories.trc"))
-        if self.c3d:
-            write_c3d(folder / "trajectories.c3d", markers, names)
-        for t in range(0, len(trajectories.frames), self.cloud_frames) if self.cloud_frames else ():
-            write_whole(folder / f"points_{trajectories.frames[t]:06d}.ply", ply_bytes(trajectories, motion, t))
+        flat, times = self.view is not None, record[2]
+        markers = cuts.longest(np.array(list(names), dtype=np.int64), 0 if flat else self.most_markers)
+        gathering = Gathering(len(times), markers)
+        with contextlib.ExitStack() as files:
+            table = _opened(files, folder / "trajectories.csv", csv_header(rig.names))
+            places = _opened(files, folder / "key_points.csv", KEY_POINTS_HEADER) if self.key_points else None
+            around: Surroundings | None = None
+            for window in windows(*record, 2 * REACH_FRAMES, cuts.relabelled):
+                own, motion = window.trajectories, motion_of(window.trajectories)
+                gathering.add(window, motion)
+                table.writelines(csv_lines(own, motion, names, window.inner))
+                self._write_clouds(folder, window, motion)
+                if places is not None:
+                    around = around or self._around(own.ids, own.positions[0], rig)
+                    found = followed_key_points(own, around)
+                    places.writelines(key_points_csv(found, own.frames, own.times, window.inner))
+        if not flat:
+            shown = gathering.as_markers(marker_labels(markers, names), times)
+            write_whole(folder / "trajectories.trc", trc_text(shown, "trajectories.trc"))
+            if self.c3d:
+                write_c3d(folder / "trajectories.c3d", shown)
+        return gathering.overview()
+
+    def _write_clouds(self, folder: Path, window: Window, motion: Motion) -> None:
+        own = window.trajectories
+        for t in range(*window.inner.indices(len(own.frames))):
+            if not own.flat and self.cloud_frames and own.frames[t] % self.cloud_frames == 0:
+                write_whole(folder / f"points_{own.frames[t]:06d}.ply", ply_bytes(own, motion, t))
+
+    def _around(self, ids: Integers, positions: Array, rig: Rig) -> Surroundings:
+        places = clicked_places(self.key_points, rig)
+        return surroundings(ids, positions, list(self.key_points), places, self.key_point_reach_mm / 1000)
 
     def _seen_again(
-        self, folder: Path, sequence: Sequence, rig: Rig, trajectories: PointTrajectories
+        self, folder: Path, sequence: Sequence, rig: Rig, record: tuple[Rows, Integers], cuts: Cuts
     ) -> list[FollowedSnake]:
         """Goes through the images once more: pictures of the points, and snakes that the trajectories lead."""
-        rows, frames = read(folder / RECORD, len(rig)), trajectories.frames.tolist()
+        rows, frames = record[0], record[1].tolist()
         snakes = [FollowedSnake(name, contour, self._view_of(contour, rig)) for name, contour in self.snakes.items()]
-        watching = prepared_rig(self.surface.preparation, rig)
-        pixels = {snake.view: pixels_of(trajectories, watching, snake.view) for snake in snakes}
+        views, watching = sorted({snake.view for snake in snakes}), prepared_rig(self.surface.preparation, rig)
         wanted, shown = {frames[0], *frames[:: self.picture_frames], frames[-1]}, set(sheet_frames(frames))
         pictures: list[tuple[int, int, Image]] = []
         for frame in self._frames(OpenedFollow(sequence, None)):
             if frame.index > frames[-1]:
                 break
             greys = self._shown(frame) if snakes or frame.index in wanted else ()
+            now = cuts.relabelled(between(rows, frame.index, frame.index + 1)) if snakes else rows
             for snake in snakes:
-                snake.look(self.snake, pixels[snake.view], frames.index(frame.index), frame.index, greys[snake.view])
-            for view in pixels if frame.index in shown else ():
+                snake.look(self.snake, seen_in(now, watching, snake.view), frame.index, greys[snake.view])
+            for view in views if frame.index in shown else ():
                 if (grey := greys[view]) is not None:
                     pictures.append((frame.index, view, drawn(snakes, grey, view, frame.index)))
             if frame.index in wanted:
                 _write_image(folder / f"points_{frame.index:06d}.jpg", points_picture(greys, rows, frame.index))
         if snakes:
-            with replacing(folder / "snakes.csv") as path, path.open("w", encoding="utf-8") as file:
-                file.writelines(snakes_csv(snakes, rig.names))
+            write_whole(folder / "snakes.csv", "".join(snakes_csv(snakes, rig.names)))
             _write_image(folder / "snakes.jpg", sheet(snakes, pictures))
         return snakes
 
@@ -322,34 +347,11 @@ def _position(place: object) -> object:
 
 
 @dataclass(frozen=True)
-class SavedState:
-    """What an interrupted job goes on from."""
-
-    frame: int
-    n_bytes: int
-    frames: tuple[int, ...]
-    times: tuple[float, ...]
-    points: Points
-    warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class OpenedFollow:
     """What a following works on."""
 
     sequence: Sequence
     state: SavedState | None
-
-
-@dataclass
-class Counts:
-    """What has been followed so far."""
-
-    frames: list[int]
-    times: list[float]
-    seconds: float
-    interrupted: bool
-    warnings: list[str]
 
 
 @dataclass(frozen=True)
@@ -359,27 +361,11 @@ class FollowOutcome(Summary):
     folder: Path
 
 
-def _save_state(path: Path, points: Points, counts: Counts, n_bytes: int) -> None:
-    told: dict[str, NDArray[Any]] = {
-        "frames": np.array(counts.frames),
-        "times": np.array(counts.times),
-        "n_bytes": np.array(n_bytes),
-        "warnings": np.array(counts.warnings, dtype=np.str_),
-    }
-    with replacing(path) as unfinished:
-        np.savez(unfinished, **{f"job_{name}": value for name, value in told.items()}, **points.arrays())  # type: ignore[arg-type]
-
-
-def _saved_state(folder: Path) -> SavedState:
-    try:
-        with np.load(folder / STATE) as saved:
-            arrays = {name: saved[name] for name in saved.files}
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise SequenceError(f"{folder / STATE}: no saved state to go on from; run without --resume") from error
-    frames = tuple(int(frame) for frame in arrays["job_frames"])
-    times = tuple(float(time_s) for time_s in arrays["job_times"])
-    warnings = tuple(map(str, arrays["job_warnings"]))
-    return SavedState(frames[-1], int(arrays["job_n_bytes"]), frames, times, restored(arrays), warnings)
+def _opened(files: contextlib.ExitStack, path: Path, header: str) -> TextIO:
+    """A table that is there as a whole when the stack is left."""
+    file = files.enter_context(files.enter_context(replacing(path)).open("w", encoding="utf-8"))
+    file.write(header)
+    return file
 
 
 def _write_image(path: Path, picture: Image) -> None:
