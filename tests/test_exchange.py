@@ -8,7 +8,7 @@ from observations import bent
 
 from tracker.body import BodyModel
 from tracker.body_files import load_body
-from tracker.estimation._exchange import exchanged, mirrored
+from tracker.limbs import exchanged, mirrored
 from tracker.resources import model_path
 
 PAIRS = [("gavrila22", "leg"), ("gavrila22", "arm"), ("human", "leg")]

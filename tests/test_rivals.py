@@ -13,10 +13,10 @@ from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.body_files import load_body
 from tracker.estimate import Estimate
-from tracker.estimation._exchange import taken_over
-from tracker.estimation.rivals import weighed
+from tracker.limbs import taken_over
 from tracker.objective import Objective
 from tracker.resources import model_path
+from tracker.rivals import weighed
 
 LIMBS = "left_arm", "right_leg"
 

@@ -15,7 +15,6 @@ from tracker.contours import Contours, joined
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.estimation import Estimation
-from tracker.estimation.rivals import weighed
 from tracker.evidence import Evidence, Memory, Observed
 from tracker.initialization import Initialization, Stages
 from tracker.loss import LossRule, doubted, judged, sought_anew, trusted_parts
@@ -23,6 +22,7 @@ from tracker.objective import Objective
 from tracker.plate import Plate
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
+from tracker.rivals import weighed
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.start import Start

@@ -1,7 +1,7 @@
 """A second pass: windows of a recording are tracked forwards and then back, the poses of both weighed frame by frame.
 
 The errors of the two directions hardly coincide: a limb is lost on the way into its hiding, not on the way out of it.
-See `tracker.estimation.rivals`.
+See `tracker.rivals`.
 """
 
 from __future__ import annotations

@@ -37,6 +37,8 @@ _FLAGS: dict[str, tuple[_Value, str]] = {
     "flagged ": (lambda one: one.limb_off_flagged, ".0f"),
     "false flags": (lambda one: one.false_flags, ".0f"),
     "start confidence": (lambda one: one.confidence, ".2f"),
+}
+_TIMES: dict[str, tuple[_Value, str]] = {
     "CPU s": (lambda one: one.cpu_s, ".0f"),
     "CPU ms a frame": (lambda one: 1000 * one.cpu_s / max(one.n_frames, 1), ".0f"),
     "its frames, median": (lambda one: 1000 * one.frame_s, ".0f"),
@@ -143,7 +145,7 @@ def _add(table: Path, scores: list[Score]) -> None:
 
 
 def _print(console: Console, scores: list[Score], code: Code) -> None:
-    for title, columns in (("errors", _ERRORS), ("flags and time", _FLAGS)):
+    for title, columns in (("errors", _ERRORS), ("flags", _FLAGS), ("time", _TIMES)):
         table = Table(title=f"{title}, commit {code.commit} ({code.digest})", title_justify="left")
         for name in ("recording", "model", "starts"):
             table.add_column(name, no_wrap=True)

@@ -7,7 +7,7 @@ import numpy as np
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.estimate import Estimate
-from tracker.estimation._exchange import taken_over
+from tracker.limbs import taken_over
 from tracker.objective import Objective
 
 # Joints farther apart than this, in extents of the body at rest, are not in one place: 14 cm of a person.

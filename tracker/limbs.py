@@ -1,4 +1,4 @@
-"""Two limbs that have been taken for each other change places."""
+"""Limbs put elsewhere: exchanged with those of the other side, or taken over from another pose."""
 
 from __future__ import annotations
 
