@@ -23,8 +23,8 @@ class AutoInitialization:
     """
 
     poses: FilePath | None = None
-    """CSV of start poses, as for `given`. Who is lost later is looked for before the background plates, if two views
-    have one."""
+    """CSV of start poses or joints, as for `given`. Who is lost later is looked for before the background plates, if
+    two views have one."""
 
     pca: PcaInitialization = PcaInitialization()
     """How persons are found before known backgrounds."""

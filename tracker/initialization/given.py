@@ -1,4 +1,4 @@
-"""Start poses from a file."""
+"""Start poses from a file of poses or of joints."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from tracker.components import FilePath, component
 from tracker.errors import ConfigError, nearest, shortened
 from tracker.frame import Frame
 from tracker.initialization import Stages
+from tracker.initialization._joint_tables import is_joint_table, pose_from_joints
 from tracker.plate import Plate
 from tracker.scene import Person, Scene
 from tracker.source_files import number_in, rows_of
@@ -21,14 +22,22 @@ from tracker.start import Start
 
 @component
 class GivenInitialization:
-    """Takes the start poses from a CSV in the layout of poses.csv, so that any earlier result can start a run."""
+    """Takes the start poses from a CSV in the layout of poses.csv or of joints.csv: any earlier result can start a run.
+
+    So can the joint centres of a marker system or of another program.
+    """
 
     poses: FilePath
-    """CSV with the columns `frame`, `person` and every parameter with its unit (`torso_x_m`, ...)."""
+    """CSV with the columns `frame`, `person` and every parameter with its unit (`torso_x_m`, ...); or with `frame`,
+    `joint`, `x`, `y`, `z` (metres) and `person` where there are several: the bodies are fitted to the joints."""
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Reads every pose that may be used; see `tracker.initialization.Initialization.check`."""
         rows = _rows(self.poses)
+        if is_joint_table(rows):
+            for person in scene.persons:
+                self._from_joints(rows, person, scene, 0)
+            return f"given, joints in {self.poses}"
         for person in scene.persons:
             for row in _rows_of(rows, person, self.poses):
                 _number(row, "frame", self.poses)
@@ -38,7 +47,14 @@ class GivenInitialization:
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """The row of each person with the frame's number, or the nearest earlier one, or the first."""
         rows = _rows(self.poses)
+        if is_joint_table(rows):
+            return Start(tuple(self._from_joints(rows, person, scene, frame.index) for person in scene.persons))
         return Start(tuple(self._pose(rows, person, frame.index) for person in scene.persons))
+
+    def _from_joints(self, rows: list[dict[str, str]], person: Person, scene: Scene, index: int) -> Array:
+        alone = len(scene.persons) == 1 and len({row.get("person") for row in rows}) == 1
+        mine = rows if alone else _rows_of(rows, person, self.poses)
+        return pose_from_joints(mine, person.body, index, self.poses)
 
     def _pose(self, rows: list[dict[str, str]], person: Person, index: int) -> Array:
         mine = _rows_of(rows, person, self.poses)

@@ -1,0 +1,85 @@
+"""Start poses that fit a table of joint centres: of a marker system, another program, or an earlier result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tracker.arrays import Array
+from tracker.body import BodyModel
+from tracker.errors import ConfigError, nearest
+from tracker.initialization._inverse_kinematics import fitted_pose
+from tracker.keypoints import plain_name
+from tracker.source_files import frame_in, number_in
+
+Row = dict[str, str]
+
+_LEAST_MARKS = 6
+"""Joints that fix a pose well enough to start from: hips and shoulders, and two more."""
+
+_FAR_M = 0.15
+"""A body this far from the joints on average is not theirs, metres."""
+
+
+def is_joint_table(rows: list[Row]) -> bool:
+    """Whether rows have a joint each, and not a pose."""
+    return bool(rows) and "joint" in rows[0]
+
+
+def pose_from_joints(rows: list[Row], body: BodyModel, index: int, path: Path) -> Array:
+    """The pose (dof,) that fits the joints of a frame, or of the nearest earlier one, or the first.
+
+    Args:
+        rows: with the columns `frame`, `joint`, `x`, `y`, `z` (or `x_m`, ...), of one person, metres.
+        body: whose pose.
+        index: number of the frame.
+        path: for messages.
+
+    Raises:
+        ConfigError: a column or joints are missing, or the body is not theirs.
+    """
+    axes = ("x_m", "y_m", "z_m") if "x_m" in rows[0] else ("x", "y", "z")
+    for column in ("frame", *axes):
+        if column not in rows[0]:
+            raise ConfigError(f'{path}: no column "{column}" beside "joint"; {nearest(column, rows[0])}')
+    there = [row for row in rows if all(row[axis] for axis in axes)]
+    numbers = sorted({frame_in(row, path, ConfigError) for row in there})
+    if not numbers:
+        raise ConfigError(f"{path}: no joint in it has a place")
+    frame = max((number for number in numbers if number <= index), default=numbers[0])
+    places = {
+        row["joint"]: np.array([number_in(row, axis, path, ConfigError) for axis in axes])
+        for row in there
+        if frame_in(row, path, ConfigError) == frame
+    }
+    return _fitted(places, body, frame, path)
+
+
+def _fitted(places: dict[str, Array], body: BodyModel, frame: int, path: Path) -> Array:
+    """The pose (dof,) of a body at the joints of a frame, name -> (3,) metres."""
+    found = {mark: point for name, point in places.items() if (mark := _landmark(name, body)) is not None}
+    # a joint that is called as ours is means ours, whatever else could
+    found |= {name: point for name, point in places.items() if name in body.landmark_names}
+    if len(found) < _LEAST_MARKS:
+        raise ConfigError(
+            f'{path}: frame {frame}: {len(found)} of the joints are landmarks of model "{body.name}", expected '
+            f"{_LEAST_MARKS}; joints: {', '.join(places)}; landmarks: {', '.join(body.landmark_names)}"
+        )
+    marks = np.array([body.landmark_names.index(name) for name in found])
+    pose, left_m = fitted_pose(body, marks, np.array(list(found.values())), np.ones(len(marks)))
+    if left_m.mean() > _FAR_M:
+        raise ConfigError(
+            f'{path}: frame {frame}: model "{body.name}" stays {left_m.mean():.2f} m from the joints on '
+            f"average, expected less than {_FAR_M} m: check that they are in metres and in the world of the calibration, and the stature"
+        )
+    return pose
+
+
+def _landmark(name: str, body: BodyModel) -> str | None:
+    """The landmark that a joint of another program means; a head may be its middle or its top and means none."""
+    for own, others in body.joints.aliases.items():
+        if name in others and own in body.landmark_names:
+            return own
+    plain = plain_name(name)
+    return plain if plain in body.landmark_names and name.lower() != "head" else None
