@@ -71,7 +71,7 @@ def _fitted(places: dict[str, Array], body: BodyModel, frame: int, path: Path) -
     if left_m.mean() > _FAR_M:
         raise ConfigError(
             f'{path}: frame {frame}: model "{body.name}" stays {left_m.mean():.2f} m from the joints on '
-            f"average, expected less than {_FAR_M} m: check that they are in metres and in the world of the calibration, and the stature"
+            f"average, expected less than {_FAR_M} m: they must be in metres, in the world of the calibration"
         )
     return pose
 
