@@ -1,0 +1,131 @@
+"""Reading images: numbers, cut files, formats."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numbered_pictures import (
+    N_FRAMES,
+    VIEWS,
+    images,
+    picture,
+    record,
+    seen,
+    shown,
+    write_images,
+)
+
+from tracker.errors import SequenceError
+from tracker.reading.images import intact_image
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record(tmp_path_factory.mktemp("recorded"))
+
+
+@pytest.fixture
+def folder(recorded: Path, tmp_path: Path) -> Path:
+    """A copy of the recording that a test may spoil."""
+    return Path(shutil.copytree(recorded, tmp_path / "copy"))
+
+
+def test_what_is_appended_to_a_jpeg_does_no_harm_and_a_preview_in_it_hides_no_cut(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    whole = cv2.imencode(".jpg", rng.integers(0, 255, (60, 80, 3), dtype=np.uint8))[1].tobytes()
+    small = cv2.imencode(".jpg", np.zeros((8, 8, 3), dtype=np.uint8))[1].tobytes()
+    preview = whole[:2] + b"\xff\xe1" + (len(small) + 2).to_bytes(2, "big") + small + whole[2:]
+    path = tmp_path / "a.jpg"
+    for content in (whole, preview, whole + 100_000 * b"motion", whole + small):
+        path.write_bytes(content)
+        np.testing.assert_array_equal(intact_image(path), cv2.imdecode(np.frombuffer(whole, np.uint8), 1))
+    for content in (whole[: len(whole) // 2], preview[: len(preview) // 2], whole[:-2], whole[:3], b"\xff\xd8"):
+        path.write_bytes(content)
+        with pytest.raises(SequenceError, match="corrupt or truncated"):
+            intact_image(path)
+
+
+def test_pictures_that_are_whole_and_not_read_say_why(tmp_path: Path) -> None:
+    path = tmp_path / "depth.tif"
+    cv2.imwrite(str(path), np.ones((8, 9), dtype=np.float32))
+    with pytest.raises(SequenceError, match="a TIFF of 32- or 64-bit numbers, expected 8 or 16 bits"):
+        intact_image(path)
+    cv2.imwrite(str(path), np.full((8, 9), 30_000, dtype=np.uint16))
+    assert intact_image(path).max() == 30_000 // 256 + 0
+    path = tmp_path / "bomb.png"
+    cv2.imwrite(str(path), np.zeros((8, 9), dtype=np.uint8))
+    content = bytearray(path.read_bytes())
+    content[16:24] = (100_000).to_bytes(4, "big") * 2
+    path.write_bytes(content)
+    with pytest.raises(SequenceError, match="says to have 100000x100000 px, expected at most 268 million"):
+        intact_image(path)
+
+
+def test_image_numbers_need_not_start_at_0(folder: Path) -> None:
+    for v, name in enumerate(VIEWS):
+        shutil.rmtree(folder / "images" / name)
+        write_images(folder / "images" / name, v, first=997)
+    assert shown(images(folder, start=8, stop=10)) == [tuple((v, n) for v in range(3)) for n in (8, 9)]
+
+
+def test_a_view_that_lacks_its_first_images_is_not_shifted(folder: Path) -> None:
+    (folder / "images" / "north" / "img_0000.png").unlink()
+    with pytest.raises(SequenceError, match=r'view "north" has no image for frame 0'):
+        list(images(folder).open().frames())
+    assert shown(images(folder, on_missing="skip"))[:2] == [((0, 0), None, (2, 0)), ((0, 1), (1, 1), (2, 1))]
+
+
+def test_a_jpeg_cut_off_is_noticed(folder: Path) -> None:
+    """OpenCV would fill the rest with grey."""
+    for v, name in enumerate(VIEWS):
+        for number in range(3):
+            cv2.imwrite(str(folder / "images" / name / f"img_{number}.jpg"), picture(v, number))
+    recording = dataclasses.replace(images(folder), path=str(folder / "images" / "{view}" / "img_{frame}.jpg"))
+    assert len(shown(recording)) == 3
+    spoilt = folder / "images" / "west" / "img_1.jpg"
+    spoilt.write_bytes(spoilt.read_bytes()[:-40])
+    with pytest.raises(SequenceError, match=r"west/img_1\.jpg: not an image that can be read"):
+        shown(recording)
+    assert [views[2] for views in shown(dataclasses.replace(recording, on_missing="skip"))] == [(2, 0), None, (2, 2)]
+
+
+def test_images_are_sorted_by_number_not_by_letter(folder: Path) -> None:
+    for name in VIEWS:
+        for file in (folder / "images" / name).iterdir():
+            number = int(re.sub(r"\D", "", file.name))
+            file.rename(file.with_name(f"img_{number}.png"))
+    assert [views[2] for views in shown(images(folder))] == [(2, number) for number in range(N_FRAMES)]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "reason"),
+    [
+        (lambda path: path.unlink(), r'view "north" has no image for frame 7'),
+        (lambda path: path.write_bytes(path.read_bytes()[:80]), r"img_0007\.png: not an image that can be read"),
+    ],
+    ids=["missing", "truncated"],
+)
+def test_one_bad_image(folder: Path, spoil: Callable[[Path], None], reason: str) -> None:
+    spoil(folder / "images" / "north" / "img_0007.png")
+    with pytest.raises(SequenceError, match=reason):
+        list(images(folder).open().frames())
+    frames = list(images(folder, on_missing="skip").open().frames())
+    assert [frame.index for frame in frames if frame.missing] == [7]
+    assert frames[7].missing == (1,)
+    assert seen(frames[8].images[1]) == (1, 8)
+
+
+def test_image_patterns_that_cannot_work(folder: Path) -> None:
+    with pytest.raises(SequenceError, match=r"no \{frame\}"):
+        dataclasses.replace(images(folder), path=str(folder / "images" / "{view}" / "img.png")).open()
+    with pytest.raises(SequenceError, match=r"no \{frame\} in the file name"):
+        dataclasses.replace(images(folder), path=str(folder / "images" / "{view}_{frame}" / "img.png")).open()
+    with pytest.raises(SequenceError, match=r'view "east": no image picture_\{frame\}\.png'):
+        dataclasses.replace(images(folder), path=str(folder / "images" / "{view}" / "picture_{frame}.png")).open()
