@@ -207,7 +207,7 @@ def test_snakes_are_led_in_a_view(folder, rig):
     assert {int(row["frame"]) for row in rows} == set(range(N_FRAMES))
     assert all(int(row["leading"]) >= 6 for row in rows if row["frame"] != "0")
     assert cv2.imread(str(outcome.folder / "snakes.jpg")).std() > 5
-    assert "<h2>snakes</h2>" in (outcome.folder / "report.html").read_text()
+    assert "<h2>Snakes</h2>" in (outcome.folder / "report.html").read_text()
     assert load_job("follow", outcome.folder / "config.toml").snakes == job.snakes
 
 

@@ -31,6 +31,9 @@ class Cuts:
     false: Integers
     """(F,) false steps, in order: id and frame."""
 
+    steps: Array
+    """(F, 2, D) from where to where they went, in any order."""
+
     pieces: Integers
     """(P,) pieces of trajectories, in order: id and how many false steps were before."""
 
@@ -70,7 +73,7 @@ def no_cuts(rows: Rows) -> Cuts:
     """Trajectories as they are."""
     none = np.zeros(0, dtype=np.int64)
     pieces, n_seen = _counted(rows, none)
-    return Cuts(0, 0, 0, none, pieces, pieces // _FRAMES, n_seen)
+    return Cuts(0, 0, 0, none, np.zeros((0, 2, 2)), pieces, pieces // _FRAMES, n_seen)
 
 
 def cut_where_false(
@@ -85,17 +88,19 @@ def cut_where_false(
         times: (T,) seconds.
         most_sightings: held at a time, about.
     """
-    false, n_fast, n_unlike = [np.zeros(0, dtype=np.int64)], 0, 0
+    false, steps, n_fast, n_unlike = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 2, 3))], 0, 0
     for window in windows(rows, frames, times, FAR_FRAMES, most_sightings=most_sightings):
-        steps, own = filters.false_steps(window.trajectories), window.trajectories
-        fast, unlike = steps.fast[window.inner], steps.unlike[window.inner]
+        found, own = filters.false_steps(window.trajectories), window.trajectories
+        fast, unlike = found.fast[window.inner], found.unlike[window.inner]
         t, n = np.nonzero(fast | unlike)
-        false.append(own.ids[n] * _FRAMES + own.frames[window.inner][t])
+        t += window.inner.start
+        false.append(own.ids[n] * _FRAMES + own.frames[t])
+        steps.append(np.stack([own.positions[t - 1, n], own.positions[t, n]], axis=1))
         n_fast, n_unlike = n_fast + int(fast.sum()), n_unlike + int(unlike.sum())
     ordered = np.sort(np.concatenate(false))
     pieces, n_seen = _counted(rows, ordered)
     ids, n_removed = _new_ids(pieces, n_seen, filters.min_frames)
-    return Cuts(n_fast, n_unlike, n_removed, ordered, pieces, ids, n_seen)
+    return Cuts(n_fast, n_unlike, n_removed, ordered, np.concatenate(steps), pieces, ids, n_seen)
 
 
 def _pieces_of(rows: Rows, false: Integers) -> Integers:

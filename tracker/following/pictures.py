@@ -61,32 +61,46 @@ _STATUS_COLOURS = {
 }
 
 
-def trajectories_figure(overview: Overview, rig: Rig | None) -> Figure:
-    """Trajectories coloured by their speed: in space from the front and from the left, else in the image."""
+def trajectories_figure(overview: Overview, false: Array, rig: Rig | None) -> Figure:
+    """Trajectories coloured by their speed: in space from the front and from the left, else in the image.
+
+    Args:
+        overview: what to draw.
+        false: (F, 2, D) steps that the filters took for false, drawn in black.
+        rig: cameras that say where the front is; None for trajectories in an image.
+    """
     places, speed = overview.steps, overview.speeds
-    sides: tuple[tuple[str, Array], ...] = (("in the image, px", places * (1, -1)),) if rig is None else ()
-    if rig is not None:
+    sides: tuple[tuple[str, Array, Array], ...]
+    if rig is None:
+        sides = (("in the image, px", places * (1, -1), false * (1, -1)),)
+    else:
         right, down, away = _directions(places, rig)
-        sides = (
-            ("from the front, m", np.stack([places @ right, -(places @ down)], axis=-1)),
-            ("from the left, m", np.stack([places @ away, -(places @ down)], axis=-1)),
-        )
+
+        def seen_from(across: Array) -> tuple[Array, Array]:
+            first, second = (np.stack([part @ across, -(part @ down)], axis=-1) for part in (places, false))
+            return first, second
+
+        sides = (("from the front, m", *seen_from(right)), ("from the left, m", *seen_from(away)))
     top = float(np.percentile(speed, 99)) if len(speed) else 1.0
     scale = Normalize(0.0, max(top, 1e-9))
-    extents = [np.ptp(lines.reshape(-1, 2), axis=0) if len(lines) else np.ones(2) for _, lines in sides]
+    extents = [np.ptp(lines.reshape(-1, 2), axis=0) if len(lines) else np.ones(2) for _, lines, _ in sides]
     height = max(1e-9, *(float(extent[1]) for extent in extents))
     ratios = [float(np.clip(extent[0] / height, 0.3, 2.0)) for extent in extents]
     figure = Figure((6.0 * sum(ratios) + 2.5, 6.6), layout="constrained")
     axes = figure.subplots(1, len(sides), squeeze=False, width_ratios=ratios)[0]
-    for axis, (title, segments) in zip(axes, sides, strict=True):
+    for axis, (title, segments, cut) in zip(axes, sides, strict=True):
         lines = LineCollection(list(segments), cmap=_COLOURS, norm=scale, linewidths=0.6)
         lines.set_array(speed)
         axis.add_collection(lines)
         axis.set_aspect("equal")
         axis.autoscale()
+        # after the axes are scaled: a false step may lead anywhere
+        axis.add_collection(LineCollection(list(cut), colors="black", linewidths=1.2), autolim=False)
         axis.locator_params(nbins=4)
         axis.set_title(title, fontsize=10)
     unit = "px/s" if rig is None else "m/s"
+    if len(false):
+        figure.suptitle(f"black: {len(false)} steps that the filters took for false, and cut", fontsize=10)
     figure.colorbar(ScalarMappable(scale, _COLOURS), ax=axes, label=f"speed, {unit}", shrink=0.7)
     return figure
 

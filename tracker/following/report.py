@@ -3,46 +3,46 @@
 from __future__ import annotations
 
 import base64
-import html
-from collections.abc import Mapping
 from pathlib import Path
 
-_STYLE = "body{font:15px sans-serif;max-width:1100px;margin:2em auto;color:#222}img{max-width:100%}"
-_STYLE += "td{padding:.15em 1em .15em 0}td+td{text-align:right}.warn{background:#fff3cd;padding:.6em}"
+from tracker.following.summary import Summary
+from tracker.pages import filled
 
 
-def report_html(name: str, summary: Mapping[str, object], folder: Path) -> str:
+def report_html(name: str, summary: Summary, folder: Path) -> str:
     """Numbers and pictures of a result folder."""
-    rows = "".join(
-        f"<tr><td>{html.escape(key.removeprefix('n_').replace('_', ' '))}</td><td>{_shown(value)}</td></tr>"
-        for key, value in summary.items()
-        if value is not None and key != "warnings"
-    )
-    pictures = [*sorted(folder.glob("points_*.jpg"))]
-    pictures += [folder / name for name in ("snakes.jpg", "trajectories.png", "counts.png")]
-    parts = [_picture(path) for path in pictures if path.is_file()]
-    legend = "green: followed by their key patch; orange: a new key; blue: found again; white: new; grey: their way"
-    return (
-        f"<!doctype html><meta charset='utf-8'><title>{html.escape(name)}</title><style>{_STYLE}</style>"
-        f"<h1>{html.escape(name)}: followed points</h1>{_warning(summary)}<table>{rows}</table>"
-        f"<p>{legend}</p>{''.join(parts)}\n"
-    )
+    flat = summary.median_sigma_mm is None and summary.median_sigma_px is not None
+    warnings = list(summary.warnings)
+    if summary.interrupted:
+        warnings.insert(0, "The job was interrupted: what follows is of the frames before.")
+    pictures = sorted(folder.glob("points_*.jpg"))
+    content = {
+        "name": name,
+        "summary": summary,
+        "flat": flat,
+        "sigma": _sigma(summary),
+        "warnings": warnings,
+        "frames": [(int(path.stem.removeprefix("points_")), _uri(path)) for path in pictures],
+        "snakes": _uri(folder / "snakes.jpg"),
+        "trajectories": _uri(folder / "trajectories.png"),
+        "counts": _uri(folder / "counts.png"),
+        "files": sorted(path.name for path in folder.iterdir() if path.suffix in _TABLES),
+    }
+    return filled("tracker.following", "_report.html", content)
 
 
-def _warning(summary: Mapping[str, object]) -> str:
-    """What a reader must not overlook."""
-    warnings = summary["warnings"]
-    said = list(warnings) if isinstance(warnings, tuple | list) else []
-    if summary["interrupted"]:
-        said.insert(0, "The job was interrupted: what follows is of the frames before.")
-    return "".join(f"<p class='warn'>{html.escape(str(warning))}</p>" for warning in said)
+_TABLES = {".csv", ".trc", ".c3d", ".json"}
 
 
-def _shown(value: object) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else html.escape(str(value))
+def _sigma(summary: Summary) -> str:
+    if summary.median_sigma_mm is not None:
+        return f"{summary.median_sigma_mm:.2f} mm"
+    return "-" if summary.median_sigma_px is None else f"{summary.median_sigma_px:.3f} px"
 
 
-def _picture(path: Path) -> str:
+def _uri(path: Path) -> str:
+    """A picture as part of the page; empty where there is none."""
+    if not path.is_file():
+        return ""
     kind = "png" if path.suffix == ".png" else "jpeg"
-    data = base64.b64encode(path.read_bytes()).decode("ascii")
-    return f"<h2>{html.escape(path.stem.replace('_', ' '))}</h2><img src='data:image/{kind};base64,{data}'>"
+    return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"

@@ -9,8 +9,8 @@ from tracker.arrays import Array, Integers
 from tracker.following.record import Rows, between, trajectories_of
 from tracker.point_trajectories import PointTrajectories
 
-MOST_SIGHTINGS = 500_000
-"""Sightings that are held at a time, 200 MB as trajectories."""
+MOST_SIGHTINGS = 150_000
+"""Sightings that are held at a time: as trajectories with all that is computed of them about 0.5 GB."""
 
 # Shorter windows would be margins above all.
 _LEAST_FRAMES = 32

@@ -263,7 +263,7 @@ class FollowJob:
         cuts = no_cuts(rows) if self.view is not None else cut_where_false(self.filters, rows, frames, times)
         overview = self._write_tables(folder, rig, (rows, frames, times), cuts)
         figures = {
-            "trajectories.png": trajectories_figure(overview, rig if self.view is None else None),
+            "trajectories.png": trajectories_figure(overview, cuts.steps, rig if self.view is None else None),
             "counts.png": counts_figure(overview, times),
         }
         for name, figure in figures.items():
@@ -274,7 +274,7 @@ class FollowJob:
         course = Course(counts.seconds, counts.interrupted, tuple(counts.warnings))
         summary = summarized(rows, frames, cuts, course)
         write_json(folder / "follow.json", {"config": described(self), **asdict(summary)})
-        write_whole(folder / "report.html", report_html(self.name, asdict(summary), folder))
+        write_whole(folder / "report.html", report_html(self.name, summary, folder))
         return FollowOutcome(folder=folder, **asdict(summary))
 
     def _write_tables(self, folder: Path, rig: Rig, record: tuple[Rows, Integers, Array], cuts: Cuts) -> Overview:
