@@ -16,6 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks import snakes
 from tracker.arrays import Array, Image, Mask
 from tracker.following.births import chosen_evenly, points_of_image, points_of_surface
 from tracker.following.following import Following
@@ -47,7 +48,14 @@ def compare(console: Console, only: str, quick: bool) -> None:
         console.print("BODYTRACK_DATA is not set: no recordings to follow points on")
         return
     back = _Back(Path(os.environ["BODYTRACK_DATA"], "closerange"), 5 if quick else 51)
-    parts = {"shirt": _shirt, "hidden": _hidden, "interlaced": _interlaced, "flat": _flat, "rate": _rate}
+    parts = {
+        "shirt": _shirt,
+        "hidden": _hidden,
+        "interlaced": _interlaced,
+        "flat": _flat,
+        "rate": _rate,
+        "snakes": _snakes,
+    }
     for name, part in parts.items():
         if only in name:
             table = Table(
@@ -356,6 +364,16 @@ def _rate(table: Table, back: _Back) -> None:
     n = len(start.new.positions)
     _row(table, f"{n} points in three views", seconds, "s a frame", 0.35, False, "CPU of one core, without reading")
     table.add_row("points a second", f"{n / seconds:.0f}", "", "")
+
+
+def _snakes(table: Table, back: _Back) -> None:
+    """Every frame, and every other one: limbs move twice as far from frame to frame."""
+    frames, _ = _followed(back, back.start(3000, step_px=6), Following())
+    for stride in (1, 2):
+        table.add_row(f"{50 // stride} frames a second", "", "", "")
+        shown = frames[::stride]
+        images = [back.images(frame.index)[CENTRE] for frame in shown]
+        snakes.add_rows(table, back.truth, back.rig, CENTRE, images, shown)
 
 
 def _row(

@@ -1,0 +1,68 @@
+"""Contours of a limb on the moving back: led by trajectories, and looked for where they were."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from rich.table import Table
+from scipy.spatial import cKDTree
+
+from tracker.arrays import Array, Image, Mask
+from tracker.following.snake_files import FollowedSnake, Seen
+from tracker.following.snakes import Snake
+from tracker.jobs import load_job
+from tracker.point_trajectories import PointFrame
+from tracker.rig import Rig
+
+CONFIG = Path(__file__).parents[2] / "configs" / "following" / "contours.toml"
+
+# A node is right that an edge holds no farther from the true outline.
+RIGHT_PX = 2.0
+
+
+def add_rows(table: Table, truth: Any, rig: Rig, view: int, images: list[Image], followed: list[PointFrame]) -> None:
+    """Rows for the open contours of the configuration, which are outlines against the background.
+
+    Args:
+        table: of four columns.
+        truth: of the recording.
+        rig: its cameras.
+        view: index of the view with the contours.
+        images: of that view, in all frames.
+        followed: the points in the same frames.
+    """
+    outlines = [_outline(truth, view, frame.index) for frame in followed]
+    contours = {name: contour for name, contour in load_job("follow", CONFIG).snakes.items() if not contour.closed}
+    for name, contour in contours.items():
+        for way, led in (("led by trajectories", True), ("edges alone, from where they were", False)):
+            snake = FollowedSnake(name, contour, view)
+            for frame, image in zip(followed, images, strict=True):
+                if not led and snake.nodes:
+                    snake.nodes[-1] = replace(snake.nodes[-1], motion=np.zeros_like(snake.nodes[-1].motion))
+                snake.look(Snake(), _seen(frame, rig, view, frame.alive & led), frame.index, image)
+            gaps = [outlines[k].query(nodes.places)[0] for k, nodes in enumerate(snake.nodes)]
+            held = np.concatenate([nodes.held for nodes in snake.nodes])
+            near = np.concatenate(gaps)[held]
+            n_nodes = len(snake.nodes[0].places) * len(followed)
+            doubtful = sum(nodes.doubtful for nodes in snake.nodes) + len(followed) - len(snake.nodes)
+            right, wrong = (100 * float(few.sum()) / n_nodes for few in (near <= RIGHT_PX, near > RIGHT_PX))
+            note = f"{wrong:.1f} % on a wrong edge; doubtful in {doubtful} frames"
+            table.add_row(f"{name}, {way}: nodes on the true outline", f"{right:.1f} %", "", note)
+            table.add_row(f"{name}, {way}: median distance of those held", f"{np.median(near):.2f} px", "", "")
+
+
+def _seen(frame: PointFrame, rig: Rig, view: int, own: Mask) -> Seen:
+    positions: Array = frame.positions[own]
+    return Seen(frame.ids[own], rig.cameras[view].project(positions) if len(positions) else np.zeros((0, 2)))
+
+
+def _outline(truth: Any, view: int, index: int) -> Any:
+    """The outermost pixels of the true silhouette, to be searched."""
+    mask = (truth.depth(view, index) > 0).astype(np.uint8)
+    truth._cache.clear()
+    rim = mask - cv2.erode(mask, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_REPLICATE)
+    return cKDTree(np.argwhere(rim)[:, ::-1])
