@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import sections
 from detected import detected, written
+from followed import followed
 from recordings import cycle_for, small_simulation
 from renderers import working
 from scipy.spatial import cKDTree
@@ -60,6 +61,16 @@ def keypoints(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     sections.GIVEN["evidence", "keypoints"] = {"path": pattern}
     yield
     del sections.GIVEN["evidence", "keypoints"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def points(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Tables of points on the person that each view shows in frame 0."""
+    person = scene.persons[0]
+    path = followed(person.body, person.q[None], scene.rig, tmp_path_factory.mktemp("points"))
+    sections.GIVEN["evidence", "points"] = {"path": path}
+    yield
+    del sections.GIVEN["evidence", "points"]
 
 
 @pytest.fixture(scope="module")

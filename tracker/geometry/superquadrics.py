@@ -66,6 +66,46 @@ def inside_outside(shape: Array, points: Array) -> Array:
     return value
 
 
+def signed_distance(shape: Array, points: Array) -> tuple[Array, Array]:
+    """Distances from the surface to first order, and the direction away from it (Taubin 1991, section 3.1).
+
+    ``(f - 1) / |grad f|`` of ``f = F^(e1/2)``, which grows linearly from the middle: exact for spheres and for the
+    sides of cylinders and boxes.
+
+    Args:
+        shape: (7,) packed superquadric.
+        points: (..., 3) metres, in the part's frame.
+
+    Returns:
+        (...) metres, negative inside; (..., 3) unit vectors.
+    """
+    a1, a2, a3, e1, e2, k1, k2 = shape
+    height = np.clip(points[..., 2] / a3, -1, 1)
+    within = np.abs(points[..., 2]) < a3
+    grow_x, grow_y = 1 + k1 * height, 1 + k2 * height
+    x, y = (np.maximum(np.abs(points[..., k]), _TINY) for k in range(2))
+    z = np.maximum(np.abs(points[..., 2]), _TINY) / a3
+    u, v = x / (a1 * grow_x), y / (a2 * grow_y)
+    ring = np.maximum(u ** (2 / e2) + v ** (2 / e2), _TINY)
+    value = ring ** (e2 / e1) + z ** (2 / e1)
+    # the slopes of F by ring, and of the ring by u and v, without the factor 2 / e1 that all have
+    by_ring = ring ** (e2 / e1 - 1)
+    by_u, by_v = by_ring * u ** (2 / e2 - 1), by_ring * v ** (2 / e2 - 1)
+    taper = (by_u * u * k1 / grow_x + by_v * v * k2 / grow_y) * within / a3
+    slopes = np.stack(
+        [
+            np.sign(points[..., 0]) * by_u / (a1 * grow_x),
+            np.sign(points[..., 1]) * by_v / (a2 * grow_y),
+            np.sign(points[..., 2]) * z ** (2 / e1 - 1) / a3 - taper,
+        ],
+        axis=-1,
+    )
+    steepness = np.maximum(np.linalg.norm(slopes, axis=-1), _TINY)
+    f = value ** (e1 / 2)
+    distances: Array = (f - 1) / (value ** (e1 / 2 - 1) * steepness)
+    return distances, slopes / steepness[..., None]
+
+
 def shape_derivatives(shape: Array, points: Array) -> Array:
     """How surface points of fixed latitude and longitude move with the shape.
 

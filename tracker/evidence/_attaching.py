@@ -1,0 +1,162 @@
+"""Followed points on the parts of a body: where a ray meets the fitted surface, and what a part then carries along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tracker.arrays import Array, Integers, Mask
+from tracker.geometry.superquadrics import inside_outside, signed_distance
+
+# Of a ray through the sphere around a part; between two of them the crossing is halved so often.
+_STEPS, _HALVINGS = 40, 10
+
+
+@dataclass(frozen=True)
+class Attachments:
+    """N times that a followed point was attached to a part of the scene's persons; a frozen value."""
+
+    table: Integers
+    """(N,) number of the table that a point is in."""
+
+    point: Integers
+    """(N,) its number there."""
+
+    part: Integers
+    """(N,) part of the scene that carries it; -1 since it was dropped."""
+
+    place: Array
+    """(N, 3) in the part's frame, metres."""
+
+    covariance: Array
+    """(N, 3, 3) of the place, square metres."""
+
+    strikes: Integers
+    """(N,) frames on end in which it disagreed with its part."""
+
+    @staticmethod
+    def none() -> Attachments:
+        """No point yet."""
+        whole = np.zeros(0, dtype=np.int64)
+        return Attachments(whole, whole, whole, np.zeros((0, 3)), np.zeros((0, 3, 3)), whole)
+
+    def joined(self, other: Attachments) -> Attachments:
+        """These and others."""
+        fields = self.__dataclass_fields__
+        return Attachments(**{name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in fields})
+
+    def chosen(self, which: Mask | Integers) -> Attachments:
+        """Some of them."""
+        return Attachments(**{name: getattr(self, name)[which] for name in self.__dataclass_fields__})
+
+    def judged(self, seen: Mask, disagree: Mask, patience: int) -> tuple[Attachments, Mask]:
+        """After a frame: points that have disagreed `patience` frames on end are dropped.
+
+        Args:
+            seen: (N,) points that the frame shows on parts that can be trusted.
+            disagree: (N,) those that are not where their part is.
+            patience: frames.
+
+        Returns:
+            The attachments, and (N,) which were dropped.
+        """
+        strikes = np.where(seen, np.where(disagree, self.strikes + 1, 0), self.strikes)
+        dropped: Mask = (self.part >= 0) & (strikes >= patience)
+        part = np.where(dropped, -1, self.part)
+        return replace(self, part=part, strikes=np.where(dropped, 0, strikes)), dropped
+
+
+@dataclass(frozen=True)
+class Met:
+    """Where N rays meet a body."""
+
+    part: Integers
+    """(N,) -1 where they do not."""
+
+    point: Array
+    """(N, 3) in the part's frame, metres."""
+
+    facing: Array
+    """(N,) cosine between surface normal and the way back along the ray: 0 at the contour."""
+
+
+def met_by_rays(centre: Array, rays: Array, placements: Array, shapes: Array) -> Met:
+    """The nearest crossing of each ray with the parts' surfaces.
+
+    Args:
+        centre: (3,) where the rays start, metres.
+        rays: (N, 3) unit vectors.
+        placements: (P, 4, 4) of the parts in the world.
+        shapes: (P, 7) packed superquadrics.
+    """
+    n = len(rays)
+    nearest, part = np.full(n, np.inf), np.full(n, -1)
+    point, facing = np.zeros((n, 3)), np.zeros(n)
+    for p, (placed, shape) in enumerate(zip(placements, shapes, strict=True)):
+        start, along = (centre - placed[:3, 3]) @ placed[:3, :3], rays @ placed[:3, :3]
+        radius = float(np.linalg.norm(shape[:3] * (1 + np.append(np.abs(shape[5:7]), 0))))
+        middle = -along @ start
+        beside = np.linalg.norm(start + middle[:, None] * along, axis=1)
+        near = np.flatnonzero((beside < radius) & (middle > 0) & (middle - radius < nearest))
+        if not len(near):
+            continue
+        depth, hit = _crossing(shape, start, along[near], middle[near], radius)
+        near, depth = near[hit], depth[hit]
+        first = depth < nearest[near]
+        near, depth = near[first], depth[first]
+        nearest[near], part[near] = depth, p
+        point[near] = start + depth[:, None] * along[near]
+        facing[near] = -(signed_distance(shape, point[near])[1] * along[near]).sum(axis=1)
+    return Met(part, point, facing)
+
+
+def _crossing(shape: Array, start: Array, along: Array, middle: Array, radius: float) -> tuple[Array, Mask]:
+    """Depth (N,) at which rays first enter a shape, metres, and (N,) whether they do."""
+    steps = np.linspace(-radius, radius, _STEPS)
+    depths = np.maximum(middle[:, None] + steps, 0)
+    inside = inside_outside(shape, start + depths[..., None] * along[:, None]) < 1
+    k = inside.argmax(axis=1)
+    hit: Mask = inside.any(axis=1) & (k > 0)
+    rows = np.arange(len(along))
+    far, near = depths[rows, k], depths[rows, np.maximum(k - 1, 0)]
+    for _ in range(_HALVINGS):
+        half = (near + far) / 2
+        within = inside_outside(shape, start + half[:, None] * along) < 1
+        near, far = np.where(within, near, half), np.where(within, half, far)
+    return (near + far) / 2, hit
+
+
+def nearest_parts(points: Array, placements: Array, shapes: Array) -> tuple[Integers, Array, Array]:
+    """The part whose surface is nearest to each point, where parts overlap the outer one.
+
+    Args:
+        points: (N, 3) in the world, metres.
+        placements: (P, 4, 4) of the parts in the world.
+        shapes: (P, 7) packed superquadrics.
+
+    Returns:
+        (N,) part; (N,) signed distance from its surface, metres; (N,) how much farther the next part is, metres.
+    """
+    distances = np.empty((len(shapes), len(points)))
+    for p, (placed, shape) in enumerate(zip(placements, shapes, strict=True)):
+        distances[p] = signed_distance(shape, (points - placed[:3, 3]) @ placed[:3, :3])[0]
+    order = np.sort(distances, axis=0)
+    lead = order[1] - order[0] if len(shapes) > 1 else np.full(len(points), np.inf)
+    part = distances.argmin(axis=0)
+    return part, distances[part, np.arange(len(points))], lead
+
+
+def ray_covariances(along: Array, facing: Array, lateral_m: Array, surface_m: float) -> Array:
+    """(N, 3, 3) of places found by rays: how precise the pixel is across them, and the surface along them.
+
+    Args:
+        along: (N, 3) unit directions of the rays, in the frame that the covariances are wanted in.
+        facing: (N,) cosine between ray and surface normal.
+        lateral_m: (N,) standard deviation across the ray, metres.
+        surface_m: standard deviation of the surface along its normal, metres.
+    """
+    outer = along[:, :, None] * along[:, None, :]
+    depth = (surface_m / np.maximum(facing, 0.1)) ** 2
+    found: Array = lateral_m[:, None, None] ** 2 * (np.eye(3) - outer) + depth[:, None, None] * outer
+    return found
