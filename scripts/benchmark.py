@@ -24,6 +24,7 @@ from benchmarks import sizes as measured_sizes
 from benchmarks import skins as skinned_meshes
 from benchmarks import surfaces as measured_surfaces
 from benchmarks import tracking as cycle_times
+from benchmarks import twists as limb_twists
 from benchmarks import ways as pose_ways
 from rich.console import Console
 
@@ -114,6 +115,20 @@ def ways(
 ) -> None:
     """Level sets and twists, the way of Rosenhahn et al., beside lines and edges on recordings without plates."""
     pose_ways.compare(console, n_frames, only, python_path, output)
+
+
+@app.command()
+def twists(
+    n_frames: Annotated[int, typer.Option(min=3, help="Frames from each start on.")] = 40,
+    only: Annotated[str, typer.Option(help="Only recordings whose name holds this.")] = "",
+    starts: Annotated[int, typer.Option(min=1, max=8, help="Starts, a tenth of the recording apart.")] = 1,
+    weights: Annotated[str, typer.Option(help="What points count in the refinement, commas between.")] = "1",
+    python_path: Annotated[Path, typer.Option(help="Checkout whose package is run.")] = ROOT,
+    output: Annotated[Path, typer.Option(help="Keeps all runs.")] = Path("results/twists"),
+) -> None:
+    """Turns of head and upper arms about their long axes on the room recordings, with and without followed points."""
+    plan = limb_twists.Plan(n_frames, only, starts, tuple(map(float, weights.split(","))))
+    limb_twists.compare(console, plan, python_path, output)
 
 
 @app.command()
