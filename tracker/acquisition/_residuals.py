@@ -52,6 +52,12 @@ class Rows:
         return Rows(**{name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in fields})
 
 
+def no_rows(n_unknowns: int) -> Rows:
+    """Rows of nothing."""
+    none, whole = np.zeros(0), np.zeros(0, dtype=np.int64)
+    return Rows(none, np.zeros((0, n_unknowns)), none, whole, whole, np.zeros(0, dtype=np.bool_), none)
+
+
 def look_rows(look: Look, bodies: Bodies, q: Array, synthesis: Synthesis, gate: tuple[float, float]) -> Rows:
     """Rows of all contour pairs of a look.
 
@@ -63,6 +69,8 @@ def look_rows(look: Look, bodies: Bodies, q: Array, synthesis: Synthesis, gate: 
         gate: largest distance of a pair, metres, and angle, degrees.
     """
     body = bodies[0]
+    if look.outlines is None and look.edges is None:
+        return no_rows(len(bodies[2]) + body.dof)
     scene = Scene((Person("subject", body, q),), look.rig)
     contours = synthesis.contours(scene)
     scale = pixels_per_metre(look.rig, contours)

@@ -11,6 +11,8 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 
 from tracker.acquisition._residuals import Bodies, Rows, height_row, look_rows, mark_rows
+from tracker.acquisition._surface_rows import surface_rows
+from tracker.acquisition._tied import Tied, Tracks, tied
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapeSpace
 from tracker.arrays import Array, frozen
@@ -35,6 +37,10 @@ class FitSettings:
 
     direction_deg: float = pydantic.Field(default=40.0, gt=0, le=90)
     """Largest angle between the normals of a pair, degrees."""
+
+    facing_deg: float = pydantic.Field(default=60.0, gt=0, le=90)
+    """Largest angle between the normals of a measured surface point and of the model's surface, degrees: the one comes
+    from twelve neighbours, on a forearm from a third of its way around."""
 
     rigid_share: float = pydantic.Field(default=0.3, ge=0, le=1)
     """Share of the steps in which only the pose moves; in as many more also lengths and girths; then everything."""
@@ -101,6 +107,9 @@ class Task:
     pose_sigmas: Array | None = None
     """(Q,) standard deviations around the start; None for those of the settings."""
 
+    tracks: Tracks | None = None
+    """Points that were followed from look to look."""
+
     links: tuple[tuple[int, int, float], ...] = ()
     """Pairs of pose values that differ by a standard deviation only."""
 
@@ -135,7 +144,8 @@ def fit(task: Task, shape: Array, poses: Array, free: Sequence[str] = ("pose", "
         if task.stature_m is not None:
             height = height_row(bodies, task.stature_m, settings.noise_m / settings.stature_sigma_m)
             rows = (rows[0].joined(height), *rows[1:])
-        matrix, vector, variance = _equations(task, rows, len(shape), len(poses))
+        found = None if task.tracks is None else _tied(task, task.tracks, bodies, poses, gate)
+        matrix, vector, variance = _equations(task, rows, found, len(shape), len(poses))
         prior, pull = _prior(task, (shape, poses - start, poses), (shape_sigmas(task.space, kind), sigmas))
         room = _room(task, body, shape, poses)
         step = _bounded(matrix + variance * prior, vector + variance * pull, room)
@@ -202,16 +212,28 @@ def _rows(task: Task, look: Look, bodies: Bodies, q: Array, gate_m: float) -> Ro
     weights = rows.lengths_m / (2 * task.settings.correlation_m) / (1 + (rows.residuals / (0.5 * gate_m)) ** 2) ** 2
     weights = np.where(rows.inner, task.settings.edge_weight, 1.0) * weights
     rows = replace(rows, weights=weights)
+    if look.cloud is not None:
+        noise = task.settings.noise_m, task.settings.correlation_m
+        rows = rows.joined(surface_rows(look.cloud, bodies, q, (gate_m, task.settings.facing_deg), noise))
     if look.marks:
         # A click weighs as its standard deviation says, against that of a contour.
         rows = rows.joined(mark_rows(look, bodies, q, task.settings.noise_m / task.settings.click_px))
     return rows
 
 
-def _equations(task: Task, rows: Sequence[Rows], n_shape: int, n_pose: int) -> tuple[Array, Array, float]:
+def _tied(task: Task, tracks: Tracks, bodies: Bodies, poses: Array, gate_m: float) -> Tied:
+    noise = task.settings.noise_m, task.settings.correlation_m
+    return tied(tracks, bodies, poses, [look.columns for look in task.looks], gate_m, noise)
+
+
+def _equations(
+    task: Task, rows: Sequence[Rows], found: Tied | None, n_shape: int, n_pose: int
+) -> tuple[Array, Array, float]:
     """J^T W J, J^T W r and the variance of a residual, m^2."""
     n = n_shape + n_pose
     matrix, vector, squares, total = np.zeros((n, n)), np.zeros(n), 0.0, 0.0
+    if found is not None:
+        matrix, vector, squares, total = found.matrix, found.vector, found.squares, found.total
     for look, one in zip(task.looks, rows, strict=True):
         unknowns = np.concatenate([np.arange(n_shape), n_shape + look.columns])
         weighted = one.jacobian * one.weights[:, None]

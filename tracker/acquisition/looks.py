@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from tracker.acquisition.clouds import Cloud
 from tracker.arrays import Array, Integers
 from tracker.contours import Contours
 from tracker.observation import Observation
@@ -36,3 +37,6 @@ class Look:
     """Edges that are accepted, given the expected contours."""
 
     marks: tuple[Mark, ...] = ()
+
+    cloud: Cloud | None = None
+    """Points measured on its surface."""

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 def acquire(
     config: Annotated[
-        Path, typer.Argument(help="Pairs of front and side silhouettes, a scan, or a run's configuration.")
+        Path,
+        typer.Argument(help="Pairs of front and side silhouettes, a scan, surface points, or a run's configuration."),
     ],
     output: Annotated[
         Path | None, typer.Option(help="Model to write, or a result folder; default models/NAME.toml.")
@@ -27,7 +28,7 @@ def acquire(
     set_: Overrides = None,
     frames: Annotated[str | None, typer.Option(help="Range A:B of a run's frames to use.")] = None,
 ) -> None:
-    """Makes a person's body model: from two silhouettes, a scan, or a run's views while tracking them."""
+    """Makes a person's body model: from two silhouettes, a scan, surface points, or a run's views while tracking."""
     from tracker.config import read_config
     from tracker.jobs.acquire import acquire_to, acquisition_from
 
@@ -52,8 +53,11 @@ def print_acquisition(console: Console, result: AcquireOutcome) -> None:
         console.print(f"silhouette IoU {view}: {share:.3f}{before}", highlight=False)
     for turn in result.turns_deg:
         console.print(f"turn between front and side: {turn:.0f} degrees, measured", highlight=False)
+    for k, share in enumerate(result.explained, start=1):
+        console.print(f"points of moment {k} on the model: {share:.0%}", highlight=False)
+    of = "points" if result.explained else "contours"
     console.print(
-        f"contours {result.contour_rms_mm:.1f} mm RMS; stature {result.stature_m:.3f} m; shaded by {result.shaded_by}",
+        f"{of} {result.contour_rms_mm:.1f} mm RMS; stature {result.stature_m:.3f} m; shaded by {result.shaded_by}",
         highlight=False,
     )
     console.print(f"model {result.model}, picture {result.picture}", highlight=False)

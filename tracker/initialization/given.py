@@ -46,10 +46,18 @@ class GivenInitialization:
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """The row of each person with the frame's number, or the nearest earlier one, or the first."""
+        return Start(self.poses_of(scene, frame.index))
+
+    def poses_of(self, scene: Scene, index: int) -> tuple[Array, ...]:
+        """The start poses (dof,) of all persons in a frame.
+
+        Raises:
+            ConfigError: the file has none.
+        """
         rows = _rows(self.poses)
         if is_joint_table(rows):
-            return Start(tuple(self._from_joints(rows, person, scene, frame.index) for person in scene.persons))
-        return Start(tuple(self._pose(rows, person, frame.index) for person in scene.persons))
+            return tuple(self._from_joints(rows, person, scene, index) for person in scene.persons)
+        return tuple(self._pose(rows, person, index) for person in scene.persons)
 
     def _from_joints(self, rows: list[dict[str, str]], person: Person, scene: Scene, index: int) -> Array:
         alone = len(scene.persons) == 1 and len({row.get("person") for row in rows}) == 1

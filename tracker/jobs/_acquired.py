@@ -36,8 +36,12 @@ class AcquireOutcome:
     """Measured turns between front and side."""
 
     contour_rms_mm: float
+    """Of contours, or of measured points."""
+
     parts: tuple[PartResidual, ...]
     bones: tuple[BoneLength, ...]
+    explained: tuple[float, ...] = ()
+    """Share of the points of each moment that lie on the model."""
 
     @property
     def folder(self) -> Path:
@@ -60,6 +64,7 @@ class Acquired:
     overlaps: dict[str, float]
     before: dict[str, float]
     turns_deg: tuple[float, ...] = ()
+    explained: tuple[float, ...] = ()
 
     def written(self, folder: Path, config: Table) -> AcquireOutcome:
         """Writes `model.toml`, `model.png` and `model.json`.
@@ -83,6 +88,7 @@ class Acquired:
             contour_rms_mm=contour_rms_mm(residuals),
             parts=residuals,
             bones=bone_lengths(self.fit),
+            explained=self.explained,
         )
         save_description(description, path)
         with replacing(outcome.picture) as picture:

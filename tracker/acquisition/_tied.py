@@ -1,0 +1,120 @@
+"""Points followed from moment to moment: each stays where it is on its part, wherever that is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tracker.acquisition._residuals import Bodies
+from tracker.acquisition._surface_rows import outside
+from tracker.arrays import Array, Integers
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """N points in K moments."""
+
+    places: Array
+    """(K, N, 3) in the world, metres; NaN where a point is not seen."""
+
+    sigmas: Array
+    """(K, N) standard deviation of a coordinate, metres."""
+
+    spacing_m: float
+    """Each point stands for a square of this length, metres."""
+
+
+@dataclass(frozen=True)
+class Tied:
+    """What the tracks say of shape and poses, linearized."""
+
+    matrix: Array
+    """(n, n) J^T W J of all unknowns."""
+
+    vector: Array
+    """(n,) J^T W r."""
+
+    squares: float
+    """Sum of w r^2, square metres."""
+
+    total: float
+    """Sum of w over the residuals that places on the parts leave."""
+
+
+def tied(
+    tracks: Tracks, bodies: Bodies, poses: Array, columns: Sequence[Integers], gate_m: float, noise: tuple[float, float]
+) -> Tied:
+    """The equations of all tracks that two moments or more show.
+
+    The place l of a point on its part is unknown and drops out: what is left is how the places that the moments give,
+    ``l_k = R_k^T (x_k - t_k)``, differ from their mean (variable projection: Golub & Pereyra 1973).
+
+    Args:
+        tracks: the points.
+        bodies: the body and its neighbours in the shape space.
+        poses: (Q,) all pose values.
+        columns: (K,) where the pose of each moment is among them.
+        gate_m: a track that departs by half of it has a quarter of its weight, metres.
+        noise: standard deviation of a point against a rigid part, metres, and length over which it is alike, metres.
+    """
+    n_shape, n = len(bodies[2]), len(bodies[2]) + len(poses)
+    part = _carriers(tracks, bodies, poses, columns)
+    seen = np.isfinite(tracks.places[..., 0])
+    kept = np.flatnonzero((seen.sum(axis=0) >= 2) & (part >= 0))
+    local = np.zeros((len(columns), len(kept), 3))
+    slopes = np.zeros((len(columns), len(kept), 3, n))
+    for k, own in enumerate(columns):
+        rows = np.flatnonzero(seen[k, kept])
+        which = kept[rows]
+        place, by_shape, by_pose = _on_parts(bodies, poses[own], tracks.places[k, which], part[which])
+        local[k, rows] = place
+        slopes[k, rows, :, :n_shape] = by_shape
+        slopes[k][np.ix_(rows, np.arange(3), n_shape + own)] = by_pose
+    there = seen[:, kept]
+    counts = there.sum(axis=0)
+    # places and their slopes are 0 in moments that do not show the point
+    residuals = np.where(there[..., None], local.sum(axis=0) / counts[:, None] - local, 0.0)
+    total = slopes.sum(axis=0)
+    spread = (residuals**2).sum(axis=(0, 2))
+    rms = np.sqrt(spread / (3 * np.maximum(counts - 1, 1)))
+    sigma = np.where(there, tracks.sigmas[:, kept], 0.0).max(axis=0)
+    worth = (tracks.spacing_m / noise[1]) ** 2 * noise[0] ** 2 / (noise[0] ** 2 + sigma**2)
+    weights = worth / (1 + (rms / (0.5 * gate_m)) ** 2) ** 2
+    flat, means = slopes.reshape(-1, n), total.reshape(-1, n)
+    each = np.broadcast_to(weights[None, :, None], residuals.shape).reshape(-1, 1)
+    matrix = flat.T @ (each * flat) - means.T @ (np.repeat(weights / counts, 3)[:, None] * means)
+    # the mean falls as the places rise: r = mean - l, and its slope is the mean of the slopes less their own
+    vector = -flat.T @ (each[:, 0] * residuals.reshape(-1))
+    return Tied(matrix, vector, float((weights * spread).sum()), float((3 * weights * (counts - 1)).sum()))
+
+
+def _carriers(tracks: Tracks, bodies: Bodies, poses: Array, columns: Sequence[Integers]) -> Integers:
+    """(N,) the part that is nearest to each point in most moments; -1 for points that are never seen."""
+    body = bodies[0]
+    votes = np.zeros((len(body.parts), tracks.places.shape[1]))
+    for k, own in enumerate(columns):
+        seen = np.flatnonzero(np.isfinite(tracks.places[k, :, 0]))
+        if len(seen):
+            part, _, _ = outside(body.world_from_part(poses[own]), body.shapes, tracks.places[k, seen])
+            votes[part, seen] += 1
+    found: Integers = np.where(votes.any(axis=0), votes.argmax(axis=0), -1)
+    return found
+
+
+def _on_parts(bodies: Bodies, q: Array, points: Array, parts: Integers) -> tuple[Array, Array, Array]:
+    """Places (N, 3) of world points in their parts' frames, and how they change with shape (N, 3, S), pose (N, 3, dof).
+
+    A part's frame is taken relative to its joints: that its ends move along it is no motion of the body.
+    """
+    body, neighbours, steps = bodies
+    placed = body.world_from_part(q)
+    moved = np.moveaxis(neighbours.placements(q)[0] - placed, 0, -1) / steps
+    rotations = placed[parts, :3, :3]
+    local = np.einsum("nji,nj->ni", rotations, points - placed[parts, :3, 3])
+    with_one = np.concatenate([local, np.ones((len(local), 1))], axis=1)
+    by_shape = -np.einsum("nji,njks,nk->nis", rotations, moved[parts, :3], with_one)
+    carried = body.point_jacobian(q, points, body.part_parameters[parts])
+    by_pose = -np.einsum("nji,njk->nik", rotations, carried)
+    return local, by_shape, by_pose

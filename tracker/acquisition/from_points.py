@@ -1,0 +1,229 @@
+"""Acquisition from points: shape and poses from surface points, silhouettes and trajectories of one or more moments.
+
+D'Apuzzo, Plaenkers, Fua 2000, section 3: points on the surface and its outline are what a body model is fitted to;
+Plaenkers & D'Apuzzo 1999 fit metaballs, here the parts are superquadrics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pydantic
+
+from tracker.acquisition._surface_rows import outside
+from tracker.acquisition._tied import Tracks
+from tracker.acquisition.clouds import Cloud
+from tracker.acquisition.fitting import Fit, FitSettings, Task, fit
+from tracker.acquisition.looks import Look, Mark
+from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
+from tracker.acquisition.standing_points import Posed, moved_to, standing_among
+from tracker.arrays import Array, frozen
+from tracker.body import BodyModel
+from tracker.components import component
+from tracker.errors import SequenceError
+from tracker.following.read_tables import PointTable
+from tracker.observation import Observation
+from tracker.progress import Progress, silent
+from tracker.rig import Rig
+from tracker.synthesis.cpu import CpuSynthesis
+
+_MOST_M = 0.05
+"""A point farther off than this is simply wrong, whichever way the body faces, metres."""
+
+_GATES_M = np.geomspace(0.2, 0.05, 10)
+"""Of the steps from one moment's pose to the next one's."""
+
+
+@component
+class PointSettings:
+    """How a model is acquired from surface points."""
+
+    prior: ShapePrior = ShapePrior()
+    """How much persons differ."""
+
+    fit: FitSettings = FitSettings(
+        iterations=16, gate_m=0.1, final_gate_m=0.03, pose_deg=15.0, pose_m=0.1, rigid_share=0.25
+    )
+    """The refinement of shape and poses."""
+
+    spacing_m: float = pydantic.Field(default=0.015, gt=0.001, lt=0.1)
+    """Points are thinned to this distance, metres."""
+
+    tracks_spacing_m: float = pydantic.Field(default=0.03, gt=0.001, lt=0.2)
+    """Trajectories are thinned to this distance, metres."""
+
+    least_explained: float = pydantic.Field(default=0.7, gt=0, lt=1)
+    """Least share of the points within twice the last gate's half: below it the person was not found."""
+
+    heading_deg: float | None = None
+    """Direction that the person faces in the first moment, from x towards y, degrees, within 60; None to find it."""
+
+    least_lead: float = pydantic.Field(default=0.1, ge=0, lt=1)
+    """A body must fit the points by this share better than one that faces elsewhere; else the heading must be told."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What is known of a person at one time."""
+
+    cloud: Cloud
+    rig: Rig
+    """Cameras of the silhouettes, or of pictures of the points."""
+
+    outlines: Observation | None = None
+    marks: tuple[Mark, ...] = ()
+    q: Array | None = None
+    """(dof,) the start pose, where it is given."""
+
+    frame: int = 0
+    """Number among those of the trajectories."""
+
+
+@dataclass(frozen=True)
+class FromPoints:
+    """What an acquisition has found."""
+
+    fit: Fit
+    explained: tuple[float, ...]
+    """Share of each moment's points on the model's surface."""
+
+    before: tuple[float, ...]
+    """The same with the model begun with, only posed."""
+
+    rms_mm: float
+    """Of the distances of points on the surface, millimetres."""
+
+    n_tracks: int
+    """Trajectories that hold parts together."""
+
+
+def acquire_from_points(
+    space: ShapeSpace,
+    moments: Sequence[Moment],
+    settings: PointSettings,
+    trajectories: PointTable | None = None,
+    stature_m: float | None = None,
+    progress: Progress = silent,
+) -> FromPoints:
+    """Acquires a body; the first moment is searched unless its pose is given, the others begin where it ends.
+
+    Args:
+        space: the ways in which the body may differ.
+        moments: the points.
+        settings: priors and steps.
+        trajectories: of followed points, in the world of the points.
+        stature_m: the person's height, where it is known.
+        progress: told how far it is.
+
+    Raises:
+        SequenceError: the body does not fit the points, or a moment is no frame of the trajectories.
+    """
+    progress("finding the person")
+    body = space.body(np.zeros(len(space.names)))
+    columns = [k * body.dof + np.arange(body.dof, dtype=np.int64) for k in range(len(moments))]
+    looks = tuple(
+        Look(one.rig, own, one.outlines, None, one.marks, one.cloud) for one, own in zip(moments, columns, strict=True)
+    )
+    tracks = None if trajectories is None else tracks_of(trajectories, moments, settings.tracks_spacing_m)
+    task = Task(space, looks, CpuSynthesis(), settings.fit, None, tracks, (), stature_m, progress)
+    sized, found = _surest(task, moments, settings)
+    near_m = settings.fit.final_gate_m
+    explained, gaps = _explained(found, near_m)
+    _check(explained, near_m, settings)
+    rms_mm = 1000 * float(np.sqrt(np.mean(gaps[gaps < near_m] ** 2)))
+    n_tracks = 0 if tracks is None else int((np.isfinite(tracks.places[..., 0]).sum(axis=0) > 1).sum())
+    return FromPoints(found, explained, _explained(sized, near_m)[0], rms_mm, n_tracks)
+
+
+def _surest(task: Task, moments: Sequence[Moment], settings: PointSettings) -> tuple[Fit, Fit]:
+    """The body only posed and the one fitted, from the start that fits best in the end.
+
+    Raises:
+        SequenceError: no start faces as it is told, or bodies that face two ways fit alike: from the front and from
+            behind, a trunk looks the same.
+    """
+    space = task.space
+    shape = np.zeros(len(space.names))
+    body = space.body(shape)
+    first = moments[0]
+    starts: tuple[Posed, ...] = ()
+    if first.q is None:
+        starts = standing_among(body, first.cloud, settings.heading_deg)
+        if not starts:
+            raise SequenceError(f"no body that faces {settings.heading_deg:g} degrees fits the points of moment 1")
+    begun = [one.q for one in starts] if first.q is None else [body.clamped(first.q)]
+    tried = []
+    for q in begun:
+        sized = fit(task, shape, np.concatenate(_posed(body, q, moments)), ("pose",))
+        found = fit(task, sized.shape, sized.poses)
+        gaps = np.minimum(_explained(found, settings.fit.final_gate_m)[1], _MOST_M)
+        tried.append((float(gaps.mean()), sized, found))
+    order = np.argsort([one[0] for one in tried])
+    if len(order) > 1:
+        lead = 1 - tried[order[0]][0] / tried[order[1]][0]
+        if lead < settings.least_lead:
+            one, other = (starts[k].heading_deg for k in order)
+            raise SequenceError(
+                f"the person may face {one:.0f} or {other:.0f} degrees: the first fits the points only {lead:.0%} "
+                "better; say which with [acquisition] heading_deg (from x towards y), or give poses as start"
+            )
+    _, sized, found = tried[order[0]]
+    return sized, found
+
+
+def _posed(body: BodyModel, q: Array, moments: Sequence[Moment]) -> list[Array]:
+    """The poses to begin with: as given, or moved on from moment to moment."""
+    poses = [q]
+    for moment in moments[1:]:
+        begun = moved_to(body, poses[-1], moment.cloud, _GATES_M) if moment.q is None else body.clamped(moment.q)
+        poses.append(begun)
+    return poses
+
+
+def tracks_of(trajectories: PointTable, moments: Sequence[Moment], spacing_m: float) -> Tracks:
+    """The trajectories in the frames of the moments, thinned.
+
+    Raises:
+        SequenceError: they lie in an image, or have no such frame.
+    """
+    if trajectories.flat:
+        raise SequenceError("trajectories in the image of one view (2-D mode): a model needs those of points in space")
+    rows = [moment.frame - int(trajectories.frames[0]) for moment in moments]
+    for moment, row in zip(moments, rows, strict=True):
+        if not 0 <= row < len(trajectories.frames):
+            first, last = int(trajectories.frames[0]), int(trajectories.frames[-1])
+            raise SequenceError(f"no frame {moment.frame} in the trajectories, expected {first} to {last}")
+    places = trajectories.positions[rows]
+    shown = np.flatnonzero(np.isfinite(places[..., 0]).sum(axis=0) > 1)
+    first = np.isfinite(places[:, shown, 0]).argmax(axis=0)
+    cubes = np.floor(places[first, shown] / spacing_m).astype(np.int64)
+    # the moment that shows a point first is part of its cube: what is seen later does not hide it
+    _, kept = np.unique(np.column_stack([first, cubes]), axis=0, return_index=True)
+    shown = shown[np.sort(kept)]
+    sigmas = np.sqrt(np.trace(trajectories.covariances[rows][:, shown], axis1=2, axis2=3) / 3)
+    return Tracks(frozen(places[:, shown]), frozen(sigmas), spacing_m)
+
+
+def _explained(found: Fit, near_m: float) -> tuple[tuple[float, ...], Array]:
+    """Share of each look's points nearer to the surface than a distance, and how far all of them are, metres."""
+    body, shares, every = found.body, list[float](), list[Array]()
+    for k, look in enumerate(found.looks):
+        assert look.cloud is not None
+        _, feet, normals = outside(body.world_from_part(found.pose(k)), body.shapes, look.cloud.points)
+        gaps = np.abs(((feet - look.cloud.points) * normals).sum(axis=1))
+        shares.append(float((gaps < near_m).mean()))
+        every.append(gaps)
+    return tuple(shares), np.concatenate(every)
+
+
+def _check(explained: Sequence[float], near_m: float, settings: PointSettings) -> None:
+    """Refuses a body that does not lie on the points."""
+    worst = int(np.argmin(explained))
+    if explained[worst] < settings.least_explained:
+        raise SequenceError(
+            f"moment {worst + 1}: {explained[worst]:.0%} of the points lie within {1000 * near_m:.0f} mm of the fitted "
+            f"body, expected at least {settings.least_explained:.0%}: another person or furniture among the points, a "
+            'wrong stature_m, or a posture that was not found: give it with start = "poses.csv"'
+        )
