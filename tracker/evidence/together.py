@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,8 +18,14 @@ from tracker.errors import ConfigError
 from tracker.evidence import GUESSED, Evidence, Memory, Observed
 from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.silhouettes import SilhouetteEvidence
+from tracker.rig import Rig
 from tracker.scene import Scene
 from tracker.sight import Sight
+
+# A choice: half the residual counts 16 times.
+_SHARPNESS = 4.0
+# Longer side of the images that thresholds in px are told for.
+_USUAL_PX = 720.0
 
 
 @component
@@ -37,6 +43,11 @@ class TogetherEvidence(Evidence):
     shadows and of what clothes do, and says nothing of limbs before the body: where it counted as much as edges, legs
     that walk past each other were exchanged (72 instead of 29 mm)."""
 
+    exact_px: tuple[pydantic.NonNegativeFloat, ...] = ()
+    """For each kind: what its equations leave over, RMS at 720 px of image width and less in smaller images, under
+    which it counts more in them, px; 0 for never, empty for none. A kind that fits so well knows the body; see
+    `auto`."""
+
     def __post_init__(self) -> None:
         """Checks that every kind has its weights, and that something is left to refine on.
 
@@ -48,6 +59,10 @@ class TogetherEvidence(Evidence):
                 raise ConfigError(f"together: {name} has {len(weights)} weights for {len(self.of)} kinds of evidence")
             if not sum(weights) > 0:
                 raise ConfigError(f"together: no weight of {name} is greater than 0; expected at least one")
+        if len(self.exact_px) not in (0, len(self.of)):
+            raise ConfigError(
+                f"together: exact_px has {len(self.exact_px)} values for {len(self.of)} kinds of evidence"
+            )
 
     def look(self, sight: Sight, around: Contours) -> None:
         """What each of them does ahead."""
@@ -72,8 +87,13 @@ class TogetherEvidence(Evidence):
 
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
         """Weighted sum; see `tracker.evidence.Evidence.equations`."""
-        found = [(one.equations(own, q, gate_px), weight) for one, weight, own in self._each(asked, self.refining)]
-        return combined(*zip(*found, strict=True))
+        found = [one.equations(own, q, gate_px) for one, _, own in self._each(asked, self.refining)]
+        counted = [k for k, weight in enumerate(self.refining) if weight > 0]
+        weights = np.array([self.refining[k] for k in counted])
+        if self.exact_px:
+            exact_px = np.array([self.exact_px[k] for k in counted])
+            weights = _sharpened(weights, found, exact_px * _share_of_usual(asked.scene.rig))
+        return combined(found, weights.tolist())
 
     def account(self, asked: Comparison, q: Array) -> Account:
         """Weighted sum of the shares, and the distance that ranks; see `tracker.account.summed`."""
@@ -94,3 +114,16 @@ class TogetherEvidence(Evidence):
         for one, weight, observed in zip(self.of, weights, asked.observed, strict=True):
             if weight > 0:
                 yield one, weight, replace(asked, observed=observed)
+
+
+def _sharpened(weights: Array, found: Sequence[Equations], exact_px: Array) -> Array:
+    """(K,) weights of equations, raised for those that leave less than `exact_px` (K,) over; the largest stays."""
+    rms_px = np.array([np.sqrt(one.squares / one.total) if one.squares > 0 else np.inf for one in found])
+    raised = weights * np.maximum(exact_px / rms_px, 1.0) ** _SHARPNESS
+    scaled: Array = raised * weights.max() / raised.max()
+    return scaled
+
+
+def _share_of_usual(rig: Rig) -> float:
+    """What a pixel of the smallest view is of one at 720 px of width, at most 1."""
+    return min(1.0, float(rig.sizes.max(axis=1).min()) / _USUAL_PX)
