@@ -71,6 +71,9 @@ def recordings(
     models: Annotated[str, typer.Option(help="General models, commas between.")] = "human,gavrila22",
     acquired: Annotated[bool, typer.Option("--acquired", help="Models acquired from each recording itself.")] = False,
     without_plates: Annotated[bool, typer.Option("--without-plates", help="No clean plates.")] = False,
+    keypoints: Annotated[
+        bool, typer.Option("--keypoints", help="Start from 2-D detections, and use them beside the default evidence.")
+    ] = False,
     starts: Annotated[int, typer.Option(min=1, max=8, help="Starts, a tenth of the recording apart.")] = 3,
     set_: Annotated[list[str] | None, typer.Option("--set", help="As of bodytrack run; repeatable.")] = None,
     python_path: Annotated[Path, typer.Option(help="Checkout whose package is run.")] = ROOT,
@@ -80,7 +83,7 @@ def recordings(
     """Tracking errors and flags on the recordings in BODYTRACK_DATA that have a truth: median and worst start."""
     settings = tuple(set_ or ())
     plan = tracked_recordings.Plan(
-        only, tuple(models.split(",")), acquired, not without_plates, starts, settings, quick
+        only, tuple(models.split(",")), acquired, not without_plates, starts, settings, quick, keypoints
     )
     tracked_recordings.compare(console, plan, python_path, output)
 

@@ -8,24 +8,24 @@ from pathlib import Path
 import numpy as np
 
 from tracker.arrays import Array
-from tracker.keypoints import LAYOUTS, landmarks_meant
+from tracker.keypoints import LAYOUTS, meant
 from tracker.scene import Scene
 
 NAMES = LAYOUTS["coco_17"]
 
 
 def detected(scene: Scene, noise_px: float = 0.0, seed: int = 0, names: tuple[str, ...] = NAMES) -> list[Array]:
-    """(K, N, 3) a view: keypoints of every person, NaN where the body has no such landmark."""
+    """(K, N, 3) a view: keypoints of every person, NaN where the body has no such point."""
     rng = np.random.default_rng(seed)
     views = []
     for camera in scene.rig.cameras:
         persons = []
         for person in scene.persons:
-            marks = landmarks_meant(names, person.body)
-            pixels = camera.project(person.body.landmarks_in_world(person.q))[np.maximum(marks, 0)]
-            pixels = pixels + noise_px * rng.normal(size=pixels.shape)
-            found = np.concatenate([pixels, np.full((len(names), 1), 0.9)], axis=1)
-            found[marks < 0] = np.nan
+            known = meant(names, person.body)
+            found = np.full((len(names), 3), np.nan)
+            found[known.rows, :2] = camera.project(person.body.points_in_world(person.q, known.points, known.ends))
+            found[known.rows, :2] += noise_px * rng.normal(size=(len(known.rows), 2))
+            found[known.rows, 2] = 0.9
             persons.append(found)
         views.append(np.array(persons))
     return views

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from detected import detected, exchanged, written
+from detected import NAMES, detected, exchanged, written
 from observations import bent, four_views
 
 from tracker.arrays import Array
@@ -15,6 +16,7 @@ from tracker.body import BodyModel
 from tracker.comparison import Comparison
 from tracker.evidence.keypoints import KeypointEvidence
 from tracker.frame import Frame
+from tracker.keypoints import limbs, meant, swapped_sides
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
@@ -96,6 +98,72 @@ def test_a_refinement_finds_back_in_spite_of_faults(
     assert off_mm(body, start, truth).max() > 80
     marks = [k for k, name in enumerate(body.landmark_names) if name.endswith(("wrist", "ankle", "knee", "elbow"))]
     assert off_mm(body, refined(evidence, asked, start), truth)[marks].max() < 25
+
+
+def test_matches_are_those_of_trying_every_way(scene: Scene, tmp_path: Path) -> None:
+    """The kernel beside a plain search over all detections of a view and all sets of limbs exchanged."""
+    views = detected(scene, noise_px=8.0)
+    for fault in (swap_legs, add_false_person, misplace_a_wrist):
+        fault(views)
+    evidence, asked = ask(scene, views, tmp_path)
+    body = asked.body
+    q = body.clamped(scene.persons[0].q + 0.15 * np.random.default_rng(5).normal(size=body.dof))
+    matched = evidence._matched(asked, q[None])
+    known, partner, groups = meant(NAMES, body), swapped_sides(NAMES, body.mirror), limbs(NAMES, body)
+    points = body.points_in_world(q, known.points, known.ends)
+    for v, camera in enumerate(scene.rig.cameras):
+        pixels, reach_px = camera.project(points), 0.075 * camera.matrix[0, 0] / camera.in_camera(points)[:, 2]
+        best = None
+        for detection in views[v]:
+            for swapped in itertools.product((False, True), repeat=len(groups)):
+                limb = np.concatenate([[-1], *itertools.compress(groups, swapped)])
+                moved = np.flatnonzero(np.isin(known.rows, limb))
+                rows = known.rows.copy()
+                rows[moved] = partner[rows[moved]]
+                square = (np.linalg.norm(pixels - detection[rows, :2], axis=1) / reach_px) ** 2
+                losses = square / (1 + square)
+                losses[moved] += 0.25
+                if best is None or losses.sum() < best.sum():
+                    best = losses
+        np.testing.assert_allclose(matched.losses[0, v], best, atol=1e-9)
+
+
+def test_a_body_turned_round_is_farther_off_than_a_view_with_its_sides_exchanged(scene: Scene, tmp_path: Path) -> None:
+    """Left and right of the detector tell where it faces, though single views may have them wrong."""
+    views = detected(scene, noise_px=2.0)
+    swap_a_view(views)
+    evidence, asked = ask(scene, views, tmp_path)
+    truth = scene.persons[0].q
+    turned = truth.copy()
+    turned[asked.body.root.turn] += np.pi
+    right, wrong = evidence.distances(asked, np.array([truth, turned]))
+    assert wrong > 2 * right
+
+
+def test_what_one_view_alone_has_elsewhere_is_no_doubt_about_a_limb(scene: Scene, tmp_path: Path) -> None:
+    """What most views have elsewhere is: the elbow's limb there is unexplained, and that limb only."""
+    truth, body = scene.persons[0].q, scene.persons[0].body
+    elbow = NAMES.index("left_elbow")
+    arm, others = body.parts_of("left_arm"), ~body.parts_of("left_arm")
+    for n_wrong, doubted in ((1, False), (4, True)):
+        views = detected(scene)
+        for view in views[:n_wrong]:
+            view[0, elbow, :2] += 90
+        evidence, asked = ask(scene, views, tmp_path / str(n_wrong))
+        left_over = evidence.account(asked, truth).left_over_px
+        assert (left_over[arm].sum() > 0) == doubted
+        assert left_over[others].sum() == 0
+
+
+def test_a_detection_of_somebody_else_is_no_doubt_about_a_person(scene: Scene, tmp_path: Path) -> None:
+    views = detected(scene)
+    views[0][0, :, :2] = 2 * np.nanmean(views[0][0, :, :2], axis=0) - [40, 0] - views[0][0, :, :2]
+    views[0][0, :, 0] += 150
+    evidence, asked = ask(scene, views, tmp_path)
+    account = evidence.account(asked, scene.persons[0].q)
+    assert account.explained == 1.0
+    three = ask(scene, [view[:0] if v == 0 else view for v, view in enumerate(views)], tmp_path / "three")
+    np.testing.assert_array_equal(account.visible_px, three[0].account(three[1], scene.persons[0].q).visible_px)
 
 
 def test_a_batch_is_its_poses_one_by_one(scene: Scene, tmp_path: Path) -> None:

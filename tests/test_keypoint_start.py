@@ -18,10 +18,10 @@ from tracker.errors import ConfigError, InitializationError
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._inverse_kinematics import fitted_pose
-from tracker.initialization._skeletons import skeletons
 from tracker.initialization.keypoints import KeypointInitialization
-from tracker.keypoints import limbs, swapped_sides
+from tracker.keypoints import limbs, meant, swapped_sides
 from tracker.scene import Person, Scene
+from tracker.skeletons import skeletons
 
 MARKED = [k for k, name in enumerate(NAMES) if k > 4]
 """Keypoints that the 22-parameter body has as landmarks: all but those of the face."""
@@ -47,8 +47,8 @@ def true_points(scene: Scene, person: int = 0) -> Array:
 
 def found_in(scene: Scene, views: list[Array], most: int = 1) -> list[Array]:
     """Points of the persons that views agree on."""
-    mirror = scene.persons[0].body.mirror
-    found = skeletons(scene.rig, views, swapped_sides(NAMES, mirror), limbs(NAMES, mirror), most)
+    body = scene.persons[0].body
+    found = skeletons(scene.rig, views, swapped_sides(NAMES, body.mirror), limbs(NAMES, body), most)
     return [one.points for one in found]
 
 
@@ -116,14 +116,14 @@ def test_inverse_kinematics_finds_the_pose(body: BodyModel, seed: int) -> None:
     rng = np.random.default_rng(seed)
     q = body.clamped(bent(body) + np.where(body.rotates, 0.3, 0.2) * rng.normal(size=body.dof))
     q[body.root.turn] = rng.uniform(-np.pi, np.pi)
-    marks = np.arange(len(body.landmarks))
+    marks = meant(body.landmark_names, body)
     points = body.landmarks_in_world(q)
-    pose, left = fitted_pose(body, marks, points, np.ones(len(marks)))
+    pose, left = fitted_pose(body, marks, points, np.ones(len(marks.rows)))
     np.testing.assert_array_equal(pose, body.clamped(pose))
     # the weak pull towards the reference pose is left
     assert left.max() < 0.01
     points[3] += 0.5
-    robust, _ = fitted_pose(body, marks, points, np.ones(len(marks)))
+    robust, _ = fitted_pose(body, marks, points, np.ones(len(marks.rows)))
     gaps = np.linalg.norm(body.landmarks_in_world(robust) - body.landmarks_in_world(q), axis=1)
     assert np.median(gaps) < 0.03
 
@@ -175,5 +175,5 @@ def test_what_cannot_work_is_refused_before_the_first_frame(scene: Scene, tmp_pa
     with pytest.raises(ConfigError, match="expected a folder of OpenPose's JSON files"):
         KeypointInitialization(path=str(tmp_path / "absent" / "{view}")).check(scene, (None,) * 4)
     other = tuple(f"point{k}" for k in range(17))
-    with pytest.raises(ConfigError, match='0 of the keypoints are landmarks of model "gavrila22"'):
+    with pytest.raises(ConfigError, match='0 of the keypoints mean points of model "gavrila22"'):
         KeypointInitialization(path=pattern, names=other).check(scene, (None,) * 4)

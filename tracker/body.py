@@ -57,6 +57,9 @@ class BodyModel:
     movements: dict[str, Movement] = field(default_factory=dict)
     """Movements to simulate."""
 
+    keypoints: tuple[Landmark, ...] = ()
+    """Points that 2-D detectors name and the landmarks do not, by the detectors' names."""
+
     skin: Skin | None = None
     """Its own surface: what contours and silhouettes are of, while searches live on the parts."""
 
@@ -259,8 +262,21 @@ class BodyModel:
 
     def landmarks_in_world(self, q: Array) -> Array:
         """Joint centres and other landmarks: q (*B, dof) -> (*B, L, 3), metres."""
-        motions = self.world_from_parameters(q)[..., [mark.parameter for mark in self.landmarks], :, :]
-        points = np.array([mark.point for mark in self.landmarks])
+        ends = np.array([mark.parameter for mark in self.landmarks], dtype=np.int64)
+        return self.points_in_world(q, np.array([mark.point for mark in self.landmarks]), ends)
+
+    def points_in_world(self, q: Array, points: Array, ends: Integers) -> Array:
+        """Points of the body at poses.
+
+        Args:
+            q: (*B, dof) poses.
+            points: (N, 3) in the reference pose, metres.
+            ends: (N,) last parameter that moves each, -1 for none.
+
+        Returns:
+            (*B, N, 3) metres.
+        """
+        motions = self.world_from_parameters(q)[..., ends, :, :]
         world: Array = (motions[..., :3, :3] @ points[..., None])[..., 0] + motions[..., :3, 3]
         return world
 

@@ -12,8 +12,8 @@ import pydantic
 from tracker.arrays import Array, frozen
 from tracker.body import BodyModel
 from tracker.body_defaults import chains
-from tracker.body_facts import with_facts
-from tracker.body_sections import Clothes, Entry, Joints, Movement, SkinSection, StartMarks
+from tracker.body_facts import keypoint_marks, with_facts
+from tracker.body_sections import Clothes, Entry, Joints, KeypointEntry, Movement, SkinSection, StartMarks
 from tracker.body_skin import skin_of
 from tracker.errors import ModelError, name_fault, nearest
 from tracker.mirror import Mirror
@@ -88,6 +88,9 @@ class BodyDescription(Entry):
     groups: dict[str, tuple[str, ...]] = pydantic.Field(default={})
     start: StartMarks = StartMarks()
     joints: Joints = Joints()
+    keypoints: dict[str, KeypointEntry] = pydantic.Field(default={})
+    """What 2-D detectors call landmarks, and points beside them; landmarks are keypoints of their own names anyway."""
+
     clothes: Clothes = Clothes()
     movements: dict[str, Movement] = pydantic.Field(default={})
     skin: SkinSection | None = None
@@ -132,6 +135,7 @@ class BodyDescription(Entry):
             "parts": parts,
             "landmarks": landmarks,
             "stature_m": factor * self.stature_m,
+            "keypoints": {name: one.scaled(factor) for name, one in self.keypoints.items()},
             "skin": None if self.skin is None else self.skin.scaled(factor),
             "movements": {name: self._scaled_movement(one, factor) for name, one in self.movements.items()},
         }
@@ -177,6 +181,7 @@ def _build(model: BodyDescription) -> BodyModel:
         mirror=Mirror(model.sides, model.across),
     )
     body = with_facts(body, model.start, model.joints, model.clothes, model.movements)
+    body = replace(body, keypoints=keypoint_marks(body, model.keypoints))
     return body if model.skin is None else replace(body, skin=skin_of(body, model.skin))
 
 

@@ -6,11 +6,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+import numpy as np
+
 from tracker import body_defaults
+from tracker.arrays import frozen
 from tracker.body import BodyModel
-from tracker.body_sections import Clothes, Entry, Joints, Movement, StartMarks
+from tracker.body_sections import Clothes, Entry, Joints, KeypointEntry, Movement, StartMarks
 from tracker.errors import ModelError, name_fault, nearest
+from tracker.keypoints import plain_name
 from tracker.mirror import Mirror
+from tracker.segments import Landmark
 
 _Section = TypeVar("_Section", bound=Entry)
 
@@ -34,6 +39,36 @@ def with_facts(
         movements={name: _movement(name, one, parameters, marks) for name, one in movements.items()}
         or body_defaults.movements(body),
     )
+
+
+def keypoint_marks(body: BodyModel, entries: Mapping[str, KeypointEntry]) -> tuple[Landmark, ...]:
+    """The points that 2-D detectors name, each on the segment of its landmark.
+
+    Of a pair whose other side is left out, that is the mirror image.
+
+    Raises:
+        ModelError: a landmark that the body does not have.
+    """
+    spelt: dict[str, str] = {}
+    for name in entries:
+        if (known := spelt.setdefault(plain_name(name), name)) != name:
+            raise ModelError(f'keypoints: "{known}" and "{name}" are one keypoint, spelt in two ways; leave one out')
+    found = {name: _beside(body, name, one.landmark, one) for name, one in entries.items()}
+    for name, one in entries.items():
+        other = body.mirror.of(plain_name(name))
+        if other not in spelt:
+            found[other] = _beside(body, other, body.mirror.of(one.landmark), one, mirrored=True)
+    return tuple(found.values())
+
+
+def _beside(body: BodyModel, name: str, landmark: str, entry: KeypointEntry, mirrored: bool = False) -> Landmark:
+    if landmark not in body.landmark_names:
+        raise ModelError(f'keypoints.{name}: no landmark "{landmark}"; {nearest(landmark, body.landmark_names)}')
+    mark = body.landmarks[body.landmark_names.index(landmark)]
+    offset, across = np.array(entry.offset), np.array(body.mirror.across)
+    if mirrored:
+        offset = offset - 2 * (offset @ across) / (across @ across) * across
+    return replace(mark, name=name, point=frozen(mark.point + offset))
 
 
 @dataclass(frozen=True)

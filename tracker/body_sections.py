@@ -76,6 +76,26 @@ class Clothes(Entry):
     """Parts whose upper and rear surface is hair."""
 
 
+class KeypointEntry(Entry):
+    """A point of the body that 2-D detectors name: a landmark, or a point beside one on the same segment."""
+
+    landmark: str
+    """Which landmark it is, or lies beside."""
+
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """From the landmark, metres along the axes of the reference pose; it turns with the landmark's segment."""
+
+    @pydantic.model_validator(mode="before")
+    @classmethod
+    def _a_landmark_alone(cls, entry: Any) -> Any:
+        return {"landmark": entry} if isinstance(entry, str) else entry
+
+    def scaled(self, factor: float) -> KeypointEntry:
+        """The entry with its offset multiplied by a factor."""
+        x, y, z = self.offset
+        return self.model_copy(update={"offset": (factor * x, factor * y, factor * z)})
+
+
 class SkinSection(Entry):
     """The body's own surface, measured in some pose: refines what superquadrics have found."""
 

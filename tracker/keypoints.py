@@ -56,29 +56,63 @@ class Detections:
 
 def swapped_sides(names: tuple[str, ...], mirror: Mirror) -> Integers:
     """(K,) for each keypoint the one of the other side; itself where there is none."""
-    places = {name: k for k, name in enumerate(names)}
-    return np.array([places.get(mirror.of(name), k) for k, name in enumerate(names)], dtype=np.int64)
+    places = {plain_name(name): k for k, name in enumerate(names)}
+    return np.array([places.get(mirror.of(plain_name(name)), k) for k, name in enumerate(names)], dtype=np.int64)
 
 
-def limbs(names: tuple[str, ...], mirror: Mirror) -> list[Integers]:
+@dataclass(frozen=True)
+class Meant:
+    """Those of K keypoints that mean a point of a body."""
+
+    rows: Integers
+    """(L,) which keypoints."""
+
+    points: Array
+    """(L, 3) the points in the reference pose, metres."""
+
+    ends: Integers
+    """(L,) last parameter that moves each."""
+
+    def of(self, chosen: Integers) -> Meant:
+        """Some of them."""
+        return Meant(self.rows[chosen], self.points[chosen], self.ends[chosen])
+
+
+def meant(names: tuple[str, ...], body: BodyModel) -> Meant:
+    """What keypoints mean: what the body's file calls so, and landmarks of the same name, however it is spelt."""
+    marks = {plain_name(mark.name): mark for mark in (*body.landmarks, *body.keypoints)}
+    rows = [k for k, name in enumerate(names) if plain_name(name) in marks]
+    found = [marks[plain_name(names[k])] for k in rows]
+    return Meant(
+        np.array(rows, dtype=np.int64),
+        np.array([mark.point for mark in found]).reshape(-1, 3),
+        np.array([mark.parameter for mark in found], dtype=np.int64),
+    )
+
+
+def limbs(names: tuple[str, ...], body: BodyModel) -> list[Integers]:
     """Keypoints whose sides a detector may exchange together, with their partners: the arms, the legs, the head.
 
-    Whose words are not in `_LIMBS` is exchanged with its partner alone.
+    Limbs are the groups of the body that have a partner on the other side. Keypoints that the body does not know are
+    told apart by their words, as those of the head; without any of `_LIMBS` each with its partner alone.
     """
-    other = swapped_sides(names, mirror)
-    sided = np.flatnonzero(other != np.arange(len(names)))
+    other, known = swapped_sides(names, body.mirror), meant(names, body)
+    place = {int(row): int(end) for row, end in zip(known.rows, known.ends, strict=True)}
     found: dict[str, list[int]] = {}
-    for k in sided:
-        words = set(names[k].split("_"))
+    for k in np.flatnonzero(other != np.arange(len(names))):
+        words = set(plain_name(names[k]).split("_"))
         limb = next((limb for limb, own in _LIMBS.items() if words & own), names[min(k, other[k])])
-        found.setdefault(limb, []).append(int(k))
+        found.setdefault(_group(body, place.get(int(k), -1)) or limb, []).append(int(k))
     return [np.array(members, dtype=np.int64) for members in found.values()]
 
 
-def landmarks_meant(names: tuple[str, ...], body: BodyModel) -> Integers:
-    """(K,) the body's landmark that each keypoint means, -1 where it has none: that of the same name."""
-    marks = {name: k for k, name in enumerate(body.landmark_names)}
-    return np.array([marks.get(name, -1) for name in names], dtype=np.int64)
+def _group(body: BodyModel, end: int) -> str:
+    """The pair of limbs that a point belongs to, by the left one's name; empty for trunk and head."""
+    for group in body.fine_groups:
+        other = body.partner_of(group)
+        if other and end in body.group(group):
+            return min(group, other)
+    return ""
 
 
 _LIMBS = {

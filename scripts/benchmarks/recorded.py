@@ -38,6 +38,16 @@ class Recorded:
     n_frames: int
     """Frames up to the last one that the truth knows."""
 
+    keypoints: str = ""
+    """Path of 2-D detections with `{view}`; empty where there are none."""
+
+    def with_keypoints(self) -> tuple[str, ...]:
+        """Settings by which detections are evidence beside the default and what a person is found by."""
+        downscale = self.reading.get("downscale", 1)
+        told = f'{{use="keypoints",path="{self.keypoints}",downscale={downscale}}}'
+        beside = f'evidence={{use="together",of=["auto",{told}],ranking=[1,1],refining=[1,1]}}'
+        return beside, f"initialization={told}"
+
     def starts(self, n_starts: int) -> list[int]:
         """Frames to start at: 0 and others a tenth of the recording apart, so that most of it is tracked."""
         return sorted({round(0.1 * k * self.n_frames) for k in range(n_starts)})
@@ -97,6 +107,7 @@ def _from_folder(folder: Path, truth: Path) -> Recorded | None:
         statures_m={name: float(one["height_m"]) for name, one in zip(names, people, strict=True)},
         truth_names={name: str(one["id"]) for name, one in zip(names, people, strict=True) if "id" in one},
         n_frames=_n_frames(truth),
+        keypoints=_keypoints(folder),
     )
 
 
@@ -105,6 +116,11 @@ def _plates(folder: Path, views: Iterable[str]) -> Table:
         if all((folder / f"{view}{suffix}").is_file() for view in views):
             return {"background": str(folder / f"{{view}}{suffix}")}
     return {}
+
+
+def _keypoints(folder: Path) -> str:
+    """Folders of detections, a view each."""
+    return str(folder / "keypoints" / "{view}_json") if any(folder.glob("keypoints/*_json")) else ""
 
 
 def _from_config(folder: Path, root: Path, truth: Path) -> Recorded | None:
@@ -123,5 +139,6 @@ def _from_config(folder: Path, root: Path, truth: Path) -> Recorded | None:
                 statures_m={str(one["name"]): float(one["stature_m"]) for one in persons},
                 truth_names={},
                 n_frames=_n_frames(truth),
+                keypoints=_keypoints(folder),
             )
     return None

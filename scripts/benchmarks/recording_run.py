@@ -164,6 +164,15 @@ def described(recording: Recorded, asked: Asked, models: dict[str, Path]) -> Tab
     return {"name": recording.name, "persons": persons, "reading": reading, "recordings": _RECORDINGS}
 
 
+def folder_of(recording: Recorded, asked: Asked, code: Code, output: Path) -> Path:
+    """Where a run is kept; its result is the folder `result` in it."""
+    images = "plates" if asked.plates else "no_plates"
+    body = f"{asked.model}{'_acquired' if asked.acquired else ''}"
+    words = " ".join(asked.settings)
+    settings = f"_{hashlib.sha256(words.encode()).hexdigest()[:6]}" if words else ""
+    return output / code.digest / f"{recording.name}_{body}_{images}{settings}_{asked.start}_{asked.stop}"
+
+
 def scored(recording: Recorded, asked: Asked, code: Code, output: Path) -> list[Score]:
     """Runs a recording and scores every person that the truth knows."""
     row = Score(
@@ -178,10 +187,7 @@ def scored(recording: Recorded, asked: Asked, code: Code, output: Path) -> list[
         code.digest,
         code.commit,
     )
-    images = "plates" if asked.plates else "no_plates"
-    body = f"{asked.model}{'_acquired' if asked.acquired else ''}"
-    settings = f"_{hashlib.sha256(row.settings.encode()).hexdigest()[:6]}" if asked.settings else ""
-    folder = output / code.digest / f"{recording.name}_{body}_{images}{settings}_{asked.start}_{asked.stop}"
+    folder = folder_of(recording, asked, code, output)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     models: dict[str, Path] = {}

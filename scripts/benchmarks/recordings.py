@@ -14,8 +14,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.detected_joints import print_beside
 from benchmarks.recorded import Recorded, recorded
-from benchmarks.recording_run import Asked, Code, Score, as_cells, from_cells, scored
+from benchmarks.recording_run import Asked, Code, Score, as_cells, folder_of, from_cells, scored
 
 # Enough to compile, start, and track.
 _QUICK_FRAMES = 4
@@ -63,18 +64,22 @@ class Plan:
     n_starts: int
     settings: tuple[str, ...]
     quick: bool
+    keypoints: bool = False
+    """Only recordings with 2-D detections; these are evidence beside the default, and what starts."""
 
     def runs(self, recordings: list[Recorded]) -> Iterator[tuple[Recorded, Asked]]:
         """All that is run: every recording once, before the next start."""
         chosen = [one for one in recordings if self.only.lower() in one.name.lower()]
         chosen = [one for one in chosen if one.plates or not self.plates]
+        chosen = [one for one in chosen if one.keypoints or not self.keypoints]
         for k in range(self.n_starts):
             for model in self.models:
                 for one in chosen[:1] if self.quick else chosen:
                     starts = one.starts(self.n_starts)
                     if k < len(starts):
                         stop = min(starts[k] + _QUICK_FRAMES, one.n_frames) if self.quick else one.n_frames
-                        yield one, Asked(model, self.acquired, self.plates, self.settings, starts[k], stop)
+                        settings = (*(one.with_keypoints() if self.keypoints else ()), *self.settings)
+                        yield one, Asked(model, self.acquired, self.plates, settings, starts[k], stop)
 
 
 def compare(console: Console, plan: Plan, checkout: Path, output: Path) -> None:
@@ -110,6 +115,8 @@ def compare(console: Console, plan: Plan, checkout: Path, output: Path) -> None:
                 _tell(console, f"{n} of {len(runs)}: {_title(recording, asked)}", one, time.perf_counter() - begin)
     if scores:
         _print(console, scores, code)
+    if plan.keypoints:
+        print_beside(console, [(one, asked, folder_of(one, asked, code, output) / "result") for one, asked in runs])
 
 
 def _title(recording: Recorded, asked: Asked) -> str:

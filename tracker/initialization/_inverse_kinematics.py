@@ -1,12 +1,13 @@
-"""The pose in which a body's landmarks lie nearest to given points."""
+"""The pose in which points of a body lie nearest to given ones."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from tracker.arrays import Array, Integers
+from tracker.arrays import Array
 from tracker.body import BodyModel
+from tracker.keypoints import Meant
 
 _POINT_M = 0.03
 """Standard deviation of a triangulated keypoint from the joint it means, metres; beyond it errors count linearly."""
@@ -21,12 +22,12 @@ _FREE = 1e3
 """What counts as no limit in m and rad: the solver wants numbers."""
 
 
-def fitted_pose(body: BodyModel, marks: Integers, points: Array, weights: Array) -> tuple[Array, Array]:
-    """The pose that brings landmarks to points, inside the joint limits; robust against single wrong points.
+def fitted_pose(body: BodyModel, marks: Meant, points: Array, weights: Array) -> tuple[Array, Array]:
+    """The pose that brings points of a body to given ones, inside the joint limits; robust against single wrong points.
 
     Args:
         body: whose pose.
-        marks: (N,) landmarks.
+        marks: N points of the body.
         points: (N, 3) where they should be, metres.
         weights: (N,) confidence in each point, 1 as usual.
 
@@ -36,15 +37,17 @@ def fitted_pose(body: BodyModel, marks: Integers, points: Array, weights: Array)
     low, high = body.limits.T
     bounds = np.maximum(low, -_FREE), np.minimum(high, _FREE)
     held, rest = body.rotates & ~np.isin(np.arange(body.dof), body.root.columns), body.rest()
-    ends = np.array([body.landmarks[k].parameter for k in marks])
+
+    def placed(q: Array) -> Array:
+        return body.points_in_world(q, marks.points, marks.ends)
 
     def residuals(q: Array) -> Array:
-        gaps = (body.landmarks_in_world(q)[marks] - points) * (weights / _POINT_M)[:, None]
+        gaps = (placed(q) - points) * (weights / _POINT_M)[:, None]
         found: Array = np.concatenate([gaps.ravel(), ((q - rest) / _ANGLE_RAD)[held]])
         return found
 
     def jacobian(q: Array) -> Array:
-        motion = body.point_jacobian(q, body.landmarks_in_world(q)[marks], ends) * (weights / _POINT_M)[:, None, None]
+        motion = body.point_jacobian(q, placed(q), marks.ends) * (weights / _POINT_M)[:, None, None]
         found: Array = np.concatenate([motion.reshape(-1, body.dof), np.eye(body.dof)[held] / _ANGLE_RAD])
         return found
 
@@ -54,11 +57,11 @@ def fitted_pose(body: BodyModel, marks: Integers, points: Array, weights: Array)
         found = least_squares(residuals, inside, jacobian, bounds, loss="soft_l1", max_nfev=100)
         if found.cost < least:
             best, least = found.x, found.cost
-    return best, np.linalg.norm(body.landmarks_in_world(best)[marks] - points, axis=1)
+    return best, np.linalg.norm(placed(best) - points, axis=1)
 
 
-def _starts(body: BodyModel, marks: Integers, points: Array) -> Array:
-    """(S, dof) the reference pose turned and leaned so that landmarks lie near the points, the best of a grid."""
+def _starts(body: BodyModel, marks: Meant, points: Array) -> Array:
+    """(S, dof) the reference pose turned and leaned so that they lie near the points, the best of a grid."""
     root = body.root
     turns, leans = np.radians(np.arange(0, 360, 15)), np.radians([-60, 0, 60])
     others = [k for k in root.columns if body.rotates[k] and k != root.turn]
@@ -67,7 +70,7 @@ def _starts(body: BodyModel, marks: Integers, points: Array) -> Array:
     for k, values in zip((root.turn, *others), grids, strict=True):
         poses[:, k] = values.ravel()
     poses = body.clamped(poses)
-    gaps = points - body.landmarks_in_world(poses)[:, marks]
+    gaps = points - body.points_in_world(poses, marks.points, marks.ends)
     # where most points agree, whatever the limbs do
     shifts = np.median(gaps, axis=1)
     poses[:, root.shifts] += shifts

@@ -10,7 +10,7 @@ from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.errors import ConfigError, nearest
 from tracker.initialization._inverse_kinematics import fitted_pose
-from tracker.keypoints import plain_name
+from tracker.keypoints import meant, plain_name
 from tracker.source_files import frame_in, number_in
 
 Row = dict[str, str]
@@ -66,8 +66,7 @@ def _fitted(places: dict[str, Array], body: BodyModel, frame: int, path: Path) -
             f'{path}: frame {frame}: {len(found)} of the joints are landmarks of model "{body.name}", expected '
             f"{_LEAST_MARKS}; joints: {', '.join(places)}; landmarks: {', '.join(body.landmark_names)}"
         )
-    marks = np.array([body.landmark_names.index(name) for name in found])
-    pose, left_m = fitted_pose(body, marks, np.array(list(found.values())), np.ones(len(marks)))
+    pose, left_m = fitted_pose(body, meant(tuple(found), body), np.array(list(found.values())), np.ones(len(found)))
     if left_m.mean() > _FAR_M:
         raise ConfigError(
             f'{path}: frame {frame}: model "{body.name}" stays {left_m.mean():.2f} m from the joints on '

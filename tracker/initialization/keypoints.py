@@ -14,11 +14,11 @@ from tracker.errors import ConfigError, InitializationError, SequenceError
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._inverse_kinematics import fitted_pose
-from tracker.initialization._skeletons import Skeleton, skeletons
 from tracker.keypoint_layouts.views import KeypointViews
-from tracker.keypoints import landmarks_meant, limbs, swapped_sides
+from tracker.keypoints import limbs, meant, swapped_sides
 from tracker.plate import Plate
 from tracker.scene import Scene
+from tracker.skeletons import Skeleton, skeletons
 from tracker.start import Start
 
 _LEAST_MARKS = 6
@@ -52,11 +52,13 @@ class KeypointInitialization:
         except SequenceError as error:
             raise ConfigError(str(error)) from error
         for person in scene.persons:
-            n_meant = np.count_nonzero(landmarks_meant(names, person.body) >= 0)
+            n_meant = len(meant(names, person.body).rows)
             if n_meant < _LEAST_MARKS:
                 raise ConfigError(
-                    f'{self.path}: {n_meant} of the keypoints are landmarks of model "{person.body.name}", expected '
-                    f"{_LEAST_MARKS}; keypoints: {', '.join(names)}; landmarks: {', '.join(person.body.landmark_names)}"
+                    f'{self.path}: {n_meant} of the keypoints mean points of model "{person.body.name}", expected '
+                    f"{_LEAST_MARKS}; keypoints: {', '.join(names)}; landmarks: "
+                    f"{', '.join(person.body.landmark_names)}; "
+                    "[keypoints] of a model file says what other names mean"
                 )
         return f"keypoints, {len(names)} a person, in {self.path}"
 
@@ -67,8 +69,8 @@ class KeypointInitialization:
             found = views.at(frame.index, scene.rig, self.downscale, self.least_confidence)
         except SequenceError as error:
             raise InitializationError(str(error)) from error
-        mirror = scene.persons[0].body.mirror
-        other_side, groups = swapped_sides(views.names, mirror), limbs(views.names, mirror)
+        body = scene.persons[0].body
+        other_side, groups = swapped_sides(views.names, body.mirror), limbs(views.names, body)
         persons = skeletons(scene.rig, found, other_side, groups, len(scene.persons) + 1)
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
         fits = [[_fit(scene.persons[k].body, views.names, one) for one in persons] for k in sought]
@@ -87,11 +89,12 @@ class KeypointInitialization:
 
 def _fit(body: BodyModel, names: tuple[str, ...], person: Skeleton) -> tuple[Array, float]:
     """The pose of a body that fits a person, and the mean distance left, metres; infinite if too little is seen."""
-    marks = landmarks_meant(names, body)
-    rows = np.flatnonzero((marks >= 0) & np.isfinite(person.points).all(axis=1))
+    marks = meant(names, body)
+    marks = marks.of(np.flatnonzero(np.isfinite(person.points[marks.rows]).all(axis=1)))
+    rows = marks.rows
     if len(rows) < _LEAST_MARKS:
         return body.rest(), np.inf
-    pose, left = fitted_pose(body, marks[rows], person.points[rows], np.minimum(person.n_views[rows] / 3, 1.0))
+    pose, left = fitted_pose(body, marks, person.points[rows], np.minimum(person.n_views[rows] / 3, 1.0))
     return pose, float(left.mean())
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from tracker.kernels.adjustment.bundle import reduce_normal, residuals_of
 from tracker.kernels.adjustment.ray_intersection import intersect_rays
+from tracker.kernels.body.keypoints import Detected, Matches, match_keypoints
 from tracker.kernels.body.kinematics import chain_transforms, twists_in_world
 from tracker.kernels.body.self_collision import count_collisions
 from tracker.kernels.compilation import forget_others
@@ -83,11 +84,14 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     grey, depths = _own(_U1, 1, 1), _own(_F4, 1, 1)
     spots, weighted = _frozen(_F4, 1, 9 * 16, 3), (_frozen(_I8, 1, 3), _frozen(_F4, 0, 2))
     traced = (_own(_F4, 1, 5), _own(_F4, 1, 3), _own(_I8, 1), _own(_B1, 1))
+    detected = Detected(_frozen(_F8, 0, 1, 3), _frozen(_I8, 2), _frozen(_I8, 1), _frozen(_I8, 1))
+    matches = Matches(_own(_F8, 0, 1, 1, 2), _own(_F8, 0, 1, 1), _own(_F8, 0, 1, 1), _own(_F8, 0, 1, 1))
     return [
         (chain_transforms, (_own(_F8, 0, 1), *chain)),
         (twists_in_world, (_own(_F8, 0, 2, 4, 4), *chain)),
         (trace_contours, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), True, *samples)),
         (score_poses, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), *images, *scene, (40.0, False))),
+        (match_keypoints, (_own(_F8, 0, 1, 3), rig[0], detected, 0, (0.1, 0.1), matches)),
         (count_collisions, (_own(_F8, 0, 1, 4, 4), model[0], _frozen(_I8, 0, 2))),
         (directed_distances, (samples[0], samples[4], *images, *scene, 40.0, False)),
         (strongest_slopes, ((_own(_U1, 2, 2), _own(_U1, 2, 2), _own(_U1, 2, 2)), _own(_I2, 2, 2), _own(_I2, 2, 2))),
