@@ -229,6 +229,25 @@ def test_joints_beside_the_surface_move_with_it(folder, rig):
         assert 20 <= int(row["points_around"]) <= 40
 
 
+def test_a_recording_that_goes_dark_is_told_as_lost(folder, rig, frames):
+    (folder / "dark").mkdir()
+    for frame in frames[:N_FRAMES]:
+        for name, image in zip(rig.names, frame.images, strict=True):
+            shown = image if frame.index < 3 else np.full_like(image, 20)
+            cv2.imwrite(str(folder / "dark" / f"{name}_{frame.index:03d}.png"), shown)
+    dark = ('reading.path="dark/{view}_{frame}.png"', "density.every_frames=2")
+    snake = ('snakes.patch.view="left"', "snakes.patch.points=[[80, 60], [120, 60], [120, 100], [80, 100]]")
+    config = load_job("follow", folder / "follow.toml", (*dark, *snake, "snake.min_edge_grey=0.2"))
+    outcome = execute(config, folder / "gone_dark")
+    assert outcome.n_seen_last == 0
+    assert outcome.median_sigma_mm is None
+    assert any("0 are seen at last" in warning for warning in outcome.warnings)
+    assert any(text.startswith("no new surface could be measured in frame 4") for text in outcome.warnings)
+    assert any("snake patch: doubtful in 4 frames, the first one 3" in warning for warning in outcome.warnings)
+    assert "0 are seen at last" in (outcome.folder / "report.html").read_text()
+    assert {row["frame"] for row in table(outcome.folder)} == {"0", "1", "2"}
+
+
 def test_one_view_is_followed_in_px(folder):
     job = load_job("follow", folder / "follow.toml", ('view="middle"', "points=[[80, 70], [120, 71]]"))
     outcome = execute(job, folder / "flat")
@@ -238,6 +257,8 @@ def test_one_view_is_followed_in_px(folder):
     assert not list(outcome.folder.glob("*.ply"))
     dense = execute(load_job("follow", folder / "follow.toml", ('view="middle"',)), folder / "dense")
     assert dense.n_points > 100
+    assert 0 < dense.median_sigma_px < 0.3
+    assert all(row["x_px"] for row in table(dense.folder))
 
 
 @pytest.mark.parametrize(
@@ -245,6 +266,11 @@ def test_one_view_is_followed_in_px(folder):
     [
         (('view="midle"',), ConfigError, 'view = "midle": no such view; did you mean "middle"'),
         (("points=[[80, 70], [2, 3]]",), MatchingError, r"point 1 at \[2, 3\]: seen by 1 of 3 views; in view"),
+        (
+            ('view="middle"', "points=[[80, 70], [196, 70]]"),
+            MatchingError,
+            r"point 1 at \[196, 70\]: a patch of 15 px around it is not within the image of 200 x 160 px",
+        ),
         (("points=[[80, 70, 1]]",), ConfigError, "points"),
         (("following.template=last",), ConfigError, "previous"),
         (("surface.template=up",), ConfigError, 'template = "up": no such view'),

@@ -195,6 +195,13 @@ def test_one_view_is_followed_in_its_image(rig, frames, born):
     assert np.isnan(result[-1].positions).all()
 
 
+def test_a_point_that_no_patch_fits_around_is_never_seen(rig, frames):
+    flat = [replace(frame, images=frame.images[1:2]) for frame in frames[:3]]
+    result = followed(Rig(rig.cameras[1:2]), flat, points_of_image(np.array([[100.0, 80.0], [3.0, 80.0]])))
+    for frame in result:
+        np.testing.assert_array_equal(frame.alive, [True, False])
+
+
 def test_a_lonely_point_of_one_view_waits_where_it_was_seen_last(frames, rig):
     still = [replace(frames[0], index=k, images=frames[0].images[1:2]) for k in range(6)]
     hiding = covered(still, 2, 4, slice(0, SIZE[0]))

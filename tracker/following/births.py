@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tracker.arrays import Array, Array32, Image, Integers
+from tracker.arrays import Array, Array32, Image, Integers, Mask
 from tracker.errors import MatchingError
 from tracker.following.points import NewPoints
+from tracker.kernels.patches.keys import key_side
 from tracker.kernels.patches.matching import COVARIANCE
 from tracker.lsm.growth import MatchField
 from tracker.lsm.matching import Matches, PatchImage
@@ -38,6 +39,33 @@ def points_of_image(pixels: Array) -> NewPoints:
     unit, unknown = np.tile(np.eye(2), (1, n, 1, 1)), np.full((n, 3), np.nan)
     places = np.asarray(pixels, dtype=np.float64)[None]
     return NewPoints(places, unit, np.zeros((1, n, 3)), unknown, np.full((n, 3, 3), np.nan))
+
+
+def no_points(n_views: int, spacing_px: float) -> NewPoints:
+    """Nothing to follow."""
+    views = np.zeros((n_views, 0, 2)), np.zeros((n_views, 0, 2, 2)), np.zeros((n_views, 0, 3))
+    return NewPoints(*views, np.zeros((0, 3)), np.zeros((0, 3, 3)), spacing_px)
+
+
+def with_room(pixels: Array, image: Image, patch_px: int) -> Mask:
+    """(M,) places (M, 2) px that a key patch fits around."""
+    height, width = image.shape[:2]
+    reach, (x, y) = key_side(patch_px // 2) // 2, np.round(pixels).T
+    room: Mask = (x >= reach) & (y >= reach) & (x + reach < width) & (y + reach < height)
+    return room
+
+
+def check_room(pixels: Array, names: Sequence[str], image: Image, patch_px: int) -> None:
+    """Refuses given places that no key patch fits around.
+
+    Raises:
+        MatchingError: names the first one.
+    """
+    for k in np.flatnonzero(~with_room(pixels, image, patch_px)).tolist():
+        raise MatchingError(
+            f"point {names[k]} at [{pixels[k, 0]:g}, {pixels[k, 1]:g}]: a patch of {patch_px} px around it is not "
+            f"within the image of {image.shape[1]} x {image.shape[0]} px; choose a place farther from the border"
+        )
 
 
 def chosen_evenly(n: int, wanted: int, seed: int = 0) -> Integers:

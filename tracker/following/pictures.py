@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 from matplotlib.cm import ScalarMappable
@@ -10,6 +12,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from tracker.arrays import Array, Image
+from tracker.files import write_whole
 from tracker.following.overview import Overview
 from tracker.following.record import Rows, between
 from tracker.point_trajectories import PointStatus
@@ -134,3 +137,9 @@ def counts_figure(overview: Overview, times: Array) -> Figure:
     events.set(xlabel="s", title="a frame")
     events.legend(fontsize=8)
     return figure
+
+
+def write_picture(path: Path, picture: Image) -> None:
+    """Writes a picture as JPEG."""
+    _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 92])
+    write_whole(path, data.tobytes())

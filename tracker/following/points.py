@@ -130,8 +130,8 @@ class Points:
 
     @property
     def needed(self) -> Integers:
-        """(N,) views that showed each point at birth."""
-        count: Integers = np.isfinite(self.birth_pixels[..., 0]).sum(axis=0)
+        """(N,) views that showed each point at birth; one for those that none has a patch of."""
+        count: Integers = np.maximum(np.isfinite(self.birth_pixels[..., 0]).sum(axis=0), 1)
         return count
 
     @property
@@ -241,7 +241,7 @@ def born(new: NewPoints, keys: tuple[Keys, ...], living: Points | None, reach_px
     unit = np.tile(np.eye(2), (n_views, n, 1, 1))
     return Points(
         ids=ids,
-        status=np.full(n, int(PointStatus.BORN)),
+        status=np.where(seen.any(axis=0), PointStatus.BORN, PointStatus.HIDDEN).astype(np.int64),
         pixels=pixels,
         before=np.full_like(pixels, np.nan),
         last_pixels=pixels.copy(),

@@ -9,9 +9,8 @@ from tracker.following.summary import Summary
 from tracker.pages import filled
 
 
-def report_html(name: str, summary: Summary, folder: Path) -> str:
-    """Numbers and pictures of a result folder."""
-    flat = summary.median_sigma_mm is None and summary.median_sigma_px is not None
+def report_html(name: str, summary: Summary, folder: Path, flat: bool) -> str:
+    """Numbers and pictures of a result folder; `flat`: of one view alone."""
     warnings = list(summary.warnings)
     if summary.interrupted:
         warnings.insert(0, "The job was interrupted: what follows is of the frames before.")

@@ -132,7 +132,7 @@ def drawn(snakes: Sequence[FollowedSnake], image: Image, view: int, frame: int) 
 def sheet(snakes: Sequence[FollowedSnake], pictures: Sequence[tuple[int, int, Image]]) -> Image:
     """The pictures (frame, view, image) of the views with snakes in rows, cut to where the snakes ever are."""
     rows = []
-    for view in sorted({snake.view for snake in snakes}):
+    for view in sorted({view for _, view, _ in pictures}):
         own = [picture for picture in pictures if picture[1] == view]
         box = _box([s for s in snakes if s.view == view], own[0][2])
         cut = [_cut(picture, frame, box) for frame, _, picture in own]

@@ -10,15 +10,22 @@ from itertools import dropwhile
 from pathlib import Path
 from typing import ClassVar, TextIO
 
-import cv2
 import numpy as np
 import pydantic
 
 from tracker.arrays import Array, Image, Integers
 from tracker.components import component
-from tracker.errors import ConfigError, nearest
+from tracker.errors import ConfigError, MatchingError, SequenceError, nearest
 from tracker.files import replacing, write_json, write_whole
-from tracker.following.births import given_points, points_of_image, points_of_surface, textured_places
+from tracker.following.births import (
+    check_room,
+    given_points,
+    no_points,
+    points_of_image,
+    points_of_surface,
+    textured_places,
+    with_room,
+)
 from tracker.following.cuts import Cuts, cut_where_false, no_cuts
 from tracker.following.density import Density
 from tracker.following.filters import TrajectoryFilters
@@ -34,7 +41,7 @@ from tracker.following.key_points import (
 from tracker.following.marker_files import C3D_ASKED, marker_labels, trc_text, write_c3d
 from tracker.following.motion import REACH_FRAMES, Motion, motion_of
 from tracker.following.overview import Gathering, Overview
-from tracker.following.pictures import counts_figure, points_picture, trajectories_figure
+from tracker.following.pictures import counts_figure, points_picture, trajectories_figure, write_picture
 from tracker.following.points import NewPoints
 from tracker.following.record import Rows, append, between, read, shortened
 from tracker.following.report import report_html
@@ -195,18 +202,35 @@ class FollowJob:
         at = np.array(places, dtype=np.float64).reshape(-1, 2)
 
         def births(frame: Frame) -> NewPoints:
+            if counts.frames:
+                return self._born_later(frame, rig, counts)
             greys = self._shown(frame)
-            if not counts.frames:
-                self._check_snakes(rig, greys)
+            self._check_snakes(rig, greys)
             if self.view is not None:
                 assert greys[0] is not None
-                return points_of_image(at if len(at) else textured_places(greys[0], self.surface.growth.step_px))
+                return self._born_in_image(greys[0], at, names)
             surface = measure_surface(self.surface, frame, rig)
-            if not counts.frames:
-                counts.warnings.extend(surface.warnings)
+            counts.warnings.extend(surface.warnings)
             return given_points(surface, self.surface, at, names) if len(at) else points_of_surface(surface)
 
         return births
+
+    def _born_in_image(self, grey: Image, at: Array, names: list[str]) -> NewPoints:
+        patch_px = self.following.for_views(1).matching.patch_px
+        if len(at):
+            check_room(at, names, grey, patch_px)
+            return points_of_image(at)
+        places = textured_places(grey, self.surface.growth.step_px)
+        return points_of_image(places[with_room(places, grey, patch_px)])
+
+    def _born_later(self, frame: Frame, rig: Rig, counts: Counts) -> NewPoints:
+        """Points of new surface; none where it cannot be measured, which is no reason to end."""
+        try:
+            return points_of_surface(measure_surface(self.surface, frame, rig))
+        except (MatchingError, SequenceError) as error:
+            if not any(warning.startswith(_NO_NEW) for warning in counts.warnings):
+                counts.warnings.append(f"{_NO_NEW} in frame {frame.index}, perhaps in later ones neither: {error}")
+            return no_points(len(rig), float(self.surface.growth.step_px))
 
     def _check_snakes(self, rig: Rig, greys: tuple[Image | None, ...]) -> None:
         """Begins all snakes, so that a contour that is none is told before anything is followed."""
@@ -274,7 +298,7 @@ class FollowJob:
         course = Course(counts.seconds, counts.interrupted, tuple(counts.warnings))
         summary = summarized(rows, frames, cuts, course)
         write_json(folder / "follow.json", {"config": described(self), **asdict(summary)})
-        write_whole(folder / "report.html", report_html(self.name, summary, folder))
+        write_whole(folder / "report.html", report_html(self.name, summary, folder, flat=self.view is not None))
         return FollowOutcome(folder=folder, **asdict(summary))
 
     def _write_tables(self, folder: Path, rig: Rig, record: tuple[Rows, Integers, Array], cuts: Cuts) -> Overview:
@@ -332,14 +356,18 @@ class FollowJob:
                 if (grey := greys[view]) is not None:
                     pictures.append((frame.index, view, drawn(snakes, grey, view, frame.index)))
             if frame.index in wanted:
-                _write_image(folder / f"points_{frame.index:06d}.jpg", points_picture(greys, rows, frame.index))
+                write_picture(folder / f"points_{frame.index:06d}.jpg", points_picture(greys, rows, frame.index))
         if snakes:
             write_whole(folder / "snakes.csv", "".join(snakes_csv(snakes, rig.names)))
-            _write_image(folder / "snakes.jpg", sheet(snakes, pictures))
+        if pictures:
+            write_picture(folder / "snakes.jpg", sheet(snakes, pictures))
         return snakes
 
     def _shown(self, frame: Frame) -> tuple[Image | None, ...]:
         return prepared(self.following, self.surface.preparation, frame).greys
+
+
+_NO_NEW = "no new surface could be measured"
 
 
 def _position(place: object) -> object:
@@ -366,8 +394,3 @@ def _opened(files: contextlib.ExitStack, path: Path, header: str) -> TextIO:
     file = files.enter_context(files.enter_context(replacing(path)).open("w", encoding="utf-8"))
     file.write(header)
     return file
-
-
-def _write_image(path: Path, picture: Image) -> None:
-    _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 92])
-    write_whole(path, data.tobytes())
