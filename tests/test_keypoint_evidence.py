@@ -14,7 +14,10 @@ from observations import bent, four_views
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.comparison import Comparison
+from tracker.errors import ConfigError
+from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.keypoints import KeypointEvidence
+from tracker.evidence.together import TogetherEvidence
 from tracker.frame import Frame
 from tracker.keypoints import limbs, meant, swapped_sides
 from tracker.scene import Person, Scene
@@ -185,3 +188,16 @@ def test_missing_views_and_nobody_say_nothing(scene: Scene, tmp_path: Path) -> N
     evidence, asked = ask(scene, detected(scene), tmp_path / "one", missing=3)
     account = evidence.account(asked, q)
     np.testing.assert_array_equal(np.isnan(account.per_view_px), [True, True, True, False])
+
+
+def test_files_that_cannot_be_used_are_refused_before_the_first_frame(scene: Scene, tmp_path: Path) -> None:
+    pattern = written(detected(scene), scene.rig.names, tmp_path)
+    beside = TogetherEvidence(of=(AutoEvidence(), KeypointEvidence(path=pattern)), refining=(1.0, 1.0))
+    beside.check(scene)
+    assert beside.told((None,) * 4).endswith(f"; keypoints in {pattern}")
+    absent = TogetherEvidence(of=(AutoEvidence(), KeypointEvidence(path=str(tmp_path / "absent" / "{view}"))))
+    with pytest.raises(ConfigError, match="does not exist; expected a folder of OpenPose's JSON files"):
+        absent.check(scene)
+    other = KeypointEvidence(path=pattern, names=tuple(f"point{k}" for k in range(17)))
+    with pytest.raises(ConfigError, match='no keypoint means a point of model "gavrila22"; keypoints: point0, '):
+        other.check(scene)

@@ -28,7 +28,7 @@ class Evidence(Protocol):
     """A component that answers for one kind of evidence. Search and refinement know none of them by name.
 
     One pose has one number: what `distances` ranks by is what `account` reports. Components derive from this class
-    and inherit the optional methods, `told`, `look`, `learned` and `observe_again`.
+    and inherit the optional methods, `check`, `told`, `look`, `learned` and `observe_again`.
     """
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Observed:
@@ -69,6 +69,14 @@ class Evidence(Protocol):
         Segmentation and pose estimation are alternated by it: a contour found with the pose last found as its prior.
         """
         return asked.observed
+
+    def check(self, scene: Scene) -> None:
+        """Refuses files of its own that cannot be used, before the first frame; by default there are none.
+
+        Raises:
+            ConfigError: what is wrong with them.
+        """
+        return
 
     def told(self, known: Sequence[object | None]) -> str:
         """In one line what it goes by, if that depends on the recording; by default nothing.

@@ -56,6 +56,11 @@ class AutoEvidence(Evidence):
     )
     """What is looked at where nothing is known. Contours count 0.3: with 1 all of four recordings are worse."""
 
+    def check(self, scene: Scene) -> None:
+        """What either of them refuses."""
+        for one in (self.with_plates, self.without):
+            one.check(scene)
+
     def told(self, known: Sequence[object | None]) -> str:
         """Which of them it is; see `tracker.evidence.Evidence.told`."""
         views = f"{sum(one is not None for one in known)} of {len(known)} views have plates or masks"

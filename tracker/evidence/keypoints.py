@@ -20,12 +20,14 @@ from tracker.comparison import Comparison
 from tracker.components import PathPattern, component
 from tracker.contours import Contours
 from tracker.equations import Equations
+from tracker.errors import ConfigError, SequenceError
 from tracker.evidence import Evidence, Memory
 from tracker.evidence._shares import over_views
 from tracker.kernels.body.keypoints import Detected, Matches, match_keypoints
 from tracker.keypoint_layouts.views import KeypointViews
 from tracker.keypoints import Meant, limbs, meant, swapped_sides
 from tracker.rig import Rig
+from tracker.scene import Scene
 from tracker.sight import Sight
 
 _WORTH_PX = 60.0
@@ -130,6 +132,24 @@ class KeypointEvidence(Evidence):
     outlier_m: float = pydantic.Field(default=0.15, gt=0)
     """Distance at which a keypoint is wrong, metres: it loses half at half of it. Of BlazePose's 1 to 13 % are
     farther off."""
+
+    def check(self, scene: Scene) -> None:
+        """Opens the files and asks whether they mean anything of each body; see `tracker.evidence.Evidence.check`."""
+        try:
+            names = KeypointViews.open(self.path, scene.rig.names, self.names).names
+        except SequenceError as error:
+            raise ConfigError(str(error)) from error
+        for body in (person.body for person in scene.persons):
+            if not len(meant(names, body).rows):
+                raise ConfigError(
+                    f'{self.path}: no keypoint means a point of model "{body.name}"; keypoints: {", ".join(names)}; '
+                    f"landmarks: {', '.join(body.landmark_names)}; "
+                    "[keypoints] of a model file says what other names mean"
+                )
+
+    def told(self, known: Sequence[object | None]) -> str:
+        """Where the keypoints are."""
+        return f"keypoints in {self.path}"
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> ObservedKeypoints:
         """Which frame is asked about; see `tracker.evidence.Evidence.observe`."""

@@ -64,6 +64,15 @@ class TogetherEvidence(Evidence):
                 f"together: exact_px has {len(self.exact_px)} values for {len(self.of)} kinds of evidence"
             )
 
+    def check(self, scene: Scene) -> None:
+        """What each of them refuses."""
+        for one in self.of:
+            one.check(scene)
+
+    def told(self, known: Sequence[object | None]) -> str:
+        """What each of them goes by."""
+        return "; ".join(filter(None, (one.told(known) for one in self.of)))
+
     def look(self, sight: Sight, around: Contours) -> None:
         """What each of them does ahead."""
         for one in self.of:

@@ -133,6 +133,7 @@ class TrackJob:
         if self.smoothing is not None:
             self._check_smoothing(self.smoothing, sequence.interval_s)
         scene = Scene(persons, sequence.rig)
+        self.evidence.check(scene)
         done = None if earlier is None else self._earlier(earlier, scene)
         return OpenedTrack(sequence, scene, models, self.initialization.check(scene, sequence.known), done)
 
