@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from functools import lru_cache
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import tomli_w
@@ -20,11 +22,15 @@ from tracker.acquisition.result import bone_lengths
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.camera import Camera
-from tracker.errors import SequenceError
+from tracker.errors import ConfigError, SequenceError
 from tracker.following.read_tables import read_trajectories
+from tracker.jobs.acquire import acquire_to, acquisition_from
 from tracker.lsm.points import SurfacePoints
 from tracker.lsm.surface_files import write_ply
 from tracker.rig import Rig
+from tracker.rig_layouts import save_rig
+from tracker.scene import Person, Scene
+from tracker.synthesis.cpu import CpuSynthesis
 
 NOISE_M, SPACING_M = 0.003, 0.015
 OF = space()
@@ -248,3 +254,44 @@ def test_the_command_makes_a_model_and_refuses_bad_inputs(tmp_path: Path) -> Non
     same = cloud(0)
     np.testing.assert_allclose(read.points, same.points, atol=1e-6)
     np.testing.assert_allclose(read.sigmas, same.sigmas, rtol=1e-4)
+
+
+def test_silhouettes_and_start_poses_join_in(tmp_path: Path) -> None:
+    """Points of the front alone do not show how deep the body is; a picture from the side does."""
+    body, q = person(), posture(0)
+    side = Camera.looking_at("side", (480, 640), 700, (0.1 - 3.2, -0.2 + 3.8, 1.0), np.array([0.1, -0.2, 0.95]))
+    save_rig(Rig((side,)), tmp_path / "rig.toml")
+    mask = CpuSynthesis().silhouettes(Scene((Person("eva", body, q),), Rig((side,))))[0]
+    cv2.imwrite(str(tmp_path / "side.png"), 255 * mask.astype(np.uint8))
+    stored(measured(0, front=True), tmp_path / "front.ply")
+    units = [180 / np.pi if one.rotates else 1.0 for one in body.parameters]
+    cells = [str(unit * value) for unit, value in zip(units, q, strict=True)]
+    head = ",".join(["frame", "person", *(one.column for one in body.parameters)])
+    (tmp_path / "start.csv").write_text(f"{head}\n0,eva,{','.join(cells)}\n", encoding="utf-8")
+    picture = {"mask": "side.png", "rig": "rig.toml"}
+    moment = {"cloud": "front.ply", "silhouettes": [picture]}
+    table = {"name": "eva", "model": "gavrila22", "stature_m": 1.8, "start": "start.csv", "moments": [moment]}
+    job = acquisition_from(table, "eva.toml", tmp_path, "eva")
+    outcome = acquire_to(job, tmp_path / "models" / "eva.toml")
+    assert outcome.overlaps["side"] > 0.95
+    depths = {one.part: one.size_mm[0] for one in outcome.parts}
+    true = dict(zip((part.name for part in body.parts), 2000 * body.shapes[:, 0], strict=True))
+    # a silhouette of 220 px a metre is exact to 2 mm a side, and the other half of the trunk is as long as it says
+    assert depths["torso"] == pytest.approx(true["torso"], abs=15)
+    moment["silhouettes"] = [{"mask": "side.png", "px_per_m": 200.0}]
+    with pytest.raises(ConfigError, match="without `rig`"):
+        acquisition_from(table, "eva.toml", tmp_path, "eva").open()
+
+
+def test_a_scanned_woman_has_her_own_lengths(tmp_path: Path) -> None:
+    """Her clothes hide where the joints are: what the surface shows of them, within its standard deviations."""
+    data = os.environ.get("BODYTRACK_DATA")
+    if not data:
+        pytest.skip("BODYTRACK_DATA is not set: no scanned person")
+    scan, truth = Path(data) / "room" / "R-UpperBody" / "surface" / "scan.ply", {"upper_arm": 267.1, "thigh": 413.9}
+    table = {"name": "rita", "stature_m": 1.70, "moments": [{"cloud": str(scan)}]}
+    outcome = acquire_to(acquisition_from(table, "rita.toml", tmp_path, "rita"), tmp_path / "rita.toml")
+    bones = {bone.bone: bone for bone in outcome.bones}
+    for bone, true in (("left_shoulder-left_elbow", truth["upper_arm"]), ("left_hip-left_knee", truth["thigh"])):
+        assert abs(bones[bone].length_mm - true) < 2 * bones[bone].sigma_mm < 30
+    assert outcome.explained[0] > 0.97
