@@ -54,7 +54,7 @@ def scattered_tables(n_views: int, n_parts: int, seed: int = 0) -> Tables:
     rng = np.random.default_rng(seed)
     shares = rng.gamma(0.2, size=(2, n_views, n_parts, N_COLOURS)) * (rng.uniform(size=(2, 1, 1, N_COLOURS)) < 0.5)
     shares /= shares.sum(axis=-1, keepdims=True)
-    return Tables(*shares.astype(np.float32))
+    return Tables(*shares.astype(np.float32), np.zeros((n_views, N_COLOURS), dtype=np.float32))
 
 
 def colour_numbers(image: Image, pixels: Array) -> Integers:

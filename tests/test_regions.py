@@ -16,7 +16,7 @@ from tracker.evidence import GUESSED
 from tracker.evidence._colours import Colours, corrected
 from tracker.evidence.regions import RegionEvidence
 from tracker.frame import Frame
-from tracker.kernels.regions.colours import N_COLOURS
+from tracker.kernels.regions.colours import N_COLOURS, Tables
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
@@ -178,22 +178,67 @@ def spikes(*colours: int) -> Array:
     return table
 
 
+def tables_of(inside: Array, outside: Array | None = None) -> Tables:
+    """Tables (V, P, 4096) with nothing known of hiders."""
+    beside = np.zeros_like(inside) if outside is None else outside
+    return Tables(inside, beside, np.zeros((len(inside), N_COLOURS), dtype=np.float32))
+
+
 def test_what_hides_a_part_at_the_start_is_told_by_the_other_views() -> None:
     inside = np.zeros((4, 2, N_COLOURS), dtype=np.float32)
     inside[:, 0] = spikes(1, 2), spikes(1, 2, 3), spikes(1, 2), spikes(70, 71)
     inside[:, 1] = spikes(1), spikes(50), spikes(100), spikes(150)
     before = inside.copy()
     known = np.ones((4, 2), dtype=np.bool_)
-    replaced = corrected(inside, known, known)
+    tables = tables_of(inside)
+    replaced = corrected(tables, known, known)
     np.testing.assert_array_equal(replaced, [[False, False], [False, False], [False, False], [True, False]])
     np.testing.assert_allclose(inside[3, 0], before[:3, 0].mean(axis=0))
     np.testing.assert_array_equal(inside[:3], before[:3])
+    # beside the contour is something else: a part that looks otherwise from there, not one that is hidden
+    assert not tables.hiders.any()
     # what was learnt long ago is believed
     inside = before.copy()
-    assert not corrected(inside, np.zeros_like(known), known).any()
+    assert not corrected(tables_of(inside), np.zeros_like(known), known).any()
+
+
+def test_what_is_on_both_sides_of_a_contour_hides_the_part_and_others_of_the_view() -> None:
+    inside = np.zeros((4, 2, N_COLOURS), dtype=np.float32)
+    inside[:3, 0], inside[3, 0] = spikes(1, 2), spikes(70, 71)
+    # half of the second part is hidden as well
+    inside[:3, 1], inside[3, 1] = spikes(1, 5), spikes(1, 5, 70, 71)
+    outside = np.zeros_like(inside)
+    outside[3, 0] = spikes(70, 71, 72)
+    known, tables = np.ones((4, 2), dtype=np.bool_), tables_of(inside, outside)
+    np.testing.assert_array_equal(corrected(tables, known, known)[:, 0], [False, False, False, True])
+    np.testing.assert_allclose(tables.hiders[3], spikes(70, 71))
+    assert not tables.hiders[:3].any()
+    np.testing.assert_allclose(inside[3, 0], spikes(1, 2))
+    np.testing.assert_allclose(inside[3, 1], spikes(1, 5))
+
+
+def test_a_board_before_a_limb_counts_neither_for_nor_against_it(body: BodyModel, scene: Scene) -> None:
+    """One view shows a board over half of the person; where a leg is behind it is told by the others."""
+    colours = np.random.default_rng(5).integers(20, 236, (len(scene.shapes) + 1, 3)).astype(np.float64)
+    images = list(painted(scene, colours, noise=6.0))
+    board = np.random.default_rng(1).normal((40, 90, 160), 6.0, images[1].shape).clip(0, 255).astype(np.uint8)
+    low = images[1].shape[0] // 2
+    images[1][low:] = board[low:]
+    sight, q, legs = Sight(Frame(0, 0.0, tuple(images))), scene.persons[0].q, body.parts_of("left_leg")
+    learned = EVIDENCE.learned(None, sight, scene, SYNTHESIS.contours(scene), trusted(scene))
+    assert learned is not None
+    assert learned.tables.hiders[1].any()
+    assert not learned.tables.hiders[[0, 2, 3]].any()
+    open_account, account = (
+        EVIDENCE.account(asked(scene, shown, learned), q)
+        for shown in (Sight(Frame(0, 0.0, painted(scene, colours, noise=6.0))), sight)
+    )
+    assert account.of(legs).explained > 0.85
+    assert account.of(legs).visible_px.sum() < 0.9 * open_account.of(legs).visible_px.sum()
+    assert account.explained > 0.85
 
 
 def test_of_two_views_that_differ_nobody_knows_which_is_right() -> None:
     inside = np.stack([spikes(1), spikes(70)])[:, None]
     known = np.ones((2, 1), dtype=np.bool_)
-    assert not corrected(inside, known, known).any()
+    assert not corrected(tables_of(inside), known, known).any()

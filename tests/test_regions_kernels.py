@@ -11,7 +11,16 @@ from scipy.ndimage import convolve1d
 from tracker.arrays import Array, Integers, Mask
 from tracker.body import BodyModel
 from tracker.contours import Contours
-from tracker.kernels.regions.colours import N_COLOURS, Picture, Tables, encode, learn_colours, tabulate_posteriors
+from tracker.kernels.regions.colours import (
+    EVEN,
+    HIDDEN,
+    N_COLOURS,
+    Picture,
+    Tables,
+    encode,
+    learn_colours,
+    tabulate_posteriors,
+)
 from tracker.kernels.regions.equations import shift_equations
 from tracker.kernels.regions.lines import SPOTS, Looks, Samples, find_shifts, learn_lines
 from tracker.kernels.regions.scoring import Lines, score_lines
@@ -103,6 +112,16 @@ def test_posteriors_are_bounded_odds() -> None:
     expected = 254 / (1 + np.exp(-odds))
     assert np.abs(posteriors - expected)[wanted].max() <= 0.51
     assert (posteriors[1, 1] == 77).all()
+
+
+def test_colours_of_a_hider_are_those_that_the_part_has_not() -> None:
+    tables = scattered_tables(2, 1)
+    tables.inside[0, 0, :3] = 0.0, 0.01, 0.01
+    tables.hiders[0, :3] = 0.02, 0.02, 0.04
+    posteriors = np.full((2, 1, N_COLOURS), EVEN, dtype=np.uint8)
+    tabulate_posteriors(tables, (2e-4, 4.0), np.ones((2, 1), dtype=np.bool_), posteriors)
+    np.testing.assert_array_equal(posteriors[0, 0, :3] == HIDDEN, [True, False, True])
+    assert np.count_nonzero(posteriors == HIDDEN) == 2
 
 
 def test_the_part_beside_a_contour_is_the_one_a_picture_shows(near: Scene) -> None:
@@ -228,7 +247,8 @@ def learnt(scene: Scene, images: tuple[Array, ...]) -> tuple[Picture, Looks, Con
     """Colours learnt at the true pose."""
     contours = CpuSynthesis().contours(scene)
     n_parts = len(scene.shapes)
-    tables = Tables(*np.zeros((2, len(scene.rig), n_parts, N_COLOURS), dtype=np.float32))
+    shape = len(scene.rig), n_parts, N_COLOURS
+    tables = Tables(*np.zeros((2, *shape), dtype=np.float32), np.zeros((shape[0], N_COLOURS), dtype=np.float32))
     picture, samples, useful = encoded(images), samples_of(contours), valid(contours)
     changed = learn_lines(
         picture,
@@ -239,6 +259,7 @@ def learnt(scene: Scene, images: tuple[Array, ...]) -> tuple[Picture, Looks, Con
         useful,
         RULE.step_m,
         0.15,
+        np.full(shape, EVEN, dtype=np.uint8),
         tables,
     )
     looks = looks_of(tables, half_extents(scene))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pydantic
@@ -81,6 +82,11 @@ class HybridEstimation:
     restarts: int = pydantic.Field(default=2, ge=0)
     """How many of them the search starts from, besides the pose at hand."""
 
+    limbs: Literal["in_turn", "compared"] = "in_turn"
+    """Whether each limb is searched from what was found of the one before, or all from the same pose and the best find
+    is taken first. With departures the first limb would take what the images show of the second (R-UpperBody: the
+    right arm followed the left one for nine frames)."""
+
     rounds: int = pydantic.Field(default=2, ge=1)
     """How often limbs are exchanged and searched, as long as one stays unexplained."""
 
@@ -122,16 +128,36 @@ class HybridEstimation:
         return self.then.estimate(objective, np.array(poses)) if poses else estimate
 
     def _searched_limbs(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
-        """Each limb in turn searched from where it is and from the best of poses scattered over its joint limits."""
+        """Each limb in turn searched, from what was found of the one before or all from the same pose."""
+        if self.limbs == "compared":
+            return self._compared_limbs(objective, estimate, groups)
         for group in groups:
-            q, columns = estimate.q, objective.body.group(group)
-            scattered = _scattered(objective.body, q, columns, self.scatter)
-            best = scattered[np.argsort(objective(scattered), kind="stable")[: self.restarts]]
-            poses, n_searched = self.limb.search_from(objective, np.array([q, *best]), columns)
-            refined = self.then.estimate(objective, poses[np.argsort(objective(poses), kind="stable")[:2]])
-            n_evaluations = refined.evaluations + self.scatter + n_searched
-            estimate = _better(estimate, replace(refined, evaluations=n_evaluations))
+            estimate = _better(estimate, self._searched(objective, estimate, group))
         return estimate
+
+    def _compared_limbs(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
+        """Each limb searched from the same pose; the best find is taken, and of the others what fits beside it."""
+        body, found = objective.body, [(group, self._searched(objective, estimate, group)) for group in groups]
+        best = estimate
+        for group, one in sorted(found, key=lambda pair: pair[1].distance_px):
+            if best is estimate:
+                best = one if one.distance_px < best.distance_px else best
+                continue
+            pose, columns = best.q.copy(), body.group(group)
+            pose[columns] = one.q[columns]
+            if float(objective(pose[None])[0]) < best.distance_px:
+                best = _better(best, self.then.estimate(objective, pose[None]))
+        n_evaluations = estimate.evaluations + sum(one.evaluations for _, one in found)
+        return replace(best, evaluations=n_evaluations)
+
+    def _searched(self, objective: Objective, estimate: Estimate, group: str) -> Estimate:
+        """A limb searched from where it is and from the best of poses scattered over its joint limits."""
+        q, columns = estimate.q, objective.body.group(group)
+        scattered = _scattered(objective.body, q, columns, self.scatter)
+        best = scattered[np.argsort(objective(scattered), kind="stable")[: self.restarts]]
+        poses, n_searched = self.limb.search_from(objective, np.array([q, *best]), columns)
+        refined = self.then.estimate(objective, poses[np.argsort(objective(poses), kind="stable")[:2]])
+        return replace(refined, evaluations=refined.evaluations + self.scatter + n_searched)
 
     def _searched_together(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
         """Several limbs, one after the other, from poses of all of them.

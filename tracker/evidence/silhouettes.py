@@ -126,9 +126,7 @@ class SilhouetteEvidence(Evidence):
         seen: Foregrounds = asked.observed
         if not seen.worth.any():
             return np.full((len(poses), len(seen.worth)), np.nan)
-        placements = asked.scene.world_from_parts(asked.person, poses)
-        grids, cameras = _grids(asked.scene.shapes.tobytes()), _small(asked.scene.rig.packed, seen.factor)
-        sums = covered_sums(placements, grids, _GRID, cameras, seen.regions, seen.pictures)
+        sums = covered_by(asked, poses)
         worth = np.where(seen.worth > 0, seen.worth, np.nan)
         per_view: Array = self.scale_px * (sums[..., 0] + worth - sums[..., 1]) / worth
         return per_view
@@ -160,6 +158,15 @@ class SilhouetteEvidence(Evidence):
         cost = np.clip((outwards - 0.75 * factor) / self.reach_px, 0, 1)
         worth = inside * np.minimum(inwards / 2, 1)
         return np.stack([cost, worth], axis=-1).astype(np.float32)
+
+
+def covered_by(asked: Comparison, poses: Array) -> Array:
+    """(B, V, 2) sums of the two pictures of the `Foregrounds` observed over what poses (B, dof) cover."""
+    seen: Foregrounds = asked.observed
+    placements = asked.scene.world_from_parts(asked.person, poses)
+    grids, cameras = _grids(asked.scene.shapes.tobytes()), _small(asked.scene.rig.packed, seen.factor)
+    sums: Array = covered_sums(placements, grids, _GRID, cameras, seen.regions, seen.pictures)
+    return sums
 
 
 def _small(cameras: Array, factor: int) -> Array:

@@ -122,15 +122,27 @@ def _region_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     """As `_tracking_calls`, for the evidence of colours."""
     picture = Picture(_frozen(np.uint16, 0), np.zeros((1, 5), _I8))
     picture.layout.setflags(write=False)
-    tables, known = Tables(_frozen(_F4, 1, 1, N_COLOURS), _frozen(_F4, 1, 1, N_COLOURS)), _frozen(_B1, 1, 1)
+    shares = _frozen(_F4, 1, 1, N_COLOURS), _frozen(_F4, 1, 1, N_COLOURS), _frozen(_F4, 1, N_COLOURS)
+    tables, known = Tables(*shares), _frozen(_B1, 1, 1)
     looks = Looks(tables, _frozen(_U1, 1, 1, N_COLOURS), known, _frozen(_F8, 1))
     samples = Samples(_own(_F4, 1, 1, 5), _own(_F4, 1, 1, 3), _own(_I8, 1, 1), _own(_I8, 1))
     beside, cameras, wanted = _own(_I8, 1, 1, 2), _frozen(_F8, 1, 25), _own(_B1, 1)
     poses = _own(_F4, 0, 1, 1, 5), _own(_F4, 0, 1, 1, 3), _own(_I8, 0, 1, 1), _own(_I8, 0, 1)
     rule = Rule(0.01, 7, 0.07, 2e-4, 20.0, 3.0)
     lines, (model, rig) = Lines(picture, looks, wanted, rule), _seen_body()
-    learnt = Tables(_own(_F4, 1, 1, N_COLOURS), _own(_F4, 1, 1, N_COLOURS))
-    learning = picture, samples, beside, cameras, looks.half_extents, _own(_B1, 1, 1), 0.01, 0.15, learnt
+    learnt = Tables(_own(_F4, 1, 1, N_COLOURS), _own(_F4, 1, 1, N_COLOURS), _own(_F4, 1, N_COLOURS))
+    learning = (
+        picture,
+        samples,
+        beside,
+        cameras,
+        looks.half_extents,
+        _own(_B1, 1, 1),
+        0.01,
+        0.15,
+        looks.posteriors,
+        learnt,
+    )
     solids = _own(_F8, 0, 1, 4, 4), _frozen(_F8, 1, 7), _frozen(_F8, 3, 1), cameras
     chains = _own(_I8, 1), cameras, _own(_F8, 1, 6), _frozen(_B1, 1, 2), 16.0
     return [

@@ -20,8 +20,14 @@ N_COLOURS = 4096
 EVEN = 127
 """Entry of a posterior table that tells nothing; 0 is surely outside, 254 surely inside."""
 
+HIDDEN = 255
+"""Entry of the colours of something that hides the part: nothing can be told there, and nothing has to be."""
+
 # Of the posterior.
 _BINS = 16
+
+# A colour is the hider's where it is so much more frequent than in the part, and no stray one.
+_HIDES, _LEAST_HIDER = 3.0, 1e-3
 
 LEAST_PIXELS = 20.0
 """Fewer pixels than this teach nothing: a table of a handful of colours calls every other one strange."""
@@ -45,6 +51,9 @@ class Tables(NamedTuple):
 
     outside: Array32
     """(V, P, 4096) of the background just outside of it."""
+
+    hiders: Array32
+    """(V, 4096) of the things that hide parts."""
 
 
 @compiled
@@ -116,6 +125,17 @@ def learn_colours(counts: Integers, news: float, table: Array32) -> bool:
 
 
 @compiled
+def _hides(hider: float, part: float) -> bool:
+    return hider > _LEAST_HIDER and hider > _HIDES * part
+
+
+def hides(hider: Array32, part: Array32) -> Mask:
+    """Which colours are those of what hides a part, by the shares (...,) that they have of both."""
+    found: Mask = (hider > _LEAST_HIDER) & (hider > _HIDES * part)
+    return found
+
+
+@compiled
 def tabulate_posteriors(tables: Tables, rule: tuple[float, float], wanted: Mask, posteriors: Image) -> None:
     """Probability that a pixel of a colour lies inside, were both sides as likely, of some parts in some views.
 
@@ -123,7 +143,7 @@ def tabulate_posteriors(tables: Tables, rule: tuple[float, float], wanted: Mask,
         tables: shares of the colours.
         rule: share that a colour never seen has; bound on the logarithm of the odds.
         wanted: (V, P) tables to fill.
-        posteriors: (V, P, 4096) output, 254 times the probability.
+        posteriors: (V, P, 4096) output, 254 times the probability; `HIDDEN` for colours of a thing that hides the part.
     """
     floor, most = rule
     low = 1.0 / (1.0 + np.exp(most))
@@ -132,6 +152,9 @@ def tabulate_posteriors(tables: Tables, rule: tuple[float, float], wanted: Mask,
             if not wanted[v, p]:
                 continue
             for colour in range(N_COLOURS):
+                if _hides(tables.hiders[v, colour], tables.inside[v, p, colour]):
+                    posteriors[v, p, colour] = HIDDEN
+                    continue
                 inside = tables.inside[v, p, colour] + floor
                 share = inside / (inside + tables.outside[v, p, colour] + floor)
                 posteriors[v, p, colour] = int(254.0 * min(max(share, low), 1.0 - low) + 0.5)

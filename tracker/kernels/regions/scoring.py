@@ -15,7 +15,7 @@ from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.occlusion import cover, place_solids, view_solids
 from tracker.kernels.contours.scoring import moving_parts
 from tracker.kernels.contours.tracing import trace_view, tracing_workspace
-from tracker.kernels.regions.colours import Picture, colour_at
+from tracker.kernels.regions.colours import EVEN, HIDDEN, Picture, colour_at
 from tracker.kernels.regions.lines import BACKGROUND, DEEPEST, Looks, Rule, inside_share, pixels_per_metre
 from tracker.kernels.regions.sides import nearest_beside, parts_near, place_spots
 from tracker.kernels.rows import region, sample, solid, spot
@@ -72,7 +72,7 @@ def _wrong_share(
     side: int,
     spacing: tuple[float, float, float],
 ) -> float:
-    """How much of a line lies on the wrong side of the contour, 0 to 1.
+    """How much of a line lies on the wrong side of the contour, 0 to 1; -1 where something hides the part.
 
     Args:
         picture, looks: colours seen and known.
@@ -83,15 +83,22 @@ def _wrong_share(
     v, p, x, y, nu, nv = place
     step, deep, floor = spacing
     inside = outside = 0.0
-    n_inside = 0
+    n_inside = n_hidden = 0
     for k in range(_COMPARED):
         along = 1.5 + 2.0 * k
         if k == 0 or along * step < deep:
             colour = colour_at(picture, v, x - nu * along * step, y - nv * along * step)
-            inside += inside_share(looks, v, p, side, colour, floor)
+            share = inside_share(looks, v, p, side, colour, floor)
+            if share == HIDDEN:
+                share = float(EVEN)
+                n_hidden += 1
+            inside += share
             n_inside += 1
         colour = colour_at(picture, v, x + nu * along * step, y + nv * along * step)
-        outside += inside_share(looks, v, p, side, colour, floor)
+        share = inside_share(looks, v, p, side, colour, floor)
+        outside += share if share < HIDDEN else float(EVEN)
+    if 2 * n_hidden > n_inside:
+        return -1.0
     return 0.5 * (1.0 - inside / (254.0 * n_inside) + outside / (254.0 * _COMPARED))
 
 
@@ -105,7 +112,7 @@ def _judged(
     point: tuple[float, float, float],
     side: int,
 ) -> tuple[float, float]:
-    """Share of the line of a contour sample at a world point that is on the wrong side, and its length, px."""
+    """Share of the line of a contour sample at a world point that is on the wrong side or -1, and its length, px."""
     size = pixels_per_metre(cameras[place[0]], point[0], point[1], point[2])
     step = max(size * rule.step_m, 1.0)
     spacing = step, DEEPEST * size * looks.half_extents[place[1]], rule.floor
@@ -114,7 +121,9 @@ def _judged(
 
 @compiled
 def _add(length: float, wrong: float, line_px: float, p: int, misfits: Array) -> None:
-    """Adds a sample of part p that stands for some contour to the misfits (P, 3) of a pose in a view."""
+    """Adds a sample of part p, unless it is hidden, and the contour it stands for, to misfits (P, 3) of a view."""
+    if wrong < 0.0:
+        return
     misfits[p, 0] += length
     misfits[p, 1] += length * wrong * line_px
     misfits[p, 2] += length if wrong < _EXPLAINED else 0.0

@@ -1,0 +1,147 @@
+"""Evidence of departures: a limb that comes out of the body, passers-by, and what it must not take for background."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from observations import bent, four_views
+from painted import painted
+
+from tracker.arrays import Array, Image, Mask
+from tracker.body import BodyModel
+from tracker.comparison import Comparison
+from tracker.evidence import GUESSED
+from tracker.evidence.departures import DeparturesEvidence
+from tracker.frame import Frame
+from tracker.scene import Person, Scene
+from tracker.sight import Sight
+from tracker.synthesis.cpu import CpuSynthesis
+
+EVIDENCE, SYNTHESIS = DeparturesEvidence(), CpuSynthesis()
+
+
+@pytest.fixture(scope="module")
+def scene(body: BodyModel) -> Scene:
+    return Scene((Person("one", body, bent(body)),), four_views((720, 576)))
+
+
+@pytest.fixture(scope="module")
+def raised(body: BodyModel, scene: Scene) -> Array:
+    """The pose with the left arm raised sideways."""
+    q = scene.persons[0].q.copy()
+    q[body.index("left_arm_abduction")] += np.radians(60)
+    return body.clamped(q)
+
+
+def images_of(scene: Scene, noise: float = 6.0) -> tuple[Image, ...]:
+    """A person in green before a grey wall."""
+    colours = np.tile([60.0, 120.0, 70.0], (len(scene.shapes) + 1, 1))
+    colours[-1] = 170.0, 165.0, 160.0
+    return painted(scene, colours, noise)
+
+
+def trusted(scene: Scene, *doubted: int) -> Mask:
+    found = np.ones(len(scene.shapes), dtype=np.bool_)
+    found[list(doubted)] = False
+    return found
+
+
+def learned(scene: Scene, images: tuple[Image | None, ...], memory: object = None, *doubted: int) -> object:
+    sight = Sight(Frame(0, 0.0, images))
+    return EVIDENCE.learned(memory, sight, scene, SYNTHESIS.contours(scene), trusted(scene, *doubted))
+
+
+def asked(scene: Scene, images: tuple[Image | None, ...], memory: object) -> Comparison:
+    sight = Sight(Frame(1, 0.04, images))
+    return Comparison(scene, 0, SYNTHESIS, EVIDENCE.observe(sight, SYNTHESIS.contours(scene), memory))
+
+
+@pytest.mark.parametrize("memory", [None, GUESSED])
+def test_it_is_silent_before_it_has_seen_a_background(scene: Scene, raised: Array, memory: object) -> None:
+    question = asked(scene, images_of(scene.with_pose(0, raised)), memory)
+    poses = np.stack([scene.persons[0].q, raised])
+    np.testing.assert_array_equal(EVIDENCE.distances(question, poses), 0)
+    assert not EVIDENCE.account(question, raised).missed_px.any()
+
+
+def test_nothing_departs_from_a_person_at_rest(scene: Scene) -> None:
+    memory = learned(scene, images_of(scene))
+    question = asked(scene, images_of(scene), memory)
+    assert EVIDENCE.distances(question, scene.persons[0].q[None])[0] < 0.05
+
+
+def test_a_limb_that_has_come_out_must_be_covered(body: BodyModel, scene: Scene, raised: Array) -> None:
+    """And is missed in the account of the limbs that reach it."""
+    memory = learned(scene, images_of(scene))
+    question = asked(scene, images_of(scene.with_pose(0, raised)), memory)
+    still, right = EVIDENCE.distances(question, np.stack([scene.persons[0].q, raised]))
+    # what contours and colours say of a limb is 0.2 to 1 px
+    assert still > right + 1
+    arm = body.parts_of("left_arm")
+    missed, none = (EVIDENCE.account(question, q).missed_px for q in (scene.persons[0].q, raised))
+    assert missed[arm].sum() > 50
+    assert none.sum() < 0.2 * missed.sum()
+
+
+def test_its_number_is_that_of_its_account(scene: Scene, raised: Array) -> None:
+    question = asked(scene, images_of(scene.with_pose(0, raised)), learned(scene, images_of(scene)))
+    q = scene.persons[0].q
+    assert EVIDENCE.account(question, q).distance_px == EVIDENCE.distances(question, q[None])[0]
+    assert EVIDENCE.equations(question, q, 10.0).total == 0
+
+
+def test_another_colour_is_somebody_else(scene: Scene, raised: Array) -> None:
+    memory = learned(scene, images_of(scene))
+    colours = np.tile([60.0, 120.0, 70.0], (len(scene.shapes) + 1, 1))
+    colours[-1], colours[scene.persons[0].body.parts_of("left_arm").nonzero()[0]] = (170.0, 165.0, 160.0), (40, 40, 220)
+    question = asked(scene, painted(scene.with_pose(0, raised), colours, 6.0), memory)
+    assert EVIDENCE.distances(question, scene.persons[0].q[None])[0] < 0.3
+
+
+def test_who_passes_apart_from_the_person_is_not_taken_for_a_limb(scene: Scene) -> None:
+    memory, images = learned(scene, images_of(scene)), images_of(scene)
+    green = np.array([60, 120, 70], dtype=np.uint8)
+    passing = tuple(image.copy() for image in images)
+    contours = SYNTHESIS.contours(scene)
+    for v, image in enumerate(passing):
+        right = int(contours.of(v).pixels[:, 0].max())
+        image[200:260, min(right + 45, 700) : min(right + 65, 719)] = green
+    question = asked(scene, passing, memory)
+    assert EVIDENCE.distances(question, scene.persons[0].q[None])[0] < 0.05
+
+
+def test_a_missed_limb_does_not_become_background(scene: Scene, raised: Array) -> None:
+    """However long the tracked pose leaves it bare."""
+    images = images_of(scene.with_pose(0, raised))
+    memory = learned(scene, images_of(scene))
+    for _ in range(10):
+        memory = learned(scene, images, memory)
+    still, right = EVIDENCE.distances(asked(scene, images, memory), np.stack([scene.persons[0].q, raised]))
+    assert still > right + 1
+
+
+def test_light_that_changes_slowly_is_followed(scene: Scene) -> None:
+    memory = learned(scene, images_of(scene))
+    for k in range(1, 20):
+        lit = tuple((image * (1 - 0.02 * k)).astype(np.uint8) for image in images_of(scene))
+        assert EVIDENCE.distances(asked(scene, lit, memory), scene.persons[0].q[None])[0] < 0.05
+        memory = learned(scene, lit, memory)
+
+
+def test_who_is_doubted_teaches_nothing(scene: Scene) -> None:
+    memory = learned(scene, images_of(scene))
+    after = learned(scene, tuple(255 - image for image in images_of(scene)), memory, *range(len(scene.shapes)))
+    assert all(one is other for one, other in zip(memory, after, strict=True))
+
+
+def test_a_missing_view_says_nothing(scene: Scene, raised: Array) -> None:
+    memory = learned(scene, images_of(scene))
+    images = images_of(scene.with_pose(0, raised))
+    question = asked(scene, (None, *images[1:]), memory)
+    account = EVIDENCE.account(question, scene.persons[0].q)
+    assert account.per_view_px[0] == 0 or np.isnan(account.per_view_px[0])
+    assert account.distance_px > 0
+    nothing = replace(question, observed=EVIDENCE.observe(Sight(Frame(1, 0.0, (None,) * 4)), None, memory))
+    assert EVIDENCE.distances(nothing, raised[None])[0] == 0
