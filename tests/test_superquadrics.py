@@ -10,7 +10,7 @@ import pytest
 
 from tracker.arrays import Array
 from tracker.errors import ModelError
-from tracker.geometry.superquadrics import inside_outside, spread, surface
+from tracker.geometry.superquadrics import inside_outside, signed_distance, spread, surface
 from tracker.shape import TaperedSuperquadric
 
 SHAPES = {
@@ -155,3 +155,19 @@ def test_shapes_that_cannot_be_are_refused(change: dict[str, Any], reason: str) 
     good = TaperedSuperquadric(np.array([0.1, 0.2, 0.3]), np.array([0.5, 0.9]), np.array([0.0, 0.0]))
     with pytest.raises(ModelError, match=reason):
         replace(good, **change)
+
+
+@pytest.mark.parametrize("seed", range(len(SHAPES)))
+def test_signed_distances_are_those_along_the_normal(seed: int) -> None:
+    """To first order: what is left grows with the square of the distance."""
+    shape = np.array(list(SHAPES.values())[seed])
+    rng = np.random.default_rng(seed)
+    points, normals = surface(shape, rng.uniform(-1.2, 1.2, 400), rng.uniform(-3, 3, 400))
+    on_it, away = signed_distance(shape, points)
+    np.testing.assert_allclose(on_it, 0, atol=1e-12)
+    np.testing.assert_allclose(away, normals, atol=1e-6)
+    for side in (1, -1):
+        off = [np.abs(signed_distance(shape, points + side * d * normals)[0] - side * d) for d in (1e-3, 1e-4)]
+        # on a box or a sphere nothing is left but digits
+        assert (off[1] < off[0] / 50 + 1e-9).mean() > 0.97
+        assert np.median(off[0]) < 0.05e-3
