@@ -36,6 +36,8 @@ SECTIONS = {
     "persons": [{"name": "anna", "stature_m": 1.7}],
     "calibration": {"use": "reference_bar", "length_m": 1.0},
     "pairs": [{"front": {"mask": "front.png"}, "side": {"mask": "side.png"}}],
+    "stature_m": 1.7,
+    "moments": [{"cloud": "points.ply"}],
     "scan": {"surface": "scan.ply", "weights": "weights.npz", "joints": "joints.json"},
 }
 """What a section needs at least."""
@@ -438,7 +440,7 @@ def test_adding_a_job_is_adding_one_file(tmp_path: Path, monkeypatch: pytest.Mon
     add_jobs(app)
     assert "Counting: the frames of a recording." in CliRunner().invoke(app, ["--help"]).output
     done = CliRunner().invoke(app, ["count", "count.toml", "--set", "to=5"], catch_exceptions=False)
-    assert "n counted: 5" in done.output
+    assert "\ncounted: 5" in done.output
     assert (tmp_path / "results" / "mine" / "latest" / "count.txt").read_text() == "5"
     wrong = CliRunner().invoke(app, ["count", "count.toml", "--set", "too=5"])
     assert isinstance(wrong.exception, ConfigError)
