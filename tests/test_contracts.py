@@ -43,6 +43,12 @@ def each(stage: str) -> pytest.MarkDecorator:
     return pytest.mark.parametrize("use", available(stage))
 
 
+HINTS = {"departures"}
+"""Evidence that is used beside other evidence only: of limbs that are missing (tests/test_departures.py), no pose."""
+
+whole_evidence = pytest.mark.parametrize("use", sorted(set(available("evidence")) - HINTS))
+
+
 @pytest.fixture(scope="module")
 def simulation() -> Simulation:
     return small_simulation(n_frames=2)
@@ -300,7 +306,7 @@ def test_a_guess_is_a_question_like_any_other(use, scene, frame, cycle):
         assert evidence.account(asked, q).distance_px == pytest.approx(distance, rel=1e-5)
 
 
-@each("evidence")
+@whole_evidence
 def test_evidence_is_for_the_truth(use, scene, observed):
     evidence = made("evidence", use)
     asked, q = observed(evidence), scene.persons[0].q
@@ -313,7 +319,7 @@ def test_evidence_is_for_the_truth(use, scene, observed):
     assert accounts[0].left_over < accounts[1].left_over
 
 
-@each("evidence")
+@whole_evidence
 def test_its_equations_lead_back_to_the_truth(use, scene, observed):
     evidence, body = made("evidence", use), scene.persons[0].body
     asked, truth = observed(evidence), scene.persons[0].q

@@ -71,7 +71,7 @@ class DeparturesEvidence(Evidence):
     """Change in a channel from which a pixel departs from what was seen there, grey levels."""
 
     least_odds: float = pydantic.Field(default=1.0, ge=0)
-    """Logarithm of the odds of a colour, person against surroundings, from which it is the person's."""
+    """By what factor a colour must be more frequent in the person than beside it to be the person's, its logarithm."""
 
     around: float = pydantic.Field(default=0.12, ge=0, le=1)
     """So far around the prediction is looked, as a share of an image's longer side."""
@@ -96,10 +96,11 @@ class DeparturesEvidence(Evidence):
         cores = [None if mask is None else _core(mask) for mask in masks]
         factors = [_factor(image) for image in sight.frame.images if image is not None]
         regions, pictures, worth, start = [], [np.zeros((0, 2), dtype=np.float32)], [], 0
-        for core in cores:
+        for image, core in zip(sight.frame.images, cores, strict=True):
             height, width = (0, 0) if core is None else core.shape
             regions.append((start, width, height))
-            worth.append(0.0 if core is None else float(core.sum()))
+            bare = 0.0 if core is None else float(core.sum())
+            worth.append(np.nan if image is None else bare)
             start += width * height
             if core is not None:
                 pictures.append(np.stack([np.zeros(core.size), core.ravel()], axis=-1).astype(np.float32))
@@ -118,7 +119,7 @@ class DeparturesEvidence(Evidence):
         """What is bare as contour that is missed, by the limb that is nearest to it."""
         per_view, n_parts = self._per_view(asked, q[None])[0], len(asked.body.parts)
         nothing = np.zeros(n_parts)
-        missed = self._missed(asked, q) if asked.observed.worth.any() else nothing
+        missed = self._missed(asked, q) if np.nansum(asked.observed.worth) else nothing
         distance_px = float(over_views(per_view[None], 0.0)[0])
         return Account(distance_px, per_view, np.full(n_parts, np.nan), nothing, nothing, missed)
 
@@ -133,8 +134,8 @@ class DeparturesEvidence(Evidence):
     def _per_view(self, asked: Comparison, poses: Array) -> Array:
         """(B, V) px."""
         seen: Foregrounds = asked.observed
-        if not seen.worth.any():
-            return np.zeros((len(poses), len(seen.worth)))
+        if not np.nansum(seen.worth):
+            return np.tile(seen.worth, (len(poses), 1))
         covered = covered_by(asked, poses)[..., 1]
         own = np.array([max(camera.size[0] * camera.size[1], 1) for camera in asked.scene.rig.cameras])
         sizes = own * _TYPICAL_SHARE / seen.factor**2
