@@ -26,6 +26,7 @@ from tracker.errors import ConfigError
 from tracker.plugins import ask_before_plugins
 
 UNITS = ("px", "degrees", "metres", "seconds", "grey levels", "share", "frames", "per second", "factor", "rate")
+UNITS += ("cosine", "observations", "standard deviations")
 
 
 def contract(stage: str) -> Any:
@@ -113,7 +114,7 @@ def test_the_described_configuration_loads_again_as_an_equal_component(stage, us
 @every_plain_field
 def test_a_changed_field_reaches_the_component_and_its_description(stage, use, name):
     kind, usual = kind_of(stage, use, name), getattr(made(stage, use), name)
-    changed = not usual if kind is bool else kind(usual + 1 if kind is int else usual * 0.75 + 0.01)
+    changed = not usual if kind is bool else kind(usual + 1 if kind is int else usual * 0.77 + 0.013)
     component = made(stage, use, **{name: changed})
     assert getattr(component, name) == changed
     assert describe(component)[name] == changed

@@ -62,6 +62,9 @@ def compare(console: Console, tracked: bool, quick: bool) -> None:
         quick: few performances.
     """
     library = load_library(())
+    if "BODYTRACK_DATA" not in os.environ:
+        console.print("BODYTRACK_DATA is not set: no movements of other persons to recognize")
+        return
     motions = Path(os.environ["BODYTRACK_DATA"]) / "motions" / "cmu"
     asked = [*_other_persons(motions), *_other_bodies(quick), *_performers(library, 1 if quick else 5)]
     begin = time.process_time()
