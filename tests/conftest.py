@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from motions import Movement, made_up
+from numbered_pictures import record
 from observations import bent, four_views, ideal
 
 from tracker.body import BodyModel
@@ -53,3 +55,15 @@ def observation(truth: Scene) -> Observation:
 def movement(request: pytest.FixtureRequest) -> Movement:
     """Two persons with a made-up movement, the first one of each model and lost for a while."""
     return made_up(request.param, "gavrila22")
+
+
+@pytest.fixture(scope="session")
+def numbered(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small recording whose pictures tell their view and number."""
+    return record(tmp_path_factory.mktemp("numbered"))
+
+
+@pytest.fixture
+def copied(numbered: Path, tmp_path: Path) -> Path:
+    """A copy of it that a test may spoil."""
+    return Path(shutil.copytree(numbered, tmp_path / "copy"))

@@ -21,7 +21,6 @@ from numbered_pictures import (
     both,
     picture,
     pictures_of,
-    record,
     seen,
     shown,
     videos,
@@ -37,22 +36,11 @@ from tracker.rig import Rig
 from tracker.rig_layouts import load_rig, save_rig
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return record(tmp_path_factory.mktemp("recorded"))
-
-
-@pytest.fixture
-def folder(recorded: Path, tmp_path: Path) -> Path:
-    """A copy of the recording that a test may spoil."""
-    return Path(shutil.copytree(recorded, tmp_path / "copy"))
-
-
 @both
-def test_every_view_of_every_frame(recorded: Path, kind: Callable[..., Recording]) -> None:
-    sequence = kind(recorded).open()
+def test_every_view_of_every_frame(numbered: Path, kind: Callable[..., Recording]) -> None:
+    sequence = kind(numbered).open()
     assert isinstance(sequence, reading.Sequence)
-    assert isinstance(kind(recorded), reading.Reading)
+    assert isinstance(kind(numbered), reading.Reading)
     assert sequence.rig.names == VIEWS
     assert sequence.fps == FPS
     assert sequence.plates == (None, None, None)
@@ -67,16 +55,16 @@ def test_every_view_of_every_frame(recorded: Path, kind: Callable[..., Recording
 
 
 @both
-def test_a_sequence_can_be_read_again(recorded: Path, kind: Callable[..., Recording]) -> None:
-    sequence = kind(recorded, stop=4).open()
+def test_a_sequence_can_be_read_again(numbered: Path, kind: Callable[..., Recording]) -> None:
+    sequence = kind(numbered, stop=4).open()
     first = [[seen(image) for image in frame.images] for frame in sequence.frames()]
     assert [[seen(image) for image in frame.images] for frame in sequence.frames()] == first
 
 
 @both
 @pytest.mark.parametrize(("start", "stop", "stride"), [(0, None, 1), (5, 12, 1), (3, None, 4), (19, 20, 7), (0, 1, 1)])
-def test_ranges(recorded: Path, kind: Callable[..., Recording], start: int, stop: int | None, stride: int) -> None:
-    recording = dataclasses.replace(kind(recorded), start=start, stop=stop, stride=stride)
+def test_ranges(numbered: Path, kind: Callable[..., Recording], start: int, stop: int | None, stride: int) -> None:
+    recording = dataclasses.replace(kind(numbered), start=start, stop=stop, stride=stride)
     sequence = recording.open()
     expected = list(range(N_FRAMES))[start:stop:stride]
     frames = list(sequence.frames())
@@ -89,44 +77,44 @@ def test_ranges(recorded: Path, kind: Callable[..., Recording], start: int, stop
 @both
 @pytest.mark.parametrize(("start", "stop"), [(20, None), (0, 21), (5, 5), (7, 3)])
 def test_ranges_outside_the_recording_are_refused(
-    recorded: Path, kind: Callable[..., Recording], start: int, stop: int | None
+    numbered: Path, kind: Callable[..., Recording], start: int, stop: int | None
 ) -> None:
     with pytest.raises(SequenceError, match=r"the recording has 20.*start and stop"):
-        kind(recorded, start=start, stop=stop).open()
+        kind(numbered, start=start, stop=stop).open()
 
 
 @both
-def test_chosen_views_in_the_wanted_order(recorded: Path, kind: Callable[..., Recording]) -> None:
-    recording = kind(recorded, views=("west", "east"), stop=2)
+def test_chosen_views_in_the_wanted_order(numbered: Path, kind: Callable[..., Recording]) -> None:
+    recording = kind(numbered, views=("west", "east"), stop=2)
     assert recording.open().rig.names == ("west", "east")
     assert shown(recording) == [((2, 0), (0, 0)), ((2, 1), (0, 1))]
 
 
 @both
-def test_an_unknown_view_is_refused(recorded: Path, kind: Callable[..., Recording]) -> None:
+def test_an_unknown_view_is_refused(numbered: Path, kind: Callable[..., Recording]) -> None:
     with pytest.raises(CalibrationError, match=r'no camera "nort".*did you mean "north"'):
-        kind(recorded, views=("nort",)).open()
+        kind(numbered, views=("nort",)).open()
 
 
 @both
-def test_offsets_say_which_image_belongs_to_frame_0(folder: Path, kind: Callable[..., Recording]) -> None:
-    write_video(folder / "north.mp4", pictures_of(1, range(3, N_FRAMES)))
-    shutil.rmtree(folder / "images" / "north")
-    write_images(folder / "images" / "north", 1, range(3, N_FRAMES), first=-3)
-    recording = kind(folder, offsets={"east": 3, "west": 3})
+def test_offsets_say_which_image_belongs_to_frame_0(copied: Path, kind: Callable[..., Recording]) -> None:
+    write_video(copied / "north.mp4", pictures_of(1, range(3, N_FRAMES)))
+    shutil.rmtree(copied / "images" / "north")
+    write_images(copied / "images" / "north", 1, range(3, N_FRAMES), first=-3)
+    recording = kind(copied, offsets={"east": 3, "west": 3})
     assert shown(recording) == [((0, n), (1, n), (2, n)) for n in range(3, N_FRAMES)]
     with pytest.raises(SequenceError, match=r'offsets: no view "wst".*did you mean "west"'):
-        kind(folder, offsets={"wst": 3}).open()
+        kind(copied, offsets={"wst": 3}).open()
 
 
 @both
-def test_views_of_unequal_length(folder: Path, kind: Callable[..., Recording]) -> None:
-    write_video(folder / "north.mp4", pictures_of(1, range(14)))
-    shutil.rmtree(folder / "images" / "north")
-    write_images(folder / "images" / "north", 1, range(14))
+def test_views_of_unequal_length(copied: Path, kind: Callable[..., Recording]) -> None:
+    write_video(copied / "north.mp4", pictures_of(1, range(14)))
+    shutil.rmtree(copied / "images" / "north")
+    write_images(copied / "images" / "north", 1, range(14))
     with pytest.raises(SequenceError, match=r"east 20, north 14, west 20.*on_missing"):
-        kind(folder).open()
-    recording = kind(folder, on_missing="skip")
+        kind(copied).open()
+    recording = kind(copied, on_missing="skip")
     frames = list(recording.open().frames())
     assert len(frames) == N_FRAMES
     assert [frame.missing for frame in frames] == [()] * 14 + [(1,)] * 6
@@ -134,36 +122,36 @@ def test_views_of_unequal_length(folder: Path, kind: Callable[..., Recording]) -
 
 
 @both
-def test_a_negative_offset_leaves_a_view_out_of_the_first_frames(folder: Path, kind: Callable[..., Recording]) -> None:
-    recording = kind(folder, offsets={"west": -2}, on_missing="skip")
+def test_a_negative_offset_leaves_a_view_out_of_the_first_frames(copied: Path, kind: Callable[..., Recording]) -> None:
+    recording = kind(copied, offsets={"west": -2}, on_missing="skip")
     assert shown(recording)[:4] == [
         ((0, 0), (1, 0), None), ((0, 1), (1, 1), None), ((0, 2), (1, 2), (2, 0)), ((0, 3), (1, 3), (2, 1))
     ]  # fmt: skip
 
 
 @both
-def test_images_of_another_size_than_calibrated(folder: Path, kind: Callable[..., Recording]) -> None:
-    smaller = load_rig(folder / "rig.toml").downscaled(2)
-    save_rig(smaller, folder / "rig.toml")
+def test_images_of_another_size_than_calibrated(copied: Path, kind: Callable[..., Recording]) -> None:
+    smaller = load_rig(copied / "rig.toml").downscaled(2)
+    save_rig(smaller, copied / "rig.toml")
     for policy in ("error", "skip"):
         with pytest.raises(CalibrationError, match=r"64x48 px, the rig was calibrated at 32x24"):
-            list(kind(folder, on_missing=policy).open().frames())
+            list(kind(copied, on_missing=policy).open().frames())
 
 
 @both
-def test_images_turned_against_their_calibration(folder: Path, kind: Callable[..., Recording]) -> None:
-    rig = load_rig(folder / "rig.toml")
-    save_rig(Rig(tuple(camera.turned(1) for camera in rig.cameras)), folder / "rig.toml")
+def test_images_turned_against_their_calibration(copied: Path, kind: Callable[..., Recording]) -> None:
+    rig = load_rig(copied / "rig.toml")
+    save_rig(Rig(tuple(camera.turned(1) for camera in rig.cameras)), copied / "rig.toml")
     with pytest.raises(CalibrationError, match=r"64x48 px, .* 48x64 px: are the images turned upright.*--upright"):
-        list(kind(folder).open().frames())
+        list(kind(copied).open().frames())
 
 
 @both
 @pytest.mark.parametrize("name", ["rig.qca.txt", "rig.json", "opencv", "easymocap"])
-def test_a_rig_in_any_layout_is_read(folder: Path, kind: Callable[..., Recording], name: str) -> None:
-    before = load_rig(folder / "rig.toml")
-    save_rig(before, folder / name, name if "." not in name else None)
-    sequence = dataclasses.replace(kind(folder), rig=folder / name, views=VIEWS[::-1]).open()
+def test_a_rig_in_any_layout_is_read(copied: Path, kind: Callable[..., Recording], name: str) -> None:
+    before = load_rig(copied / "rig.toml")
+    save_rig(before, copied / name, name if "." not in name else None)
+    sequence = dataclasses.replace(kind(copied), rig=copied / name, views=VIEWS[::-1]).open()
     assert sequence.rig.names == VIEWS[::-1]
     np.testing.assert_allclose(sequence.rig.cameras[0].matrix, before.cameras[-1].matrix, atol=1e-9)
 
@@ -171,10 +159,10 @@ def test_a_rig_in_any_layout_is_read(folder: Path, kind: Callable[..., Recording
 @both
 @pytest.mark.parametrize("factor", [2, 3])
 def test_downscaling_averages_the_images_and_scales_the_rig(
-    recorded: Path, kind: Callable[..., Recording], factor: int
+    numbered: Path, kind: Callable[..., Recording], factor: int
 ) -> None:
-    full = kind(recorded, stop=3).open()
-    small = kind(recorded, stop=3, downscale=factor, background=str(recorded / "plate_{view}.png")).open()
+    full = kind(numbered, stop=3).open()
+    small = kind(numbered, stop=3, downscale=factor, background=str(numbered / "plate_{view}.png")).open()
     size = WIDTH // factor, HEIGHT // factor
     assert [camera.size for camera in small.rig.cameras] == [size] * 3
     point = np.array([0.1, -0.2, 1.1])
@@ -192,13 +180,13 @@ def test_downscaling_averages_the_images_and_scales_the_rig(
 
 
 @both
-def test_backgrounds(folder: Path, kind: Callable[..., Recording]) -> None:
-    pictures = kind(folder, background=str(folder / "plate_{view}.png")).open().plates
+def test_backgrounds(copied: Path, kind: Callable[..., Recording]) -> None:
+    pictures = kind(copied, background=str(copied / "plate_{view}.png")).open().plates
     assert [seen(plate and plate.picture) for plate in pictures] == [(0, 0), (1, 0), (2, 0)]
     for v, name in enumerate(VIEWS):
         passing = [*pictures_of(v, range(9, 16)), *[picture(v, 2)] * 33]
-        write_video(folder / f"empty_{name}.mp4", passing)
-    clips = kind(folder, background=str(folder / "empty_{view}.mp4")).open().plates
+        write_video(copied / f"empty_{name}.mp4", passing)
+    clips = kind(copied, background=str(copied / "empty_{view}.mp4")).open().plates
     assert [seen(plate and plate.picture) for plate in clips] == [(0, 2), (1, 2), (2, 2)]
     assert all(plate is not None and not plate.picture.flags.writeable for plate in (*pictures, *clips))
 
@@ -212,66 +200,66 @@ def test_backgrounds(folder: Path, kind: Callable[..., Recording]) -> None:
     ],
 )
 def test_a_background_that_cannot_be_read(
-    folder: Path, kind: Callable[..., Recording], spoil: Callable[[Path], None], reason: str
+    copied: Path, kind: Callable[..., Recording], spoil: Callable[[Path], None], reason: str
 ) -> None:
-    spoil(folder / "plate_north.png")
+    spoil(copied / "plate_north.png")
     with pytest.raises(SequenceError, match=reason):
-        kind(folder, background=str(folder / "plate_{view}.png")).open()
+        kind(copied, background=str(copied / "plate_{view}.png")).open()
 
 
-def test_a_background_of_another_size(folder: Path) -> None:
-    cv2.imwrite(str(folder / "plate_north.png"), picture(1, 0)[:40])
+def test_a_background_of_another_size(copied: Path) -> None:
+    cv2.imwrite(str(copied / "plate_north.png"), picture(1, 0)[:40])
     with pytest.raises(CalibrationError, match=r'"north".*64x40'):
-        videos(folder, background=str(folder / "plate_{view}.png")).open()
+        videos(copied, background=str(copied / "plate_{view}.png")).open()
 
 
 @both
-def test_missing_files_are_named(folder: Path, kind: Callable[..., Recording]) -> None:
-    (folder / "west.mp4").unlink()
-    shutil.rmtree(folder / "images" / "west")
+def test_missing_files_are_named(copied: Path, kind: Callable[..., Recording]) -> None:
+    (copied / "west.mp4").unlink()
+    shutil.rmtree(copied / "images" / "west")
     with pytest.raises(SequenceError, match=r'view "west": no (file|folder) \S*west'):
-        kind(folder).open()
+        kind(copied).open()
 
 
 @pytest.mark.parametrize("content", [b"these are words" * 100, None])
-def test_a_view_that_cannot_be_opened(folder: Path, content: bytes | None) -> None:
-    path = folder / "north.mp4"
+def test_a_view_that_cannot_be_opened(copied: Path, content: bytes | None) -> None:
+    path = copied / "north.mp4"
     path.unlink()
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(SequenceError, match=r'view "north": .*north\.mp4'):
-        videos(folder).open()
-    frames = list(videos(folder, on_missing="skip").open().frames())
+        videos(copied).open()
+    frames = list(videos(copied, on_missing="skip").open().frames())
     assert len(frames) == N_FRAMES
     assert all(frame.missing == (1,) for frame in frames)
 
 
-def test_no_view_that_can_be_opened(folder: Path) -> None:
-    for path in folder.glob("*.mp4"):
+def test_no_view_that_can_be_opened(copied: Path) -> None:
+    for path in copied.glob("*.mp4"):
         path.write_bytes(b"these are words" * 100)
     with pytest.raises(SequenceError, match="is not a video"):
-        videos(folder, on_missing="skip").open()
+        videos(copied, on_missing="skip").open()
 
 
-def test_stop_within_the_shortest_view_needs_nothing_more(folder: Path) -> None:
-    write_video(folder / "north.mp4", pictures_of(1, range(14)))
-    assert len(shown(videos(folder, stop=14))) == 14
+def test_stop_within_the_shortest_view_needs_nothing_more(copied: Path) -> None:
+    write_video(copied / "north.mp4", pictures_of(1, range(14)))
+    assert len(shown(videos(copied, stop=14))) == 14
     with pytest.raises(SequenceError, match=r"north 14"):
-        videos(folder, stop=15).open()
+        videos(copied, stop=15).open()
 
 
 @both
-def test_a_path_without_view_is_refused(recorded: Path, kind: Callable[..., Recording]) -> None:
-    recording = kind(recorded)
+def test_a_path_without_view_is_refused(numbered: Path, kind: Callable[..., Recording]) -> None:
+    recording = kind(numbered)
     fixed = dataclasses.replace(recording, path=recording.path.replace("{view}", "east"))
     with pytest.raises(SequenceError, match=r"no \{view\} in it, so all 3 views would show the same"):
         fixed.open()
     assert shown(dataclasses.replace(fixed, views=("east",), stop=1)) == [((0, 0),)]
     with pytest.raises(SequenceError, match=r"no \{view\} in it"):
-        kind(recorded, background=str(recorded / "plate_east.png")).open()
+        kind(numbered, background=str(numbered / "plate_east.png")).open()
 
 
-def test_frames_are_streamed(recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frames_are_streamed(numbered: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No view is decoded further ahead than the frame after the one in hand."""
     lock, decoded = threading.Lock(), dict.fromkeys(VIEWS, 0)
     original = VideoView.read
@@ -282,7 +270,7 @@ def test_frames_are_streamed(recorded: Path, monkeypatch: pytest.MonkeyPatch) ->
         return original(self, index)
 
     monkeypatch.setattr(VideoView, "read", counted)
-    frames = videos(recorded).open().frames()
+    frames = videos(numbered).open().frames()
     assert max(decoded.values()) == 0
     for _ in range(5):
         frame = next(frames)
@@ -291,9 +279,9 @@ def test_frames_are_streamed(recorded: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert max(decoded.values()) < N_FRAMES
 
 
-def test_abandoned_frames_leave_no_thread(recorded: Path) -> None:
+def test_abandoned_frames_leave_no_thread(numbered: Path) -> None:
     before = threading.active_count()
-    frames = videos(recorded).open().frames()
+    frames = videos(numbered).open().frames()
     next(frames)
     frames.close()  # type: ignore[attr-defined]
     assert threading.active_count() == before

@@ -16,7 +16,6 @@ from numbered_pictures import (
     VIEWS,
     images,
     picture,
-    record,
     seen,
     shown,
     write_images,
@@ -24,17 +23,6 @@ from numbered_pictures import (
 
 from tracker.errors import SequenceError
 from tracker.reading.images import intact_image
-
-
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return record(tmp_path_factory.mktemp("recorded"))
-
-
-@pytest.fixture
-def folder(recorded: Path, tmp_path: Path) -> Path:
-    """A copy of the recording that a test may spoil."""
-    return Path(shutil.copytree(recorded, tmp_path / "copy"))
 
 
 def test_what_is_appended_to_a_jpeg_does_no_harm_and_a_preview_in_it_hides_no_cut(tmp_path: Path) -> None:
@@ -68,40 +56,40 @@ def test_pictures_that_are_whole_and_not_read_say_why(tmp_path: Path) -> None:
         intact_image(path)
 
 
-def test_image_numbers_need_not_start_at_0(folder: Path) -> None:
+def test_image_numbers_need_not_start_at_0(copied: Path) -> None:
     for v, name in enumerate(VIEWS):
-        shutil.rmtree(folder / "images" / name)
-        write_images(folder / "images" / name, v, first=997)
-    assert shown(images(folder, start=8, stop=10)) == [tuple((v, n) for v in range(3)) for n in (8, 9)]
+        shutil.rmtree(copied / "images" / name)
+        write_images(copied / "images" / name, v, first=997)
+    assert shown(images(copied, start=8, stop=10)) == [tuple((v, n) for v in range(3)) for n in (8, 9)]
 
 
-def test_a_view_that_lacks_its_first_images_is_not_shifted(folder: Path) -> None:
-    (folder / "images" / "north" / "img_0000.png").unlink()
+def test_a_view_that_lacks_its_first_images_is_not_shifted(copied: Path) -> None:
+    (copied / "images" / "north" / "img_0000.png").unlink()
     with pytest.raises(SequenceError, match=r'view "north" has no image for frame 0'):
-        list(images(folder).open().frames())
-    assert shown(images(folder, on_missing="skip"))[:2] == [((0, 0), None, (2, 0)), ((0, 1), (1, 1), (2, 1))]
+        list(images(copied).open().frames())
+    assert shown(images(copied, on_missing="skip"))[:2] == [((0, 0), None, (2, 0)), ((0, 1), (1, 1), (2, 1))]
 
 
-def test_a_jpeg_cut_off_is_noticed(folder: Path) -> None:
+def test_a_jpeg_cut_off_is_noticed(copied: Path) -> None:
     """OpenCV would fill the rest with grey."""
     for v, name in enumerate(VIEWS):
         for number in range(3):
-            cv2.imwrite(str(folder / "images" / name / f"img_{number}.jpg"), picture(v, number))
-    recording = dataclasses.replace(images(folder), path=str(folder / "images" / "{view}" / "img_{frame}.jpg"))
+            cv2.imwrite(str(copied / "images" / name / f"img_{number}.jpg"), picture(v, number))
+    recording = dataclasses.replace(images(copied), path=str(copied / "images" / "{view}" / "img_{frame}.jpg"))
     assert len(shown(recording)) == 3
-    spoilt = folder / "images" / "west" / "img_1.jpg"
+    spoilt = copied / "images" / "west" / "img_1.jpg"
     spoilt.write_bytes(spoilt.read_bytes()[:-40])
     with pytest.raises(SequenceError, match=r"west/img_1\.jpg: not an image that can be read"):
         shown(recording)
     assert [views[2] for views in shown(dataclasses.replace(recording, on_missing="skip"))] == [(2, 0), None, (2, 2)]
 
 
-def test_images_are_sorted_by_number_not_by_letter(folder: Path) -> None:
+def test_images_are_sorted_by_number_not_by_letter(copied: Path) -> None:
     for name in VIEWS:
-        for file in (folder / "images" / name).iterdir():
+        for file in (copied / "images" / name).iterdir():
             number = int(re.sub(r"\D", "", file.name))
             file.rename(file.with_name(f"img_{number}.png"))
-    assert [views[2] for views in shown(images(folder))] == [(2, number) for number in range(N_FRAMES)]
+    assert [views[2] for views in shown(images(copied))] == [(2, number) for number in range(N_FRAMES)]
 
 
 @pytest.mark.parametrize(
@@ -112,20 +100,20 @@ def test_images_are_sorted_by_number_not_by_letter(folder: Path) -> None:
     ],
     ids=["missing", "truncated"],
 )
-def test_one_bad_image(folder: Path, spoil: Callable[[Path], None], reason: str) -> None:
-    spoil(folder / "images" / "north" / "img_0007.png")
+def test_one_bad_image(copied: Path, spoil: Callable[[Path], None], reason: str) -> None:
+    spoil(copied / "images" / "north" / "img_0007.png")
     with pytest.raises(SequenceError, match=reason):
-        list(images(folder).open().frames())
-    frames = list(images(folder, on_missing="skip").open().frames())
+        list(images(copied).open().frames())
+    frames = list(images(copied, on_missing="skip").open().frames())
     assert [frame.index for frame in frames if frame.missing] == [7]
     assert frames[7].missing == (1,)
     assert seen(frames[8].images[1]) == (1, 8)
 
 
-def test_image_patterns_that_cannot_work(folder: Path) -> None:
+def test_image_patterns_that_cannot_work(copied: Path) -> None:
     with pytest.raises(SequenceError, match=r"no \{frame\}"):
-        dataclasses.replace(images(folder), path=str(folder / "images" / "{view}" / "img.png")).open()
+        dataclasses.replace(images(copied), path=str(copied / "images" / "{view}" / "img.png")).open()
     with pytest.raises(SequenceError, match=r"no \{frame\} in the file name"):
-        dataclasses.replace(images(folder), path=str(folder / "images" / "{view}_{frame}" / "img.png")).open()
+        dataclasses.replace(images(copied), path=str(copied / "images" / "{view}_{frame}" / "img.png")).open()
     with pytest.raises(SequenceError, match=r'view "east": no image picture_\{frame\}\.png'):
-        dataclasses.replace(images(folder), path=str(folder / "images" / "{view}" / "picture_{frame}.png")).open()
+        dataclasses.replace(images(copied), path=str(copied / "images" / "{view}" / "picture_{frame}.png")).open()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import shutil
 from pathlib import Path
 
 import cv2
@@ -14,7 +13,6 @@ from numbered_pictures import (
     N_FRAMES,
     VIEWS,
     WIDTH,
-    record,
     videos,
     write_images,
 )
@@ -23,31 +21,20 @@ from tracker.errors import CalibrationError, SequenceError
 from tracker.reading.images import ImageReading
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return record(tmp_path_factory.mktemp("recorded"))
-
-
-@pytest.fixture
-def folder(recorded: Path, tmp_path: Path) -> Path:
-    """A copy of the recording that a test may spoil."""
-    return Path(shutil.copytree(recorded, tmp_path / "copy"))
-
-
-def write_masks(folder: Path, numbers: range = range(N_FRAMES), first: int = 0) -> None:
+def write_masks(copied: Path, numbers: range = range(N_FRAMES), first: int = 0) -> None:
     """A square that moves a pixel a frame; the label of the person is not always 255."""
     for v, name in enumerate(VIEWS):
-        (folder / name).mkdir(parents=True)
+        (copied / name).mkdir(parents=True)
         for number in numbers:
             mask = np.zeros((HEIGHT, WIDTH), dtype=np.uint8)
             mask[10:20, 10 + number : 20 + number] = 1 + v
-            cv2.imwrite(str(folder / name / f"{number + first:03d}.png"), mask)
+            cv2.imwrite(str(copied / name / f"{number + first:03d}.png"), mask)
 
 
-def test_masks_come_with_their_frames(recorded: Path, tmp_path: Path) -> None:
+def test_masks_come_with_their_frames(numbered: Path, tmp_path: Path) -> None:
     write_masks(tmp_path / "masks")
     masks = str(tmp_path / "masks" / "{view}" / "{frame}.png")
-    reading = videos(recorded, masks=masks, start=3, stop=6, offsets={"north": 2})
+    reading = videos(numbered, masks=masks, start=3, stop=6, offsets={"north": 2})
     for frame in reading.open().frames():
         for v, shift in enumerate((0, 2, 0)):
             mask = frame.mask(v)
@@ -58,26 +45,26 @@ def test_masks_come_with_their_frames(recorded: Path, tmp_path: Path) -> None:
     assert small is not None
     assert small.shape == (HEIGHT // 2, WIDTH // 2)
     assert abs(int(small.sum()) - 25) <= 5
-    assert next(videos(recorded).open().frames()).masks == ()
+    assert next(videos(numbered).open().frames()).masks == ()
     assert [one is not None for one in reading.open().known] == [True] * 3
-    assert videos(recorded).open().known == (None,) * 3
+    assert videos(numbered).open().known == (None,) * 3
 
 
-def test_masks_of_images_are_numbered_as_they_are(tmp_path: Path, recorded: Path) -> None:
+def test_masks_of_images_are_numbered_as_they_are(tmp_path: Path, numbered: Path) -> None:
     for v, name in enumerate(VIEWS):
         write_images(tmp_path / "images" / name, v, first=17)
     write_masks(tmp_path / "masks", first=17)
     path, masks = str(tmp_path / "images" / "{view}" / "img_{frame}.png"), str(tmp_path / "masks/{view}/{frame}.png")
-    frame = next(ImageReading(path=path, rig=recorded / "rig.toml", fps=25.0, masks=masks, start=4).open().frames())
+    frame = next(ImageReading(path=path, rig=numbered / "rig.toml", fps=25.0, masks=masks, start=4).open().frames())
     mask = frame.mask(1)
     assert mask is not None
     assert mask[10:20, 14:24].all()
 
 
-def test_masks_that_are_missing_or_wrong_are_named(recorded: Path, tmp_path: Path) -> None:
+def test_masks_that_are_missing_or_wrong_are_named(numbered: Path, tmp_path: Path) -> None:
     write_masks(tmp_path / "masks")
     (tmp_path / "masks" / "north" / "007.png").unlink()
-    reading = videos(recorded, masks=str(tmp_path / "masks" / "{view}" / "{frame}.png"))
+    reading = videos(numbered, masks=str(tmp_path / "masks" / "{view}" / "{frame}.png"))
     with pytest.raises(SequenceError, match=r'masks of view "north": none numbered 7 for frame 7, 1 of 20 frames'):
         reading.open()
     frames = list(dataclasses.replace(reading, on_missing="skip").open().frames())

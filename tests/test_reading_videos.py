@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import shutil
 import struct
 from fractions import Fraction
 from pathlib import Path
@@ -18,7 +17,6 @@ from numbered_pictures import (
     VIEWS,
     picture,
     pictures_of,
-    record,
     seen,
     shown,
     videos,
@@ -31,17 +29,6 @@ from tracker.reading._timeline import timeline_of
 from tracker.reading.video import open_clip
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return record(tmp_path_factory.mktemp("recorded"))
-
-
-@pytest.fixture
-def folder(recorded: Path, tmp_path: Path) -> Path:
-    """A copy of the recording that a test may spoil."""
-    return Path(shutil.copytree(recorded, tmp_path / "copy"))
-
-
 def truncate(path: Path, view: int, share: float) -> None:
     """A video cut off while it was copied; its header, at the front, still tells all frames."""
     rng = np.random.default_rng(0)
@@ -51,11 +38,11 @@ def truncate(path: Path, view: int, share: float) -> None:
     path.write_bytes(whole[: int(len(whole) * share)])
 
 
-def test_a_truncated_video_is_noticed(folder: Path) -> None:
-    truncate(folder / "north.mp4", 1, 0.8)
+def test_a_truncated_video_is_noticed(copied: Path) -> None:
+    truncate(copied / "north.mp4", 1, 0.8)
     with pytest.raises(SequenceError, match=r"north"):
-        list(videos(folder).open().frames())
-    frames = list(videos(folder, on_missing="skip").open().frames())
+        list(videos(copied).open().frames())
+    frames = list(videos(copied, on_missing="skip").open().frames())
     assert len(frames) == N_FRAMES
     present = [1 not in frame.missing for frame in frames]
     whole = present.index(False)
@@ -65,8 +52,8 @@ def test_a_truncated_video_is_noticed(folder: Path) -> None:
     assert all(seen(frame.images[0]) == (0, number) for number, frame in enumerate(frames))
 
 
-def test_a_frame_that_cannot_be_decoded_is_named(folder: Path) -> None:
-    path = folder / "north.mp4"
+def test_a_frame_that_cannot_be_decoded_is_named(copied: Path) -> None:
+    path = copied / "north.mp4"
     with av.open(str(path)) as container:
         packets = [packet for packet in container.demux(video=0) if packet.size]
         broken = max(packets[6:11], key=lambda packet: packet.size)
@@ -75,8 +62,8 @@ def test_a_frame_that_cannot_be_decoded_is_named(folder: Path) -> None:
     content[start : start + size] = b"\x55" * size
     path.write_bytes(content)
     with pytest.raises(SequenceError, match=r"north\.mp4: frame \d+ cannot be decoded: .*corrupt.*on_missing"):
-        list(videos(folder).open().frames())
-    found = [views[1] for views in shown(videos(folder, on_missing="skip"))]
+        list(videos(copied).open().frames())
+    found = [views[1] for views in shown(videos(copied, on_missing="skip"))]
     whole_again = next(packet for packet in packets[packets.index(broken) :] if packet.is_keyframe)
     key = sorted(packet.pts for packet in packets).index(whole_again.pts)
     assert 0 < found.count(None) < 9
@@ -84,27 +71,27 @@ def test_a_frame_that_cannot_be_decoded_is_named(folder: Path) -> None:
     assert None not in found[key:]
 
 
-def test_a_header_that_tells_more_frames_than_there_are(folder: Path) -> None:
+def test_a_header_that_tells_more_frames_than_there_are(copied: Path) -> None:
     """All views cut off alike have equal lengths; only the headers tell."""
     for v, name in enumerate(VIEWS):
-        truncate(folder / f"{name}.mp4", v, 0.8)
+        truncate(copied / f"{name}.mp4", v, 0.8)
     with pytest.raises(SequenceError, match=r'view "east": \S*east\.mp4 holds \d+ of the 20 frames.*truncated'):
-        videos(folder).open()
+        videos(copied).open()
 
 
-def test_lost_frames_do_not_shift_the_later_ones(folder: Path) -> None:
+def test_lost_frames_do_not_shift_the_later_ones(copied: Path) -> None:
     """Matroska files lose whole frames where they are spoilt; the time stamps tell which."""
     for v, name in enumerate(VIEWS):
-        write_video(folder / f"{name}.mkv", pictures_of(v), gop=1)
+        write_video(copied / f"{name}.mkv", pictures_of(v), gop=1)
     lost = 7
-    with av.open(str(folder / "north.mkv")) as source, av.open(str(folder / "gap.mkv"), "w") as target:
+    with av.open(str(copied / "north.mkv")) as source, av.open(str(copied / "gap.mkv"), "w") as target:
         stream = target.add_stream_from_template(source.streams.video[0])
         packets = [packet for packet in source.demux(video=0) if packet.size]
         for packet in packets[:lost] + packets[lost + 1 :]:
             packet.stream = stream
             target.mux(packet)
-    (folder / "gap.mkv").replace(folder / "north.mkv")
-    recording = dataclasses.replace(videos(folder), path=str(folder / "{view}.mkv"), stop=N_FRAMES - 1)
+    (copied / "gap.mkv").replace(copied / "north.mkv")
+    recording = dataclasses.replace(videos(copied), path=str(copied / "{view}.mkv"), stop=N_FRAMES - 1)
     with pytest.raises(SequenceError, match=rf'view "north" has no image for frame {lost}; set on_missing'):
         list(recording.open().frames())
     expected = [(1, number) if number != lost else None for number in range(N_FRAMES - 1)]
@@ -124,24 +111,24 @@ def written_at(path: Path, times_ms: list[int], pictures: list[Image]) -> None:
         container.mux(stream.encode())
 
 
-def test_dropped_frames_are_missing_and_the_others_stay_at_their_times(folder: Path) -> None:
+def test_dropped_frames_are_missing_and_the_others_stay_at_their_times(copied: Path) -> None:
     """A camera that drops frames writes the time stamps of the others; the pace is theirs."""
     kept = [k for k in range(N_FRAMES) if k not in (3, 4, 11)]
-    written_at(folder / "north.mp4", [round(1000 * k / FPS) for k in kept], [picture(1, k) for k in kept])
-    opened = videos(folder, on_missing="skip").open()
+    written_at(copied / "north.mp4", [round(1000 * k / FPS) for k in kept], [picture(1, k) for k in kept])
+    opened = videos(copied, on_missing="skip").open()
     assert opened.fps == FPS
     found = [seen(frame.images[1]) for frame in opened.frames()]
     assert found == [(1, k) if k in kept else None for k in range(N_FRAMES)]
 
 
 def test_a_frame_rate_that_varies_is_resampled_by_time_and_that_is_said(
-    folder: Path, caplog: pytest.LogCaptureFixture
+    copied: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     rng, at = np.random.default_rng(2), [0]
     for _ in range(N_FRAMES - 1):
         at.append(at[-1] + int(rng.choice([20, 40, 47, 61])))
-    written_at(folder / "north.mp4", at, pictures_of(1))
-    recording = dataclasses.replace(videos(folder), views=("north",))
+    written_at(copied / "north.mp4", at, pictures_of(1))
+    recording = dataclasses.replace(videos(copied), views=("north",))
     opened = recording.open()
     interval_ms = 1000 / opened.fps
     assert "frame rate varies (20 to 61 ms): resampled to" in caplog.text
@@ -197,9 +184,9 @@ def upright_copy(path: Path, content: bytes) -> Path:
     return copy
 
 
-def test_different_frame_rates_are_refused(folder: Path) -> None:
-    write_video(folder / "north.mp4", pictures_of(1), fps=30)
+def test_different_frame_rates_are_refused(copied: Path) -> None:
+    write_video(copied / "north.mp4", pictures_of(1), fps=30)
     with pytest.raises(SequenceError, match=r"east 25\.00, north 30\.00, west 25\.00 fps"):
-        videos(folder).open()
-    assert videos(folder, fps=50.0).open().fps == 50.0
-    assert next(videos(folder, fps=50.0, start=10).open().frames()).time_s == pytest.approx(0.2)
+        videos(copied).open()
+    assert videos(copied, fps=50.0).open().fps == 50.0
+    assert next(videos(copied, fps=50.0, start=10).open().frames()).time_s == pytest.approx(0.2)
