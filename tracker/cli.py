@@ -22,6 +22,7 @@ from tracker.commands.job import add_jobs
 from tracker.commands.recognize import recognize
 from tracker.commands.rig import rig_app
 from tracker.commands.run import demo, run
+from tracker.commands.segment import segment
 from tracker.commands.show import show
 from tracker.commands.simulate import simulate
 from tracker.commands.smooth import smooth
@@ -41,6 +42,7 @@ for _command in (demo, init, run, batch, view, show, evaluate, compare, smooth, 
     app.command()(_command)
 app.command("surface")(measure)
 app.command()(recognize)
+app.command()(segment)
 app.command()(simulate)
 app.add_typer(calibrate_app, name="calibrate")
 app.add_typer(rig_app, name="rig")

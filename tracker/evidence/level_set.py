@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Literal
 
-import cv2
 import numpy as np
 import pydantic
 
 from tracker.account import Account
-from tracker.arrays import Array, Array32, Image, Mask, Region
+from tracker.arrays import Array, Mask
 from tracker.comparison import Comparison
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.equations import Equations
 from tracker.evidence import GUESSED, Memory, Observed
+from tracker.evidence._around import Around, Reach, around
 from tracker.evidence.silhouettes import Foregrounds, SilhouetteEvidence
-from tracker.imaging.densities import Codes, Densities, colour_codes, densities, texture_codes
-from tracker.imaging.level_set import Forces, descent, signed_distance, threshold_dynamics
+from tracker.imaging.densities import Densities
+from tracker.imaging.level_set import Forces, descent, threshold_dynamics
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
@@ -143,76 +143,58 @@ class LevelSetEvidence(SilhouetteEvidence):
         """The question as it is put to silhouettes."""
         return replace(asked, observed=asked.observed.foregrounds(asked.scene, self))
 
+    def stages(
+        self, sight: Sight, v: int, masks: tuple[Mask, Mask], known: Densities | None, n_steps: Sequence[int]
+    ) -> tuple[Mask, ...]:
+        """(H, W) the region in a view after so many steps each, for pictures; empty where nothing can be said.
+
+        Args:
+            sight: the frame.
+            v: number of the view.
+            masks: (H, W) where the contour begins, and the silhouette that is its shape prior.
+            known: densities of the view; None takes those of the prior.
+            n_steps: of the way chosen.
+        """
+        found = self._around(sight, v, masks[1])
+        known = None if found is None else known or found.taught(found.prior > 0)
+        if found is None or known is None:
+            return ()
+        start, forces = found.cut(masks[0]), self._forces(found, known)
+        return tuple(found.uncut(self._drawn(start, forces, n), masks[1].shape) for n in n_steps)
+
     def _region(self, sight: Sight, v: int, silhouette: Mask, known: Densities | None) -> Mask | None:
-        found = self._model(sight, v, silhouette)
+        found = self._around(sight, v, silhouette)
         if found is None:
             return None
-        (x, y, width, height), codes, prior = found
-        near = prior > -self.around_px / self._factor(silhouette)
-        known = known or densities(codes, prior > 0, near & (prior <= 0))
+        start = found.prior > 0
+        known = known or found.taught(start)
         if known is None:
             return None
-        region = self._drawn(known, codes, prior, near)
+        region = self._drawn(start, self._forces(found, known))
         for _ in range(self.adaptations):
-            known = densities(codes, region, near & ~region) or known
-            region = self._drawn(known, codes, prior, near)
-        share = np.count_nonzero(region) / max(int(np.count_nonzero(prior > 0)), 1)
+            known = found.taught(region) or known
+            region = self._drawn(start, self._forces(found, known))
+        share = np.count_nonzero(region) / max(int(np.count_nonzero(start)), 1)
         if not _LEAST_SHARE <= share <= _MOST_SHARE:
             return None
-        mask = np.zeros(silhouette.shape, dtype=np.bool_)
-        mask[y : y + height, x : x + width] = cv2.resize(region.astype(np.float32), (width, height)) > 0.5
-        return mask
+        return found.uncut(region, silhouette.shape)
 
-    def _drawn(self, known: Densities, codes: Codes, prior: Array32, near: Mask) -> Mask:
-        """The contour from the model's outline on."""
-        odds = np.where(near, known.log_odds(codes), np.float32(-_STRANGE))
-        forces = Forces(odds, self.length, prior, self.shape)
-        start = prior > 0
-        return descent(start, forces)[0] if self.way == "descent" else threshold_dynamics(start, forces)
+    def _forces(self, seen: Around, known: Densities) -> Forces:
+        odds = np.where(seen.near, known.log_odds(seen.codes), np.float32(-_STRANGE))
+        return Forces(odds, self.length, seen.prior, self.shape)
+
+    def _drawn(self, start: Mask, forces: Forces, n_steps: int | None = None) -> Mask:
+        """The region that a contour is drawn to from a start; as far as it goes, or so many steps."""
+        most = {} if n_steps is None else {"n_steps": n_steps}
+        return descent(start, forces, **most)[0] if self.way == "descent" else threshold_dynamics(start, forces, **most)
 
     def _taught(self, known: Densities | None, sight: Sight, v: int, silhouette: Mask) -> Densities | None:
-        found = self._model(sight, v, silhouette)
+        found = self._around(sight, v, silhouette)
         if found is None:
             return known
-        _, codes, prior = found
-        near = prior > -self.around_px / self._factor(silhouette)
-        newer = densities(codes, prior > 0, near & (prior <= 0))
+        newer = found.taught(found.prior > 0)
         return known if newer is None else newer if known is None else known.mixed(newer, self.news)
 
-    def _model(self, sight: Sight, v: int, silhouette: Mask) -> tuple[Region, Codes, Array32] | None:
-        """Where to look, what is seen there, and the signed distance to the model's outline; None without either."""
-        image = sight.frame.images[v]
-        if image is None or not silhouette.any():
-            return None
-        factor = self._factor(silhouette)
-        wanted = _aligned(silhouette, int(self.around_px) + 2 * factor, factor)
-        key = LevelSetEvidence, factor, self.texture
-        region, codes = sight.once(key, v, wanted, partial(_encoded, image, factor, self.texture))
-        x, y, width, height = region
-        inside = silhouette[y : y + height : factor, x : x + width : factor]
-        return (
-            region,
-            codes,
-            signed_distance(inside[: height // factor, : width // factor], 2 * self.around_px / factor),
-        )
-
-    def _factor(self, silhouette: Mask) -> int:
-        longest: int = max(silhouette.shape)
-        return max(1, round(longest / self.longest_px))
-
-
-def _aligned(silhouette: Mask, margin: int, factor: int) -> Region:
-    """The box of a silhouette with a margin, inside the image, its sides multiples of the factor."""
-    x, y, width, height = cv2.boundingRect(silhouette.view(np.uint8))
-    left, top = max(x - margin, 0) // factor * factor, max(y - margin, 0) // factor * factor
-    right, bottom = min(x + width + margin, silhouette.shape[1]), min(y + height + margin, silhouette.shape[0])
-    return left, top, (right - left) // factor * factor, (bottom - top) // factor * factor
-
-
-def _encoded(image: Image, factor: int, texture: bool, region: Region) -> tuple[Region, Codes]:
-    """The features of a part of an image made smaller."""
-    x, y, width, height = region
-    part = image[y : y + height, x : x + width]
-    if factor > 1:
-        part = cv2.resize(part, (width // factor, height // factor), interpolation=cv2.INTER_AREA)
-    return region, (colour_codes(part), texture_codes(part)) if texture else (colour_codes(part),)
+    def _around(self, sight: Sight, v: int, silhouette: Mask) -> Around | None:
+        factor = max(1, round(max(silhouette.shape) / self.longest_px))
+        return around(sight, v, silhouette, Reach(self.around_px, factor, self.texture))

@@ -1,0 +1,67 @@
+"""`bodytrack segment`: contours by level sets along a result, as pictures."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tracker.commands.terminal import console
+from tracker.errors import ConfigError
+
+if TYPE_CHECKING:
+    from tracker.evidence.level_set import LevelSetEvidence
+
+FOLDER = "segmentation"
+"""In the result, where the pictures are written."""
+
+
+def segment(
+    result: Annotated[Path, typer.Argument(help="Result folder of a run; its recording must still be there.")],
+    every: Annotated[int, typer.Option(min=1, help="A picture every so many frames.")] = 10,
+    frames: Annotated[str | None, typer.Option(help="Range A:B of frames, either end may be left out.")] = None,
+    back: Annotated[int, typer.Option(min=0, help="Begin at the pose so many frames before.")] = 1,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", help="Of evidence level_set: way=descent, shape=0.15; repeatable.")
+    ] = None,
+    width: Annotated[int, typer.Option(min=160, help="Of the pictures, px.")] = 1280,
+    output: Annotated[Path | None, typer.Option(help="Folder to write to; default RESULT/segmentation.")] = None,
+) -> None:
+    """Draws contours by level sets with and without the shape prior, and the poses found, over frames of a result."""
+    from tracker.result import load_result
+    from tracker.viewing.segmentation import Chosen, segmented
+    from tracker.viewing.segmentation_picture import write_picture
+
+    chosen = Chosen(every, *_range(frames), back)
+    by, folder = _evidence(set_ or []), output or result / FOLDER
+    n_written = 0
+    for one in segmented(load_result(result), by, chosen):
+        folder.mkdir(parents=True, exist_ok=True)
+        write_picture(folder / f"{one.frame:06d}.png", one, width)
+        alone, held = one.overlaps()
+        console.print(
+            f"frame {one.frame}: overlap with the pose found {alone:.2f} without its shape, {held:.2f} with it",
+            highlight=False,
+        )
+        n_written += 1
+    if not n_written:
+        raise ConfigError(f"--frames {frames}: the result has no such frame")
+    console.print(f"written: {folder}, {n_written} pictures", highlight=False, soft_wrap=True)
+
+
+def _range(frames: str | None) -> tuple[int, int | None]:
+    match = re.fullmatch(r"(\d*):(\d*)", frames or ":")
+    if match is None:
+        raise ConfigError(f"--frames {frames}: expected A:B, for instance 0:100, 50: or :100")
+    return int(match[1] or 0), int(match[2]) if match[2] else None
+
+
+def _evidence(changes: list[str]) -> LevelSetEvidence:
+    from tracker.config import build, override_table
+
+    fields: dict[str, Any] = {}
+    override_table(fields, changes)
+    made: LevelSetEvidence = build("evidence", {"use": "level_set", **fields}, "--set", Path())
+    return made

@@ -1,0 +1,101 @@
+"""What is seen around the model in a view made smaller: what level sets work on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import cv2
+import numpy as np
+
+from tracker.arrays import Array32, Image, Mask, Region
+from tracker.imaging.densities import Codes, Densities, colour_codes, densities, texture_codes
+from tracker.imaging.level_set import signed_distance
+from tracker.sight import Sight
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What is looked at of a view."""
+
+    around_px: float
+    """How far outside of the model's outline a region may reach, px of the image."""
+
+    factor: int
+    """How many pixels of the image one of the small picture is, along each side."""
+
+    texture: bool
+    """Whether the structure tensor is looked at besides colours."""
+
+
+@dataclass(frozen=True)
+class Around:
+    """The model in a view made smaller, and what is seen there."""
+
+    region: Region
+    """Of the image, px; a whole number of small pixels."""
+
+    factor: int
+    """As in `Reach`."""
+
+    codes: Codes
+    """(h, w) features."""
+
+    prior: Array32
+    """(h, w) signed distance to the model's outline, px of the small picture, positive inside."""
+
+    near: Mask
+    """(h, w) where a region may be."""
+
+    def taught(self, inside: Mask) -> Densities | None:
+        """Densities inside of a region (h, w) and beside it; None where either is too small."""
+        return densities(self.codes, inside, self.near & ~inside)
+
+    def cut(self, mask: Mask) -> Mask:
+        """(h, w) of a mask (H, W) of the whole image."""
+        return _cut(mask, self.region, self.factor)
+
+    def uncut(self, region: Mask, shape: tuple[int, ...]) -> Mask:
+        """(H, W) of a whole image of such a shape, from (h, w)."""
+        x, y, width, height = self.region
+        mask = np.zeros(shape, dtype=np.bool_)
+        mask[y : y + height, x : x + width] = cv2.resize(region.astype(np.float32), (width, height)) > 0.5
+        return mask
+
+
+def around(sight: Sight, v: int, silhouette: Mask, reach: Reach) -> Around | None:
+    """What is seen around a silhouette (H, W); None where image or silhouette are missing."""
+    image = sight.frame.images[v]
+    if image is None or not silhouette.any():
+        return None
+    wanted = _aligned(silhouette, int(reach.around_px) + 2 * reach.factor, reach.factor)
+    key = Around, reach.factor, reach.texture
+    region, codes = sight.once(key, v, wanted, partial(_encoded, image, reach))
+    small_px = reach.around_px / reach.factor
+    prior = signed_distance(_cut(silhouette, region, reach.factor), 2 * small_px)
+    return Around(region, reach.factor, codes, prior, prior > -small_px)
+
+
+def _cut(mask: Mask, region: Region, factor: int) -> Mask:
+    """(h, w) every `factor`-th pixel of a mask in a region."""
+    x, y, width, height = region
+    inside = mask[y : y + height : factor, x : x + width : factor]
+    return inside[: height // factor, : width // factor]
+
+
+def _aligned(silhouette: Mask, margin: int, factor: int) -> Region:
+    """The box of a silhouette with a margin, inside the image, its sides multiples of the factor."""
+    x, y, width, height = cv2.boundingRect(silhouette.view(np.uint8))
+    left, top = max(x - margin, 0) // factor * factor, max(y - margin, 0) // factor * factor
+    right, bottom = min(x + width + margin, silhouette.shape[1]), min(y + height + margin, silhouette.shape[0])
+    return left, top, (right - left) // factor * factor, (bottom - top) // factor * factor
+
+
+def _encoded(image: Image, reach: Reach, region: Region) -> tuple[Region, Codes]:
+    """The features of a part of an image made smaller."""
+    x, y, width, height = region
+    part = image[y : y + height, x : x + width]
+    if reach.factor > 1:
+        size = width // reach.factor, height // reach.factor
+        part = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
+    return region, (colour_codes(part), texture_codes(part)) if reach.texture else (colour_codes(part),)

@@ -1,0 +1,130 @@
+"""Contours by level sets along a finished run, with and without the shape prior: Rosenhahn et al. 2006, section 2.1."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tracker.arrays import Image, Mask
+from tracker.contours import ViewContours
+from tracker.evidence import Memory
+from tracker.evidence.level_set import LevelSetEvidence
+from tracker.outlines import overlap
+from tracker.result import Result
+from tracker.scene import Scene
+from tracker.sight import Sight
+from tracker.synthesis.cpu import CpuSynthesis
+from tracker.trajectory import Replay
+from tracker.viewing.images import images_of
+
+STEPS = {"threshold_dynamics": (0, 1, 2, 4, 12), "descent": (0, 8, 20, 60)}
+"""Way of minimization -> after how many steps the contour is kept; the first is where it begins, the last the result.
+
+A step of the descent moves the contour by half a pixel at most, one of threshold dynamics by some pixels.
+"""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Which frames are segmented, and from where."""
+
+    every: int = 10
+    """Every so many frames of the run one is."""
+
+    first: int = 0
+    behind: int | None = None
+    """Numbers of the first frame, and of the one behind the last."""
+
+    back: int = 1
+    """The contour begins at the pose so many frames before."""
+
+    def has(self, k: int, frame: int) -> bool:
+        """Whether the k-th frame of a run, of this number, is segmented."""
+        return k % self.every == 0 and self.first <= frame and (self.behind is None or frame < self.behind)
+
+
+@dataclass(frozen=True)
+class SegmentedView:
+    """One view of a frame."""
+
+    name: str
+    image: Image
+    pose: ViewContours
+    """Of the model at the pose found."""
+
+    silhouette: Mask
+    """(H, W) what it covers."""
+
+    alone: tuple[Mask, ...]
+    """(H, W) each: the region after some steps of eq. 2, without the shape prior; none where nothing can be said."""
+
+    held: tuple[Mask, ...]
+    """The same of eq. 4, with the pose found as its prior."""
+
+
+@dataclass(frozen=True)
+class Segmented:
+    """A frame of a run: the pose found, and the contours of all views."""
+
+    frame: int
+    time_s: float
+    statuses: tuple[str, ...]
+    views: tuple[SegmentedView, ...]
+
+    def overlaps(self) -> tuple[float, float]:
+        """Intersection over union of model and region, without and with the prior, mean over the views; may be NaN."""
+        alone, held = (
+            [overlap(stages[-1], view.silhouette) for view in self.views for stages in (getattr(view, way),) if stages]
+            for way in ("alone", "held")
+        )
+        return float(np.mean(alone)) if alone else np.nan, float(np.mean(held)) if held else np.nan
+
+
+def segmented(result: Result, by: LevelSetEvidence, chosen: Chosen) -> Iterator[Segmented]:
+    """Segments frames of a run; what persons look like is learnt on the way, as tracking by level sets does it.
+
+    Args:
+        result: the run; of any evidence.
+        by: its settings.
+        chosen: which frames.
+
+    Raises:
+        TrackerError: the recording is not there any more.
+    """
+    replays = {replay.index: replay for replay in result.replays}
+    memory: Memory = None
+    before: list[Scene] = []
+    for k, frame in enumerate(frame for frame in images_of(result) if frame.index in replays):
+        replay, sight = replays[frame.index], Sight(frame)
+        scene = result.scene.with_poses(tuple(estimate.q for estimate in replay.estimates))
+        before = [*before, scene][-chosen.back - 1 :]
+        if chosen.has(k, frame.index):
+            yield _segmented(by, memory, sight, (before[0], scene), replay)
+        memory = by.learned(memory, sight, scene, CpuSynthesis().contours(scene), _trusted(replay, scene))
+
+
+def _segmented(
+    by: LevelSetEvidence, memory: Memory, sight: Sight, scenes: tuple[Scene, Scene], replay: Replay
+) -> Segmented:
+    """A frame whose contours begin at the first scene's outline, and are held by that of the second."""
+    starts, priors = (CpuSynthesis().silhouettes(scene) for scene in scenes)
+    found, steps = CpuSynthesis().contours(scenes[1]), STEPS[by.way]
+    freely, views = replace(by, shape=0.0), []
+    for v, name in enumerate(scenes[1].rig.names):
+        known, image = None if memory is None else memory[v], sight.frame.images[v]
+        if image is not None:
+            alone = freely.stages(sight, v, (starts[v], starts[v]), known, steps)
+            held = by.stages(sight, v, (starts[v], priors[v]), known, steps)
+            views.append(SegmentedView(name, image, found.of(v), priors[v], alone, held))
+    statuses = tuple(str(estimate.verdict) for estimate in replay.estimates)
+    return Segmented(replay.index, replay.time_s, statuses, tuple(views))
+
+
+def _trusted(replay: Replay, scene: Scene) -> Mask:
+    """(P,) parts of the scene whose places can be learnt from."""
+    persons = zip(replay.estimates, scene.persons, strict=True)
+    sure = [np.full(len(who.body.parts), not (found.lost or found.doubtful)) for found, who in persons]
+    parts: Mask = np.concatenate(sure)
+    return parts
