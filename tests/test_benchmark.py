@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -103,6 +104,30 @@ def test_what_fails_is_a_row_that_says_so(recordings: Path, tmp_path: Path) -> N
     printed = benchmark(*arguments, "--set", "estimation.stepp=3", BODYTRACK_DATA=str(recordings))
     assert re.search("swing.* failed ", printed)
     assert 'unknown key "stepp"' in printed
+
+
+def test_a_scanned_recording_is_run_as_its_configuration_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """With the scan's model, made once, and the start given; every way changes what is to be compared alone."""
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    ways = importlib.import_module("benchmarks.ways")
+    asked: list[list[str]] = []
+
+    def run(arguments: list[str], folder: Path) -> str:
+        asked.append(arguments)
+        Path(arguments[-1]).write_text("a model")
+        return ""
+
+    recording, code = SimpleNamespace(name="R-UpperBody"), SimpleNamespace(run=run)
+    for n_frames in (30, 4):
+        table = ways._described(recording, n_frames, code, tmp_path)
+        assert (table["reading"]["start"], table["reading"]["stop"], table["passes"]) == (0, n_frames, 1)
+        assert Path(table["persons"][0]["model"]).read_text() == "a model"
+        assert Path(table["initialization"]["poses"]).is_file()
+        assert [one["use"] for one in table["evidence"]["of"]] == ["contours", "regions", "departures"]
+    assert [Path(arguments[1]).is_file() for arguments in asked] == [True]
+    failing = SimpleNamespace(run=lambda arguments, folder: "no such scan")
+    assert ways._described(recording, 4, failing, tmp_path / "other") == "no model: no such scan"
+    assert set(ways.RECORDINGS) == {"D-TwoElbowRot", "R-UpperBody", "R-Turn", "balancing"}
 
 
 def test_twists_are_errors_about_the_long_axis_whatever_the_frames(
