@@ -102,3 +102,16 @@ class Observation:
             frozen(first, np.int64),
             frozen(reach, np.float32),
         )
+
+    @cached_property
+    def packed_segments(self) -> Integers:
+        """(S,) the segment of each row of `packed.points`; of other views they have other numbers."""
+        segments, start = [np.zeros(0, dtype=np.int64)], 0
+        for view in self.views:
+            if view is not None and len(view.scene):
+                order = np.argsort(view.edges[view.scene][:, 1], kind="stable")
+                numbers = view.segments[view.scene][order]
+                segments.append(numbers + start)
+                start += int(numbers.max()) + 1
+        found: Integers = frozen(np.concatenate(segments), np.int64)
+        return found

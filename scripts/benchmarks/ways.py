@@ -42,6 +42,7 @@ _TWISTS: Configuration = {"use": "twist_icp"}
 WAYS: dict[str, Configuration] = {
     "level sets, twists: the paper's": {"evidence": {"use": "level_set"}, "estimation": _TWISTS},
     "the same, coupled twice (eq. 4)": {"evidence": {"use": "level_set"}, "estimation": {"use": "coupled"}},
+    "level sets, segments vote for limbs": {"evidence": {"use": "level_set", "votes": True}, "estimation": _TWISTS},
     "colours on lines, twists": {"evidence": {"use": "regions"}, "estimation": _TWISTS},
     "edges, twists": {"evidence": {"use": "contours"}, "estimation": _TWISTS},
     "configuration of its own": {},
@@ -139,7 +140,7 @@ def _run(recording: Recorded, way: tuple[str, Configuration], n_frames: int, cod
     if isinstance(table, str):
         return table
     name, sections = way
-    folder = output / f"{recording.name}_{name[:12].replace(',', '').replace(' ', '_')}"
+    folder = output / f"{recording.name}_{name[:16].replace(',', '').replace(' ', '_')}"
     failed = _execute(table | sections, folder, code)
     if failed:
         return failed

@@ -75,6 +75,9 @@ class SilhouetteEvidence(Evidence):
     direction_deg: float = pydantic.Field(default=40.0, gt=0, le=90)
     """Largest angle between the outlines of model and foreground in a refinement, degrees."""
 
+    votes: bool = False
+    """Pair a segment of the foreground's outline with one limb alone in a refinement; see `similarity.chamfer`."""
+
     explained_px: float = pydantic.Field(default=5.0, gt=0)
     """A sample of the model's outline this close to the foreground's counts as explained, px."""
 
@@ -112,7 +115,7 @@ class SilhouetteEvidence(Evidence):
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
         """Outline against outline; see `tracker.evidence.Evidence.equations`."""
         outlines = replace(asked, observed=asked.observed.outlines, _last={q.tobytes(): self._outer(asked, q)})
-        return ChamferSimilarity(direction_deg=self.direction_deg).equations(outlines, q, gate_px)
+        return ChamferSimilarity(direction_deg=self.direction_deg, votes=self.votes).equations(outlines, q, gate_px)
 
     def account(self, asked: Comparison, q: Array) -> Account:
         """What of the model's outline lies on the foreground's, and what of that it misses."""

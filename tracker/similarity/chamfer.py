@@ -9,7 +9,7 @@ import pydantic
 from tracker.arrays import Array
 from tracker.comparison import Comparison
 from tracker.components import component
-from tracker.correspondences import PX_PER_OBSERVATION, oriented_pairs
+from tracker.correspondences import PX_PER_OBSERVATION, limbs_of, oriented_pairs, voted_pairs
 from tracker.equations import Equations
 from tracker.kernels.contours.oriented_matching import normal_equations
 
@@ -29,6 +29,9 @@ class ChamferSimilarity:
     direction_deg: float = pydantic.Field(default=40.0, gt=0, le=90)
     """Largest angle between the normal of the model contour and the scene's gradient in a refinement, degrees."""
 
+    votes: bool = False
+    """Pair a segment of edges with one limb alone in a refinement: that which most of its points are nearest to."""
+
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B, V) undirected distance (eq. 3) in each view; see `tracker.similarity.Similarity.distances`."""
         directed = asked.synthesis.directed_distances(
@@ -40,7 +43,10 @@ class ChamferSimilarity:
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
         """Oriented nearest neighbours both ways, their residuals along the contour normals robustly weighted."""
         contours, edges = asked.fine(q), asked.observed.packed
-        pairs = oriented_pairs(contours, edges, gate_px, self.direction_deg)
+        if self.votes:
+            pairs = voted_pairs(asked, contours, gate_px, self.direction_deg, limbs_of(asked.scene))
+        else:
+            pairs = oriented_pairs(contours, edges, gate_px, self.direction_deg)
         found = normal_equations(
             pairs,
             contours.positions[0],
