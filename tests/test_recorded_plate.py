@@ -12,7 +12,7 @@ import pytest
 
 from tracker.arrays import Image
 from tracker.kernels.images.modes import dominant_modes
-from tracker.reading._plates import _MOST_UNDECIDED, recorded_plates
+from tracker.reading._plates import _LEAST_KNOWN, recorded_plates
 from tracker.reading._recorded_plate import N_SAMPLES, recorded_plate
 from tracker.reading.video import VideoReading
 
@@ -66,10 +66,10 @@ def test_modes_are_those_of_the_plain_twin() -> None:
 @pytest.mark.parametrize("light", [0.0, 0.3])
 def test_who_walks_about_is_not_in_the_plate(light: float) -> None:
     found = recorded_plate(filmed(WALKING, light))
-    assert found.undecided < _MOST_UNDECIDED / 2
+    assert found.known > (1 + _LEAST_KNOWN) / 2
     # in the light of the middle of the recording
     expected = room() * (1 - light / 2)
-    assert np.percentile(np.abs(found.picture - expected), 99) < 6
+    assert np.percentile(np.abs(found.plate.picture - expected), 99) < 6
 
 
 @pytest.mark.parametrize(

@@ -41,16 +41,19 @@ class ModelName(RelativePath):
 
 
 RECORDED = "median"
-"""In place of a path to plates: they are made of the recording itself."""
+"""In place of a path to plates: they are made of the recording itself, and said where they can't be."""
+
+NO_PLATES = "none"
+"""In place of a path to plates: none, not even of the recording."""
 
 
 @dataclasses.dataclass(frozen=True)
 class PlateSource(RelativePath):
-    """Marks clean plates: a path with `{view}`, or `RECORDED`."""
+    """Marks clean plates: a path with `{view}`, `RECORDED` or `NO_PLATES`."""
 
     def resolved(self, text: str, folder: Path) -> str:
         """The absolute path, or the word as it is."""
-        return text if text == RECORDED else super().resolved(text, folder)
+        return text if text in (RECORDED, NO_PLATES) else super().resolved(text, folder)
 
 
 FilePath = Annotated[Path, pydantic.Field(strict=False), RelativePath()]

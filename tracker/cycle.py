@@ -16,7 +16,7 @@ from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence, Memory, Observed
-from tracker.initialization import Initialization, Stages
+from tracker.initialization import Backdrops, Initialization, Stages, no_backdrops
 from tracker.loss import LossRule, doubted, judged, sought_anew, trusted_parts
 from tracker.objective import Objective
 from tracker.plate import Plate
@@ -48,6 +48,9 @@ class Cycle:
     initialization: Initialization
     loss: LossRule
     plates: tuple[Plate | None, ...]
+    backdrops: Backdrops = no_backdrops
+    """What each view shows most of the time."""
+
     progress: Progress = silent
     leaving: Callable[[], bool] = _never
     """Whether what takes several frames is to be ended."""
@@ -55,7 +58,7 @@ class Cycle:
     @property
     def stages(self) -> Stages:
         """What the initialization may use."""
-        return Stages(self.synthesis, self.evidence, self.estimation, self.plates, self.progress)
+        return Stages(self.synthesis, self.evidence, self.estimation, self.plates, self.backdrops, self.progress)
 
 
 @dataclass(frozen=True)
@@ -268,7 +271,8 @@ def _finished(
         foregrounds = [sight.silhouette(v) for v in range(len(scene.rig))]
         looked = bool(sight.untrusted) or any(mask is not None for mask in foregrounds)
         models = cycle.synthesis.silhouettes(scene) if looked else ()
-    step = Step(sight.frame, scene, estimates, fitted, clock.seconds, _overlap(models, foregrounds), observed=observed)
+    overlap = _overlap(models, foregrounds, [sight.unknown(v) for v in range(len(foregrounds))])
+    step = Step(sight.frame, scene, estimates, fitted, clock.seconds, overlap, observed=observed)
     return replace(step, model_px=covered_px(models, estimates), untrusted=sight.untrusted)
 
 
@@ -279,13 +283,16 @@ def covered_px(models: Sequence[Mask], estimates: Sequence[Estimate]) -> Array |
     return frozen([np.count_nonzero(mask) for mask in models])
 
 
-def _overlap(models: Sequence[Mask], foregrounds: Sequence[Mask | None]) -> Array | None:
-    """Intersection over union (V,) of the model's and the foreground's silhouettes."""
+def _overlap(
+    models: Sequence[Mask], foregrounds: Sequence[Mask | None], unknown: Sequence[Mask | None]
+) -> Array | None:
+    """Intersection over union (V,) of the model's and the foreground's silhouettes, where the background is known."""
     if not models:
         return None
     shares = np.full(len(foregrounds), np.nan)
-    for v, (mask, foreground) in enumerate(zip(models, foregrounds, strict=True)):
+    for v, (mask, foreground, hidden) in enumerate(zip(models, foregrounds, unknown, strict=True)):
         if foreground is not None:
+            mask = mask if hidden is None else mask & ~hidden
             union = np.count_nonzero(mask | foreground)
             shares[v] = np.count_nonzero(mask & foreground) / union if union else np.nan
     return frozen(shares)

@@ -118,7 +118,7 @@ def _remarks(
     if not footage or footage[0].fps == 0:
         yield "images do not tell how many there are a second: set `fps`"
     if plates is None:
-        yield 'no plates found: film the empty room for some seconds, or try background = "median"'
+        yield "no plates found: film the empty room for some seconds; else they are made of the recording"
 
 
 def _relative(path: Path, start: Path) -> str:
@@ -140,7 +140,7 @@ def _text(name: str, paths: dict[str, str]) -> str:
     use = 'use = "images"' if images else 'use = "video"'
     frame = " and {frame} the number of the image" if images else ""
     rate = "# fps = 25.0              # missing: images do not tell how many there are a second\n" if images else ""
-    plate_line = told.get("background", '# background = "background/{view}.png"   # clean plates; or "median"')
+    plate_line = told.get("background", '# background = "background/{view}.png"  # clean plates; else of the recording')
     return f"""\
 # Written by `bodytrack init`. `bodytrack run THIS --dry-run` checks it; `bodytrack show jobs` lists what else there is.
 {tomli_w.dumps({"name": name}).strip()}

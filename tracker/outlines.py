@@ -21,26 +21,35 @@ _REACH_PX = 40.0
 # A choice: points beyond add cost and hardly accuracy.
 _SCENE_POINTS = 500
 
+# An outline this close to what is not known, half of it to either side, is the border of that.
+_BESIDE_PX = 7
+
 # A sample is on the outline if the model does not cover the pixel this far outside of it, px.
 _OUTSIDE_PX = 2.5
 
 
-def outline_observation(masks: tuple[Mask | None, ...]) -> Observation:
+def outline_observation(masks: tuple[Mask | None, ...], unknown: tuple[Mask | None, ...] = ()) -> Observation:
     """The outlines of silhouettes as the only edges.
 
     Args:
         masks: (H, W) of each view, None where it is not known.
+        unknown: (H, W) of each view where it is not known what is a silhouette: its border is no outline; None for
+            nowhere.
     """
-    return Observation(tuple(None if mask is None else _outlined(mask) for mask in masks))
+    pairs = zip(masks, unknown or (None,) * len(masks), strict=True)
+    return Observation(tuple(None if mask is None else _outlined(mask, doubted) for mask, doubted in pairs))
 
 
-def _outlined(mask: Mask) -> ViewObservation:
+def _outlined(mask: Mask, unknown: Mask | None) -> ViewObservation:
     x, y, width, height = _around(mask)
     part = mask[y : y + height, x : x + width]
     gradients = gradient(part.astype(np.uint8) * np.uint8(255), _SMOOTHING_PX)
     found = segment_edges(canny(gradients, 10.0, 20.0), gradients, (4, float(np.radians(20.0)), 8))
     found = replace(found, points=found.points + np.array([x, y], dtype=np.float32))
     kept = _inside(found, mask)
+    if unknown is not None:
+        beside = cv2.dilate(unknown.view(np.uint8), np.ones((_BESIDE_PX, _BESIDE_PX), np.uint8)) > 0
+        kept &= ~_covered(beside, found.points)
     points, directions = found.points[kept], found.directions[kept]
     n = len(points)
     most = min(n, _SCENE_POINTS)

@@ -40,9 +40,18 @@ class Plate:
     picture: Image
     """(h, w, 3) BGR, read-only."""
 
+    unknown: Mask | None = None
+    """(h, w) where the picture may show a person: nothing is foreground there, and nothing is background for sure. None
+    for nowhere."""
+
+    recorded: bool = False
+    """Whether it was made of a recording with persons."""
+
     def __post_init__(self) -> None:
         if self.picture.flags.writeable or self.picture.base is not None:
             object.__setattr__(self, "picture", frozen(self.picture, np.uint8))
+        if self.unknown is not None:
+            object.__setattr__(self, "unknown", frozen(self.unknown, np.bool_) if self.unknown.any() else None)
 
     @cached_property
     def fine(self) -> Image:
@@ -106,10 +115,10 @@ class Changed(NamedTuple):
     """What differs from a plate; false outside the region looked at."""
 
     moving: Mask
-    """(h, w) all pixels that have changed, shadows included."""
+    """(h, w) all pixels that have changed, shadows included, and those of which the plate does not know."""
 
     foreground: Mask
-    """(h, w) those that are no shadow, cleaned of specks and small holes."""
+    """(h, w) those that have changed for sure and are no shadow, cleaned of specks and small holes."""
 
     level: float
     """Threshold from the noise of the whole image, grey levels."""
@@ -133,7 +142,7 @@ def changed(image: Image, plate: Plate, region: Region | None = None, least: flo
     anything[_slices(region)] = moving
     x, y, width, height = cv2.boundingRect(moving)
     if width == 0:
-        return Changed(anything, mask, level)
+        return _known(anything, mask, level, plate, region)
     active = _grown(x, y, width, height, region)
     objects = np.empty((active[3], active[2]), dtype=np.uint8)
     smooth = cv2.GaussianBlur(_cut(image, active, MARGIN), (5, 5), 0)
@@ -141,7 +150,16 @@ def changed(image: Image, plate: Plate, region: Region | None = None, least: flo
     without_shadows(smooth, _lit(plate.coarse, light, active, MARGIN), (0, 0), seen, _SHADOW, objects)
     cleaned = cv2.morphologyEx(cv2.morphologyEx(objects, cv2.MORPH_OPEN, _SQUARE), cv2.MORPH_CLOSE, _DISC)
     mask[_slices(active)] = _without_specks(cleaned)
-    return Changed(anything, mask, level)
+    return _known(anything, mask, level, plate, region)
+
+
+def _known(moving: Mask, mask: Mask, level: float, plate: Plate, region: Region) -> Changed:
+    """What has changed in a region, where the plate knows."""
+    if plate.unknown is not None:
+        inside = _slices(region)
+        moving[inside] |= plate.unknown[inside]
+        mask &= ~plate.unknown
+    return Changed(moving, mask, level)
 
 
 def _lit(picture: Image, light: Light | None, region: Region, margin: int = 0) -> Image:

@@ -91,12 +91,20 @@ class Sight:
 
         def find(where: Region) -> Changes:
             found = changed(image, plate, where)
-            n_px = int(np.count_nonzero(found.foreground))
+            sure_px = int(np.count_nonzero(found.foreground))
+            most_px = sure_px if plate.unknown is None else sure_px + int(np.count_nonzero(plate.unknown))
             model_px = None if self._model_px is None else float(self._model_px[view])
-            return Changes(found.moving, found.foreground, _fault(found.level, n_px, model_px, image.shape))
+            return Changes(
+                found.moving, found.foreground, _fault(found.level, (sure_px, most_px), model_px, image.shape)
+            )
 
         found = self.once(Changes, view, region, find)
         return None if found.fault else found
+
+    def unknown(self, view: int) -> Mask | None:
+        """Where (H, W) the plate of a view does not know what is background; None for nowhere."""
+        plate = self.plates[view]
+        return None if plate is None or self.frame.mask(view) is not None else plate.unknown
 
     def silhouette(self, view: int) -> Mask | None:
         """The moving foreground (H, W) as far as it was looked for; None if it was not, or can't be trusted."""
@@ -118,15 +126,15 @@ def _given(mask: Mask, region: Region) -> Changes:
     return Changes(inside, inside)
 
 
-def _fault(level: float, n_px: int, model_px: float | None, shape: tuple[int, ...]) -> str:
-    """Why a foreground of so many pixels is not to be used; empty if it is."""
+def _fault(level: float, n_px: tuple[int, int], model_px: float | None, shape: tuple[int, ...]) -> str:
+    """Why a foreground of so many pixels, at least and at most, is not to be used; empty if it is."""
     if level > MOST_LEVEL:
         return f"everything differs from the plate, by {level:.0f} grey levels: other light, or the camera was moved"
     if model_px is None or model_px < _LEAST_MODEL * shape[0] * shape[1]:
         return ""
-    share = n_px / model_px
-    if not _LEAST_SHARE <= share <= _MOST_SHARE:
-        return f"the foreground has {share:.1f} times the pixels of the model"
+    least, most = (pixels / model_px for pixels in n_px)
+    if most < _LEAST_SHARE or least > _MOST_SHARE:
+        return f"the foreground has {least:.1f} times the pixels of the model"
     return ""
 
 

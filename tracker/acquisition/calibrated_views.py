@@ -28,6 +28,8 @@ from tracker.scene import Person, Scene
 from tracker.sight import Sight
 from tracker.synthesis import Synthesis
 
+# Of the model's silhouette what a plate may not know of: an outline with a hole of a fiftieth is still one.
+_MOST_HIDDEN = 0.02
 # Foreground farther from where the person was tracked is furniture, a shadow or a passer-by.
 _AROUND_M = 0.15
 
@@ -121,13 +123,23 @@ def _look(seen: Seen, person: int, columns: Integers, watching: Watching) -> Loo
     sight = Sight(frame, watching.plates)
     analysis.look(sight, around)
     analysis.observe(sight, around)
-    masks = tuple(sight.silhouette(v) for v in range(len(watching.rig)))
+    masks = _whole_silhouettes(sight, watching.synthesis.silhouettes(seen.scene))
     outlines = outline_observation(_own(masks, seen, person, watching)) if any(m is not None for m in masks) else None
 
     def edges(expected: Contours) -> Observation:
         return analysis.observe(sight, expected)
 
     return Look(watching.rig, columns, outlines, edges)
+
+
+def _whole_silhouettes(sight: Sight, models: Sequence[Mask]) -> tuple[Mask | None, ...]:
+    """The foregrounds, without those of views that do not know what is background where the model is."""
+    found = []
+    for v, model in enumerate(models):
+        unknown = sight.unknown(v)
+        hidden_px = 0 if unknown is None else int(np.count_nonzero(unknown & model))
+        found.append(None if hidden_px > _MOST_HIDDEN * int(np.count_nonzero(model)) else sight.silhouette(v))
+    return tuple(found)
 
 
 def _own(masks: tuple[Mask | None, ...], seen: Seen, person: int, watching: Watching) -> tuple[Mask | None, ...]:

@@ -16,6 +16,7 @@ from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.regions import RegionEvidence
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.evidence.together import TogetherEvidence
+from tracker.plate import Plate
 from tracker.scene import Scene
 from tracker.sight import Sight
 
@@ -64,6 +65,8 @@ class AutoEvidence(Evidence):
     def told(self, known: Sequence[object | None]) -> str:
         """Which of them it is; see `tracker.evidence.Evidence.told`."""
         views = f"{sum(one is not None for one in known)} of {len(known)} views have plates or masks"
+        if any(isinstance(one, Plate) and one.recorded for one in known):
+            views += ", made of what the recording shows most of the time"
         what = (
             "contours, foreground and colours of the parts" if _enough(known) else "contours and colours of the parts"
         )

@@ -52,10 +52,13 @@ class Foregrounds:
     worth: Array
     """(V,) sum of the latter; 0 where there is no foreground."""
 
+    unknown: tuple[Mask | None, ...] = ()
+    """(H, W) of each view where it is not known what is foreground; None, or no views, for nowhere."""
+
     @cached_property
     def outlines(self) -> Observation:
         """The outlines of the foregrounds as edges."""
-        return outline_observation(self.masks)
+        return outline_observation(self.masks, self.unknown)
 
 
 @component
@@ -89,24 +92,29 @@ class SilhouetteEvidence(Evidence):
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Foregrounds:
         """The foreground near what is expected; see `tracker.evidence.Evidence.observe`."""
-        return self.seen(tuple(self._mask(sight, expected, v) for v in range(len(sight.plates))))
+        views = range(len(sight.plates))
+        return self.seen(tuple(self._mask(sight, expected, v) for v in views), tuple(map(sight.unknown, views)))
 
-    def seen(self, masks: tuple[Mask | None, ...]) -> Foregrounds:
-        """Foregrounds (H, W) of all views made ready to be compared; None for a view without one."""
+    def seen(self, masks: tuple[Mask | None, ...], unknown: tuple[Mask | None, ...] = ()) -> Foregrounds:
+        """Foregrounds made ready to be compared.
+
+        Args:
+            masks: (H, W) of each view; None for a view without one.
+            unknown: (H, W) of each view, where covering it neither costs nor is worth anything; None for nowhere.
+        """
         longest = max((max(mask.shape) for mask in masks if mask is not None), default=_SMALL_PX)
         factor = max(1, round(longest / _SMALL_PX))
         regions, pictures, worth, start = [], [np.zeros((0, 2), dtype=np.float32)], [], 0
-        for mask in masks:
-            picture = None if mask is None or not mask.any() else self._picture(mask, factor)
+        for mask, open_to_doubt in zip(masks, unknown or (None,) * len(masks), strict=True):
+            picture = None if mask is None or not mask.any() else self._picture(mask, open_to_doubt, factor)
             height, width = (0, 0) if picture is None else picture.shape[:2]
             regions.append((start, width, height))
             worth.append(0.0 if picture is None else float(picture[..., 1].sum()))
             start += width * height
             if picture is not None:
                 pictures.append(picture.reshape(-1, 2))
-        return Foregrounds(
-            masks, factor, frozen(regions, np.int64), frozen(np.concatenate(pictures), np.float32), frozen(worth)
-        )
+        packed = frozen(regions, np.int64), frozen(np.concatenate(pictures), np.float32), frozen(worth)
+        return Foregrounds(masks, factor, *packed, unknown)
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) what is left bare and what is covered beside it, as shares of the foreground; mean over the views."""
@@ -151,16 +159,23 @@ class SilhouetteEvidence(Evidence):
         changes = sight.changes(v, region)
         return None if changes is None else changes.silhouette
 
-    def _picture(self, mask: Mask, factor: int) -> Array32:
+    def _picture(self, mask: Mask, unknown: Mask | None, factor: int) -> Array32:
         """(h, w, 2) cost and worth of covering each pixel of a small picture; the rim of the foreground counts less."""
-        height, width = (length // factor for length in mask.shape)
-        whole = mask[: height * factor, : width * factor].astype(np.float32)
-        inside = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA) >= 0.5
-        outwards = factor * cv2.distanceTransform((~inside).astype(np.uint8), cv2.DIST_L2, 3)
+        inside = _smaller(mask, factor) >= 0.5
+        free = inside if unknown is None else inside | (_smaller(unknown, factor) > 0)
+        outwards = factor * cv2.distanceTransform((~free).astype(np.uint8), cv2.DIST_L2, 3)
         inwards = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 3)
         cost = np.clip((outwards - 0.75 * factor) / self.reach_px, 0, 1)
         worth = inside * np.minimum(inwards / 2, 1)
         return np.stack([cost, worth], axis=-1).astype(np.float32)
+
+
+def _smaller(mask: Mask, factor: int) -> Array32:
+    """(h, w) share of each pixel of a small picture that a mask (H, W) covers."""
+    height, width = (length // factor for length in mask.shape)
+    whole = mask[: height * factor, : width * factor].astype(np.float32)
+    small: Array32 = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
+    return small
 
 
 def covered_by(asked: Comparison, poses: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -18,6 +19,14 @@ from tracker.sight import Sight
 from tracker.start import Start
 from tracker.synthesis import Synthesis
 
+Backdrops = Callable[[], tuple[Plate | None, ...]]
+"""Makes a plate for each view of what it shows most of the time; None where there is no telling."""
+
+
+def no_backdrops() -> tuple[Plate | None, ...]:
+    """For images that are no recording."""
+    return ()
+
 
 @dataclass(frozen=True)
 class Stages:
@@ -27,6 +36,9 @@ class Stages:
     evidence: Evidence
     estimation: Estimation
     plates: tuple[Plate | None, ...]
+    backdrops: Backdrops = no_backdrops
+    """What each view shows most of the time, as plates of which much may be unknown; made when asked for."""
+
     progress: Progress = silent
     """Told what the search is doing."""
 

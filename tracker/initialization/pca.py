@@ -16,6 +16,7 @@ from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
 from tracker.initialization import Stages
+from tracker.initialization._foregrounds import GAPS, foregrounds
 from tracker.initialization._hypotheses import (
     apart,
     coarse_poses,
@@ -25,21 +26,19 @@ from tracker.initialization._hypotheses import (
     turned_round,
     with_held,
 )
-from tracker.initialization._likeness import size_of, standing
+from tracker.initialization._likeness import size_of, standing, tall
 from tracker.initialization._persons import Found, find_persons, in_order
 from tracker.initialization._placement import laid_in, placements, stands_upright, without_legs
 from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
 from tracker.initialization._visual_hull import shadow
 from tracker.objective import Objective
-from tracker.plate import Plate, departing, in_light_of
+from tracker.plate import Plate, in_light_of
 from tracker.rig import Rig
-from tracker.scene import Scene
+from tracker.scene import Person, Scene
 from tracker.start import AxisFit, Hypothesis, Start, confidence
 
 # Poses at a time: bounds the memory.
 _BATCH = 128
-# A limb that is missing in a mask is worse than a speck, which is nothing in space: less than in tracking.
-_SIGMAS = 4.0
 # What is farther than this from every voxel of a person does not belong to one; of a known person only the joints
 # are at hand, so that hands and feet must lie within it.
 _AROUND_M = 0.15
@@ -120,12 +119,10 @@ class PcaInitialization:
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
-        masks = foregrounds(frame, stages.plates)
-        _enough(masks, frame, scene)
         stages.progress("bootstrapping: torso axis from the foreground")
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
         persons = tuple(scene.persons[k] for k in sought)
-        found = find_persons(masks, scene.rig, persons, tuple(scene.persons[k] for k in stages.held))
+        found = _found(frame, scene, stages, persons)
         evidence: list[tuple[AxisFit | None, ...]] = [()] * len(scene.persons)
         hypotheses: list[tuple[Hypothesis, ...]] = [()] * len(scene.persons)
         ordered = in_order(found, persons, scene.rig, stages.seen_before)
@@ -221,6 +218,28 @@ class PcaInitialization:
         return again
 
 
+def _found(frame: Frame, scene: Scene, stages: Stages, persons: tuple[Person, ...]) -> list[Found]:
+    """The foregrounds of the persons sought; what plates do not know counts as little as it has to.
+
+    What lies on the floor may be the shadow of somebody who is not known: then all that is not known counts.
+    """
+    held, least_m = tuple(scene.persons[k] for k in stages.held), min(size_of(person).stature_m for person in persons)
+    low: list[Found] = []
+    for gap in GAPS if any(plate is not None and plate.unknown is not None for plate in stages.plates) else ():
+        with contextlib.suppress(InitializationError):
+            low = find_persons(foregrounds(frame, stages.plates, gap), scene.rig, persons, held)
+            if all(tall(one.points, least_m) for one in low):
+                return low
+    masks = foregrounds(frame, stages.plates)
+    _enough(masks, frame, scene)
+    try:
+        return find_persons(masks, scene.rig, persons, held)
+    except InitializationError:
+        if not low:
+            raise
+        return low
+
+
 def _in_batches(objective: Objective, poses: Array) -> Array:
     return np.concatenate([objective(poses[i : i + _BATCH]) for i in range(0, len(poses), _BATCH)])
 
@@ -254,16 +273,3 @@ def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> 
         images.append(image if plate is None else np.where(near[..., None], image, in_light_of(image, plate)))
         masks.append(None if given is None else given & near)
     return replace(frame, images=tuple(images), masks=tuple(masks))
-
-
-def foregrounds(frame: Frame, plates: tuple[Plate | None, ...]) -> tuple[Mask | None, ...]:
-    """What has changed (H, W) in each view, shadows included; None without a plate, or where everything differs.
-
-    What looks like a shadow may be skin, and in space a shadow is no thicker than the floor it lies on.
-    """
-    found = []
-    for v, (image, plate) in enumerate(zip(frame.images, plates, strict=True)):
-        differing = None if image is None or plate is None else departing(image, plate, _SIGMAS)
-        given = frame.mask(v)
-        found.append(differing if given is None else given)
-    return tuple(found)

@@ -91,7 +91,7 @@ def survey(frames: Iterable[Frame], scene: Scene, plates: tuple[Plate | None, ..
         plates: the clean plates of the views.
         stride: images from one frame to the next.
     """
-    small = tuple(None if plate is None else Plate(_small(plate.picture)) for plate in plates)
+    small = tuple(None if plate is None else _small_plate(plate) for plate in plates)
     before: list[Image | None] = [None] * len(plates)
     masks, kept = [], []
     for t, frame in enumerate(islice(frames, N_FRAMES)):
@@ -107,6 +107,11 @@ def survey(frames: Iterable[Frame], scene: Scene, plates: tuple[Plate | None, ..
 def _small(image: Image) -> Image:
     size = image.shape[1] // FACTOR, image.shape[0] // FACTOR
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+
+
+def _small_plate(plate: Plate) -> Plate:
+    unknown = None if plate.unknown is None else _small(plate.unknown.astype(np.float32)) > 0
+    return Plate(_small(plate.picture), unknown)
 
 
 def _foreground(frame: Frame, v: int, image: Image | None, plate: Plate | None, before: Image | None) -> Mask | None:

@@ -145,7 +145,7 @@ def _tracked(
     sequence, body = opened.sequence, sought.space.body(sought.shape)
     persons = list(opened.scene.persons)
     persons[sought.person] = Person(persons[sought.person].name, body, body.rest())
-    cycle = job.cycle(sequence.plates)
+    cycle = job.cycle(sequence)
     if known is not None:
         cycle = replace(cycle, initialization=_KnownStart(known))
     wanted, seen, start = chosen(sequence.n_frames, job.acquisition.frames), [], known

@@ -164,16 +164,20 @@ class TrackJob:
             progress(f"input: {line}")
         return found
 
-    def cycle(self, plates: tuple[Plate | None, ...], progress: Progress = silent) -> Cycle:
+    def cycle(self, sequence: Sequence, progress: Progress = silent) -> Cycle:
         """The tracking cycle of these components; a field of the cycle is one of the job, called the same.
 
         Args:
-            plates: the clean plates of the views.
+            sequence: whose views have clean plates, or backdrops.
             progress: told of what takes long.
         """
+
+        def backdrops() -> tuple[Plate | None, ...]:
+            return sequence.backdrops
+
         names = {field.name for field in dataclasses.fields(self)} & {field.name for field in dataclasses.fields(Cycle)}
         parts = {name: getattr(self, name) for name in names}
-        return Cycle(**parts, plates=plates, progress=progress)
+        return Cycle(**parts, plates=sequence.plates, backdrops=backdrops, progress=progress)
 
     def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> TrackOutcome:
         """Tracks, and writes each frame as soon as it is done; see `tracker.jobs.Job.execute`."""
@@ -208,7 +212,7 @@ class TrackJob:
             resumed=frozenset(opened.done or ()),
         )
         stop = Stop()
-        cycle = replace(self.cycle(sequence.plates, progress), leaving=stop.heard)
+        cycle = replace(self.cycle(sequence, progress), leaving=stop.heard)
         way = track if self.passes == 1 else track_twice
         steps = way(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
         outcome = _recorded(self.recordings, context, map(as_kept, steps), folder, (progress, stop))

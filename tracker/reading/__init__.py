@@ -45,6 +45,15 @@ class Sequence(Protocol):
         """What persons stand out against in each view: a plate, or nothing where masks tell; None for neither."""
         ...
 
+    @property
+    def backdrops(self) -> tuple[Plate | None, ...]:
+        """What each view shows most of the time, made of the recording when first asked for.
+
+        Unknown where nothing is shown for long; somebody who never moves is part of it. None for a view of too few
+        images, in which nothing moves, or everything.
+        """
+        ...
+
     def frames(self) -> Iterator[Frame]:
         """All frames of the chosen range in order."""
         ...

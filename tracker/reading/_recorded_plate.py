@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from tracker.arrays import Image
+from tracker.arrays import Image, Mask
 from tracker.imaging.light import light_of, sparse
 from tracker.kernels.images.modes import dominant_modes
 from tracker.plate import Plate, changed
@@ -23,19 +23,23 @@ _REACH = 12
 _MOST, _RIVALS = 0.6, 0.3
 
 
+# What is not known is grown by this share of the longer side: 7 px of 720, for colours are smoothed and bodies sway.
+_GROWN = 0.01
+
+
 @dataclass(frozen=True)
 class RecordedPlate:
     """A plate made of images with persons in them, and whether it can be one."""
 
-    picture: Image
-    """(h, w, 3)."""
+    plate: Plate
+    """Unknown where no colour is that of the scene without doubt."""
 
     moving: float
-    """Share of an image that persons cover, usually: nearly nothing where nobody ever moves."""
+    """Share of the view that persons cover at some time: nearly nothing where nobody ever moves."""
 
-    undecided: float
-    """Places where no colour is that of the scene without doubt, as a share of what persons cover in an image: small
-    where they walk about, large where they stay."""
+    known: float
+    """Of what persons cover in an image the share that lies where the plate knows: 1 where they walk about, less where
+    they stay."""
 
     level: float
     """Median threshold of the images against the plate, grey levels."""
@@ -51,11 +55,20 @@ def recorded_plate(images: Sequence[Image]) -> RecordedPlate:
     shape = images[0].shape[:2]
     picture, counts, rivals = np.empty((*shape, 3), np.uint8), np.empty(shape, np.uint8), np.empty(shape, np.uint8)
     dominant_modes(pile, _REACH, picture, counts, rivals)
-    plate = Plate(picture)
-    found = [changed(image, plate) for image in pile]
+    found = [changed(image, Plate(picture)) for image in pile]
     masks = np.array([one.foreground for one in found])
     doubted = (counts < _MOST * len(pile)) | (rivals >= _RIVALS * len(pile))
-    undecided = cv2.morphologyEx((doubted & masks.any(axis=0)).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3)))
-    covered_px = float(np.median(masks.sum(axis=(1, 2))))
+    unknown = _grown(doubted & masks.any(axis=0))
+    covered_px, known_px = (float(np.median(part.sum(axis=(1, 2)))) for part in (masks, masks & ~unknown))
     level = float(np.median([one.level for one in found]))
-    return RecordedPlate(picture, covered_px / counts.size, float(undecided.sum()) / max(covered_px, 1.0), level)
+    moving = float(masks.any(axis=0).mean())
+    return RecordedPlate(Plate(picture, unknown, recorded=True), moving, known_px / max(covered_px, 1.0), level)
+
+
+def _grown(doubted: Mask) -> Mask:
+    """Without specks, and wider by `_GROWN`."""
+    opened = cv2.morphologyEx(doubted.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    radius = max(1, round(_GROWN * max(doubted.shape)))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    grown: Mask = cv2.dilate(opened, disc) > 0
+    return grown

@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Protocol, TypeVar
 
 import numpy as np
 
 from tracker.arrays import Image
-from tracker.components import RECORDED
+from tracker.components import NO_PLATES, RECORDED
 from tracker.errors import SequenceError
 from tracker.frame import Frame
 from tracker.plate import Plate
 from tracker.reading._masks import MaskFiles, checked_masks, mask_paths
 from tracker.reading._pictures import check_size, downscaled
-from tracker.reading._plates import load_plates, recorded_plates
-from tracker.reading._recorded_plate import N_SAMPLES
+from tracker.reading._plates import backdrop, clean_enough, load_plates, recorded_plates
+from tracker.reading._recorded_plate import N_SAMPLES, RecordedPlate
 from tracker.reading._selection import (
     OnMissing,
     Selection,
@@ -199,9 +200,28 @@ class OpenSequence(OpenViews):
     rig: Rig
     """The cameras of the images as delivered (after downscaling)."""
 
-    plates: tuple[Plate | None, ...]
+    given: tuple[Plate | None, ...] | None
+    """The plates that the settings ask for; None for those that the recording makes by itself."""
+
+    spread: Callable[[int], list[Image]]
+    """Images of a view, by its number, spread over the recording."""
+
     masks: MaskFiles | None = None
     """Silhouettes that the user brings."""
+
+    @cached_property
+    def _recorded(self) -> tuple[RecordedPlate | None, ...]:
+        return tuple(backdrop(self.spread(v)) for v in range(len(self.names)))
+
+    @property
+    def backdrops(self) -> tuple[Plate | None, ...]:
+        """What each view shows most of the time; see `tracker.reading.Sequence.backdrops`."""
+        return tuple(None if one is None else one.plate for one in self._recorded)
+
+    @property
+    def plates(self) -> tuple[Plate | None, ...]:
+        """A clean plate for each view that has one; see `tracker.reading.Sequence.plates`."""
+        return clean_enough(self._recorded) if self.given is None else self.given
 
     @property
     def known(self) -> tuple[Plate | None, ...]:
@@ -232,22 +252,30 @@ def opened(settings: Settings, footage: Footage, rig: Rig) -> OpenSequence:
         SequenceError: lengths, range or plates do not fit.
     """
     views = _chosen_views(settings, footage, tuple(camera.size for camera in rig.cameras))
+
+    def spread(v: int) -> list[Image]:
+        return _spread_images(views, footage.lengths[v], v)
+
     return OpenSequence(
         **vars(views),
         rig=rig if settings.downscale == 1 else rig.downscaled(settings.downscale),
-        plates=_opened_plates(settings, footage, views, rig),
+        given=_opened_plates(settings, footage, views, rig),
+        spread=spread,
         masks=None if settings.masks is None else _opened_masks(settings.masks, footage, views),
     )
 
 
-def _opened_plates(settings: Settings, footage: Footage, views: OpenViews, rig: Rig) -> tuple[Plate | None, ...]:
-    if settings.background != RECORDED:
+def _opened_plates(settings: Settings, footage: Footage, views: OpenViews, rig: Rig) -> tuple[Plate | None, ...] | None:
+    pattern = settings.background
+    if pattern not in (None, RECORDED, NO_PLATES):
         firsts = _first_images(views) if settings.align_background else None
-        return load_plates(rig, settings.background, settings.downscale, footage.plate_of_clip, firsts)
+        return load_plates(rig, pattern, settings.downscale, footage.plate_of_clip, firsts)
     if settings.align_background:
         raise SequenceError(
-            f'align_background: nothing to align, background = "{RECORDED}" is made of these images: unset it'
+            "align_background: nothing to align, there are no plates but those of these images: unset it"
         )
+    if pattern != RECORDED:
+        return None if pattern is None and settings.masks is None else (None,) * len(rig)
     return recorded_plates(views.names, lambda v: _spread_images(views, footage.lengths[v], v))
 
 

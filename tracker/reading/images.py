@@ -43,8 +43,9 @@ class ImageReading:
     """Position in a view's images, counted from the lowest number of all views, that belongs to frame 0."""
 
     background: PlatePattern | None = None
-    """Clean plates: images or short clips, for instance `background/{view}.png`; "median": what most images of the
-    recording show, in views where everybody walks about."""
+    """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most
+    images of the recording show, if in two views or more everybody walks about. "median": the same, with a word for
+    each view that has none; "none": no plates."""
 
     masks: PathPattern | None = None
     """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered

@@ -48,8 +48,9 @@ class VideoReading:
     """Frame of a view's file that belongs to frame 0, where it is not 0."""
 
     background: PlatePattern | None = None
-    """Clean plates: images or short clips, for instance `background/{view}.png`; "median": what most images of the
-    recording show, in views where everybody walks about."""
+    """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most
+    images of the recording show, if in two views or more everybody walks about. "median": the same, with a word for
+    each view that has none; "none": no plates."""
 
     masks: PathPattern | None = None
     """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered

@@ -20,7 +20,7 @@ def images_of(result: Result) -> Iterator[Frame]:
         TrackerError: the recording is not there any more.
     """
     reading = load_job("track", config_of(result.folder)).reading
-    sequence: Sequence = dataclasses.replace(reading, background=None, masks=None, align_background=False).open()
+    sequence: Sequence = dataclasses.replace(reading, background="none", masks=None, align_background=False).open()
     return sequence.frames()
 
 

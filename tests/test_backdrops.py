@@ -1,0 +1,243 @@
+"""Plates that do not know everything, made of the recording: what they say, and starts before them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from recordings import cycle_for, joint_errors_mm, small_simulation
+from test_recorded_plate import LEAVING, STILL, WALKING, filmed, room
+from test_silhouettes import asked
+
+from tracker.acquisition.calibrated_views import _whole_silhouettes
+from tracker.arrays import Mask
+from tracker.comparison import Comparison
+from tracker.errors import InitializationError
+from tracker.evidence.auto import AutoEvidence
+from tracker.evidence.silhouettes import SilhouetteEvidence
+from tracker.frame import Frame
+from tracker.initialization import Backdrops, Stages
+from tracker.initialization._foregrounds import GAPS, foregrounds
+from tracker.initialization.auto import AutoInitialization
+from tracker.initialization.stance import StanceInitialization
+from tracker.outlines import outline_observation
+from tracker.plate import Plate, changed
+from tracker.reading._plates import backdrop
+from tracker.reading._recorded_plate import recorded_plate
+from tracker.reading.video import VideoReading
+from tracker.scene import Scene
+from tracker.sight import Sight
+from tracker.simulation.sequence import Simulation
+from tracker.start import Start
+from tracker.synthesis.cpu import CpuSynthesis
+
+BOX = slice(60, 200), slice(140, 180)
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    return small_simulation("arm_swing", n_frames=2)
+
+
+@pytest.fixture(scope="module")
+def masks(truth: Scene) -> tuple[Mask, ...]:
+    return CpuSynthesis().silhouettes(truth)
+
+
+def half_known() -> tuple[Frame, Plate]:
+    """Somebody of whom the plate knows the right half."""
+    image, unknown = room(), np.zeros((240, 320), dtype=bool)
+    image[BOX] = (30, 40, 200)
+    unknown[:, :160] = True
+    return Frame(0, 0.0, (image,)), Plate(room(), unknown)
+
+
+def test_what_a_plate_does_not_know_has_changed_but_is_no_foreground() -> None:
+    frame, plate = half_known()
+    image = frame.images[0]
+    assert image is not None
+    half, whole = changed(image, plate), changed(image, Plate(room()))
+    np.testing.assert_array_equal(half.foreground, whole.foreground & ~np.asarray(plate.unknown))
+    assert half.foreground[BOX][:, 21:].mean() > 0.95
+    assert half.moving[:, :160].all()
+    np.testing.assert_array_equal(half.moving[:, 160:], whole.moving[:, 160:])
+
+
+def test_a_plate_that_knows_everything_says_so() -> None:
+    assert Plate(room(), np.zeros((240, 320), dtype=bool)).unknown is None
+
+
+def test_a_foreground_is_only_too_small_if_the_unknown_does_not_make_up_for_it() -> None:
+    frame, plate = half_known()
+    whole = 0, 0, 320, 240
+    assert Sight(frame, (plate,), np.array([140 * 40.0])).changes(0, whole) is not None
+    assert Sight(frame, (Plate(room()),), np.array([140 * 40.0 / 0.5])).changes(0, whole) is None
+    assert Sight(frame, (plate,), np.array([140 * 40.0 / 8])).changes(0, whole) is None
+
+
+def test_covering_what_is_not_known_neither_costs_nor_is_worth_anything(truth: Scene, masks: tuple[Mask, ...]) -> None:
+    evidence, person = SilhouetteEvidence(), truth.persons[0]
+    limb = np.radians(50) * np.eye(person.body.dof)[person.body.index("left_arm_abduction")]
+    poses = np.stack([person.q, person.q + limb])
+    models = CpuSynthesis().silhouettes(truth.with_pose(0, poses[1]))
+    # where only one of both poses is, with a margin for the coarse grid that is filled
+    beyond = tuple(
+        cv2.dilate((mask ^ model).astype(np.uint8), np.ones((25, 25))) > 0
+        for mask, model in zip(masks, models, strict=True)
+    )
+    cut = tuple(mask & ~hidden for mask, hidden in zip(masks, beyond, strict=True))
+    question = Comparison(truth, 0, CpuSynthesis(), evidence.seen(cut, beyond))
+    right, turned = evidence.distances(question, poses)
+    assert abs(turned - right) < 0.05
+    known, wrong = evidence.distances(asked(truth, masks), poses)
+    assert wrong > known + 0.5
+
+
+def test_the_border_of_what_is_not_known_is_no_outline(masks: tuple[Mask, ...]) -> None:
+    mask = masks[0]
+    unknown = np.zeros_like(mask)
+    unknown[: mask.shape[0] // 2] = True
+    (view,) = outline_observation((mask & ~unknown,), (unknown,)).views
+    (whole,) = outline_observation((mask,)).views
+    assert view is not None
+    assert whole is not None
+    assert view.edges[:, 1].min() > mask.shape[0] // 2
+    below = whole.edges[:, 1] > mask.shape[0] // 2 + 6
+    assert len(view.edges) > 0.9 * below.sum() > 0
+
+
+def test_where_somebody_stood_for_long_is_not_known() -> None:
+    walking, leaving = recorded_plate(filmed(WALKING)), recorded_plate(filmed(LEAVING))
+    assert leaving.known < 0.5 < walking.known
+    assert leaving.plate.unknown is not None
+    assert leaving.plate.unknown[BOX].mean() > 0.9
+    free = ~leaving.plate.unknown
+    assert np.percentile(np.abs(leaving.plate.picture.astype(int) - room())[free], 99) < 8
+
+
+def test_nothing_that_moves_is_no_backdrop() -> None:
+    leaving = backdrop(filmed(LEAVING))
+    assert leaving is not None
+    assert leaving.plate.unknown is not None
+    assert backdrop(filmed(STILL)) is None
+    assert backdrop(filmed(WALKING[:5])) is None
+    assert backdrop([]) is None
+
+
+def test_gaps_are_closed_only_where_nothing_is_known() -> None:
+    plate = room()
+    unknown = np.zeros(plate.shape[:2], dtype=bool)
+    unknown[100:110, 150:170] = unknown[10:40, 10:40] = True
+    image = plate.copy()
+    image[BOX] = (30, 40, 200)
+    image[100:110, 150:170] = plate[100:110, 150:170]
+    image[150:156, 150:170] = plate[150:156, 150:170]
+    (near,) = foregrounds(Frame(0, 0.0, (image,)), (Plate(plate, unknown),), GAPS[0])
+    (every,) = foregrounds(Frame(0, 0.0, (image,)), (Plate(plate, unknown),))
+    assert near is not None
+    assert every is not None
+    assert near[101:109, 152:168].all()
+    assert not near[12:38, 12:38].any()
+    assert every[12:38, 12:38].all()
+    assert not near[152:154, 155:165].any()
+
+
+def test_an_outline_with_a_hole_does_not_make_a_model(truth: Scene, masks: tuple[Mask, ...]) -> None:
+    images = tuple(np.where(mask[..., None], (60, 90, 160), 190).astype(np.uint8) for mask in masks)
+    empty = np.full_like(images[0], 190)
+    hole, beside = masks[1].copy(), np.zeros_like(masks[2])
+    hole[: hole.shape[0] // 2] = False
+    beside[:5, :5] = True
+    known = (Plate(empty), Plate(empty, hole), Plate(empty, beside), Plate(empty))
+    sight = Sight(Frame(0, 0.0, images), known)
+    for v, mask in enumerate(masks):
+        sight.changes(v, (0, 0, mask.shape[1], mask.shape[0]))
+    found = _whole_silhouettes(sight, masks)
+    assert [mask is not None for mask in found] == [True, False, True, True]
+
+
+# Starts
+
+
+@dataclass(frozen=True)
+class Asked(StanceInitialization):
+    """Finds nobody; only whether it was asked matters."""
+
+    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        raise InitializationError("asked")
+
+
+def stages_of(simulation: Simulation, backdrops: Backdrops) -> Stages:
+    evidence = AutoEvidence()
+    return replace(cycle_for(simulation, evidence=evidence).stages, plates=(None,) * 4, backdrops=backdrops)
+
+
+def showing(simulation: Simulation, shown: Callable[[Mask], Mask], unknown: bool) -> tuple[Plate, ...]:
+    """Plates in which a part of the first frame's silhouettes is seen, or is not known."""
+    frame = next(iter(simulation.frames()))
+    first = simulation.scene.with_poses(tuple(poses[0] for poses in simulation.poses))
+    found = []
+    for plate, image, mask in zip(simulation.plates, frame.images, CpuSynthesis().silhouettes(first), strict=True):
+        part = cv2.dilate(shown(mask).astype(np.uint8), np.ones((9, 9))) > 0
+        assert plate is not None
+        assert image is not None
+        picture = np.where(part[..., None], image, plate.picture).astype(np.uint8)
+        found.append(Plate(picture, part if unknown else None))
+    return tuple(found)
+
+
+def trunk(mask: Mask) -> Mask:
+    """The middle of a silhouette."""
+    inner: Mask = cv2.erode(mask.astype(np.uint8), np.ones((9, 9))) > 0
+    return inner
+
+
+def legs(mask: Mask) -> Mask:
+    """The lower half of a silhouette."""
+    rows = np.flatnonzero(mask.any(axis=1))
+    lower = mask.copy()
+    lower[: (rows[0] + rows[-1]) // 2] = False
+    return lower
+
+
+def test_who_stands_out_but_for_the_unknown_is_found_without_plates(simulation: Simulation) -> None:
+    plates = showing(simulation, trunk, unknown=True)
+    assert all(plate.unknown is not None for plate in plates)
+    stages = stages_of(simulation, lambda: plates)
+    start = AutoInitialization(stance=Asked()).start(next(iter(simulation.frames())), simulation.scene, stages)
+    # seen from the front and from behind arms look alike: the next frames decide
+    assert min(joint_errors_mm(simulation, 0, 0, one.q).mean() for one in start.hypotheses[0]) < 30
+
+
+@pytest.mark.parametrize("shown", [legs, lambda mask: mask], ids=["legs", "whole"])
+def test_who_is_in_the_backdrops_is_looked_for_on_edges(simulation: Simulation, shown: Callable[[Mask], Mask]) -> None:
+    plates = showing(simulation, shown, unknown=False)
+    with pytest.raises(InitializationError, match=r"^asked$"):
+        AutoInitialization(stance=Asked()).start(
+            next(iter(simulation.frames())), simulation.scene, stages_of(simulation, lambda: plates)
+        )
+
+
+def test_no_backdrops_leave_the_edges(simulation: Simulation) -> None:
+    frame = next(iter(simulation.frames()))
+    for known in ((), (None,) * 4, (simulation.plates[0], None, None, None)):
+        with pytest.raises(InitializationError, match=r"^asked$"):
+            AutoInitialization(stance=Asked()).start(
+                frame, simulation.scene, stages_of(simulation, lambda known=known: known)
+            )
+
+
+def test_the_backdrop_of_a_recording_is_the_empty_room(data: Callable[[str], Path]) -> None:
+    folder = data("room/V-Dance")
+    reading = VideoReading(path=f"{folder}/{{view}}.mp4", rig=folder / "calibration.json", views=("RIGHT",))
+    (plate,) = reading.open().backdrops
+    assert plate is not None
+    assert plate.unknown is not None
+    empty = cv2.imread(f"{folder}/background/RIGHT.jpg")
+    off = np.abs(plate.picture.astype(int) - empty).max(axis=2)
+    assert np.percentile(off[~plate.unknown], 99.5) < 20
+    assert off[plate.unknown].mean() > 2 * off[~plate.unknown].mean()
