@@ -1,11 +1,13 @@
-"""Limbs put elsewhere: exchanged with those of the other side, or taken over from another pose."""
+"""Limbs put elsewhere: exchanged with those of the other side, taken over from another pose, or scattered."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import ndtri
 
 from tracker.arrays import Array, Integers
 from tracker.body import BodyModel
+from tracker.geometry.halton import halton
 
 # A bound of the Gauss-Newton steps.
 _STEPS = 12
@@ -42,6 +44,26 @@ def taken_over(body: BodyModel, q: Array, other: Array, group: str) -> Array:
     pose[columns] = other[columns]
     marks = np.flatnonzero(body.landmarks_of(group))
     return _reaching(body, body.clamped(pose), columns, marks, body.landmarks_in_world(other)[marks])
+
+
+def scattered(body: BodyModel, centres: Array, group: str, n: int, spread: tuple[float, float]) -> Array:
+    """(n, dof) poses with a limb's parameters normally distributed, inside the limits; the same ones every time.
+
+    Args:
+        body: the model.
+        centres: (C, dof) poses around which they lie, as many around each; all but the limb is that of the first one.
+        group: the limb's parameters.
+        n: how many.
+        spread: standard deviations of angles, rad, and of translations, m.
+    """
+    columns = body.group(group)
+    sigma = np.where(body.rotates[columns], *spread)
+    poses = np.tile(centres[0], (n, 1))
+    # the first of Halton's points is the origin, where the normal distribution has no value
+    offsets = sigma * ndtri(halton(n + 1, len(columns))[1:])
+    # not in turn: Halton's points of even and of odd numbers lie on different sides
+    poses[:, columns] = centres[np.arange(n) * len(centres) // n][:, columns] + offsets
+    return body.clamped(poses)
 
 
 def _reaching(body: BodyModel, pose: Array, columns: Integers, marks: Integers, targets: Array) -> Array:

@@ -67,7 +67,7 @@ def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = 
         estimate,
         status=Status.LOST if account.explained < loss.lost_below else found,
         doubtful=account.left_over > loss.doubtful_above,
-        ambiguous=tuple(group for group, own in limbs if _much_left_over(own, loss.ambiguous_above)),
+        ambiguous=tuple(group for group, own in limbs if left_over_of(own) > loss.ambiguous_above),
     )
 
 
@@ -79,10 +79,10 @@ def trusted_parts(body: BodyModel, estimate: Estimate) -> Mask:
     return trusted
 
 
-def _much_left_over(account: Account, above: float) -> bool:
-    """Whether more than a share of a limb's contour is left over; a limb that is hardly seen is not judged."""
-    visible_px = max(float(account.visible_px.sum()), _LEAST_LIMB_PX)
-    return float(account.left_over_px.sum()) > above * visible_px
+def left_over_of(limb: Account) -> float:
+    """Share of a limb's contour that is left over; of one that is hardly seen, of what it should at least show."""
+    visible_px = max(float(limb.visible_px.sum()), _LEAST_LIMB_PX)
+    return float(limb.left_over_px.sum()) / visible_px
 
 
 def sought_anew(estimate: Estimate, frames_lost: int, frames_doubted: int, loss: LossRule) -> bool:

@@ -26,8 +26,8 @@ class TwistIcpEstimation:
     the equations of all views are one system for the six parameters of the body and its joint angles (`Equations`),
     solved by Cholesky with limits and a prior where the paper takes Householder's. Which part a point belongs to is
     told by the contour that it is paired with, or by votes as in section 2.2 (`votes` of `chamfer` and `level_set`).
-    The paper's point on a Pluecker line (eq. 10) is `similarity = { use = "pluecker" }`; `hybrid` adds neighbouring
-    starts.
+    The paper's point on a Pluecker line (eq. 10) is `similarity = { use = "pluecker" }`; `neighbours` adds
+    neighbouring starts.
     """
 
     iterations: int = pydantic.Field(default=6, ge=1)
