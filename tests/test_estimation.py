@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import cast
+
 import numpy as np
 import pytest
 from observations import bent, four_views, ideal, joint_errors_mm, objective_of, off
 
+from tracker.account import Account
 from tracker.arrays import Array
 from tracker.body import BodyModel
+from tracker.comparison import Comparison
+from tracker.equations import Equations
 from tracker.estimate import Estimate
 from tracker.estimation.hybrid import HybridEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.evidence import Evidence
 from tracker.objective import Objective
 from tracker.observation import Observation
 from tracker.scene import Person, Scene
@@ -162,3 +169,66 @@ def test_the_same_images_give_the_same_pose(truth: Scene, observation: Observati
     found = [HybridEstimation().estimate(objective_of(truth, observation), start[None]) for _ in range(2)]
     np.testing.assert_array_equal(found[0].q, found[1].q)
     assert found[0].evaluations == found[1].evaluations
+
+
+class _Counted:
+    """Evidence that tells how many poses it was asked about."""
+
+    def __init__(self, evidence: Evidence) -> None:
+        self.evidence, self.n_poses, self.n_equations, self.n_accounts = evidence, 0, 0, 0
+
+    def distances(self, asked: Comparison, poses: Array) -> Array:
+        self.n_poses += len(poses)
+        return self.evidence.distances(asked, poses)
+
+    def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
+        self.n_equations += 1
+        return self.evidence.equations(asked, q, gate_px)
+
+    def account(self, asked: Comparison, q: Array) -> Account:
+        self.n_accounts += 1
+        return self.evidence.account(asked, q)
+
+
+def test_an_objective_keeps_its_answers(truth: Scene, observation: Observation) -> None:
+    """Rounds of a search ask again about the same poses; about others, and other persons, it asks the images."""
+    plain = objective_of(truth, observation)
+    counted = _Counted(plain.evidence)
+    objective = replace(plain, evidence=cast(Evidence, counted))
+    q = truth.persons[0].q
+    poses = q + np.array([0.0, 0.01, 0.02])[:, None]
+    first = objective(poses[:2])
+    np.testing.assert_array_equal(objective(poses[[1, 0]]), first[::-1])
+    assert counted.n_poses == 2
+    np.testing.assert_allclose(objective(poses), plain(poses), rtol=1e-12)
+    assert counted.n_poses == 3
+    for gate_px in (30.0, 30.0, 8.0):
+        found, wanted = objective.equations(q, gate_px), plain.equations(q, gate_px)
+        np.testing.assert_array_equal(found.matrix, wanted.matrix)
+    assert counted.n_equations == 2
+    for pose in (q, q, poses[1]):
+        told = objective.estimate(pose, np.eye(len(q)), 1)
+        assert told.account.distance_px == plain.estimate(pose, np.eye(len(q)), 1).account.distance_px
+    assert counted.n_accounts == 2
+    moved = truth.with_pose(0, poses[2])
+    objective.about(moved, 0)(poses[:1])
+    replace(objective, collision_px=0.0)(poses[:1])
+    assert counted.n_poses == 5
+
+
+def test_placements_are_those_of_the_poses_asked_for(truth: Scene) -> None:
+    """A scene keeps the last ones; it must not take those of other poses for them."""
+    q = truth.persons[0].q
+    near, far = q[None], np.array([q + 0.1, q + 0.2])
+    body = truth.persons[0].body
+    for poses in (near, far, far, near):
+        np.testing.assert_array_equal(truth.world_from_parts(0, poses), body.world_from_part(poses))
+    np.testing.assert_array_equal(truth.world_from_parts(), body.world_from_part(q[None]))
+    moved = replace(truth, persons=(replace(truth.persons[0], q=q + 0.1),))
+    np.testing.assert_array_equal(moved.world_from_parts(), body.world_from_part(q[None] + 0.1))
+    pair = Scene((truth.persons[0], Person("other", body, q + 0.3)), truth.rig)
+    for person, poses in ((0, far), (1, far), (1, near)):
+        placed = pair.world_from_parts(person, poses).reshape(len(poses), 2, -1, 4, 4)
+        np.testing.assert_array_equal(placed[:, person], body.world_from_part(poses))
+        still = pair.persons[1 - person].q[None]
+        np.testing.assert_array_equal(placed[:, 1 - person], np.repeat(body.world_from_part(still), len(poses), axis=0))

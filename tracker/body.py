@@ -139,7 +139,11 @@ class BodyModel:
 
     def collisions(self, q: Array) -> Array:
         """How much the body runs through itself at poses (B, dof): points (B,), see `count_collisions`."""
-        return self._collisions(self.world_from_part(q), self.apart)
+        return self.collisions_of(self.world_from_part(q))
+
+    def collisions_of(self, placements: Array) -> Array:
+        """The same for part placements (B, P, 4, 4) that are known already."""
+        return self._collisions(placements, self.apart)
 
     def _collisions(self, placements: Array, pairs: Integers) -> Array:
         """`count_collisions`, compiled ahead for contiguous placements and read-only pairs."""
@@ -164,8 +168,14 @@ class BodyModel:
         """
         if name not in self.groups:
             raise ModelError(f'model "{self.name}" has no group "{name}"; {nearest(name, self.groups)}')
-        indices: Integers = frozen([self.index(parameter) for parameter in self.groups[name]], dtype=np.int64)
-        return indices
+        return self._columns_of_groups[name]
+
+    @cached_property
+    def _columns_of_groups(self) -> dict[str, Integers]:
+        return {
+            name: frozen([self.index(parameter) for parameter in members], dtype=np.int64)
+            for name, members in self.groups.items()
+        }
 
     @cached_property
     def coarse_groups(self) -> tuple[str, ...]:
@@ -221,7 +231,12 @@ class BodyModel:
 
     def parts_of(self, group: str) -> Mask:
         """(P,) parts that a fine group moves and no finer chain hanging on it does: an arm's, not the body's."""
-        return self._hanging_on(group, self.part_parameters)
+        self.group(group)
+        return self._parts_of_groups[group]
+
+    @cached_property
+    def _parts_of_groups(self) -> dict[str, Mask]:
+        return {group: frozen(self._hanging_on(group, self.part_parameters), np.bool_) for group in self.groups}
 
     def landmarks_of(self, group: str) -> Mask:
         """(L,) landmarks that a fine group moves and no finer chain hanging on it does: an arm's, not the body's."""
@@ -262,8 +277,13 @@ class BodyModel:
 
     def landmarks_in_world(self, q: Array) -> Array:
         """Joint centres and other landmarks: q (*B, dof) -> (*B, L, 3), metres."""
-        ends = np.array([mark.parameter for mark in self.landmarks], dtype=np.int64)
-        return self.points_in_world(q, np.array([mark.point for mark in self.landmarks]), ends)
+        return self.points_in_world(q, *self._marks)
+
+    @cached_property
+    def _marks(self) -> tuple[Array, Integers]:
+        """The landmarks (L, 3) in the reference pose, metres, and the last parameter (L,) that moves each."""
+        ends: Integers = frozen([mark.parameter for mark in self.landmarks], dtype=np.int64)
+        return frozen([mark.point for mark in self.landmarks]), ends
 
     def points_in_world(self, q: Array, points: Array, ends: Integers) -> Array:
         """Points of the body at poses.

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from tracker.body import BodyModel
 from tracker.contours import Contours
 from tracker.scene import Scene
 from tracker.synthesis import Synthesis
+
+_Found = TypeVar("_Found")
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,17 @@ class Comparison:
     observed: Any
     """What the evidence that is asked has observed, as its `observe` returned it."""
 
-    _last: dict[bytes, Contours] = field(default_factory=dict, repr=False, compare=False)
+    _last: dict[str, tuple[bytes, Any]] = field(default_factory=dict, repr=False, compare=False)
+
+    def put(self, observed: Any) -> Comparison:
+        """The same question put to a kind of evidence that has observed something else."""
+        return Comparison(self.scene, self.person, self.synthesis, observed, self._last)
+
+    def with_contours(self, q: Array, contours: Contours) -> Comparison:
+        """The same question with other contours of a pose (dof,) than the synthesis makes."""
+        return Comparison(
+            self.scene, self.person, self.synthesis, self.observed, {**self._last, "fine": (q.tobytes(), contours)}
+        )
 
     @property
     def body(self) -> BodyModel:
@@ -41,16 +53,28 @@ class Comparison:
         first = self.scene.first_part(self.person)
         return slice(first, first + len(self.body.parts))
 
-    @cached_property
+    @property
     def ends(self) -> Integers:
         """(P,) last pose parameter that moves each part of the scene; -2 for the parts of other persons.
 
         A sample of a smooth skin counts as its strongest part's. The derivative of the surface is the weighted sum over
         all parts that move it, but refinements by that were worse in most starts and twice as dear; see the results.
         """
-        found = np.full(len(self.scene.shapes), -2, dtype=np.int64)
-        found[self.own] = self.body.part_parameters
-        return found
+
+        def find() -> Integers:
+            found = np.full(len(self.scene.shapes), -2, dtype=np.int64)
+            found[self.own] = self.body.part_parameters
+            return found
+
+        return self._once("ends", b"", find)
+
+    def placements(self, poses: Array) -> Array:
+        """(B, P, 4, 4) see `Scene.world_from_parts`, with the person at each of the poses (B, dof)."""
+        return self.scene.world_from_parts(self.person, poses)
+
+    def twists(self, q: Array) -> Array:
+        """(dof, 6) spatial twists at a pose (dof,), kept until another one is asked for."""
+        return self._once("twists", q.tobytes(), lambda: self.body.twists(q))
 
     def contours(self, poses: Array, coarse: bool = False) -> Contours:
         """Expected contours of the scene with the person at each of the poses (B, dof).
@@ -63,10 +87,12 @@ class Comparison:
 
     def fine(self, q: Array) -> Contours:
         """The contours of one pose (dof,), kept until another one is asked for: several kinds of evidence need them."""
-        key = q.tobytes()
-        found = self._last.get(key)
-        if found is None:
-            found = self.contours(q[None])
-            self._last.clear()
-            self._last[key] = found
+        return self._once("fine", q.tobytes(), lambda: self.contours(q[None]))
+
+    def _once(self, what: str, key: bytes, find: Callable[[], _Found]) -> _Found:
+        """What was found for the key asked about last; found now for another one."""
+        kept = self._last.get(what)
+        if kept is None or kept[0] != key:
+            kept = self._last[what] = key, find()
+        found: _Found = kept[1]
         return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,15 @@ class Contours:
             self.points[b, view, :n],
             self.between[b, view, :n],
         )
+
+    @cached_property
+    def matched(self) -> tuple[Array32, ...]:
+        """For each view pixel and normal (N, 4) of the samples that are matched, of all poses."""
+        found = []
+        for view in range(self.n_views):
+            rows = [self.positions[b, view, : self.counts[b, view]] for b in range(self.n_poses)]
+            found.append(np.ascontiguousarray(np.concatenate([one[one[:, 4] > 0, :4] for one in rows])))
+        return tuple(found)
 
     @property
     def valid(self) -> Mask:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -36,6 +36,8 @@ class Scene:
     persons: tuple[Person, ...]
     rig: Rig
 
+    _last: dict[tuple[int | None, bytes], Array] = field(init=False, default_factory=dict, repr=False, compare=False)
+
     def with_pose(self, person: int, q: Array) -> Scene:
         """The scene with the pose of one person replaced."""
         persons = list(self.persons)
@@ -64,14 +66,28 @@ class Scene:
     def world_from_parts(self, person: int | None = None, poses: Array | None = None) -> Array:
         """Placements of all parts, with many poses of one person tried at once.
 
+        They are kept until others are asked for: each kind of evidence asks for those of the same poses.
+
         Args:
             person: whose poses vary; None for the scene as it is.
             poses: (B, dof) of that person.
 
         Returns:
-            (B, P, 4, 4) metres; B = 1 for the scene as it is.
+            (B, P, 4, 4) metres, not to be written to; B = 1 for the scene as it is.
         """
+        key = person, b"" if poses is None else poses.tobytes()
+        found = self._last.get(key)
+        if found is None:
+            found = self._placed(person, poses)
+            self._last.clear()
+            self._last[key] = found
+        return found
+
+    def _placed(self, person: int | None, poses: Array | None) -> Array:
         n_poses = 1 if poses is None else len(poses)
+        if len(self.persons) == 1 and (poses is None or person == 0):
+            only = self.persons[0]
+            return np.ascontiguousarray(only.body.world_from_part(only.q[None] if poses is None else poses))
         placed = []
         for k, other in enumerate(self.persons):
             if k == person and poses is not None:

@@ -185,7 +185,7 @@ class HybridEstimation:
         usual_px = None if history is None else history.usual_px
         if history is not None and history.n_frames % self.again_every == 0:
             usual_px = None
-        weak = []
+        weak, left_over_px = [], estimate.account.left_over_px
         for group in body.fine_groups:
             parts = body.parts_of(group)
             allowed = 1 - self.search_below if body.partner_of(group) else self.trunk_above
@@ -193,7 +193,7 @@ class HybridEstimation:
                 usual = self._share(usual_px[0], usual_px[1], parts)
                 poor = usual > self.most_usual and history is not None and history.n_frames % self.poor_every == 0
                 allowed = max(allowed, self.unusual + (self.most_usual if poor else usual))
-            if self._share(estimate.account.visible_px, estimate.account.left_over_px, parts) > allowed:
+            if self._share(estimate.account.visible_px, left_over_px, parts) > allowed:
                 weak.append(group)
         return tuple(weak)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pydantic
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotrf, dpotrs
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
@@ -74,15 +74,14 @@ class TwistIcpEstimation:
         n_trial = min(self.trial_iterations, self.iterations) if len(distinct) > 1 else 0
         tried = [self._descend(objective, start, objective.body.clamped(start), gates[:n_trial]) for start in distinct]
         best = int(np.argmin(objective(np.array([q for q, _ in tried])))) if len(tried) > 1 else 0
-        q, covariance = self._descend(objective, distinct[best], tried[best][0], gates[n_trial:])
+        q, found = self._descend(objective, distinct[best], tried[best][0], gates[n_trial:])
+        covariance = self._covariance(objective.body, found)
         return objective.estimate(q, covariance, (len(distinct) - 1) * (n_trial + 1) + self.iterations + 1)
 
-    def _descend(self, objective: Objective, start: Array, q: Array, gates: list[float]) -> tuple[Array, Array]:
-        """Steps from a pose with a gate each, held near the start; the pose reached and its covariance."""
+    def _descend(self, objective: Objective, start: Array, q: Array, gates: list[float]) -> tuple[Array, Equations]:
+        """Steps from a pose with a gate each, held near the start; the pose reached and the last equations."""
         body = objective.body
-        spread = self._steps(body, self.prior_deg, self.prior_m)
-        prior = np.diag((self.noise_px / spread) ** 2)
-        found = Equations.nothing(body.dof)
+        prior, found = self._prior(body), Equations.nothing(body.dof)
         resting = self._steps(body, self.rest_deg, self.rest_m)
         gates = list(gates)
         while gates:
@@ -92,9 +91,18 @@ class TwistIcpEstimation:
             if (np.abs(q - before) < resting).all():
                 # At rest with a wide gate: only the narrow one can still move it.
                 gates = gates[-1:]
+        return q, found
+
+    def _covariance(self, body: BodyModel, found: Equations) -> Array:
+        """(dof, dof) what equations and prior tell of a pose; its variance is that of the residuals."""
         variance = found.squares / found.total if found.total > 0 else self.noise_px**2
-        information = found.matrix / max(variance, 1e-6) + prior / self.noise_px**2
-        return q, np.asarray(np.linalg.inv(information), dtype=np.float64)
+        information = found.matrix / max(variance, 1e-6) + self._prior(body) / self.noise_px**2
+        return np.asarray(np.linalg.inv(information), dtype=np.float64)
+
+    def _prior(self, body: BodyModel) -> Array:
+        """(dof, dof) how firmly a pose is held near its start."""
+        spread = self._steps(body, self.prior_deg, self.prior_m)
+        return np.diag((self.noise_px / spread) ** 2)
 
     def _steps(self, body: BodyModel, angle_deg: float, length_m: float) -> Array:
         """(dof,) an angle for rotations and a length for translations, rad and m."""
@@ -104,14 +112,17 @@ class TwistIcpEstimation:
 
 def _limited_step(q: Array, matrix: Array, vector: Array, limits: Array) -> Array:
     """The minimum of the quadratic model inside the joint limits, by fixing the parameters that hit one."""
+    low, high = limits.T
     free = np.ones(len(q), dtype=np.bool_)
     result = q.copy()
-    for _ in range(4):
-        fixed_step = (result - q)[~free]
-        right = -vector[free] - matrix[np.ix_(free, ~free)] @ fixed_step
-        step = cho_solve(cho_factor(matrix[np.ix_(free, free)]), right)
+    for n in range(4):
+        if n == 0:
+            step = _solved(matrix, -vector)
+        else:
+            held = matrix[np.ix_(free, ~free)] @ (result - q)[~free]
+            step = _solved(matrix[np.ix_(free, free)], -vector[free] - held)
         target = q[free] + step
-        inside = np.clip(target, limits[free, 0], limits[free, 1])
+        inside = np.minimum(np.maximum(target, low[free]), high[free])
         result[free] = inside
         hit = np.flatnonzero(free)[np.abs(inside - target) > 1e-12]
         if not len(hit):
@@ -120,3 +131,17 @@ def _limited_step(q: Array, matrix: Array, vector: Array, limits: Array) -> Arra
         if not free.any():
             break
     return result
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Solution of a positive definite system by Cholesky, without the checks of `scipy.linalg.cho_solve`.
+
+    Raises:
+        LinAlgError: the matrix is not positive definite, or not finite.
+    """
+    factor, fault = dpotrf(matrix, lower=0, clean=0)
+    if fault == 0:
+        found: Array = dpotrs(factor, right, lower=0)[0]
+        if np.isfinite(found).all():
+            return found
+    raise np.linalg.LinAlgError("the equations of a pose are not positive definite")

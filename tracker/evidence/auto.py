@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from tracker.account import Account
 from tracker.arrays import Array, Mask
@@ -116,4 +116,4 @@ def _by(asked: Comparison) -> Evidence:
 
 def _put(asked: Comparison) -> Comparison:
     """The question as it is put to the one chosen."""
-    return replace(asked, observed=asked.observed.observed)
+    return asked.put(asked.observed.observed)

@@ -7,7 +7,7 @@ Needs no clean plates. After M. Stoiber et al., A Sparse Gaussian Approach to Re
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 import pydantic
@@ -28,6 +28,7 @@ from tracker.kernels.regions.equations import shift_equations
 from tracker.kernels.regions.lines import Rule, Samples, find_shifts
 from tracker.kernels.regions.scoring import Lines
 from tracker.kernels.regions.sides import parts_beside
+from tracker.kernels.rows import superquadric
 from tracker.scene import Scene
 from tracker.sight import Sight
 
@@ -118,12 +119,11 @@ class RegionEvidence(Evidence):
             return Equations.nothing(body.dof)
         contours, cameras = asked.fine(q), asked.scene.rig.packed
         samples = _samples_of(contours)
-        placements = asked.scene.world_from_parts(asked.person, q[None])
-        beside = _seen_beside(asked.scene, placements, contours, self.step_m)[0]
+        beside = _seen_beside(asked.scene, asked.placements(q[None]), contours, self.step_m)[0]
         picture, wanted, rule = asked.observed.picture, asked.ends > -2, self.rule(gate_px)
         shifts = np.empty((*samples.parts.shape, 3), dtype=np.float32)
         find_shifts(picture, colours.looks, samples, beside, cameras, wanted, rule, shifts)
-        found = shift_equations(shifts, samples, asked.ends, cameras, body.twists(q), body.moves, _PX_PER_OBSERVATION)
+        found = shift_equations(shifts, samples, asked.ends, cameras, asked.twists(q), body.moves, _PX_PER_OBSERVATION)
         return Equations(*found)
 
     def account(self, asked: Comparison, q: Array) -> Account:
@@ -202,8 +202,14 @@ def _seen_beside(scene: Scene, placements: Array, contours: Contours, step_m: fl
     """(B, V, M, 2) the part seen beside each contour sample of parts at placements (B, P, 4, 4)."""
     found = np.empty((*contours.parts.shape, 2), dtype=np.int64)
     samples = contours.positions, contours.points, contours.parts, contours.counts
-    parts_beside(placements, scene.shapes, box_bounds(scene.shapes), scene.rig.packed, *samples, step_m, found)
+    parts_beside(placements, scene.shapes, _bounds(scene.shapes.tobytes()), scene.rig.packed, *samples, step_m, found)
     return found
+
+
+@lru_cache(maxsize=8)
+def _bounds(shapes: bytes) -> Array:
+    """The bounds of packed shapes, kept for those last used."""
+    return box_bounds(np.frombuffer(shapes).reshape(-1, superquadric.N_COLUMNS))
 
 
 def _taught(

@@ -122,7 +122,7 @@ class SilhouetteEvidence(Evidence):
 
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
         """Outline against outline; see `tracker.evidence.Evidence.equations`."""
-        outlines = replace(asked, observed=asked.observed.outlines, _last={q.tobytes(): self._outer(asked, q)})
+        outlines = asked.put(asked.observed.outlines).with_contours(q, self._outer(asked, q))
         return ChamferSimilarity(direction_deg=self.direction_deg, votes=self.votes).equations(outlines, q, gate_px)
 
     def account(self, asked: Comparison, q: Array) -> Account:
@@ -181,7 +181,7 @@ def _smaller(mask: Mask, factor: int) -> Array32:
 def covered_by(asked: Comparison, poses: Array) -> Array:
     """(B, V, 2) sums of the two pictures of the `Foregrounds` observed over what poses (B, dof) cover."""
     seen: Foregrounds = asked.observed
-    placements = asked.scene.world_from_parts(asked.person, poses)
+    placements = asked.placements(poses)
     grids, cameras = _grids(asked.scene.shapes.tobytes()), _small(asked.scene.rig.packed, seen.factor)
     sums: Array = covered_sums(placements, grids, _GRID, cameras, seen.regions, seen.pictures)
     return sums

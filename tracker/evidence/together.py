@@ -86,7 +86,7 @@ class TogetherEvidence(Evidence):
     def observe_again(self, asked: Comparison, q: Array) -> tuple[Observed, ...]:
         """What each of them observes; see `tracker.evidence.Evidence.observe_again`."""
         pairs = zip(self.of, asked.observed, strict=True)
-        return tuple(one.observe_again(replace(asked, observed=observed), q) for one, observed in pairs)
+        return tuple(one.observe_again(asked.put(observed), q) for one, observed in pairs)
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) weighted sum, px."""
@@ -106,9 +106,16 @@ class TogetherEvidence(Evidence):
 
     def account(self, asked: Comparison, q: Array) -> Account:
         """Weighted sum of the shares, and the distance that ranks; see `tracker.account.summed`."""
-        found = [(one.account(own, q), weight) for one, weight, own in self._each(asked, self.refining)]
-        shares = summed(*zip(*found, strict=True))
-        return replace(shares, distance_px=float(self.distances(asked, q[None])[0]))
+        questions = [asked.put(observed) for observed in asked.observed]
+        found = {k: self.of[k].account(questions[k], q) for k, weight in enumerate(self.refining) if weight > 0}
+        # the distance of an account is what `distances` gives: it is not measured twice
+        parts = [
+            weight * (found[k].distance_px if k in found else float(self.of[k].distances(questions[k], q[None])[0]))
+            for k, weight in enumerate(self.ranking)
+            if weight > 0
+        ]
+        shares = summed(list(found.values()), [self.refining[k] for k in found])
+        return replace(shares, distance_px=float(np.sum(parts)))
 
     def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Memory:
         """What each of them has learned."""
@@ -122,7 +129,7 @@ class TogetherEvidence(Evidence):
         """Each kind of evidence that counts, with its weight and the question as it is put to it."""
         for one, weight, observed in zip(self.of, weights, asked.observed, strict=True):
             if weight > 0:
-                yield one, weight, replace(asked, observed=observed)
+                yield one, weight, asked.put(observed)
 
 
 def _sharpened(weights: Array, found: Sequence[Equations], exact_px: Array) -> Array:

@@ -55,7 +55,7 @@ class ChamferSimilarity:
             asked.ends,
             edges.points,
             asked.scene.rig.packed,
-            asked.body.twists(q),
+            asked.twists(q),
             asked.body.moves,
             PX_PER_OBSERVATION,
             0.5 * gate_px,
