@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
-from tracker.arrays import Array
+import numpy as np
+
+from tracker.arrays import Array, Array32
 from tracker.kernels.compilation import compiled
 from tracker.kernels.rows import camera as at
+
+
+@compiled(fastmath={"contract", "nsz"})
+def _in_camera(camera: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A world point in the camera's frame, metres."""
+    return (
+        camera[at.R11] * x + camera[at.R12] * y + camera[at.R13] * z + camera[at.TX],
+        camera[at.R21] * x + camera[at.R22] * y + camera[at.R23] * z + camera[at.TY],
+        camera[at.R31] * x + camera[at.R32] * y + camera[at.R33] * z + camera[at.TZ],
+    )
 
 
 @compiled(fastmath={"contract", "nsz"})
@@ -18,17 +30,49 @@ def project_point(camera: Array, x: float, y: float, z: float) -> tuple[float, f
     Returns:
         Pixel u, v and the depth in metres (pixel 0, 0 when the depth is not positive).
     """
-    cx = camera[at.R11] * x + camera[at.R12] * y + camera[at.R13] * z + camera[at.TX]
-    cy = camera[at.R21] * x + camera[at.R22] * y + camera[at.R23] * z + camera[at.TY]
-    depth = camera[at.R31] * x + camera[at.R32] * y + camera[at.R33] * z + camera[at.TZ]
+    cx, cy, depth = _in_camera(camera, x, y, z)
     if depth <= 1e-9:
         return 0.0, 0.0, depth
+    u, v = _through_lens(camera, cx, cy, depth)
+    return u, v, depth
+
+
+@compiled(fastmath={"contract", "nsz"})
+def _through_lens(camera: Array, cx: float, cy: float, depth: float) -> tuple[float, float]:
+    """Pixel of a point in the camera's frame, before it."""
     a, b = cx / depth, cy / depth
     r2 = a * a + b * b
     radial = 1.0 + r2 * (camera[at.K1] + r2 * (camera[at.K2] + r2 * camera[at.K3]))
     u = a * radial + 2.0 * camera[at.P1] * a * b + camera[at.P2] * (r2 + 2.0 * a * a)
     v = b * radial + camera[at.P1] * (r2 + 2.0 * b * b) + 2.0 * camera[at.P2] * a * b
-    return camera[at.FX] * u + camera[at.SHEAR] * v + camera[at.CX], camera[at.FY] * v + camera[at.CY], depth
+    return camera[at.FX] * u + camera[at.SHEAR] * v + camera[at.CX], camera[at.FY] * v + camera[at.CY]
+
+
+@compiled
+def project_grid(placement: Array, grid: Array32, camera: Array, pixels: Array) -> float:
+    """Images of the points of a part; several at a time, for nothing branches.
+
+    Args:
+        placement: (4, 4) world_from_part, metres.
+        grid: (N, 3 or more) points of the part, metres.
+        camera: (25,) row of `Rig.packed`.
+        pixels: (3, N) output: pixels, of use only where all points lie before the camera, and depths, metres.
+
+    Returns:
+        Least depth, metres.
+    """
+    for i in range(pixels.shape[1]):
+        x, y, z = grid[i, 0], grid[i, 1], grid[i, 2]
+        wx = placement[0, 0] * x + placement[0, 1] * y + placement[0, 2] * z + placement[0, 3]
+        wy = placement[1, 0] * x + placement[1, 1] * y + placement[1, 2] * z + placement[1, 3]
+        wz = placement[2, 0] * x + placement[2, 1] * y + placement[2, 2] * z + placement[2, 3]
+        cx, cy, depth = _in_camera(camera, wx, wy, wz)
+        u, v = _through_lens(camera, cx, cy, depth)
+        pixels[0, i], pixels[1, i], pixels[2, i] = u, v, depth
+    nearest = np.inf
+    for i in range(pixels.shape[1]):
+        nearest = min(nearest, pixels[2, i])
+    return nearest
 
 
 @compiled(fastmath={"contract", "nsz"})

@@ -44,21 +44,27 @@ def place_solids(placements: Array, b: int, shapes: Array, bounds: Array, solids
         solids: (P, 48) output.
     """
     for p in range(len(shapes)):
-        for r in range(3):
-            shift, inverse = 0.0, 1.0 / shapes[p, r]
-            for k in range(3):
-                solids[p, solid.M11 + 4 * r + k] = placements[b, p, k, r] * inverse
-                solids[p, solid.R11 + 3 * r + k] = placements[b, p, r, k]
-                shift -= placements[b, p, k, r] * placements[b, p, k, 3]
-            solids[p, solid.MX + 4 * r] = shift * inverse
-            solids[p, solid.X + r] = placements[b, p, r, 3]
-        e1, e2 = shapes[p, superquadric.E1], shapes[p, superquadric.E2]
-        solids[p, solid.REACH], solids[p, solid.K1], solids[p, solid.K2] = (
-            bounds[1, p],
-            shapes[p, superquadric.K1],
-            shapes[p, superquadric.K2],
-        )
-        solids[p, solid.AROUND], solids[p, solid.ALONG], solids[p, solid.UPWARD] = 2.0 / e2, e2 / e1, 2.0 / e1
+        place_solid(placements, b, p, shapes, bounds, solids)
+
+
+@compiled(fastmath={"contract", "nsz"})
+def place_solid(placements: Array, b: int, p: int, shapes: Array, bounds: Array, solids: Array32) -> None:
+    """The same for part p alone."""
+    for r in range(3):
+        shift, inverse = 0.0, 1.0 / shapes[p, r]
+        for k in range(3):
+            solids[p, solid.M11 + 4 * r + k] = placements[b, p, k, r] * inverse
+            solids[p, solid.R11 + 3 * r + k] = placements[b, p, r, k]
+            shift -= placements[b, p, k, r] * placements[b, p, k, 3]
+        solids[p, solid.MX + 4 * r] = shift * inverse
+        solids[p, solid.X + r] = placements[b, p, r, 3]
+    e1, e2 = shapes[p, superquadric.E1], shapes[p, superquadric.E2]
+    solids[p, solid.REACH], solids[p, solid.K1], solids[p, solid.K2] = (
+        bounds[1, p],
+        shapes[p, superquadric.K1],
+        shapes[p, superquadric.K2],
+    )
+    solids[p, solid.AROUND], solids[p, solid.ALONG], solids[p, solid.UPWARD] = 2.0 / e2, e2 / e1, 2.0 / e1
 
 
 @compiled(fastmath={"contract", "nsz"})
@@ -72,35 +78,41 @@ def view_solids(shapes: Array, bounds: Array, camera: Array, margin_m: float, so
         solids: (P, 48) in and out.
     """
     for p in range(len(shapes)):
-        for r in range(3):
-            solids[p, solid.EYE_X + r] = (
-                solids[p, solid.M11 + 4 * r] * camera[CENTRE_X]
-                + solids[p, solid.M12 + 4 * r] * camera[CENTRE_Y]
-                + solids[p, solid.M13 + 4 * r] * camera[CENTRE_Z]
-                + solids[p, solid.MX + 4 * r]
-            )
-            solids[p, solid.CAMERA_X + r] = solids[p, solid.EYE_X + r] * shapes[p, r]
-        x, y, z, half = solids[p, solid.X], solids[p, solid.Y], solids[p, solid.Z], shapes[p, superquadric.A3]
-        ax, ay, az = half * solids[p, solid.R13], half * solids[p, solid.R23], half * solids[p, solid.R33]
-        u0, v0, d0 = project_point(camera, x - ax, y - ay, z - az)
-        u1, v1, d1 = project_point(camera, x + ax, y + ay, z + az)
-        width = bounds[2, p] + margin_m
-        depth = min(d0, d1) - width
-        du, dv = u1 - u0, v1 - v0
-        square = du * du + dv * dv + 1e-9
-        solids[p, solid.START_U], solids[p, solid.START_V], solids[p, solid.SHARE_U], solids[p, solid.SHARE_V] = (
-            u0,
-            v0,
-            du / square,
-            dv / square,
+        view_solid(shapes, bounds, camera, margin_m, p, solids)
+
+
+@compiled(fastmath={"contract", "nsz"})
+def view_solid(shapes: Array, bounds: Array, camera: Array, margin_m: float, p: int, solids: Array32) -> None:
+    """The same for part p alone."""
+    for r in range(3):
+        solids[p, solid.EYE_X + r] = (
+            solids[p, solid.M11 + 4 * r] * camera[CENTRE_X]
+            + solids[p, solid.M12 + 4 * r] * camera[CENTRE_Y]
+            + solids[p, solid.M13 + 4 * r] * camera[CENTRE_Z]
+            + solids[p, solid.MX + 4 * r]
         )
-        solids[p, solid.AXIS_U], solids[p, solid.AXIS_V] = du, dv
-        # A tenth on top covers perspective and lens distortion across the width of a part.
-        wide = 1.1 * camera[FX] * width / max(depth, 0.05)
-        solids[p, solid.WIDTH2] = wide * wide
-        solids[p, solid.LEAST_U], solids[p, solid.MOST_U] = min(u0, u1) - wide, max(u0, u1) + wide
-        solids[p, solid.LEAST_V], solids[p, solid.MOST_V] = min(v0, v1) - wide, max(v0, v1) + wide
-        solids[p, solid.NEAREST] = depth if depth > 0.05 else -1.0
+        solids[p, solid.CAMERA_X + r] = solids[p, solid.EYE_X + r] * shapes[p, r]
+    x, y, z, half = solids[p, solid.X], solids[p, solid.Y], solids[p, solid.Z], shapes[p, superquadric.A3]
+    ax, ay, az = half * solids[p, solid.R13], half * solids[p, solid.R23], half * solids[p, solid.R33]
+    u0, v0, d0 = project_point(camera, x - ax, y - ay, z - az)
+    u1, v1, d1 = project_point(camera, x + ax, y + ay, z + az)
+    width = bounds[2, p] + margin_m
+    depth = min(d0, d1) - width
+    du, dv = u1 - u0, v1 - v0
+    square = du * du + dv * dv + 1e-9
+    solids[p, solid.START_U], solids[p, solid.START_V], solids[p, solid.SHARE_U], solids[p, solid.SHARE_V] = (
+        u0,
+        v0,
+        du / square,
+        dv / square,
+    )
+    solids[p, solid.AXIS_U], solids[p, solid.AXIS_V] = du, dv
+    # A tenth on top covers perspective and lens distortion across the width of a part.
+    wide = 1.1 * camera[FX] * width / max(depth, 0.05)
+    solids[p, solid.WIDTH2] = wide * wide
+    solids[p, solid.LEAST_U], solids[p, solid.MOST_U] = min(u0, u1) - wide, max(u0, u1) + wide
+    solids[p, solid.LEAST_V], solids[p, solid.MOST_V] = min(v0, v1) - wide, max(v0, v1) + wide
+    solids[p, solid.NEAREST] = depth if depth > 0.05 else -1.0
 
 
 @compiled(fastmath={"contract", "nsz"})

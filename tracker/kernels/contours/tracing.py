@@ -115,28 +115,61 @@ def trace_view(
     Returns:
         Number of samples.
     """
-    facing, ids, listed, links, crossings, pieces, spots = work
     wanted, covering = masks
     n = 0
     for p in range(len(solids)):
-        if solids[p, solid.NEAREST] < 0.0 or not wanted[p]:
+        if solids[p, solid.NEAREST] >= 0.0 and wanted[p]:
+            n_spots = draw_part(grids, planes, layout, p, solids, camera, size, spacing[0], work)
+            n = add_visible(p, solids, covering, bounds[0, p], spacing[1], work, n_spots, traced, n)
+    return n
+
+
+@compiled
+def draw_part(
+    grids: Array32,
+    planes: Array32,
+    layout: tuple[int, int],
+    p: int,
+    solids: Array32,
+    camera: Array32,
+    size: tuple[float, float],
+    step_px: float,
+    work: Tracing,
+) -> int:
+    """Contour samples of part p, whatever hides them, written to the last of the workspace; their number."""
+    facing, ids, _, links, crossings, pieces, spots = work
+    n_pieces = find_pieces(grids, planes, layout, p, solids, camera, facing, ids, links, crossings, pieces)
+    return _sample(crossings, pieces, n_pieces, size, step_px, spots)
+
+
+@compiled
+def add_visible(
+    p: int,
+    solids: Array32,
+    covering: Mask,
+    radius: float,
+    contact_m: float,
+    work: Tracing,
+    n_spots: int,
+    traced: Array32,
+    n: int,
+) -> int:
+    """Appends to n traced samples those of part p, in a sphere of that radius, that nothing hides; their number."""
+    _, _, listed, _, _, _, spots = work
+    for k in range(neighbours(p, solids, covering, radius, listed)):
+        cover(solids, listed[k], contact_m, spots, n_spots)
+    for i in range(n_spots):
+        state = spots[spot.STATE + i]
+        if state == 2.0 or n == len(traced):
             continue
-        n_pieces = find_pieces(grids, planes, layout, p, solids, camera, facing, ids, links, crossings, pieces)
-        n_spots = _sample(crossings, pieces, n_pieces, size, spacing[0], spots)
-        for k in range(neighbours(p, solids, covering, bounds[0, p], listed)):
-            cover(solids, listed[k], spacing[1], spots, n_spots)
-        for i in range(n_spots):
-            state = spots[spot.STATE + i]
-            if state == 2.0 or n == len(traced):
-                continue
-            for k in range(sample.PART):
-                traced[n, k] = spots[k * ROW + i]
-            if state == 1.0:
-                traced[n, sample.LENGTH] = 0.0
-            traced[n, sample.PART], traced[n, sample.BETWEEN] = p, state
-            for k in range(3):
-                traced[n, sample.NX + k] = spots[spot.NX + k * ROW + i]
-            n += 1
+        for k in range(sample.PART):
+            traced[n, k] = spots[k * ROW + i]
+        if state == 1.0:
+            traced[n, sample.LENGTH] = 0.0
+        traced[n, sample.PART], traced[n, sample.BETWEEN] = p, state
+        for k in range(3):
+            traced[n, sample.NX + k] = spots[spot.NX + k * ROW + i]
+        n += 1
     return n
 
 

@@ -1,6 +1,7 @@
 """What of weighted pictures a body covers, for many poses: the silhouettes are filled small and never kept.
 
-Parts that stand still in a batch are filled once for all poses.
+Parts that stand still in a batch are filled once for all poses; where those are that stand as in the pose before is not
+found anew.
 """
 
 from __future__ import annotations
@@ -9,9 +10,9 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Integers
 from tracker.kernels.compilation import compiled
-from tracker.kernels.contours.scoring import moving_parts
+from tracker.kernels.contours.scoring import moving_parts, repeated_parts
 from tracker.kernels.pictures.silhouettes import widen
-from tracker.kernels.projection import project_point
+from tracker.kernels.projection import project_grid
 
 # Marks pixels that parts which stand still cover.
 _STILL = -1
@@ -25,19 +26,11 @@ def _extents(
 ) -> tuple[int, int]:
     """Writes where a part's rows of pixels begin and end (2, h); its first row and the one after its last."""
     n_rows, n_columns = layout
+    if project_grid(placement, grid, camera, pixels) <= _NEAREST_M:
+        return 0, 0
     low, high = np.inf, -np.inf
     for i in range(n_rows * n_columns):
-        x, y, z = grid[i, 0], grid[i, 1], grid[i, 2]
-        u, v, depth = project_point(
-            camera,
-            placement[0, 0] * x + placement[0, 1] * y + placement[0, 2] * z + placement[0, 3],
-            placement[1, 0] * x + placement[1, 1] * y + placement[1, 2] * z + placement[1, 3],
-            placement[2, 0] * x + placement[2, 1] * y + placement[2, 2] * z + placement[2, 3],
-        )
-        if depth <= _NEAREST_M:
-            return 0, 0
-        pixels[i, 0], pixels[i, 1] = u, v
-        low, high = min(low, v), max(high, v)
+        low, high = min(low, pixels[1, i]), max(high, pixels[1, i])
     height = extents.shape[1]
     first, last = max(int(np.ceil(low)), 0), min(int(np.floor(high)), height - 1)
     for row in range(first, last + 1):
@@ -45,10 +38,10 @@ def _extents(
     for r in range(n_rows):
         for c in range(n_columns):
             i, beside = r * n_columns + c, r * n_columns + (c + 1) % n_columns
-            widen(pixels[i, 0], pixels[i, 1], pixels[beside, 0], pixels[beside, 1], extents)
+            widen(pixels[0, i], pixels[1, i], pixels[0, beside], pixels[1, beside], extents)
             if r + 1 < n_rows:
                 below = i + n_columns
-                widen(pixels[i, 0], pixels[i, 1], pixels[below, 0], pixels[below, 1], extents)
+                widen(pixels[0, i], pixels[1, i], pixels[0, below], pixels[1, below], extents)
     return first, last + 1
 
 
@@ -76,13 +69,13 @@ def covered_sums(
     """
     n_poses, n_parts = placements.shape[:2]
     sums = np.zeros((n_poses, len(regions), 2))
-    moving = moving_parts(placements)
-    pixels = np.zeros((layout[0] * layout[1], 2))
+    moving, same = moving_parts(placements), repeated_parts(placements)
+    pixels, rows = np.zeros((3, layout[0] * layout[1])), np.zeros((n_parts, 2), dtype=np.int64)
     for v in range(len(regions)):
         start, width, height = regions[v]
         if width == 0:
             continue
-        marks, extents = np.full((height, width), -2, dtype=np.int64), np.zeros((2, height))
+        marks, extents = np.full((height, width), -2, dtype=np.int64), np.zeros((n_parts, 2, height))
         base = np.zeros(2)
         for turn in range(-1, n_poses):
             if turn >= 0:
@@ -90,10 +83,12 @@ def covered_sums(
             for p in range(n_parts):
                 if moving[p] != (turn >= 0):
                     continue
-                first, end = _extents(placements[max(turn, 0), p], grids[p], layout, cameras[v], pixels, extents)
-                for row in range(first, end):
-                    left = max(int(np.ceil(extents[0, row])), 0)
-                    for column in range(left, min(int(np.floor(extents[1, row])), width - 1) + 1):
+                if turn <= 0 or not same[turn, p]:
+                    placed = placements[max(turn, 0), p], grids[p], layout, cameras[v]
+                    rows[p, 0], rows[p, 1] = _extents(*placed, pixels, extents[p])
+                for row in range(rows[p, 0], rows[p, 1]):
+                    left = max(int(np.ceil(extents[p, 0, row])), 0)
+                    for column in range(left, min(int(np.floor(extents[p, 1, row])), width - 1) + 1):
                         if marks[row, column] == _STILL or marks[row, column] == turn:
                             continue
                         marks[row, column] = turn

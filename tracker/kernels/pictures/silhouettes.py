@@ -6,7 +6,7 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Mask
 from tracker.kernels.compilation import compiled
-from tracker.kernels.projection import project_point
+from tracker.kernels.projection import project_grid
 
 
 @compiled
@@ -35,29 +35,19 @@ def fill_parts(placements: Array, grids: Array32, layout: tuple[int, int], camer
     """
     height, width = mask.shape
     n_rows, n_columns = 2 * layout[0] - 1, 2 * layout[1]
-    pixels, extents = np.zeros((n_rows * n_columns, 2)), np.zeros((2, height))
+    pixels, extents = np.zeros((3, n_rows * n_columns)), np.zeros((2, height))
     for p in range(len(placements)):
-        nearest = np.inf
-        for i in range(n_rows * n_columns):
-            x, y, z = grids[p, i, 0], grids[p, i, 1], grids[p, i, 2]
-            wx, wy, wz = (
-                placements[p, 0, 0] * x + placements[p, 0, 1] * y + placements[p, 0, 2] * z + placements[p, 0, 3],
-                placements[p, 1, 0] * x + placements[p, 1, 1] * y + placements[p, 1, 2] * z + placements[p, 1, 3],
-                placements[p, 2, 0] * x + placements[p, 2, 1] * y + placements[p, 2, 2] * z + placements[p, 2, 3],
-            )
-            pixels[i, 0], pixels[i, 1], depth = project_point(camera, wx, wy, wz)
-            nearest = min(nearest, depth)
-        if nearest <= 0.0:
+        if project_grid(placements[p], grids[p], camera, pixels) <= 0.0:
             continue
         extents[0], extents[1] = np.inf, -np.inf
         for r in range(n_rows):
             for c in range(n_columns):
                 i = r * n_columns + c
                 beside = r * n_columns + (c + 1 if c + 1 < n_columns else 0)
-                widen(pixels[i, 0], pixels[i, 1], pixels[beside, 0], pixels[beside, 1], extents)
+                widen(pixels[0, i], pixels[1, i], pixels[0, beside], pixels[1, beside], extents)
                 if r + 1 < n_rows:
                     below = i + n_columns
-                    widen(pixels[i, 0], pixels[i, 1], pixels[below, 0], pixels[below, 1], extents)
+                    widen(pixels[0, i], pixels[1, i], pixels[0, below], pixels[1, below], extents)
         for row in range(height):
             if extents[0, row] <= extents[1, row]:
                 first = max(int(np.ceil(extents[0, row])), 0)
