@@ -21,7 +21,7 @@ from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.frame import Frame
 from tracker.initialization import Backdrops, Stages
-from tracker.initialization._foregrounds import GAPS, foregrounds
+from tracker.initialization._foregrounds import foregrounds, segmented
 from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.stance import StanceInitialization
 from tracker.outlines import outline_observation
@@ -128,15 +128,13 @@ def test_nothing_that_moves_is_no_backdrop() -> None:
     assert backdrop([]) is None
 
 
-def test_gaps_are_closed_only_where_nothing_is_known() -> None:
+def test_of_the_unknown_what_looks_like_the_person_is_foreground() -> None:
     plate = room()
     unknown = np.zeros(plate.shape[:2], dtype=bool)
     unknown[100:110, 150:170] = unknown[10:40, 10:40] = True
     image = plate.copy()
-    image[BOX] = (30, 40, 200)
-    image[100:110, 150:170] = plate[100:110, 150:170]
-    image[150:156, 150:170] = plate[150:156, 150:170]
-    (near,) = foregrounds(Frame(0, 0.0, (image,)), (Plate(plate, unknown),), GAPS[0])
+    image[BOX] = plate[100:110, 150:170] = plate[150:156, 150:170] = (30, 40, 200)
+    (near,) = segmented(Frame(0, 0.0, (image,)), (Plate(plate, unknown),))
     (every,) = foregrounds(Frame(0, 0.0, (image,)), (Plate(plate, unknown),))
     assert near is not None
     assert every is not None

@@ -2,59 +2,87 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 
-from tracker.arrays import Image, Mask
+from tracker.arrays import Array32, Image, Mask
 from tracker.frame import Frame
+from tracker.imaging.densities import colour_codes, densities
+from tracker.imaging.level_set import Forces, threshold_dynamics
 from tracker.plate import Plate, departing
-
-GAPS = (0.04,)
-"""Widths of gaps in the foreground, tried before all that plates do not know counts as foreground; see `foregrounds`.
-
-A trunk's 30 px of 720. With all at once V-Dance starts 446 mm off instead of 40; with these alone who stands still
-but for the limbs (balancing, N-Stride seen from the front, R-Turn) is not found."""
 
 # A limb that is missing in a mask is worse than a speck, which is nothing in space: less than in tracking.
 _SIGMAS = 4.0
-# Gaps are as wide as many pixels: they are closed in a picture so much smaller.
-_SMALLER = 4
+# Level sets are drawn in a picture so much smaller; a pixel of 720 is 7 mm at 3 m.
+_SMALLER = 2
+# Background whose colours count is this near to what may be a person, px of the small picture: half a person's width.
+_NEAR_PX = 15
+# Odds of what is known, as much as a colour can say at most, and weight of the contour's length; with 3 for the latter
+# the overlap with the true foreground is the same to 0.01 on 13 frames of seven recordings.
+_KNOWN_ODDS, _LENGTH = 4.0, 1.0
 
 
-def foregrounds(frame: Frame, plates: tuple[Plate | None, ...], gap: float = 1.0) -> tuple[Mask | None, ...]:
-    """What has changed (H, W) in each view, shadows included; None without a plate, or where everything differs.
+def foregrounds(frame: Frame, plates: tuple[Plate | None, ...]) -> tuple[Mask | None, ...]:
+    """What has changed (H, W) in each view, and all that is not known; None without a plate, or if everything differs.
 
-    What looks like a shadow may be skin, and in space a shadow is no thicker than the floor it lies on.
-
-    Args:
-        frame: the images, and masks that the user brings.
-        plates: of the views.
-        gap: of what the plates do not know, gaps this wide between what has changed count as changed, too, in shares of
-            the image's longer side; 1 for all of it.
+    Shadows are included: what looks like one may be skin, and in space a shadow is no thicker than the floor.
     """
+    return _found(frame, plates, _or_unknown)
+
+
+def segmented(frame: Frame, plates: tuple[Plate | None, ...]) -> tuple[Mask | None, ...]:
+    """What has changed (H, W) in each view, and of what is not known that which looks like it.
+
+    The region is that of least energy by level sets (Rosenhahn et al. 2006, section 2.1): colours of what has changed
+    against those of the background beside it. Its overlap with what stands out before true plates is 0.6 to 0.9 on
+    five recordings (intersection over union; 13 frames), that of all that is not known 0.6 to 0.8.
+    """
+    return _found(frame, plates, _drawn)
+
+
+def _found(
+    frame: Frame, plates: tuple[Plate | None, ...], unknown: Callable[[Image, Mask, Mask], Mask]
+) -> tuple[Mask | None, ...]:
     found = []
     for v, (image, plate) in enumerate(zip(frame.images, plates, strict=True)):
-        differing = None if image is None or plate is None else _differing(image, plate, gap)
         given = frame.mask(v)
-        found.append(differing if given is None else given)
+        if given is not None or image is None or plate is None:
+            found.append(given)
+            continue
+        differing = departing(image, plate, _SIGMAS)
+        if differing is not None and plate.unknown is not None:
+            differing = unknown(image, differing & ~plate.unknown, plate.unknown)
+        found.append(differing)
     return tuple(found)
 
 
-def _differing(image: Image, plate: Plate, gap: float) -> Mask | None:
-    """What has changed (H, W), and what the plate does not know in the gaps of that."""
-    differing = departing(image, plate, _SIGMAS)
-    if differing is None or plate.unknown is None:
-        return differing
-    sure = differing & ~plate.unknown
-    return np.asarray(sure | (plate.unknown if gap >= 1 else plate.unknown & _closed(sure, gap)))
+def _or_unknown(image: Image, sure: Mask, unknown: Mask) -> Mask:
+    return sure | unknown
 
 
-def _closed(mask: Mask, gap: float) -> Mask:
-    """Without gaps of a share of the longer side; found in a small picture."""
-    width, height = mask.shape[1] // _SMALLER, mask.shape[0] // _SMALLER
-    small = cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
-    radius = max(1, round(gap / 2 * max(small.shape)))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    whole = cv2.morphologyEx(small, cv2.MORPH_CLOSE, disc)
-    closed: Mask = cv2.resize(whole, mask.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
-    return closed
+def _drawn(image: Image, sure: Mask, unknown: Mask) -> Mask:
+    """What of the unknown (H, W) belongs to what has changed for sure, with that."""
+    inside, open_to_doubt = _small(sure), _small(unknown)
+    size = np.ones((2 * _NEAR_PX + 1, 2 * _NEAR_PX + 1), np.uint8)
+    near = cv2.dilate((inside | open_to_doubt).astype(np.uint8), size) > 0
+    codes = (colour_codes(_scaled(image)),)
+    learnt = densities(codes, inside, near & ~open_to_doubt & ~inside)
+    if learnt is None:
+        return sure
+    known: Array32 = np.where(inside, np.float32(_KNOWN_ODDS), np.float32(-_KNOWN_ODDS))
+    odds = np.where(open_to_doubt, learnt.log_odds(codes), known)
+    region = threshold_dynamics(odds > 0, Forces(odds, _LENGTH))
+    whole = cv2.resize(region.astype(np.uint8), sure.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    return np.asarray(sure | (unknown & whole))
+
+
+def _scaled(picture: Image) -> Image:
+    size = picture.shape[1] // _SMALLER, picture.shape[0] // _SMALLER
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
+
+
+def _small(mask: Mask) -> Mask:
+    half: Mask = _scaled(mask.astype(np.uint8) * np.uint8(255)) > 127
+    return half

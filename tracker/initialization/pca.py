@@ -16,7 +16,7 @@ from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
 from tracker.initialization import Stages
-from tracker.initialization._foregrounds import GAPS, foregrounds
+from tracker.initialization._foregrounds import foregrounds, segmented
 from tracker.initialization._hypotheses import (
     apart,
     coarse_poses,
@@ -219,15 +219,15 @@ class PcaInitialization:
 
 
 def _found(frame: Frame, scene: Scene, stages: Stages, persons: tuple[Person, ...]) -> list[Found]:
-    """The foregrounds of the persons sought; what plates do not know counts as little as it has to.
+    """The foregrounds of the persons sought: of what plates do not know what looks like a person, or all of it.
 
     What lies on the floor may be the shadow of somebody who is not known: then all that is not known counts.
     """
     held, least_m = tuple(scene.persons[k] for k in stages.held), min(size_of(person).stature_m for person in persons)
     low: list[Found] = []
-    for gap in GAPS if any(plate is not None and plate.unknown is not None for plate in stages.plates) else ():
+    if any(plate is not None and plate.unknown is not None for plate in stages.plates):
         with contextlib.suppress(InitializationError):
-            low = find_persons(foregrounds(frame, stages.plates, gap), scene.rig, persons, held)
+            low = find_persons(segmented(frame, stages.plates), scene.rig, persons, held)
             if all(tall(one.points, least_m) for one in low):
                 return low
     masks = foregrounds(frame, stages.plates)
