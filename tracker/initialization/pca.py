@@ -22,11 +22,12 @@ from tracker.initialization._hypotheses import (
     coarse_poses,
     different,
     hypothesis,
+    least_left,
     ranked,
     turned_round,
     with_held,
 )
-from tracker.initialization._likeness import size_of, standing, tall
+from tracker.initialization._likeness import size_of, standing
 from tracker.initialization._persons import Found, find_persons, in_order
 from tracker.initialization._placement import laid_in, placements, stands_upright, without_legs
 from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
@@ -34,7 +35,7 @@ from tracker.initialization._visual_hull import shadow
 from tracker.objective import Objective
 from tracker.plate import Plate, in_light_of
 from tracker.rig import Rig
-from tracker.scene import Person, Scene
+from tracker.scene import Scene
 from tracker.start import AxisFit, Hypothesis, Start, confidence
 
 # Poses at a time: bounds the memory.
@@ -120,9 +121,25 @@ class PcaInitialization:
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
         stages.progress("bootstrapping: torso axis from the foreground")
+        masks = foregrounds(frame, stages.plates)
+        _enough(masks, frame, scene)
+        if not any(plate is not None and plate.unknown is not None for plate in stages.plates):
+            return self._started(frame, scene, stages, masks)
+        starts, faults = [], []
+        for tried in (segmented(frame, stages.plates), masks):
+            try:
+                starts.append(self._started(frame, scene, stages, tried))
+            except InitializationError as fault:
+                faults.append(fault)
+        if not starts:
+            raise faults[-1]
+        return least_left(starts, scene, self.finalists)
+
+    def _started(self, frame: Frame, scene: Scene, stages: Stages, masks: tuple[Mask | None, ...]) -> Start:
+        """The start from the foregrounds (H, W) of all views."""
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
         persons = tuple(scene.persons[k] for k in sought)
-        found = _found(frame, scene, stages, persons)
+        found = find_persons(masks, scene.rig, persons, tuple(scene.persons[k] for k in stages.held))
         evidence: list[tuple[AxisFit | None, ...]] = [()] * len(scene.persons)
         hypotheses: list[tuple[Hypothesis, ...]] = [()] * len(scene.persons)
         ordered = in_order(found, persons, scene.rig, stages.seen_before)
@@ -216,28 +233,6 @@ class PcaInitialization:
             again[k] = ranked(objective.body, [hypothesis(objective.body, one) for one in estimates])[: self.finalists]
             scene = scene.with_pose(k, again[k][0].q)
         return again
-
-
-def _found(frame: Frame, scene: Scene, stages: Stages, persons: tuple[Person, ...]) -> list[Found]:
-    """The foregrounds of the persons sought: of what plates do not know what looks like a person, or all of it.
-
-    What lies on the floor may be the shadow of somebody who is not known: then all that is not known counts.
-    """
-    held, least_m = tuple(scene.persons[k] for k in stages.held), min(size_of(person).stature_m for person in persons)
-    low: list[Found] = []
-    if any(plate is not None and plate.unknown is not None for plate in stages.plates):
-        with contextlib.suppress(InitializationError):
-            low = find_persons(segmented(frame, stages.plates), scene.rig, persons, held)
-            if all(tall(one.points, least_m) for one in low):
-                return low
-    masks = foregrounds(frame, stages.plates)
-    _enough(masks, frame, scene)
-    try:
-        return find_persons(masks, scene.rig, persons, held)
-    except InitializationError:
-        if not low:
-            raise
-        return low
 
 
 def _in_batches(objective: Objective, poses: Array) -> Array:
