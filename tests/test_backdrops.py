@@ -255,3 +255,33 @@ def test_the_backdrop_of_a_recording_is_the_empty_room(data: Callable[[str], Pat
     off = np.abs(plate.picture.astype(int) - empty).max(axis=2)
     assert np.percentile(off[~plate.unknown], 99.5) < 20
     assert off[plate.unknown].mean() > 2 * off[~plate.unknown].mean()
+
+
+@pytest.mark.parametrize(
+    ("name", "background", "are_made"),
+    [("N-WalkCircle", None, True), ("N-WalkCircle", "none", False), ("D-TwoElbowRot", None, False)],
+)
+def test_plates_are_made_unasked_where_somebody_walks_about(
+    name: str, background: str | None, are_made: bool, data: Callable[[str], Path]
+) -> None:
+    folder = data(f"room/{name}")
+    reading = VideoReading(
+        path=f"{folder}/{{view}}.mp4", rig=folder / "calibration.json", views=("FRONT", "LEFT"), background=background
+    )
+    plates = reading.open().plates
+    assert [plate is not None and plate.recorded for plate in plates] == [are_made] * 2
+
+
+def test_masks_of_ones_own_leave_no_plates_to_be_made(data: Callable[[str], Path], tmp_path: Path) -> None:
+    folder = data("room/N-WalkCircle")
+    for view in ("FRONT", "LEFT"):
+        (tmp_path / view).mkdir()
+        cv2.imwrite(str(tmp_path / view / "0.png"), np.zeros((576, 720), np.uint8))
+    reading = VideoReading(
+        path=f"{folder}/{{view}}.mp4",
+        rig=folder / "calibration.json",
+        views=("FRONT", "LEFT"),
+        masks=f"{tmp_path}/{{view}}/{{frame}}.png",
+        stop=1,
+    )
+    assert reading.open().plates == (None, None)
