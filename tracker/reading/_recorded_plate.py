@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from tracker.arrays import Image, Mask
-from tracker.imaging.light import light_of, sparse
+from tracker.imaging.light import Light, light_of, sparse
 from tracker.kernels.images.modes import dominant_modes
 from tracker.plate import Plate, changed
 
@@ -23,6 +23,8 @@ _REACH = 12
 _MOST, _RIVALS = 0.6, 0.3
 
 
+# Rows of all images that are looked at together: 25 images of 4K are 0.6 GiB, which need not be there twice.
+_ROWS = 64
 # What is not known is grown by this share of the longer side: 7 px of 720, for colours are smoothed and bodies sway.
 _GROWN = 0.01
 
@@ -48,21 +50,31 @@ class RecordedPlate:
 def recorded_plate(images: Sequence[Image]) -> RecordedPlate:
     """The dominant colour of every pixel, over images (h, w, 3) brought to the same light."""
     middle = np.median([sparse(image) for image in images], axis=0).astype(np.uint8)
-    pile = np.empty((len(images), *images[0].shape), dtype=np.uint8)
-    for k, image in enumerate(images):
-        light = light_of(middle, sparse(image))
-        pile[k] = image if light is None else light.on(image)
-    shape = images[0].shape[:2]
+    lights = [light_of(middle, sparse(image)) for image in images]
+    shape, n = images[0].shape[:2], len(images)
     picture, counts, rivals = np.empty((*shape, 3), np.uint8), np.empty(shape, np.uint8), np.empty(shape, np.uint8)
-    dominant_modes(pile, _REACH, picture, counts, rivals)
-    found = [changed(image, Plate(picture)) for image in pile]
-    masks = np.array([one.foreground for one in found])
-    doubted = (counts < _MOST * len(pile)) | (rivals >= _RIVALS * len(pile))
+    for top in range(0, shape[0], _ROWS):
+        rows = slice(top, top + _ROWS)
+        strips = (_lit(image[rows], light, top) for image, light in zip(images, lights, strict=True))
+        dominant_modes(np.stack(list(strips)), _REACH, picture[rows], counts[rows], rivals[rows])
+    masks, levels = np.empty((n, *shape), dtype=np.bool_), np.empty(n)
+    for k, (image, light) in enumerate(zip(images, lights, strict=True)):
+        _, masks[k], levels[k] = changed(_lit(image, light), Plate(picture))
+    doubted = (counts < _MOST * n) | (rivals >= _RIVALS * n)
     unknown = _grown(doubted & masks.any(axis=0))
-    covered_px, known_px = (float(np.median(part.sum(axis=(1, 2)))) for part in (masks, masks & ~unknown))
-    level = float(np.median([one.level for one in found]))
-    moving = float(masks.any(axis=0).mean())
-    return RecordedPlate(Plate(picture, unknown, recorded=True), moving, known_px / max(covered_px, 1.0), level)
+    covered_px, known_px = float(np.median(_sizes(masks))), float(np.median(_sizes(masks, ~unknown)))
+    plate, moving = Plate(picture, unknown, recorded=True), float(masks.any(axis=0).mean())
+    return RecordedPlate(plate, moving, known_px / max(covered_px, 1.0), float(np.median(levels)))
+
+
+def _lit(part: Image, light: Light | None, top: int = 0) -> Image:
+    """Rows of an image (h, w, 3), from `top` on, in the light that all have in common."""
+    return np.ascontiguousarray(part) if light is None else light.on(part, (0, top))
+
+
+def _sizes(masks: Mask, within: Mask | None = None) -> list[int]:
+    """Pixels of each mask (n, h, w)."""
+    return [int(np.count_nonzero(mask if within is None else mask & within)) for mask in masks]
 
 
 def _grown(doubted: Mask) -> Mask:
