@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from recordings import cycle_for, joint_errors_mm, small_simulation
+from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 from test_recorded_plate import LEAVING, STILL, WALKING, filmed, room
 from test_silhouettes import asked
 
@@ -30,6 +30,7 @@ from tracker.plate import Plate, changed
 from tracker.reading._plates import backdrop
 from tracker.reading._recorded_plate import recorded_plate
 from tracker.reading.video import VideoReading
+from tracker.recorded_plates import without_persons
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
@@ -255,6 +256,18 @@ def test_the_backdrop_of_a_recording_is_the_empty_room(data: Callable[[str], Pat
     off = np.abs(plate.picture.astype(int) - empty).max(axis=2)
     assert np.percentile(off[~plate.unknown], 99.5) < 20
     assert off[plate.unknown].mean() > 2 * off[~plate.unknown].mean()
+
+
+@pytest.mark.parametrize(("shown", "are_used"), [(trunk, True), (lambda mask: mask, False)], ids=["little", "all"])
+def test_plates_of_the_recording_that_show_the_person_are_not_used(
+    simulation: Simulation, shown: Callable[[Mask], Mask], are_used: bool
+) -> None:
+    plates = showing(simulation, shown, unknown=are_used)
+    made = tuple(replace(plate, recorded=True) for plate in plates[:2]) + plates[2:]
+    cycle = cycle_for(simulation, TrueStart(simulation), plates=made)  # type: ignore[arg-type]
+    found = without_persons(cycle, simulation.scene, simulation.frames).plates
+    assert [plate is not None for plate in found] == [are_used, are_used, True, True]
+    assert without_persons(replace(cycle, plates=plates), simulation.scene, simulation.frames).plates == plates
 
 
 @pytest.mark.parametrize(

@@ -256,7 +256,7 @@ def test_a_rendered_man_who_gets_up_from_the_floor_is_found(data: Callable[[str]
     )
     job = TrackJob(reading=reading, persons=(Subject(model=model_path("human"), stature_m=1.78),))
     opened = job.open()
-    sequence, cycle = opened.sequence, job.cycle(opened.sequence)
+    sequence, cycle = opened.sequence, job.cycle(opened)
     start = cycle.initialization.start(next(sequence.frames()), opened.scene, cycle.stages)
     truth = {row["joint"]: row for row in _rows(folder / "gt_joints.csv") if row["frame"] == "50"}
     body = opened.scene.persons[0].body

@@ -55,7 +55,7 @@ class Run:
         sequence = self.opened.sequence
         self.compile_kernels()
         way = track if self.job.passes == 1 else track_twice
-        return way(sequence.frames(), self.scene, self.job.cycle(sequence), {}, sequence.frames)
+        return way(sequence.frames(), self.scene, self.job.cycle(self.opened), {}, sequence.frames)
 
     def compile_kernels(self, progress: Progress = silent) -> None:
         """Compiles what tracking needs and is not kept on disk yet: a minute once, which an iteration does unasked."""

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from tracker.arrays import Mask
 from tracker.components import FilePath, component
@@ -19,13 +16,8 @@ from tracker.initialization.pca import PcaInitialization
 from tracker.initialization.stance import StanceInitialization
 from tracker.plate import Plate
 from tracker.scene import Scene
-from tracker.sight import Sight
+from tracker.sight import LEAST_COVERED, Sight
 from tracker.start import Start
-
-# Of the model's silhouettes so much lies on foreground, or on what the backdrops do not know, in starts that are right:
-# 0.89 to 1 in every view of 14 on recordings. A body of which only the arms move has legs before a backdrop that shows
-# them, too.
-_LEAST_COVERED = 0.75
 
 
 @component
@@ -80,11 +72,11 @@ class AutoInitialization:
         if sum(plate is not None for plate in known) < max(2, 1 + sum(plate is not None for plate in stages.plates)):
             raise InitializationError(f"frame {frame.index}: nothing moves in the recording")
         start = self.pca.start(frame, scene, replace(stages, plates=known))
-        covered = _covered(stages.synthesis.silhouettes(scene.with_poses(start.poses)), Sight(frame, known))
-        if covered < _LEAST_COVERED:
+        covered = Sight(frame, known).covered(stages.synthesis.silhouettes(scene.with_poses(start.poses)))
+        if covered < LEAST_COVERED:
             raise InitializationError(
                 f"frame {frame.index}: {covered:.0%} of the person found lies before what moves, expected at least "
-                f"{_LEAST_COVERED:.0%}"
+                f"{LEAST_COVERED:.0%}"
             )
         return start
 
@@ -93,17 +85,6 @@ class AutoInitialization:
         if self.poses is not None and not (seen_before and n_plates >= 2):
             return GivenInitialization(poses=self.poses)
         return self.pca if n_plates else self.stance
-
-
-def _covered(models: Sequence[Mask], sight: Sight) -> float:
-    """Of the model's silhouettes (H, W) the share that is foreground or before what is not known, mean of the views."""
-    shares = []
-    for v, model in enumerate(models):
-        image = sight.frame.images[v]
-        changes = None if image is None else sight.changes(v, (0, 0, image.shape[1], image.shape[0]))
-        if changes is not None and model.any():
-            shares.append(np.count_nonzero(model & changes.moving) / np.count_nonzero(model))
-    return float(np.mean(shares)) if shares else 0.0
 
 
 def _in_another_light(frame: Frame, plates: tuple[Plate | None, ...]) -> bool:

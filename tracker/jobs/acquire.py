@@ -145,7 +145,7 @@ def _tracked(
     sequence, body = opened.sequence, sought.space.body(sought.shape)
     persons = list(opened.scene.persons)
     persons[sought.person] = Person(persons[sought.person].name, body, body.rest())
-    cycle = job.cycle(sequence)
+    cycle = job.cycle(opened)
     if known is not None:
         cycle = replace(cycle, initialization=_KnownStart(known))
     wanted, seen, start = chosen(sequence.n_frames, job.acquisition.frames), [], known
@@ -157,7 +157,7 @@ def _tracked(
             start = Start(tuple(one.q for one in step.scene.persons))
         if k in wanted and not lost[sought.person]:
             seen.append(Seen(step.frame, step.scene))
-    return seen, Watching(sequence.rig, job.synthesis, job.acquisition.analysis, sequence.plates), start
+    return seen, Watching(sequence.rig, job.synthesis, job.acquisition.analysis, cycle.plates), start
 
 
 def acquisition_from(table: Table, source: str, folder: Path, name: str) -> Any:

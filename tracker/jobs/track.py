@@ -35,6 +35,7 @@ from tracker.plate import Plate
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
 from tracker.reading import Reading, Sequence
+from tracker.recorded_plates import without_persons
 from tracker.recording import DEFAULTS, Recorder, Recording, RunContext, chosen_recordings, described_recordings
 from tracker.recording.journal import Expected, OpenJournal, as_kept, open_journal
 from tracker.result import load_result
@@ -134,8 +135,8 @@ class TrackJob:
             self._check_smoothing(self.smoothing, sequence.interval_s)
         scene = Scene(persons, sequence.rig)
         self.evidence.check(scene)
-        done = None if earlier is None else self._earlier(earlier, scene)
-        return OpenedTrack(sequence, scene, models, self.initialization.check(scene, sequence.known), done)
+        self.initialization.check(scene, sequence.known)
+        return OpenedTrack(sequence, scene, models, None if earlier is None else self._earlier(earlier, scene))
 
     def _earlier(self, folder: Path, scene: Scene) -> OpenJournal:
         """What an interrupted run has left; what is cut off is logged."""
@@ -152,48 +153,53 @@ class TrackJob:
         if missing := {"journal", "run_json"} - uses:
             raise ConfigError(f"smoothing needs the recordings journal and run_json; add {', '.join(sorted(missing))}")
 
-    def _looked_at(self, opened: OpenedTrack, progress: Progress) -> tuple[str, ...]:
+    def _looked_at(self, opened: OpenedTrack, plates: tuple[Plate | None, ...], progress: Progress) -> tuple[str, ...]:
         """What looks wrong in the input, told before the first frame; an interrupted run was told already."""
         if not self.inspection or opened.done:
             return ()
         progress("looking at the first frames")
         sequence, stride = opened.sequence, getattr(self.reading, "stride", 1)
-        found = findings(survey(sequence.frames(), opened.scene, sequence.plates, stride))
+        found = findings(survey(sequence.frames(), opened.scene, plates, stride))
         for line in found:
             log.warning("input: %s", line)
             progress(f"input: {line}")
         return found
 
-    def cycle(self, sequence: Sequence, progress: Progress = silent) -> Cycle:
+    def cycle(self, opened: OpenedTrack, progress: Progress = silent) -> Cycle:
         """The tracking cycle of these components; a field of the cycle is one of the job, called the same.
 
         Args:
-            sequence: whose views have clean plates, or backdrops.
+            opened: the persons, and a recording whose views have clean plates, or backdrops.
             progress: told of what takes long.
         """
+        sequence = opened.sequence
 
         def backdrops() -> tuple[Plate | None, ...]:
             return sequence.backdrops
 
         names = {field.name for field in dataclasses.fields(self)} & {field.name for field in dataclasses.fields(Cycle)}
         parts = {name: getattr(self, name) for name in names}
-        return Cycle(**parts, plates=sequence.plates, backdrops=backdrops, progress=progress)
+        cycle = Cycle(**parts, plates=sequence.plates, backdrops=backdrops, progress=progress)
+        return without_persons(cycle, opened.scene, sequence.frames)
 
     def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> TrackOutcome:
         """Tracks, and writes each frame as soon as it is done; see `tracker.jobs.Job.execute`."""
         sequence = opened.sequence
         _save_inputs(opened, folder.path)
         progress(f"{self.name}: {sequence.n_frames} frames, results in {folder.path}")
+        stop = Stop()
+        cycle = replace(self.cycle(opened, progress), leaving=stop.heard)
+        known = sequence.known if cycle.plates == sequence.plates else cycle.plates
         choices = {
             "synthesis": getattr(self.synthesis, "choice", ""),
-            "evidence": self.evidence.told(sequence.known),
-            "initialization": opened.start,
+            "evidence": self.evidence.told(known),
+            "initialization": self.initialization.check(opened.scene, known),
         }
         for stage, choice in choices.items():
             if choice:
                 log.info("%s: %s", stage, choice)
                 progress(f"{stage}: {choice}")
-        found = self._looked_at(opened, progress)
+        found = self._looked_at(opened, cycle.plates, progress)
         details = {
             "config": described(self),
             "choices": {stage: choice for stage, choice in choices.items() if choice},
@@ -211,8 +217,6 @@ class TrackJob:
             details=details,
             resumed=frozenset(opened.done or ()),
         )
-        stop = Stop()
-        cycle = replace(self.cycle(sequence, progress), leaving=stop.heard)
         way = track if self.passes == 1 else track_twice
         steps = way(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
         outcome = _recorded(self.recordings, context, map(as_kept, steps), folder, (progress, stop))
@@ -229,9 +233,6 @@ class OpenedTrack:
 
     models: Mapping[str, BodyDescription]
     """The scaled model of each person."""
-
-    start: str = ""
-    """What the start poses go by."""
 
     done: OpenJournal | None = None
     """Frames of an interrupted run."""
