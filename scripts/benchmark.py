@@ -70,7 +70,7 @@ def recordings(
     only: Annotated[str, typer.Option(help="Only recordings whose name holds this.")] = "",
     models: Annotated[str, typer.Option(help="General models, commas between.")] = "human,gavrila22",
     acquired: Annotated[bool, typer.Option("--acquired", help="Models acquired from each recording itself.")] = False,
-    without_plates: Annotated[bool, typer.Option("--without-plates", help="No clean plates.")] = False,
+    without_plates: Annotated[bool, typer.Option("--without-plates", help="No plates of the empty room.")] = False,
     keypoints: Annotated[
         bool, typer.Option("--keypoints", help="Start from 2-D detections, and use them beside the default evidence.")
     ] = False,
