@@ -108,7 +108,12 @@ def test_motion_by_shape_and_pose_is_its_finite_difference(model: str) -> None:
         placed = made.world_from_part(pose)[parts]
         return np.einsum("nij,nj->ni", placed[:, :3, :3], np.array(local)) + placed[:, :3, 3]
 
-    found = motion((body, of.neighbours(s), of.steps(s)), q, points(s, q), parts)
+    bodies = body, of.neighbours(s), of.steps(s)
+    along = [motion(bodies, q, points(s, q), parts, np.tile(axis, (len(parts), 1))) for axis in np.eye(3)]
+    found = np.stack(along, axis=1)
+    slanted = rng.normal(size=(len(parts), 3))
+    slopes = motion(bodies, q, points(s, q), parts, slanted)
+    np.testing.assert_allclose(slopes, (slanted[:, :, None] * found).sum(axis=1), atol=1e-9)
     step = 1e-5
     for k in rng.choice(len(s), 25, replace=False):
         move = of.steps(s)[k] / abs(of.steps(s)[k]) * step * np.eye(len(s))[k]

@@ -122,7 +122,7 @@ def _matched(
     gap = ((sample[:, :2] - edges[scene, :2]) * sample[:, 2:4]).sum(axis=1)
     return Rows(
         residuals=gap / scale[views],
-        jacobian=np.einsum("nj,njk->nk", across, motion(bodies, q, points, parts)) / scale[views, None],
+        jacobian=motion(bodies, q, points, parts, across) / scale[views, None],
         lengths_m=np.where(pairs[:, 3] == 0, sample[:, 4], edges[scene, 4]) / scale[views],
         parts=parts,
         views=views,
@@ -148,25 +148,35 @@ def _across(rig: Rig, points: Array, views: Integers, normals: Array) -> Array:
     return across
 
 
-def motion(bodies: Bodies, q: Array, points: Array, parts: Integers) -> Array:
-    """(N, 3, S + dof) how surface points move with shape and pose.
+def motion(bodies: Bodies, q: Array, points: Array, parts: Integers, directions: Array) -> Array:
+    """(N, S + dof) how far surface points move in given directions with shape and pose.
 
     A point of an occluding contour keeps its latitude and longitude: that the contour slides along the surface moves
     its image along the contour only. Shapes and placements are differentiated by steps, points exactly.
+
+    Args:
+        bodies: the body and its neighbours.
+        q: (dof,) pose.
+        points: (N, 3) in the world, metres.
+        parts: (N,) their parts.
+        directions: (N, 3) of any length.
     """
     body, neighbours, steps = bodies
     placed = body.world_from_part(q)
     moved = np.moveaxis(neighbours.placements(q)[0] - placed, 0, -1) / steps
     formed = np.moveaxis(neighbours.shapes - body.shapes, 0, -1) / steps
-    rotations = placed[parts, :3, :3]
-    local = np.einsum("nji,nj->ni", rotations, points - placed[parts, :3, 3])
-    found = np.empty((len(points), 3, len(steps) + body.dof))
+    found = np.empty((len(points), len(steps) + body.dof))
+    # Products of matrices: the same as sums over (N, 3, S) took half of the time of a fit.
     for p in np.unique(parts):
         rows = parts == p
-        with_one = np.concatenate([local[rows], np.ones((int(rows.sum()), 1))], axis=1)
-        own = placed[p, :3, :3] @ shape_derivatives(body.shapes[p], local[rows])
-        found[rows, :, : len(steps)] = np.einsum("ijs,nj->nis", moved[p, :3], with_one) + own @ formed[p]
-    found[:, :, len(steps) :] = body.point_jacobian(q, points, body.part_parameters[parts])
+        rotation, towards = placed[p, :3, :3], directions[rows]
+        local = (points[rows] - placed[p, :3, 3]) @ rotation
+        with_one = np.concatenate([local, np.ones((len(local), 1))], axis=1)
+        carried = (towards[:, :, None] * with_one[:, None, :]).reshape(len(local), 12)
+        grown = ((towards @ rotation)[:, None, :] @ shape_derivatives(body.shapes[p], local))[:, 0]
+        found[rows, : len(steps)] = carried @ moved[p, :3].reshape(12, -1) + grown @ formed[p]
+    turned = body.point_jacobian(q, points, body.part_parameters[parts])
+    found[:, len(steps) :] = (directions[:, None, :] @ turned)[:, 0]
     return found
 
 

@@ -61,7 +61,7 @@ def surface_rows(cloud: Cloud, bodies: Bodies, q: Array, gate: tuple[float, floa
     worth = precise * (cloud.spacing_m / alike_m) ** 2
     return Rows(
         residuals=residuals,
-        jacobian=np.einsum("nj,njk->nk", normals, motion(bodies, q, feet, part)),
+        jacobian=motion(bodies, q, feet, part, normals),
         lengths_m=np.full(len(part), 2 * cloud.spacing_m**2 / alike_m),
         parts=part,
         views=np.full(len(part), -1),

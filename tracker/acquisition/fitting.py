@@ -259,5 +259,9 @@ def _bounded(matrix: Array, vector: Array, room: tuple[Array, Array]) -> Array:
     scale = 1 / np.sqrt(np.diag(matrix))
     upper = cholesky(matrix * np.outer(scale, scale))
     target = -solve_triangular(upper, vector * scale, trans="T")
-    found = lsq_linear(upper, target, (room[0] / scale, room[1] / scale), method="bvls", max_iter=200)
+    lower, higher = room[0] / scale, room[1] / scale
+    free = solve_triangular(upper, target)
+    if (free >= lower).all() and (free <= higher).all():
+        return np.asarray(free * scale, dtype=np.float64)
+    found = lsq_linear(upper, target, (lower, higher), method="bvls", max_iter=200)
     return np.asarray(found.x * scale, dtype=np.float64)
