@@ -19,7 +19,6 @@ from tracker.acquisition.calibrated_views import (
     Watching,
     _own,
     check_overlaps,
-    chosen,
 )
 from tracker.acquisition.fitting import FitSettings, Task, fit
 from tracker.acquisition.looks import Look
@@ -218,11 +217,6 @@ def test_a_person_is_told_from_others_and_from_furniture() -> None:
     assert kept
     for v in kept:
         np.testing.assert_array_equal(found[v], one[v])
-
-
-def test_frames_are_spread_evenly() -> None:
-    assert chosen(100, 3) == {0, 50, 99} or chosen(100, 3) == {0, 49, 99}
-    assert chosen(2, 12) == {0, 1}
 
 
 def test_the_section_search_prefers_the_true_radius() -> None:

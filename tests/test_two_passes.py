@@ -18,7 +18,7 @@ from tracker.loss import LossRule
 from tracker.simulation.sequence import Simulation
 from tracker.tracking import track
 from tracker.trajectory import Replay, Step
-from tracker.two_passes import _length_of_windows, _windows, track_twice
+from tracker.two_passes import _windows, length_of_windows, track_twice
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def test_large_images_make_short_windows_or_one_pass(simulation: Simulation, mon
     n_bytes = sum(image.nbytes for image in first.images if image is not None)
     for most, length in ((5 * n_bytes, 4), (1000 * n_bytes, 100), (n_bytes - 1, 0)):
         monkeypatch.setattr(tracker.two_passes, "_MOST_BYTES", most)
-        assert _length_of_windows(first) == length
+        assert length_of_windows(first) == length
     steps = twice(simulation, cycle_for(simulation, TrueStart(simulation), loss=DOUBTING))
     assert [step.estimates[0].status for step in steps] == [Status.BOOTSTRAPPED] + 8 * [Status.TRACKED]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -54,6 +54,9 @@ class Cycle:
     progress: Progress = silent
     leaving: Callable[[], bool] = _never
     """Whether what takes several frames is to be ended."""
+
+    known: Mapping[int, Sequence[Estimate]] = field(default_factory=dict)
+    """Frame -> what was found there for each person in another way; poses tracked forwards are weighed against it."""
 
     @property
     def stages(self) -> Stages:

@@ -52,10 +52,10 @@ class Run:
         Raises:
             TrackerError: an input cannot be used, or no start pose was found in the first frames.
         """
-        sequence = self.opened.sequence
         self.compile_kernels()
-        way = track if self.job.passes == 1 else track_twice
-        return way(sequence.frames(), self.scene, self.job.cycle(self.opened), {}, sequence.frames)
+        opened, cycle = self.job.fitted(self.opened, self.job.cycle(self.opened))
+        sequence, way = opened.sequence, track if self.job.passes == 1 else track_twice
+        return way(sequence.frames(), opened.scene, cycle, {}, sequence.frames)
 
     def compile_kernels(self, progress: Progress = silent) -> None:
         """Compiles what tracking needs and is not kept on disk yet: a minute once, which an iteration does unasked."""

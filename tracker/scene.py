@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -48,6 +49,13 @@ class Scene:
         """The scene with the poses of all persons replaced."""
         pairs = zip(self.persons, poses, strict=True)
         return Scene(tuple(replace(person, q=q) for person, q in pairs), self.rig)
+
+    def with_bodies(self, bodies: Mapping[int, BodyModel]) -> Scene:
+        """The scene with other bodies of some persons, by their places in it, which are at rest then."""
+        persons = list(self.persons)
+        for k, body in bodies.items():
+            persons[k] = Person(persons[k].name, body, body.rest())
+        return Scene(tuple(persons), self.rig)
 
     @cached_property
     def shapes(self) -> Array:

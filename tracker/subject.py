@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import pydantic
 
@@ -29,6 +29,22 @@ class Subject:
 
     stature_m: Stature | None = None
     """Height the model is scaled to, metres; None leaves it as it is."""
+
+    shape: Literal["recording", "model"] | None = None
+    """`recording`: lengths and shapes are fitted to the first frames before these are tracked; `model`: they are those
+    of the model file. None: a model that is scaled by stature is fitted, for it is not yet that person's; one with a
+    skin is not."""
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether the body is fitted to the recording.
+
+        Raises:
+            ModelError: the model file is wrong.
+        """
+        if self.shape is None:
+            return self.stature_m is not None and self.description().skin is None
+        return self.shape == "recording"
 
     def description(self) -> BodyDescription:
         """The content of the model file, scaled.

@@ -103,7 +103,7 @@ def tracked(
     if back is not None and sight.frame.index in back.replays:
         replay = back.replays[sight.frame.index]
         return replayed(sight.frame, scene, cycle, replay, back.start_in(sight.frame)), back
-    return begun or advance(sight, scene, cycle, state, clock), back
+    return begun or advance(sight, scene, cycle, state, clock, cycle.known.get(sight.frame.index, ())), back
 
 
 def _begun(sight: Sight, scene: Scene, cycle: Cycle, looking: Looking) -> tuple[Step, LedBack | None]:

@@ -51,7 +51,7 @@ def track_twice(
     first = next(frames, None)
     if first is None:
         return
-    frames, length = itertools.chain([first], frames), _length_of_windows(first)
+    frames, length = itertools.chain([first], frames), length_of_windows(first)
     if length < _SHORTEST:
         yield from track(frames, scene, cycle, done, reopen)
         return
@@ -91,8 +91,16 @@ def _after(begin: _Pass, steps: Sequence[Step], cycle: Cycle) -> _Pass:
     return _Pass(steps[-1].scene, state, steps[-1], begin.n_frames + len(steps))
 
 
-def _length_of_windows(first: Frame) -> int:
-    """Frames of a window, of images like these."""
+def there(
+    frames: Sequence[Frame], scene: Scene, cycle: Cycle, reopen: Reopen | None = None
+) -> tuple[list[Step], State]:
+    """Frames that are held tracked forwards, and the state behind the last one; see `tracker.tracking.track`."""
+    steps, reached = _forwards(frames, _Pass(scene, State.before(scene), None, 0), cycle, reopen)
+    return steps, reached.state
+
+
+def length_of_windows(first: Frame) -> int:
+    """Frames that may be held at a time, of images like these."""
     n_bytes = sum(image.nbytes for image in first.images if image is not None)
     return min(_MOST_BYTES // max(n_bytes, 1) * _BEYOND // (_BEYOND + 1), _LONGEST)
 
@@ -130,13 +138,13 @@ def _both_ways(
         The steps, and where the pass is then; None if they are not those that led there.
     """
     first, reached = _forwards(window, begin, cycle, reopen)
-    found, back = first, False
+    found, again = first, False
     if not reached.state.nobody_found and any(_in_doubt(step, cycle.loss) for step in first):
-        more, there = _forwards(beyond, reached, cycle, reopen)
-        found, back = _back([*first, *more], cycle, there.state)[: len(first)], True
+        more, onwards = _forwards(beyond, reached, cycle, reopen)
+        found, again = back([*first, *more], cycle, onwards.state)[: len(first)], True
     if cycle.leaving():
         return [replace(step, provisional=True) for step in first], None
-    return found, None if back else reached
+    return found, None if again else reached
 
 
 def _in_doubt(step: Step, loss: LossRule) -> bool:
@@ -144,7 +152,7 @@ def _in_doubt(step: Step, loss: LossRule) -> bool:
     return unsure or any(one.lost or doubted(one) for one in step.estimates)
 
 
-def _forwards(frames: Sequence[Frame], begin: _Pass, cycle: Cycle, reopen: Reopen) -> tuple[list[Step], _Pass]:
+def _forwards(frames: Sequence[Frame], begin: _Pass, cycle: Cycle, reopen: Reopen | None) -> tuple[list[Step], _Pass]:
     """Some frames tracked on from where the first pass is, and where it is then."""
     at, steps = begin, list[Step]()
     with Ahead(frames, cycle) as ahead:
@@ -162,20 +170,26 @@ def _forwards(frames: Sequence[Frame], begin: _Pass, cycle: Cycle, reopen: Reope
     return steps, at
 
 
-def _back(first: Sequence[Step], cycle: Cycle, state: State) -> list[Step]:
-    """The frames of the first pass from the last one back to the first; the state is that after the first pass."""
+def back(first: Sequence[Step], cycle: Cycle, state: State) -> list[Step]:
+    """The frames of a pass tracked from the last one back to the first, each pose weighed against that of the pass.
+
+    Args:
+        first: the pass.
+        cycle: the components.
+        state: that behind its last frame.
+    """
     step, end_s = first[-1], first[-1].frame.time_s
     known = (None if one.lost else History.start(0.0, one.q) for one in step.estimates)
     state = replace(state, histories=tuple(known))
     found = [step]
-    for there in reversed(first[:-1]):
+    for one in reversed(first[:-1]):
         if cycle.leaving():
             break
-        cycle.progress(f"second pass, back to frame {there.frame.index}")
+        cycle.progress(f"second pass, back to frame {one.frame.index}")
         # predictions are made for a time that goes on
-        mirrored = replace(there.frame, time_s=end_s - there.frame.time_s)
+        mirrored = replace(one.frame, time_s=end_s - one.frame.time_s)
         sight = Sight(mirrored, cycle.plates, step.model_px)
-        step = advance(sight, step.scene, cycle, state, Clock(there.seconds), there.estimates)
+        step = advance(sight, step.scene, cycle, state, Clock(one.seconds), one.estimates)
         state = state.after(sight, step, cycle.evidence)
-        found.append(replace(step, frame=there.frame, start=there.start))
+        found.append(replace(step, frame=one.frame, start=one.start))
     return found[::-1]

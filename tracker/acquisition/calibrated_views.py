@@ -47,7 +47,7 @@ class ViewSettings:
     """The refinement of shape and poses."""
 
     frames: int = pydantic.Field(default=12, ge=1)
-    """Frames used, evenly spread over those tracked."""
+    """Frames used: of so many stretches of those tracked the one that leaves least over."""
 
     analysis: Analysis = ContourAnalysis()
     """Finds the edges that the contours are fitted to."""
@@ -79,11 +79,6 @@ class Watching:
     synthesis: Synthesis
     analysis: Analysis
     plates: tuple[Plate | None, ...]
-
-
-def chosen(n_frames: int, most: int) -> frozenset[int]:
-    """Positions of the frames used, evenly spread over `n_frames`."""
-    return frozenset(np.unique(np.linspace(0, n_frames - 1, min(most, n_frames)).round().astype(int)).tolist())
 
 
 def fit_to_views(

@@ -10,7 +10,8 @@ from tracker.errors import ConfigError
 from tracker.jobs._folder import CONFIG
 
 _END = "reading.stop"
-"""The one setting that may change: a run may be extended, for its frames do not depend on those that follow."""
+"""The one setting that may change: a run may be extended. Its frames do not depend on those that follow, but for the
+bodies fitted to the first ones, which it keeps."""
 
 
 def check_same(now: Table, folder: Path) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import tempfile
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -14,29 +16,25 @@ from tracker.acquisition.calibrated_views import (
     ViewSettings,
     Watching,
     check_overlaps,
-    chosen,
     fit_to_views,
     view_overlaps,
 )
 from tracker.acquisition.figures import Panel
 from tracker.acquisition.fitting import Fit
-from tracker.acquisition.shape_space import ShapeSpace, space_of
+from tracker.acquisition.from_recording import best_seen, knowing
+from tracker.acquisition.shape_space import space_of
 from tracker.arrays import Array
 from tracker.body_files import read_description, save_description
 from tracker.components import component
 from tracker.config import Table
 from tracker.errors import ConfigError, nearest
 from tracker.files import write_json, write_whole
-from tracker.frame import Frame
-from tracker.initialization import Stages
 from tracker.jobs import ResultFolder, described, execute, job_from
 from tracker.jobs._acquired import Acquired, AcquireOutcome
 from tracker.jobs.track import OpenedTrack, TrackJob
-from tracker.plate import Plate
 from tracker.progress import Progress, silent
-from tracker.scene import Person, Scene
-from tracker.start import Start
 from tracker.tracking import track
+from tracker.trajectory import Step
 
 __all__ = ["AcquireJob", "AcquireOutcome", "acquire_to", "acquisition_from"]
 
@@ -55,12 +53,18 @@ class AcquireJob(TrackJob):
         settings, person = self.acquisition, self._person()
         name = self.persons[person].name
         space = space_of(opened.models[name], settings.prior)
+        cycle = self.cycle(opened, progress)
+        watching = Watching(opened.sequence.rig, self.synthesis, settings.analysis, cycle.plates)
         found: Fit | None = None
-        known: Start | None = None
         before: Array = np.full(0, np.nan)
         for _ in range(settings.rounds):
             shape = np.zeros(len(space.names)) if found is None else found.shape
-            seen, watching, known = _tracked(self, opened, _Sought(space, shape, person), known, progress)
+            scene, sequence = opened.scene.with_bodies({person: space.body(shape)}), opened.sequence
+            steps = _told(track(sequence.frames(), scene, cycle, reopen=sequence.frames), sequence.n_frames, progress)
+            first = next(steps)
+            steps = itertools.chain([first], steps)
+            cycle = knowing(cycle, {first.frame.index: first.estimates}, first.start)
+            seen = best_seen(steps, person, sequence.n_frames, settings.frames, doubted_too=True)
             fitted = fit_to_views(space, (shape, person), seen, watching, settings, progress)
             if found is None:
                 poses = np.concatenate([one.scene.persons[person].q for one in seen])
@@ -99,13 +103,11 @@ class AcquireJob(TrackJob):
         return 0 if name is None else names.index(name)
 
 
-@dataclass(frozen=True)
-class _Sought:
-    """The person whose model is made, and its present shape."""
-
-    space: ShapeSpace
-    shape: Array
-    person: int
+def _told(steps: Iterator[Step], n_frames: int, progress: Progress) -> Iterator[Step]:
+    """The steps, of each of which the progress is told."""
+    for n, step in enumerate(steps, start=1):
+        progress("tracking", n, n_frames)
+        yield step
 
 
 def _known(names: tuple[str, ...], shares: Array) -> dict[str, float]:
@@ -121,43 +123,6 @@ def _panels(found: Fit, seen: Seen, watching: Watching, overlaps: Array) -> list
         if image is not None:
             panels.append(Panel(title, image, None if view is None else view.silhouette, camera, found.pose(0)))
     return panels
-
-
-@dataclass(frozen=True)
-class _KnownStart:
-    """Starts where an earlier pass has started."""
-
-    found: Start
-
-    def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
-        """Nothing can be wrong."""
-        return "as in the pass before"
-
-    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """The poses of then."""
-        return self.found
-
-
-def _tracked(
-    job: AcquireJob, opened: OpenedTrack, sought: _Sought, known: Start | None, progress: Progress
-) -> tuple[list[Seen], Watching, Start | None]:
-    """The chosen frames at the poses that tracking with the present shape gives, and the poses it started at."""
-    sequence, body = opened.sequence, sought.space.body(sought.shape)
-    persons = list(opened.scene.persons)
-    persons[sought.person] = Person(persons[sought.person].name, body, body.rest())
-    cycle = job.cycle(opened)
-    if known is not None:
-        cycle = replace(cycle, initialization=_KnownStart(known))
-    wanted, seen, start = chosen(sequence.n_frames, job.acquisition.frames), [], known
-    steps = track(sequence.frames(), Scene(tuple(persons), sequence.rig), cycle, reopen=sequence.frames)
-    for k, step in enumerate(steps):
-        progress("tracking", k + 1, sequence.n_frames)
-        lost = [estimate.lost for estimate in step.estimates]
-        if k == 0 and not any(lost):
-            start = Start(tuple(one.q for one in step.scene.persons))
-        if k in wanted and not lost[sought.person]:
-            seen.append(Seen(step.frame, step.scene))
-    return seen, Watching(sequence.rig, job.synthesis, job.acquisition.analysis, cycle.plates), start
 
 
 def acquisition_from(table: Table, source: str, folder: Path, name: str) -> Any:

@@ -8,15 +8,14 @@ import logging
 import shutil
 import time
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
 
 import pydantic
 
-from tracker.body_description import BodyDescription
-from tracker.body_files import save_description
+from tracker.acquisition.from_recording import knowing
 from tracker.components import ReadBy, component, find, standard
 from tracker.config import component_name
 from tracker.cycle import Cycle
@@ -28,18 +27,18 @@ from tracker.files import remove_unfinished
 from tracker.initialization import Initialization
 from tracker.inspection import findings, survey
 from tracker.jobs import ResultFolder, described, versions
+from tracker.jobs._persons import OpenedTrack, description_of, known_before, save_inputs, with_fitted_bodies
 from tracker.jobs._stopping import Stop, stopping
 from tracker.kernels.ahead import Group
 from tracker.loss import LossRule
 from tracker.plate import Plate
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
-from tracker.reading import Reading, Sequence
+from tracker.reading import Reading
 from tracker.recorded_plates import without_persons
 from tracker.recording import DEFAULTS, Recorder, Recording, RunContext, chosen_recordings, described_recordings
 from tracker.recording.journal import Expected, OpenJournal, as_kept, open_journal
 from tracker.result import load_result
-from tracker.rig_layouts import save_rig
 from tracker.scene import Person, Scene
 from tracker.smoothed import FOLDER as SMOOTHED
 from tracker.smoothed import write_smoothed
@@ -49,6 +48,8 @@ from tracker.synthesis import Synthesis
 from tracker.tracking import track
 from tracker.trajectory import Step
 from tracker.two_passes import track_twice
+
+__all__ = ["OpenedTrack", "TrackJob", "TrackOutcome"]
 
 log = logging.getLogger("tracker")
 
@@ -128,15 +129,17 @@ class TrackJob:
 
     def open(self, earlier: Path | None = None) -> OpenedTrack:
         """Opens the recording, reads the models and what an interrupted run has left; see `tracker.jobs.Job.open`."""
-        models = {subject.name: subject.description() for subject in self.persons}
-        persons = tuple(Person(one.name, body, body.rest()) for one, body in ((p, p.body()) for p in self.persons))
+        models = {subject.name: description_of(subject, earlier) for subject in self.persons}
         sequence = self.reading.open()
         if self.smoothing is not None:
             self._check_smoothing(self.smoothing, sequence.interval_s)
+        persons = tuple(Person(name, body, body.rest()) for name, body in ((n, m.build()) for n, m in models.items()))
         scene = Scene(persons, sequence.rig)
         self.evidence.check(scene)
         self.initialization.check(scene, sequence.known)
-        return OpenedTrack(sequence, scene, models, None if earlier is None else self._earlier(earlier, scene))
+        if earlier is None:
+            return OpenedTrack(sequence, scene, models)
+        return OpenedTrack(sequence, scene, models, self._earlier(earlier, scene), known_before(earlier, scene))
 
     def _earlier(self, folder: Path, scene: Scene) -> OpenJournal:
         """What an interrupted run has left; what is cut off is logged."""
@@ -182,10 +185,23 @@ class TrackJob:
         cycle = Cycle(**parts, plates=sequence.plates, backdrops=backdrops, progress=progress)
         return without_persons(cycle, opened.scene, sequence.frames)
 
+    def fitted(self, opened: OpenedTrack, cycle: Cycle) -> tuple[OpenedTrack, Cycle]:
+        """The persons with bodies fitted to the recording, and a cycle that does not look again for what is known.
+
+        Args:
+            opened: the persons as their models have them; of an interrupted run as it has fitted them.
+            cycle: the components, which are told what takes long.
+
+        Raises:
+            InitializationError: nobody was found.
+        """
+        if not opened.done:
+            return with_fitted_bodies(opened, self.persons, cycle)
+        return opened, knowing(cycle, opened.known) if opened.known else cycle
+
     def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> TrackOutcome:
         """Tracks, and writes each frame as soon as it is done; see `tracker.jobs.Job.execute`."""
         sequence = opened.sequence
-        _save_inputs(opened, folder.path)
         progress(f"{self.name}: {sequence.n_frames} frames, results in {folder.path}")
         stop = Stop()
         cycle = replace(self.cycle(opened, progress), leaving=stop.heard)
@@ -200,12 +216,15 @@ class TrackJob:
                 log.info("%s: %s", stage, choice)
                 progress(f"{stage}: {choice}")
         found = self._looked_at(opened, cycle.plates, progress)
+        opened, cycle = self.fitted(opened, cycle)
+        save_inputs(opened, folder.path)
         details = {
             "config": described(self),
             "choices": {stage: choice for stage, choice in choices.items() if choice},
             "versions": versions(),
             "inputs": dict(folder.inputs),
             "findings": list(found),
+            "bodies": {name: model.about for name, model in opened.models.items()},
         }
         context = RunContext(
             name=self.name,
@@ -221,21 +240,6 @@ class TrackJob:
         steps = way(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
         outcome = _recorded(self.recordings, context, map(as_kept, steps), folder, (progress, stop))
         return outcome if self.smoothing is None or not outcome.n_frames else _smoothed(outcome, self.smoothing)
-
-
-@dataclass(frozen=True)
-class OpenedTrack:
-    """The inputs of a tracking job, opened."""
-
-    sequence: Sequence
-    scene: Scene
-    """The persons at rest, and the rig of the images as they are delivered."""
-
-    models: Mapping[str, BodyDescription]
-    """The scaled model of each person."""
-
-    done: OpenJournal | None = None
-    """Frames of an interrupted run."""
 
 
 @dataclass(frozen=True)
@@ -258,13 +262,6 @@ def _smoothed(outcome: TrackOutcome, smoothing: Smoothing) -> TrackOutcome:
     shutil.rmtree(outcome.folder / SMOOTHED, ignore_errors=True)
     folder = write_smoothed(load_result(outcome.folder), smoothing)
     return replace(outcome, files=(*outcome.files, folder))
-
-
-def _save_inputs(opened: OpenedTrack, folder: Path) -> None:
-    """The cameras as tracked with and the models as scaled: a result can be read without the files it was made from."""
-    save_rig(opened.sequence.rig, folder / "rig.toml")
-    for name, model in opened.models.items():
-        save_description(model, folder / "models" / f"{name}.toml", decimals=None)
 
 
 def _recorded(

@@ -16,7 +16,7 @@ from tracker.recording._journal_line import as_kept, line_of, replay_of
 from tracker.scene import Scene
 from tracker.trajectory import Replay, Step
 
-__all__ = ["Expected", "Journal", "OpenJournal", "as_kept", "open_journal"]
+__all__ = ["Expected", "Journal", "OpenJournal", "as_kept", "line_of", "open_journal"]
 
 FILE = "steps.jsonl"
 _LONGEST = 2**20
@@ -130,12 +130,13 @@ class Expected:
         return ""
 
 
-def open_journal(folder: Path, expected: Expected | None = None) -> OpenJournal:
+def open_journal(folder: Path, expected: Expected | None = None, name: str = FILE) -> OpenJournal:
     """The journal of an interrupted run, every line looked at.
 
     Args:
         folder: result folder.
         expected: what its lines must hold; None for anything.
+        name: of the file.
 
     Returns:
         The frames up to the first line that is torn, damaged or of another run.
@@ -143,11 +144,11 @@ def open_journal(folder: Path, expected: Expected | None = None) -> OpenJournal:
     Raises:
         SequenceError: no journal there, or not even its first line can be used.
     """
-    path = folder / FILE
+    path = folder / name
     if not path.is_file():
         # the configuration is kept a moment before the journal is begun: a kill in between leaves this
         raise SequenceError(
-            f"{folder}: no {FILE} in it: the run was stopped before it computed anything, or kept no journal: remove "
+            f"{folder}: no {name} in it: the run was stopped before it computed anything, or kept no journal: remove "
             "it, and run without --resume"
         )
     begins: dict[int, int] = {}

@@ -1,0 +1,235 @@
+"""Bodies fitted to the recording before it is tracked: who is, from which frames, and that it brings them nearer."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recordings import TrueStart, cycle_for, small_simulation
+from test_shape_space import some_shape, space
+
+import tracker.acquisition.from_recording as from_recording
+from tracker.acquisition.calibrated_views import ViewSettings
+from tracker.acquisition.fitting import FitSettings
+from tracker.acquisition.from_recording import StartedBefore, best_seen, fit_bodies, knowing
+from tracker.acquisition.shape_space import ShapePrior, space_of
+from tracker.body_description import BodyDescription
+from tracker.body_files import read_description, save_description
+from tracker.cycle import Cycle, State
+from tracker.errors import InitializationError
+from tracker.estimate import Estimate
+from tracker.jobs import execute, load_job
+from tracker.jobs.track import TrackJob
+from tracker.loss import LossRule
+from tracker.objective import Objective
+from tracker.progress import silent
+from tracker.resources import model_path
+from tracker.run import Run
+from tracker.scene import Person, Scene
+from tracker.simulation.sequence import Recipe, Simulation, write_sequence
+from tracker.start import Start
+from tracker.subject import Subject
+from tracker.trajectory import Step
+from tracker.two_passes import back, there
+
+QUICK = ViewSettings(frames=4, rounds=1, fit=FitSettings(iterations=6, pose_deg=8.0, pose_m=0.05, rigid_share=0.2))
+N_FRAMES = 8
+
+
+@pytest.fixture(scope="module")
+def general() -> BodyDescription:
+    return read_description(model_path("gavrila22"))
+
+
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
+    """Somebody with a body of her own."""
+    of = space()
+    path = tmp_path_factory.mktemp("models") / "herself.toml"
+    save_description(of.described(some_shape(of, seed=3, share=0.8)), path, decimals=None)
+    return small_simulation("two_elbow_rotation", n_frames=N_FRAMES, model=str(path))
+
+
+@pytest.fixture(scope="module")
+def as_general(filmed: Simulation, general: BodyDescription) -> Scene:
+    """The scene as it is tracked: with the general body."""
+    body = general.build()
+    return Scene((Person("person1", body, body.rest()),), filmed.scene.rig)
+
+
+def girths(scene: Scene) -> np.ndarray:
+    return np.asarray(2000 * scene.persons[0].body.shapes[:, :2])
+
+
+def test_a_body_comes_nearer_to_the_person_who_is_filmed(
+    filmed: Simulation, as_general: Scene, general: BodyDescription
+) -> None:
+    cycle = cycle_for(filmed, TrueStart(filmed))
+    spaces = {0: space_of(general, ShapePrior())}
+    found = fit_bodies(spaces, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
+    assert found.told == {0: "fitted to 4 of the first 8 frames"}
+    fitted = as_general.with_bodies({0: found.fits[0].body})
+    before, after = (np.abs(girths(scene) - girths(filmed.scene)).mean() for scene in (as_general, fitted))
+    assert after < 0.6 * before
+
+    def off_mm(scene: Scene) -> float:
+        steps, _ = there(list(filmed.frames()), scene, cycle)
+        ours = [step.scene.persons[0].body.landmarks_in_world(step.estimates[0].q) for step in steps]
+        true = [filmed.scene.persons[0].body.landmarks_in_world(q) for q in filmed.poses[0]]
+        return float(np.linalg.norm(np.array(ours) - true, axis=-1).mean())
+
+    assert off_mm(fitted) < 0.8 * off_mm(as_general)
+
+
+def test_of_each_stretch_the_frame_is_kept_that_leaves_least_over(filmed: Simulation) -> None:
+    steps, _ = there(list(filmed.frames()), filmed.scene, cycle_for(filmed, TrueStart(filmed)))
+    assert [one.frame.index for one in best_seen(steps, 0, N_FRAMES, 12)] == list(range(N_FRAMES))
+    kept = [one.frame.index for one in best_seen(steps, 0, N_FRAMES, 3)]
+    left_over = [step.estimates[0].account.left_over for step in steps]
+    stretches = [[k for k in range(N_FRAMES) if k * 3 // N_FRAMES == n] for n in range(3)]
+    assert kept == [min(stretch, key=left_over.__getitem__) for stretch in stretches]
+
+
+def test_who_is_in_doubt_keeps_the_body_of_the_model(
+    filmed: Simulation, as_general: Scene, general: BodyDescription
+) -> None:
+    cycle = cycle_for(filmed, TrueStart(filmed), loss=LossRule(doubtful_above=0.0, again_after=100))
+    found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
+    assert not found.fits
+    assert found.told == {0: "as the model has them: 0 of the first 8 frames without doubt"}
+    steps, _ = there(list(filmed.frames()), as_general, cycle)
+    assert not best_seen(steps, 0, N_FRAMES, 4)
+    assert len(best_seen(steps, 0, N_FRAMES, 4, doubted_too=True)) == 4
+
+
+def test_a_start_is_not_looked_for_again_but_those_of_other_frames_are(filmed: Simulation) -> None:
+    cycle = cycle_for(filmed, TrueStart(filmed))
+    first, second = itertools.islice(filmed.frames(), 2)
+    steps, _ = there([first], filmed.scene, cycle)
+    known, start = {0: steps[0].estimates}, steps[0].start
+    more = knowing(knowing(cycle, known, start), known, start)
+    assert more.known == known
+    again = more.initialization
+    assert isinstance(again, StartedBefore)
+    assert again.otherwise is cycle.initialization
+    np.testing.assert_array_equal(again.start(first, filmed.scene, cycle.stages).poses[0], steps[0].estimates[0].q)
+    np.testing.assert_array_equal(
+        again.start(second, filmed.scene, cycle.stages).poses,
+        cycle.initialization.start(second, filmed.scene, cycle.stages).poses,
+    )
+    unsure = {0: (replace(steps[0].estimates[0], doubtful=True),)}
+    assert knowing(cycle, unsure, start).initialization is cycle.initialization
+
+
+def test_the_run_starts_where_the_way_back_has_ended(
+    filmed: Simulation, as_general: Scene, general: BodyDescription, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cycle = cycle_for(filmed, TrueStart(filmed))
+    ends: list[list[Step]] = []
+
+    def spied(first: list[Step], cycle: Cycle, state: State) -> list[Step]:
+        assert not np.array_equal(first[0].scene.persons[0].body.shapes, as_general.persons[0].body.shapes)
+        ends.append(back(first, cycle, state))
+        return ends[-1]
+
+    monkeypatch.setattr(from_recording, "back", spied)
+    spaces, twice = {0: space_of(general, ShapePrior())}, replace(QUICK, rounds=2)
+    found = fit_bodies(spaces, as_general, cycle, filmed.frames, N_FRAMES, twice)
+    (way_back,) = ends
+    first = next(iter(filmed.frames()))
+    known = {step.frame.index: step.estimates for step in found.steps}
+    start = knowing(cycle, known, found.start).initialization.start(first, as_general, cycle.stages)
+    np.testing.assert_array_equal(start.poses[0], way_back[0].estimates[0].q)
+    assert not np.array_equal(found.fits[0].body.shapes, way_back[0].scene.persons[0].body.shapes)
+
+
+def test_what_is_known_of_a_frame_is_taken_where_it_explains_more(filmed: Simulation) -> None:
+    cycle = cycle_for(filmed, TrueStart(filmed, off_deg=0.0, off_m=0.0), estimation=ArmUp())
+    steps, _ = there(list(filmed.frames()), filmed.scene, cycle)
+    true = {k: (replace(steps[k].estimates[0], q=filmed.poses[0][k]),) for k in range(N_FRAMES)}
+    off, near = (
+        [float(np.abs(step.estimates[0].q - filmed.poses[0][step.frame.index]).max()) for step in taken]
+        for taken in (steps, there(list(filmed.frames()), filmed.scene, replace(cycle, known=true))[0])
+    )
+    assert min(off) > 0.2
+    assert max(near[1:]) < 0.001
+
+
+class ArmUp:
+    """Always has an arm elsewhere than predicted."""
+
+    def estimate(self, objective: Objective, candidates: np.ndarray) -> Estimate:
+        q = candidates[0].copy()
+        q[objective.body.index("left_arm_abduction")] += 0.5
+        return objective.estimate(q, np.zeros((len(q), len(q))), 1)
+
+
+@pytest.mark.parametrize(
+    ("subject", "expected"),
+    [
+        (Subject(), False),
+        (Subject(stature_m=1.8), True),
+        (Subject(stature_m=1.8, shape="model"), False),
+        (Subject(shape="recording"), True),
+    ],
+)
+def test_scaled_models_are_fitted_unless_told_otherwise(subject: Subject, expected: bool) -> None:
+    assert subject.is_fitted is expected
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> TrackJob:
+    """Four frames, of whose person the stature alone is told."""
+    folder = tmp_path_factory.mktemp("run") / "sequence"
+    config = write_sequence(Recipe("arm_swing", seconds=0.16, size=(320, 256)), folder)
+    start = ["initialization.use=given", "initialization.poses=truth_poses.csv", "passes=1"]
+    return load_job("track", config, [*start, "persons.0.stature_m=1.78"])
+
+
+def test_a_run_keeps_the_body_that_it_has_fitted_and_goes_on_with_it(run: TrackJob, tmp_path: Path) -> None:
+    said: list[str] = []
+    whole = execute(run, tmp_path / "whole", progress=lambda what, *_: said.append(what))
+    words = "lengths and shapes fitted to 4 of the first 4 frames"
+    assert f"person1: {words}" in said
+    kept = read_description(whole.folder / "models" / "person1.toml")
+    assert "fitted to 4 of the first 4 frames" in kept.about
+    assert kept.sigmas
+    assert kept.parts != run.persons[0].description().parts
+
+    def interrupted(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
+        if what == "tracking" and done == 2:
+            raise KeyboardInterrupt
+
+    part = execute(run, tmp_path / "part", progress=interrupted)
+    assert part.interrupted
+    said.clear()
+    resumed = execute(run, tmp_path / "part", resume=True, progress=lambda what, *_: said.append(what))
+    assert not any("lengths and shapes" in line for line in said)
+    for name in ("poses.csv", "joints.csv", "models/person1.toml"):
+        assert (resumed.folder / name).read_bytes() == (whole.folder / name).read_bytes()
+    steps = list(Run(run))
+    np.testing.assert_array_equal(steps[-1].scene.persons[0].body.shapes, kept.build().shapes)
+
+
+def test_nobody_found_is_an_error_before_anything_is_written(
+    run: TrackJob, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def nobody(*_: object) -> Start:
+        raise InitializationError("nobody there")
+
+    monkeypatch.setattr(type(run.initialization), "start", nobody)
+    with pytest.raises(InitializationError, match="nobody there"):
+        execute(replace(run, loss=LossRule(start_within=2)), tmp_path / "out", progress=silent)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_long_recording_is_followed_through_its_first_frames_alone(
+    filmed: Simulation, as_general: Scene, general: BodyDescription, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(from_recording, "LONGEST", 5)
+    cycle = cycle_for(filmed, TrueStart(filmed))
+    found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
+    assert found.told == {0: "fitted to 4 of the first 5 frames"}

@@ -1,0 +1,117 @@
+"""The persons of a tracking job: their models as read, as kept by an interrupted run, or fitted to the recording."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from tracker.acquisition.calibrated_views import ViewSettings
+from tracker.acquisition.from_recording import fit_bodies, knowing
+from tracker.acquisition.result import model_of
+from tracker.acquisition.shape_space import space_of
+from tracker.body_description import BodyDescription
+from tracker.body_files import read_description, save_description
+from tracker.cycle import Cycle
+from tracker.estimate import Estimate
+from tracker.files import write_whole
+from tracker.reading import Sequence as Recording
+from tracker.recording.journal import Expected, OpenJournal, as_kept, line_of, open_journal
+from tracker.rig_layouts import save_rig
+from tracker.scene import Scene
+from tracker.subject import Subject
+
+log = logging.getLogger("tracker")
+
+MODELS = "models"
+"""Folder of a result: each person's model, as tracked with."""
+
+FITTED_AT = "bodies.jsonl"
+"""In a result: the poses that bodies were fitted at, as the journal has them."""
+
+
+@dataclass(frozen=True)
+class OpenedTrack:
+    """The inputs of a tracking job, opened."""
+
+    sequence: Recording
+    scene: Scene
+    """The persons at rest, and the rig of the images as they are delivered."""
+
+    models: Mapping[str, BodyDescription]
+    """The model of each person, scaled or fitted."""
+
+    done: OpenJournal | None = None
+    """Frames of an interrupted run."""
+
+    known: Mapping[int, Sequence[Estimate]] = field(default_factory=dict)
+    """Frame -> the poses at which it has fitted bodies."""
+
+    fitted_at: tuple[str, ...] = ()
+    """Lines of these poses, where bodies have just been fitted."""
+
+
+def description_of(subject: Subject, earlier: Path | None) -> BodyDescription:
+    """A person's model, with the shape that an interrupted run has fitted.
+
+    Args:
+        subject: the person.
+        earlier: result folder of the interrupted run, if one is continued.
+
+    Raises:
+        ModelError: the model file is wrong.
+        ConfigError: a stature is given for a model that does not tell its own.
+    """
+    kept = None if earlier is None else earlier / MODELS / f"{subject.name}.toml"
+    fitted = kept is not None and kept.is_file() and subject.is_fitted
+    return read_description(kept) if kept is not None and fitted else subject.description()
+
+
+def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: Cycle) -> tuple[OpenedTrack, Cycle]:
+    """Fits the bodies of those whose shape the recording is to tell; see `tracker.jobs.track.TrackJob.fitted`.
+
+    Args:
+        opened: the persons as their models have them.
+        persons: what is told of them, in the same order.
+        cycle: the components.
+    """
+    settings = ViewSettings()
+    spaces = {k: space_of(opened.models[one.name], settings.prior) for k, one in enumerate(persons) if one.is_fitted}
+    if not spaces:
+        return opened, cycle
+    sequence, models = opened.sequence, dict(opened.models)
+    found = fit_bodies(spaces, opened.scene, cycle, sequence.frames, sequence.n_frames, settings)
+    for k, words in found.told.items():
+        name = persons[k].name
+        log.info("%s: lengths and shapes %s", name, words)
+        cycle.progress(f"{name}: lengths and shapes {words}")
+        if k in found.fits:
+            models[name] = model_of(found.fits[k], models[name].name, f"{models[name].name}, {words}")
+    scene = opened.scene.with_bodies({k: models[persons[k].name].build() for k in found.fits})
+    steps = [as_kept(step) for step in found.steps]
+    known = {step.frame.index: step.estimates for step in steps}
+    opened = replace(opened, models=models, scene=scene, fitted_at=tuple(map(line_of, steps)))
+    return opened, knowing(cycle, known, found.start)
+
+
+def known_before(folder: Path, scene: Scene) -> Mapping[int, Sequence[Estimate]]:
+    """The poses that an interrupted run has fitted bodies at; none if it has fitted none.
+
+    Args:
+        folder: its result.
+        scene: its persons and rig.
+    """
+    if not (folder / FITTED_AT).is_file():
+        return {}
+    found = open_journal(folder, Expected.of(scene), FITTED_AT)
+    return {frame: replay.estimates for frame, replay in found.items()}
+
+
+def save_inputs(opened: OpenedTrack, folder: Path) -> None:
+    """Keeps cameras and models as tracked with: a result can be read without the files it was made from."""
+    save_rig(opened.sequence.rig, folder / "rig.toml")
+    for name, model in opened.models.items():
+        save_description(model, folder / MODELS / f"{name}.toml", decimals=None)
+    if opened.fitted_at:
+        write_whole(folder / FITTED_AT, "".join(opened.fitted_at).encode())
