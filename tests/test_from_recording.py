@@ -124,6 +124,13 @@ def test_a_start_is_not_looked_for_again_but_those_of_other_frames_are(filmed: S
     assert knowing(cycle, unsure, start).initialization is cycle.initialization
 
 
+def test_edges_alone_make_no_body(filmed: Simulation, as_general: Scene, general: BodyDescription) -> None:
+    cycle = cycle_for(filmed, TrueStart(filmed), plates=(filmed.plates[0], None, None, None))
+    found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
+    assert (found.fits, found.steps) == ({}, ())
+    assert found.told == {0: "as the model has them: no background is known in 2 views"}
+
+
 def test_the_run_starts_where_the_way_back_has_ended(
     filmed: Simulation, as_general: Scene, general: BodyDescription, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from tracker.acquisition.calibrated_views import Seen, ViewSettings, Watching, fit_to_views
 from tracker.acquisition.fitting import Fit
+from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapeSpace
 from tracker.cycle import Cycle
 from tracker.estimate import Estimate
@@ -32,6 +33,10 @@ LONGEST = 100
 """Frames that a recording is followed through before bodies are fitted to it: four seconds show most limbs bent and
 straight, and a long recording does not wait for more."""
 
+_LEAST_OUTLINED = 2
+"""Views in which the person stands out before a known background, below which nothing is fitted: edges alone made of a
+real man a body with which an arm was wrong in 98 of 100 frames (scaled, without plates: in none)."""
+
 _LEAST_SEEN = 4
 """Frames in which a person is seen without doubt, below which its body is not fitted: a pose that is wrong makes a
 body that fits it."""
@@ -48,7 +53,7 @@ class Fitting:
     """Place -> what was done, in a few words, of everybody asked for."""
 
     steps: Sequence[Step]
-    """The frames followed through, with the poses that the bodies were fitted at."""
+    """The frames followed through, with the poses that the bodies were fitted at; none where none were followed."""
 
     start: Start | None
     """How persons were found."""
@@ -74,8 +79,11 @@ def fit_bodies(
     Raises:
         InitializationError: nobody was found.
     """
-    cycle.progress("bodies: tracked as their models have them")
     frames = _first(reopen, min(n_frames, LONGEST))
+    if _n_known(frames[0], cycle) < _LEAST_OUTLINED:
+        few = f"as the model has them: no background is known in {_LEAST_OUTLINED} views"
+        return Fitting({}, dict.fromkeys(spaces, few), (), None)
+    cycle.progress("bodies: tracked as their models have them")
     steps, state = there(frames, scene, cycle, reopen)
     found = _Round({}, scene, steps).fitted(spaces, cycle, settings)
     if settings.rounds > 1 and found.fits:
@@ -83,6 +91,16 @@ def fit_bodies(
         found = replace(found, steps=back(found.steps, cycle, state)).fitted(spaces, cycle, settings)
     start = next((step.start for step in found.steps if step.start is not None), None)
     return Fitting(found.fits, {k: found.told(k) for k in spaces}, found.steps, start)
+
+
+def _n_known(frame: Frame, cycle: Cycle) -> int:
+    """Views in which somebody may stand out."""
+    return sum(frame.mask(v) is not None or plate is not None for v, plate in enumerate(cycle.plates))
+
+
+def _n_outlined(look: Look) -> int:
+    """Views in which the person does."""
+    return 0 if look.outlines is None else sum(view is not None for view in look.outlines.views)
 
 
 def _first(reopen: Reopen, n_frames: int) -> list[Frame]:
@@ -108,7 +126,9 @@ class _Round:
             seen = best_seen(self.steps, k, len(self.steps), settings.frames)
             if len(seen) >= _LEAST_SEEN:
                 shape = fits[k].shape if k in fits else np.zeros(len(space.names))
-                fits[k] = fit_to_views(space, (shape, k), seen, watching, settings, cycle.progress)
+                fit = fit_to_views(space, (shape, k), seen, watching, settings, cycle.progress)
+                if sum(_n_outlined(look) >= _LEAST_OUTLINED for look in fit.looks) >= _LEAST_SEEN:
+                    fits[k] = fit
         bodies = {k: fit.body for k, fit in fits.items()}
         scene = self.scene.with_bodies(bodies)
         steps = [replace(step, scene=scene.with_poses(tuple(one.q for one in step.estimates))) for step in self.steps]
@@ -116,9 +136,14 @@ class _Round:
 
     def told(self, k: int) -> str:
         """What was done for a person."""
-        n_sure = sum(not (step.estimates[k].lost or doubted(step.estimates[k])) for step in self.steps)
         if k not in self.fits:
-            return f"as the model has them: {n_sure} of the first {len(self.steps)} frames without doubt"
+            n_sure = sum(not (step.estimates[k].lost or doubted(step.estimates[k])) for step in self.steps)
+            what = (
+                "without doubt"
+                if n_sure < _LEAST_SEEN
+                else f"without doubt, too few outlined in {_LEAST_OUTLINED} views"
+            )
+            return f"as the model has them: {n_sure} of the first {len(self.steps)} frames {what}"
         return f"fitted to {len(self.fits[k].looks)} of the first {len(self.steps)} frames"
 
 

@@ -89,6 +89,8 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
         if k in found.fits:
             models[name] = model_of(found.fits[k], models[name].name, f"{models[name].name}, {words}")
     scene = opened.scene.with_bodies({k: models[persons[k].name].build() for k in found.fits})
+    if not found.steps:
+        return opened, cycle
     steps = [as_kept(step) for step in found.steps]
     known = {step.frame.index: step.estimates for step in steps}
     opened = replace(opened, models=models, scene=scene, fitted_at=tuple(map(line_of, steps)))
