@@ -41,6 +41,17 @@ def test_a_few_frames_tell_of_all_and_nothing_is_left(config, tmp_path, monkeypa
 
 def test_the_time_is_that_of_the_start_and_of_the_other_frames():
     assert Forecast(101, 4, 5.0, 0.04, Doubts()).seconds == pytest.approx(9.0)
+    assert Forecast(101, 4, 5.0, 0.04, Doubts(), 2).seconds == pytest.approx(9.0 + 200 * 0.04 + 20.0)
+    assert Forecast(11, 4, 5.0, 0.04, Doubts(), 1).seconds == pytest.approx(5.4 + 22 * 0.04 + 10.0)
+
+
+def test_who_is_scaled_is_said_to_be_fitted_and_is_not_for_the_forecast(config):
+    seen = []
+    told = forecast(
+        load_job("track", config, [*GIVEN, "persons.0.stature_m=1.78"]), 3, lambda what, *_: seen.append(what)
+    )
+    assert told.n_fitted == 1
+    assert not any("lengths and shapes" in what for what in seen)
 
 
 def test_the_command_says_how_long_it_takes(config):

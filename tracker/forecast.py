@@ -8,10 +8,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from tracker.acquisition.from_recording import LONGEST
 from tracker.doubts import Doubts
 from tracker.jobs import execute
 from tracker.jobs.track import TrackJob, TrackOutcome
 from tracker.progress import Progress, silent
+
+_FIT_S = 5.0
+"""Of twelve frames in four views: K-Kick, `human`, one core."""
 
 
 @dataclass(frozen=True)
@@ -31,14 +35,18 @@ class Forecast:
     doubts: Doubts
     """Of the frames that were tracked."""
 
+    n_fitted: int = 0
+    """Persons whose bodies are fitted before: the first frames are tracked there and back for that."""
+
     @property
     def seconds(self) -> float:
         """Time of the whole run, if its frames are like the first ones."""
-        return self.start_s + self.frame_s * (self.n_frames - 1)
+        n_before = 2 * min(self.n_frames, LONGEST) if self.n_fitted else 0
+        return self.start_s + self.frame_s * (self.n_frames - 1 + n_before) + 2 * _FIT_S * self.n_fitted
 
 
 def forecast(job: TrackJob, n_frames: int = 12, progress: Progress = silent) -> Forecast:
-    """Does all that a run does, with its first frames, in a folder that is removed.
+    """Does all that a run does, with its first frames and bodies as the models have them, in a folder that is removed.
 
     Args:
         job: what would be run.
@@ -53,13 +61,16 @@ def forecast(job: TrackJob, n_frames: int = 12, progress: Progress = silent) -> 
     reading: Any = job.reading  # of whatever kind, it selects frames by start, stop and stride
     short = replace(reading, stop=reading.start + tracked * reading.stride)
     clock = _Clock(progress)
+    as_modelled: Any = tuple(replace(one, shape="model") for one in job.persons)
     with tempfile.TemporaryDirectory(prefix="bodytrack-") as folder:
-        outcome: TrackOutcome = execute(replace(job, reading=short, passes=1), Path(folder) / "out", progress=clock)
+        asked = replace(job, reading=short, passes=1, persons=as_modelled)
+        outcome: TrackOutcome = execute(asked, Path(folder) / "out", progress=clock)
     if outcome.interrupted:
         raise KeyboardInterrupt
     begin, *ends = clock.stamps
+    n_fitted = sum(one.is_fitted for one in job.persons)
     frame_s = (ends[-1] - ends[0]) / (len(ends) - 1) if len(ends) > 1 else ends[0] - begin
-    return Forecast(sequence.n_frames, len(sequence.rig), ends[0] - begin, frame_s, outcome.doubts)
+    return Forecast(sequence.n_frames, len(sequence.rig), ends[0] - begin, frame_s, outcome.doubts, n_fitted)
 
 
 @dataclass
