@@ -210,7 +210,7 @@ def settled(scene: Scene, cycle: Cycle, observed: Observed, found: Status) -> tu
 
 
 def _objective(scene: Scene, k: int, cycle: Cycle, observed: Observed, history: History | None = None) -> Objective:
-    return Objective(Comparison(scene, k, cycle.synthesis, observed), cycle.evidence, history)
+    return Objective(Comparison(scene, k, cycle.synthesis, observed), cycle.evidence, history).by_surface()
 
 
 def _unfound(scene: Scene, cycle: Cycle, observed: Observed) -> tuple[Estimate, ...]:

@@ -15,6 +15,7 @@ from tracker.equations import Equations
 from tracker.estimate import Estimate
 from tracker.evidence import Evidence
 from tracker.scene import Scene
+from tracker.synthesis import SurfaceSynthesis, Synthesis
 from tracker.trajectory import History
 
 _Found = TypeVar("_Found")
@@ -62,6 +63,21 @@ class Objective:
         own = self.asked.placements(poses)[:, self.asked.own]
         penalties: Array = np.minimum(self.collision_px * self.body.collisions_of(own), self.most_collision_px)
         return penalties
+
+    def by_surface(self) -> Objective:
+        """The same question, answered by persons' own surfaces where they are known: what of a few poses is best."""
+        if not self.asked.scene.has_skins or isinstance(self.asked.synthesis, SurfaceSynthesis):
+            return self
+        return self._served_by(SurfaceSynthesis(self.asked.synthesis))
+
+    def by_parts(self) -> Objective:
+        """The same question, answered by the parts that stand for surfaces: where in many poses to look."""
+        synthesis = self.asked.synthesis
+        return self._served_by(synthesis.of) if isinstance(synthesis, SurfaceSynthesis) else self
+
+    def _served_by(self, synthesis: Synthesis) -> Objective:
+        asked = Comparison(self.asked.scene, self.asked.person, synthesis, self.asked.observed)
+        return replace(self, asked=asked)
 
     def about(self, scene: Scene, person: int) -> Objective:
         """The same question about another person, or with the others elsewhere, in the same frame."""

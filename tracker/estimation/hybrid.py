@@ -103,7 +103,7 @@ class HybridEstimation:
             return refined
         begin = time.perf_counter()
         if self.search or len(weak) > self.most_limbs:
-            searched = self.first.estimate(objective, np.concatenate([starts, refined.q[None]]))
+            searched = self.first.estimate(objective.by_parts(), np.concatenate([starts, refined.q[None]]))
             again = self.then.estimate(objective, searched.q[None])
             again = replace(again, evaluations=again.evaluations + searched.evaluations)
             refined = _better(refined, again)
@@ -153,9 +153,10 @@ class HybridEstimation:
     def _searched(self, objective: Objective, estimate: Estimate, group: str) -> Estimate:
         """A limb searched from where it is and from the best of poses scattered over its joint limits."""
         q, columns = estimate.q, objective.body.group(group)
+        rough = objective.by_parts()
         scattered = _scattered(objective.body, q, columns, self.scatter)
-        best = scattered[np.argsort(objective(scattered), kind="stable")[: self.restarts]]
-        poses, n_searched = self.limb.search_from(objective, np.array([q, *best]), columns)
+        best = scattered[np.argsort(rough(scattered), kind="stable")[: self.restarts]]
+        poses, n_searched = self.limb.search_from(rough, np.array([q, *best]), columns)
         refined = self.then.estimate(objective, poses[np.argsort(objective(poses), kind="stable")[:2]])
         return replace(refined, evaluations=refined.evaluations + self.scatter + n_searched)
 
@@ -166,15 +167,15 @@ class HybridEstimation:
         """
         if len(groups) < 2:
             return estimate
-        body, q = objective.body, estimate.q
+        body, q, rough = objective.body, estimate.q, objective.by_parts()
         columns = np.concatenate([body.group(group) for group in groups])
         neutral = q.copy()
         neutral[columns] = body.rest()[columns]
         scattered = np.concatenate([neutral[None], _scattered(body, q, columns, self.scatter)])
-        best = scattered[np.argsort(objective(scattered), kind="stable")[: self.restarts]]
+        best = scattered[np.argsort(rough(scattered), kind="stable")[: self.restarts]]
         found, n_evaluations = np.array([neutral, *best]), len(scattered)
         for group in groups:
-            found, n = self.limb.search_from(objective, found, body.group(group))
+            found, n = self.limb.search_from(rough, found, body.group(group))
             n_evaluations += n
         refined = self.then.estimate(objective, found)
         return replace(refined, evaluations=refined.evaluations + n_evaluations)
