@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from observations import bent, four_views
 from painted import painted
+from test_skins import meshed
 
 from tracker.arrays import Array, Image, Mask
 from tracker.body import BodyModel
@@ -15,6 +16,7 @@ from tracker.comparison import Comparison
 from tracker.evidence import GUESSED
 from tracker.evidence.departures import DeparturesEvidence
 from tracker.frame import Frame
+from tracker.objective import Objective
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
@@ -60,10 +62,50 @@ def asked(scene: Scene, images: tuple[Image | None, ...], memory: object) -> Com
 
 @pytest.mark.parametrize("memory", [None, GUESSED])
 def test_it_is_silent_before_it_has_seen_a_background(scene: Scene, raised: Array, memory: object) -> None:
-    question = asked(scene, images_of(scene.with_pose(0, raised)), memory)
+    sight = Sight(Frame(1, 0.04, images_of(scene.with_pose(0, raised))))
+    expected = None if memory is None else SYNTHESIS.contours(scene)
+    question = Comparison(scene, 0, SYNTHESIS, EVIDENCE.observe(sight, expected, memory))
     poses = np.stack([scene.persons[0].q, raised])
     np.testing.assert_array_equal(EVIDENCE.distances(question, poses), 0)
     assert not EVIDENCE.account(question, raised).missed_px.any()
+
+
+def dressed(scene: Scene) -> Scene:
+    """The same person with her own surface."""
+    person = scene.persons[0]
+    return Scene((replace(person, body=meshed(person.body)),), scene.rig)
+
+
+def judged(question: Comparison, poses: Array) -> Array:
+    """Distances by the surface."""
+    return EVIDENCE.distances(Objective(question, EVIDENCE).by_surface().asked, poses)
+
+
+def test_a_start_is_held_by_what_it_covers(scene: Scene, raised: Array) -> None:
+    """In the first frame already; a pose that leaves a limb bare there is worse, but nothing has departed."""
+    scene = dressed(scene)
+    question = asked(scene, images_of(scene), None)
+    right, left_bare = judged(question, np.stack([scene.persons[0].q, raised]))
+    assert left_bare > right + 1
+    assert not EVIDENCE.account(question, raised).missed_px.any()
+
+
+def test_what_looks_as_it_did_is_still_there(scene: Scene, raised: Array) -> None:
+    """An arm seen where no background was ever seen must stay covered, also once a pose has left it bare."""
+    scene = dressed(scene)
+    images = images_of(scene)
+    memory = learned(scene, images)
+    for _ in range(3):
+        right, left_bare = judged(asked(scene, images, memory), np.stack([scene.persons[0].q, raised]))
+        assert left_bare > right + 1
+        memory = learned(scene.with_pose(0, raised), images, memory)
+
+
+def test_an_arm_that_has_gone_need_not_be_covered_where_it_was(scene: Scene, raised: Array) -> None:
+    scene = dressed(scene)
+    question = asked(scene, images_of(scene.with_pose(0, raised)), learned(scene, images_of(scene)))
+    right, still = judged(question, np.stack([raised, scene.persons[0].q]))
+    assert still > right + 1
 
 
 def test_nothing_departs_from_a_person_at_rest(scene: Scene) -> None:
@@ -110,6 +152,25 @@ def test_who_passes_apart_from_the_person_is_not_taken_for_a_limb(scene: Scene) 
         image[200:260, min(right + 45, 700) : min(right + 65, 719)] = green
     question = asked(scene, passing, memory)
     assert EVIDENCE.distances(question, scene.persons[0].q[None])[0] < 0.05
+
+
+def test_who_comes_along_is_no_limb_when_he_touches_the_person(scene: Scene) -> None:
+    """In similar colours; a limb of as many pixels that comes out where nobody was before is one."""
+    images, contours = images_of(scene), SYNTHESIS.contours(scene)
+
+    def beside(gap_px: int) -> tuple[Image, ...]:
+        passing = tuple(image.copy() for image in images)
+        for v, image in enumerate(passing):
+            right = int(contours.of(v).pixels[:, 0].max())
+            image[200:272, min(right + gap_px, 690) : min(right + gap_px + 20, 719)] = (60, 120, 70)
+        return passing
+
+    memory = learned(scene, images)
+    for gap_px in (45, 30, 15):
+        memory = learned(scene, beside(gap_px), memory)
+    q = scene.persons[0].q
+    assert EVIDENCE.distances(asked(scene, beside(2), memory), q[None])[0] < 0.1
+    assert EVIDENCE.distances(asked(scene, beside(2), learned(scene, images)), q[None])[0] > 1
 
 
 def test_a_missed_limb_does_not_become_background(scene: Scene, raised: Array) -> None:

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 
 import cv2
 import numpy as np
 import pydantic
 
 from tracker.account import Account
-from tracker.arrays import Array, Array32, Image, Mask, Region, frozen
+from tracker.arrays import Array, Array32, Image, Integers, Mask, Region, frozen
 from tracker.comparison import Comparison
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.equations import Equations
 from tracker.evidence import GUESSED, Evidence, Memory
+from tracker.evidence._known_views import KnownView, Levels, linked, opened
 from tracker.evidence._shares import over_views
-from tracker.evidence.silhouettes import Foregrounds, covered_by
+from tracker.evidence.silhouettes import covered_by
 from tracker.expectation import expected_samples, region_around
-from tracker.imaging.densities import Densities, colour_codes, densities
+from tracker.imaging.densities import colour_codes, densities
 from tracker.scene import Scene
 from tracker.sight import Sight
+from tracker.synthesis import SurfaceSynthesis
 from tracker.synthesis.cpu import CpuSynthesis
 
 _SMALL_PX = 180
@@ -30,28 +33,52 @@ _SMALL_PX = 180
 _LEAST_SHARE = 0.5
 """Share of the parts that must be trusted for a frame to teach what the person looks like."""
 
-# Opening with it takes single pixels and lines of one away: noise, and the seam between light and shade.
-_SQUARE = np.ones((2, 2), np.uint8)
+
+@dataclass(frozen=True, eq=False)
+class _Bare:
+    """What poses have to cover in small pictures of all V views; laid out as `Foregrounds`."""
+
+    masks: tuple[Mask | None, ...]
+    """(h, w) what has departed; None where nothing is known."""
+
+    factor: int
+    """See `Foregrounds`."""
+
+    regions: Integers
+    """(V, 3) start in `pictures`, width and height."""
+
+    pictures: Array32
+    """(N, 2) what covering a pixel is worth, 0 to 1: of what has departed; the same with what stays."""
+
+    missing: Mask
+    """(V,) views without an image."""
+
+    @cached_property
+    def worth(self) -> Array:
+        """(V, 2) sums of the pictures; NaN for a missing view."""
+        ends = [(start, start + width * height) for start, width, height in self.regions.tolist()]
+        sums = np.array([self.pictures[start:end].sum(axis=0, dtype=np.float64) for start, end in ends])
+        found: Array = np.where(self.missing[:, None], np.nan, sums)
+        return found
 
 
 @dataclass(frozen=True)
-class Background:
-    """What is known of one view: what was seen where the person was not, and how the person looks."""
+class _AtStart:
+    """What is observed in a first frame: a scene at the start poses teaches it, as it does colours."""
 
-    picture: Array32
-    """(h, w, 3) BGR of the small picture."""
+    begun: Callable[[Scene], _Bare]
+    _found: list[_Bare] = field(default_factory=list, repr=False, compare=False)
 
-    known: Mask
-    """(h, w) pixels that have been seen without the person."""
+    def of(self, scene: Scene) -> _Bare:
+        """What is observed if the persons of a scene are about where they are."""
+        if not self._found:
+            self._found.append(self.begun(scene))
+        return self._found[0]
 
-    n_person: int
-    """Pixels of the small picture that the person covers."""
 
-    gaps: Array32
-    """(h, w) distance to the person, px of the image."""
-
-    looks: Densities | None
-    """Colours of the person and of what is beside it."""
+def _begun_at(asked: Comparison) -> Comparison:
+    """The question with what was observed known, in a first frame as well."""
+    return asked.put(asked.observed.of(asked.scene)) if isinstance(asked.observed, _AtStart) else asked
 
 
 @component
@@ -61,6 +88,10 @@ class DeparturesEvidence(Evidence):
     Contours only say whether the model's own are in the images. A limb that is taken to be before or behind the trunk,
     where it has no contour to be judged by, stays there, though the images show it elsewhere: there the background of
     earlier frames is covered by something in the person's colours, and the pose has to account for that.
+
+    Of a person whose own surface is known (a `[skin]`), what showed the person in the frame before and looks as it did
+    must be covered, too: a hand that is seen where no background ever was can't be put behind the trunk unseen.
+    Somebody else who comes along stays somebody else when he touches the person's outline.
     """
 
     scale_px: float = pydantic.Field(default=400.0, gt=0)
@@ -85,27 +116,41 @@ class DeparturesEvidence(Evidence):
     most_share: float = pydantic.Field(default=0.25, gt=0)
     """A view in which more than this share of the person has changed shows somebody else who passes."""
 
+    limb_share: float = pydantic.Field(default=0.1, gt=0)
+    """Share of the person that a limb covers at most: what changes apart from the person and is more is not a limb."""
+
+    still_levels: float = pydantic.Field(default=8.0, gt=0)
+    """Change in a channel from one frame to the next under which a pixel shows what it did, grey levels."""
+
     news: float = pydantic.Field(default=0.2, gt=0, le=1)
     """Share of a new frame in what is known: light that changes within seconds is followed."""
 
-    def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Foregrounds:
+    def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> _Bare | _AtStart:
         """The places that have changed; none before a frame has taught what was there."""
+        if memory is None and expected is not None:
+            return _AtStart(partial(self._begun, sight, expected))
+        return self._observed(sight, expected, memory)
+
+    def _begun(self, sight: Sight, expected: Contours, scene: Scene) -> _Bare:
+        everything = np.ones(len(scene.shapes), dtype=np.bool_)
+        return self._observed(sight, expected, self.learned(None, sight, scene, expected, everything))
+
+    def _observed(self, sight: Sight, expected: Contours | None, memory: Memory) -> _Bare:
         n_views = len(sight.frame.images)
         known = (None,) * n_views if memory is None or memory is GUESSED else memory
-        masks = tuple(self._departed(sight, v, expected, one) for v, one in enumerate(known))
-        cores = [None if mask is None else _core(mask) for mask in masks]
-        factors = [_factor(image) for image in sight.frame.images if image is not None]
-        regions, pictures, worth, start = [], [np.zeros((0, 2), dtype=np.float32)], [], 0
-        for image, core in zip(sight.frame.images, cores, strict=True):
-            height, width = (0, 0) if core is None else core.shape
+        masks, pictures, regions, start = [], [np.zeros((0, 2), dtype=np.float32)], [], 0
+        for v, one in enumerate(known):
+            departed, stays = self._bare(sight, v, expected, one)
+            masks.append(departed)
+            height, width = (0, 0) if departed is None else departed.shape
             regions.append((start, width, height))
-            bare = 0.0 if core is None else float(core.sum())
-            worth.append(np.nan if image is None else bare)
             start += width * height
-            if core is not None:
-                pictures.append(np.stack([np.zeros(core.size), core.ravel()], axis=-1).astype(np.float32))
-        packed = frozen(regions, np.int64), frozen(np.concatenate(pictures), np.float32), frozen(worth)
-        return Foregrounds(masks, max(factors, default=1), *packed)
+            if departed is not None and stays is not None:
+                pair = _core(departed), _core(departed | stays)
+                pictures.append(np.stack(pair, axis=-1).reshape(-1, 2))
+        factor = max((_factor(image) for image in sight.frame.images if image is not None), default=1)
+        missing = np.array([image is None for image in sight.frame.images])
+        return _Bare(tuple(masks), factor, frozen(regions, np.int64), frozen(np.concatenate(pictures)), missing)
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) what is left bare, as a share of the person; mean over the views."""
@@ -119,7 +164,8 @@ class DeparturesEvidence(Evidence):
         """What is bare as contour that is missed, by the limb that is nearest to it."""
         per_view, n_parts = self._per_view(asked, q[None])[0], len(asked.body.parts)
         nothing = np.zeros(n_parts)
-        missed = self._missed(asked, q) if np.nansum(asked.observed.worth) else nothing
+        asked = _begun_at(asked)
+        missed = self._missed(asked, q) if np.nansum(asked.observed.worth[:, 0]) else nothing
         distance_px = float(over_views(per_view[None], 0.0)[0])
         return Account(distance_px, per_view, np.full(n_parts, np.nan), nothing, nothing, missed)
 
@@ -133,13 +179,18 @@ class DeparturesEvidence(Evidence):
 
     def _per_view(self, asked: Comparison, poses: Array) -> Array:
         """(B, V) px."""
-        seen: Foregrounds = asked.observed
-        if not np.nansum(seen.worth):
-            return np.tile(seen.worth, (len(poses), 1))
-        covered = covered_by(asked, poses)[..., 1]
+        asked = _begun_at(asked)
+        seen: _Bare = asked.observed
+        # Parts leave 4 % of a silhouette bare in the right pose: what stays is for surfaces that are known.
+        column = int(asked.scene.has_skins)
+        worth = seen.worth[:, column]
+        if not np.nansum(worth):
+            return np.tile(worth, (len(poses), 1))
+        exact = asked.scene.has_skins and isinstance(asked.synthesis, SurfaceSynthesis)
+        covered = _covered_by_skins(asked, poses) if exact else covered_by(asked, poses)[..., column]
         own = np.array([max(camera.size[0] * camera.size[1], 1) for camera in asked.scene.rig.cameras])
         sizes = own * _TYPICAL_SHARE / seen.factor**2
-        per_view: Array = self.scale_px * (seen.worth - covered) / sizes
+        per_view: Array = self.scale_px * (worth - covered) / sizes
         return per_view
 
     def _missed(self, asked: Comparison, q: Array) -> Array:
@@ -173,57 +224,87 @@ class DeparturesEvidence(Evidence):
                 np.add.at(missed, nearest[which], (lengths[nearest] * thick[rows, columns])[which])
         return missed
 
-    def _departed(self, sight: Sight, v: int, expected: Contours | None, known: Background | None) -> Mask | None:
+    def _bare(
+        self, sight: Sight, v: int, expected: Contours | None, known: KnownView | None
+    ) -> tuple[Mask | None, Mask | None]:
+        """(h, w) what a pose has to account for: what has departed, and what stays."""
         image = sight.frame.images[v]
         if image is None or known is None or known.looks is None:
-            return None
-        small = _small(sight, v, image)
-        departs = _departs(small, known, self.least_levels) & (
-            known.looks.log_odds((colour_codes(small),)) > self.least_odds
-        )
+            return None, None
+        small, levels = _small(sight, v, image), self._levels
+        changed = known.changed(small, levels)
+        departs = changed & known.like_person(small, levels)
         if expected is not None:
             size = image.shape[1], image.shape[0]
             x, y, width, height = region_around(expected_samples(expected, v), size, self.around * max(size))
             near, factor = np.zeros_like(departs), _factor(image)
             near[y // factor : (y + height) // factor + 1, x // factor : (x + width) // factor + 1] = True
             departs &= near
-        found: Mask = cv2.morphologyEx(departs.view(np.uint8), cv2.MORPH_OPEN, _SQUARE) > 0
-        found = _linked(found, known.gaps < self.linked_px)
-        return None if np.count_nonzero(found) > self.most_share * known.n_person else found
+        found = linked(opened(departs), known.gaps < self.linked_px) & ~linked(opened(changed), known.strangers)
+        if known.touched(self.linked_px) or np.count_nonzero(found) > self.most_share * known.n_person:
+            found = np.zeros_like(found)
+        return found, opened(known.staying(small, levels))
 
     def _taught(
-        self, known: Background | None, sight: Sight, v: int, silhouette: Mask, trusted: Mask
-    ) -> Background | None:
+        self, known: KnownView | None, sight: Sight, v: int, silhouette: Mask, trusted: Mask
+    ) -> KnownView | None:
         image = sight.frame.images[v]
         if image is None or trusted.mean() < _LEAST_SHARE:
             return known
-        small, factor = _small(sight, v, image), _factor(image)
+        small, factor, levels = _small(sight, v, image), _factor(image), self._levels
         silhouette = silhouette[: small.shape[0], : small.shape[1]]
         gaps = cv2.distanceTransform((~silhouette).astype(np.uint8), cv2.DIST_L2, 3) * factor
-        codes, n_person = (colour_codes(small),), int(np.count_nonzero(silhouette))
-        newer = densities(codes, silhouette, (gaps > 0) & (gaps < self.around * max(image.shape[:2])))
+        codes, n_person, last = (colour_codes(small),), int(np.count_nonzero(silhouette)), frozen(small, np.float32)
+        looks = densities(codes, silhouette, (gaps > 0) & (gaps < self.around * max(image.shape[:2])))
         if known is None:
-            return Background(frozen(small, np.float32), frozen(gaps > self.margin_px, np.bool_), n_person, gaps, newer)
-        looks = newer if known.looks is None else known.looks if newer is None else known.looks.mixed(newer, self.news)
-        person = np.zeros_like(silhouette) if looks is None else looks.log_odds(codes) > self.least_odds
-        away = (gaps > self.margin_px) & ~(known.known & person & _departs(small, known, self.least_levels))
+            away, nobody = frozen(gaps > self.margin_px, np.bool_), np.zeros_like(silhouette)
+            return KnownView(last, away, n_person, gaps, looks, last, silhouette, nobody)
+        if known.looks is not None:
+            looks = known.looks if looks is None else known.looks.mixed(looks, self.news)
+        newer, changed = replace(known, looks=looks), known.changed(small, levels)
+        person = newer.like_person(small, levels)
+        away = (gaps > self.margin_px) & ~(known.known & person & changed)
         fresh = away & ~known.known & trusted.all()
         picture = known.picture.copy()
         picture[fresh] = small[fresh]
         old = away & known.known
         picture[old] += np.float32(self.news) * (small[old] - picture[old])
-        return Background(frozen(picture, np.float32), frozen(known.known | fresh, np.bool_), n_person, gaps, looks)
+        return replace(
+            newer,
+            picture=frozen(picture, np.float32),
+            known=frozen(known.known | fresh, np.bool_),
+            n_person=n_person,
+            gaps=gaps,
+            last=last,
+            own=(silhouette & person) | newer.staying(small, levels),
+            strangers=known.passers_by(
+                opened(changed & (gaps > _SEAM * factor)), gaps, self.limb_share * n_person, self.linked_px
+            ),
+        )
 
+    @property
+    def _levels(self) -> Levels:
+        return Levels(self.least_levels, self.still_levels, self.least_odds)
+
+
+_SEAM = 2.0
+"""So near to the outline of the model what has changed is clothes and shadow, pixels of the small picture."""
 
 _TYPICAL_SHARE = 0.05
 """Share of a view that a person covers, usually."""
 
 
-def _departs(small: Image, known: Background, least_levels: float) -> Mask:
-    """(h, w) pixels that have changed."""
-    change = np.abs(small - known.picture).max(axis=2)
-    found: Mask = known.known & (change > least_levels)
-    return found
+def _covered_by_skins(asked: Comparison, poses: Array) -> Array:
+    """(B, V) sums of what is bare over what poses (B, dof) cover of it with their own surface."""
+    seen: _Bare = asked.observed
+    covered = np.zeros((len(poses), len(seen.masks)))
+    rig = asked.scene.rig.downscaled(seen.factor)
+    for b, q in enumerate(poses):
+        masks = CpuSynthesis().silhouettes(replace(asked.scene.with_pose(asked.person, q), rig=rig))
+        for v, (start, width, height) in enumerate(seen.regions.tolist()):
+            core = seen.pictures[start : start + width * height, 1].reshape(height, width)
+            covered[b, v] = core[masks[v][:height, :width]].sum()
+    return covered
 
 
 def _core(mask: Mask) -> Array32:
@@ -231,13 +312,6 @@ def _core(mask: Mask) -> Array32:
     inwards = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
     worth: Array32 = np.clip((inwards - 0.5) / 1.5, 0, 1).astype(np.float32)
     return worth
-
-
-def _linked(mask: Mask, near: Mask) -> Mask:
-    """(h, w) the regions of a mask that reach into another one."""
-    _, labels = cv2.connectedComponents(mask.astype(np.uint8))
-    kept: Mask = np.isin(labels, np.unique(labels[near & mask])) & mask
-    return kept
 
 
 def _silhouettes(scene: Scene, sight: Sight) -> tuple[Mask, ...]:
