@@ -17,6 +17,7 @@ from tracker.arrays import Array, Array32
 from tracker.body_files import load_body
 from tracker.comparison import Comparison
 from tracker.contours import Contours
+from tracker.evidence._shares import shares
 from tracker.evidence.contours import ContourEvidence
 from tracker.kernels.contours.chamfer import chamfer_lookup, directed_distances, robust_mean
 from tracker.objective import Objective
@@ -336,3 +337,41 @@ def test_sides_of_contrast_make_no_difference(truth: Scene, observation: Observa
     poses = truth.persons[0].q + np.zeros((1, 22))
     one, other = (objective_of(truth, o)(poses) for o in (observation, Observation(turned)))
     np.testing.assert_array_equal(one, other)
+
+
+def test_what_is_left_of_contours_and_edges_is_that_of_its_plain_twin(truth: Scene, observation: Observation) -> None:
+    """With a view missing, one without edges, one without contours, and edges that no contour explains."""
+    rng = np.random.default_rng(3)
+    contours = CpuSynthesis().contours(truth, 0, truth.persons[0].q[None])
+    counts = contours.counts.copy()
+    counts[0, 3] = 0
+    moved = contours.positions + np.concatenate(
+        [rng.normal(0, 6, (*contours.parts.shape, 2)), np.zeros((*contours.parts.shape, 3))], axis=3
+    )
+    contours = replace(contours, positions=moved.astype(np.float32), counts=counts)
+    second = observation.views[1]
+    assert second is not None
+    bare = replace(second, scene=second.scene[:0], scene_weights=second.scene_weights[:0])
+    seen = Observation((None, bare, *observation.views[2:]))
+    found = shares(contours, seen, len(truth.shapes), (5.0, 10.0), (1.0, np.ones(4)))
+    visible, distance, explained, missed = np.zeros((4, len(truth.shapes)))
+    for v, view in enumerate(seen.views):
+        if view is None:
+            continue
+        model = contours.of(v)
+        column, row = (np.round(model.pixels).astype(int) - view.origin).T
+        within = (column >= 0) & (row >= 0) & (column < view.distance.shape[1]) & (row < view.distance.shape[0])
+        gaps = np.where(within, view.distance[row * within, column * within], view.reach)
+        np.add.at(visible, model.parts, model.weights)
+        np.add.at(distance, model.parts, model.weights * gaps)
+        np.add.at(explained, model.parts, model.weights * (gaps <= 5.0))
+        if len(view.scene) and len(model.parts):
+            gap = cdist(view.edges[view.scene], model.pixels)
+            far = gap.min(axis=1) > 10.0
+            np.add.at(missed, model.parts[gap.argmin(axis=1)[far]], view.scene_weights[far])
+    assert explained.sum() < visible.sum()
+    assert missed.sum() > 0
+    np.testing.assert_allclose(found.visible_px, visible, rtol=1e-6)
+    np.testing.assert_allclose(found.explained_px, explained, rtol=1e-6)
+    np.testing.assert_allclose(found.missed_px, missed, rtol=1e-6)
+    np.testing.assert_allclose(found.per_part_px * visible, np.where(visible > 0, distance, np.nan), rtol=1e-5)

@@ -191,9 +191,15 @@ class BodyModel:
 
     def partner_of(self, group: str) -> str | None:
         """The group of the other side, if the model has one with the same parameters."""
-        other = self.mirror.of(group)
-        names = [self.mirror.of(name) for name in self.groups[group]]
-        return other if other != group and list(self.groups.get(other, ())) == names else None
+        return self._partners[group]
+
+    @cached_property
+    def _partners(self) -> dict[str, str | None]:
+        found: dict[str, str | None] = {}
+        for group, members in self.groups.items():
+            other, names = self.mirror.of(group), [self.mirror.of(name) for name in members]
+            found[group] = other if other != group and list(self.groups.get(other, ())) == names else None
+        return found
 
     def columns(self, name: str) -> list[int]:
         """Columns of the parameters called so, alone or on either side: `arm_abduction` is that of both arms.

@@ -41,10 +41,12 @@ class Equations:
 
 def combined(equations: Sequence[Equations], weights: Sequence[float]) -> Equations:
     """The sum of equations of the same pose, each times its weight; at least one."""
-    pairs = list(zip(weights, equations, strict=True))
-    return Equations(
-        matrix=np.sum([weight * one.matrix for weight, one in pairs], axis=0),
-        vector=np.sum([weight * one.vector for weight, one in pairs], axis=0),
-        squares=sum(weight * one.squares for weight, one in pairs),
-        total=sum(weight * one.total for weight, one in pairs),
-    )
+    weight, first = weights[0], equations[0]
+    matrix, vector = weight * first.matrix, weight * first.vector
+    squares, total = weight * first.squares, weight * first.total
+    for weight, one in zip(weights[1:], equations[1:], strict=True):
+        matrix += weight * one.matrix
+        vector += weight * one.vector
+        squares += weight * one.squares
+        total += weight * one.total
+    return Equations(matrix, vector, squares, total)

@@ -113,14 +113,14 @@ class TwistIcpEstimation:
 def _limited_step(q: Array, matrix: Array, vector: Array, limits: Array) -> Array:
     """The minimum of the quadratic model inside the joint limits, by fixing the parameters that hit one."""
     low, high = limits.T
-    free = np.ones(len(q), dtype=np.bool_)
-    result = q.copy()
-    for n in range(4):
-        if n == 0:
-            step = _solved(matrix, -vector)
-        else:
-            held = matrix[np.ix_(free, ~free)] @ (result - q)[~free]
-            step = _solved(matrix[np.ix_(free, free)], -vector[free] - held)
+    target = q + _solved(matrix, -vector)
+    result: Array = np.minimum(np.maximum(target, low), high)
+    free = np.abs(result - target) <= 1e-12
+    for _ in range(3):
+        if free.all() or not free.any():
+            break
+        held = matrix[np.ix_(free, ~free)] @ (result - q)[~free]
+        step = _solved(matrix[np.ix_(free, free)], -vector[free] - held)
         target = q[free] + step
         inside = np.minimum(np.maximum(target, low[free]), high[free])
         result[free] = inside
@@ -128,8 +128,6 @@ def _limited_step(q: Array, matrix: Array, vector: Array, limits: Array) -> Arra
         if not len(hit):
             break
         free[hit] = False
-        if not free.any():
-            break
     return result
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -98,11 +99,11 @@ class TogetherEvidence(Evidence):
         """Weighted sum; see `tracker.evidence.Evidence.equations`."""
         found = [one.equations(own, q, gate_px) for one, _, own in self._each(asked, self.refining)]
         counted = [k for k, weight in enumerate(self.refining) if weight > 0]
-        weights = np.array([self.refining[k] for k in counted])
+        weights = [self.refining[k] for k in counted]
         if self.exact_px:
-            exact_px = np.array([self.exact_px[k] for k in counted])
-            weights = _sharpened(weights, found, exact_px * _share_of_usual(asked.scene.rig))
-        return combined(found, weights.tolist())
+            share = _share_of_usual(asked.scene.rig)
+            weights = _sharpened(weights, found, [self.exact_px[k] * share for k in counted])
+        return combined(found, weights)
 
     def account(self, asked: Comparison, q: Array) -> Account:
         """Weighted sum of the shares, and the distance that ranks; see `tracker.account.summed`."""
@@ -132,12 +133,13 @@ class TogetherEvidence(Evidence):
                 yield one, weight, asked.put(observed)
 
 
-def _sharpened(weights: Array, found: Sequence[Equations], exact_px: Array) -> Array:
-    """(K,) weights of equations, raised for those that leave less than `exact_px` (K,) over; the largest stays."""
-    rms_px = np.array([np.sqrt(one.squares / one.total) if one.squares > 0 else np.inf for one in found])
-    raised = weights * np.maximum(exact_px / rms_px, 1.0) ** _SHARPNESS
-    scaled: Array = raised * weights.max() / raised.max()
-    return scaled
+def _sharpened(weights: Sequence[float], found: Sequence[Equations], exact_px: Sequence[float]) -> list[float]:
+    """Weights of equations, raised for those that leave less than `exact_px` over; the largest stays."""
+    raised = []
+    for weight, one, px in zip(weights, found, exact_px, strict=True):
+        rms_px = math.sqrt(one.squares / one.total) if one.squares > 0 else math.inf
+        raised.append(weight * max(px / rms_px, 1.0) ** _SHARPNESS)
+    return [weight * max(weights) / max(raised) for weight in raised]
 
 
 def _share_of_usual(rig: Rig) -> float:

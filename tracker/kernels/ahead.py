@@ -17,6 +17,7 @@ from tracker.kernels.compilation import forget_others
 from tracker.kernels.contours.chamfer import directed_distances
 from tracker.kernels.contours.oriented_matching import match_oriented, normal_equations
 from tracker.kernels.contours.scoring import score_poses
+from tracker.kernels.contours.shares import edge_shares
 from tracker.kernels.contours.tracing import trace_contours
 from tracker.kernels.images.acceptance import expected_distances, marked
 from tracker.kernels.images.changes import large_regions, mark_changes, median_change
@@ -78,6 +79,7 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     model, rig = _seen_body()
     samples = _own(_F4, 0, 1, 1, 5), _own(_F4, 0, 1, 1, 3), _own(_I8, 0, 1, 1), _own(_B1, 0, 1, 1), _own(_I8, 0, 1)
     images, scene = (_frozen(_F4, 0), _frozen(_I8, 1, 5)), (_frozen(_F4, 0, 5), _frozen(_I8, 2))
+    first_pose = _own(_F4, 0, 1, 5), _own(_I8, 0, 1), _own(_I8, 0)
     pairs = _own(_I8, 0, 4), _own(_F4, 1, 1, 5), _own(_F4, 1, 1, 3), _own(_I8, 1, 1), _own(_I8, 1)
     slopes, found = (_own(_I2, 1, 1), _own(_I2, 1, 1)), (_own(_F4, 0, 2), _own(_F4, 0, 2), _own(_I8, 0))
     picture, seen = _own(_U1, 1, 1, 3), _own(_U1, 1 + 2 * MARGIN, 1 + 2 * MARGIN, 3)
@@ -94,6 +96,7 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (match_keypoints, (_own(_F8, 0, 1, 3), rig[0], detected, 0, (0.1, 0.1), matches)),
         (count_collisions, (_own(_F8, 0, 1, 4, 4), model[0], _frozen(_I8, 0, 2))),
         (directed_distances, (samples[0], samples[4], *images, *scene, 40.0, False)),
+        (edge_shares, (*first_pose, *images, *scene, _frozen(_F4, 0), (5.0, 10.0), _own(_F8, 4, 1))),
         (strongest_slopes, ((_own(_U1, 2, 2), _own(_U1, 2, 2), _own(_U1, 2, 2)), _own(_I2, 2, 2), _own(_I2, 2, 2))),
         (trace_segments, (_own(_U1, 3, 3), slopes, (4, 0.3, 8), found)),
         (expected_distances, (found[0], found[0], _own(_F4, 0, 4), 20.0, 56.0)),
