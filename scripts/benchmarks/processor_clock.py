@@ -14,10 +14,13 @@ FILE = "processor_s.csv"
 
 @component
 class ProcessorClock:
-    """`processor_s.csv`: seconds of all threads since the frame before, with reading and writing."""
+    """`processor_s.csv`: seconds of all threads since the frame before, with reading and writing.
+
+    Those of the first frame are all since the process began: importing, loading kernels, fitting bodies, the start.
+    """
 
     def begin(self, run: RunContext) -> ProcessorRecorder:
-        """Starts the clock."""
+        """Makes the file."""
         return ProcessorRecorder(run)
 
 
@@ -27,7 +30,7 @@ class ProcessorRecorder:
     def __init__(self, run: RunContext) -> None:
         self._path = run.folder / FILE
         self._path.write_text("frame,processor_s\n", encoding="utf-8")
-        self._before = time.process_time()
+        self._before = 0.0
 
     def write(self, step: Step) -> None:
         """Adds one frame."""
