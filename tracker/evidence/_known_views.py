@@ -10,9 +10,6 @@ import numpy as np
 from tracker.arrays import Array32, Image, Mask
 from tracker.imaging.densities import Densities, colour_codes
 
-# Opening with it takes single pixels and lines of one away: noise, and the seam between light and shade.
-_SQUARE = np.ones((2, 2), np.uint8)
-
 
 @dataclass(frozen=True)
 class Levels:
@@ -100,19 +97,6 @@ class KnownView:
         others[0] = False
         found: Mask = others[labels]
         return found
-
-
-def opened(mask: Mask) -> Mask:
-    """(h, w) all squares of 2x2 pixels that lie in a mask: without single pixels and lines of one.
-
-    `cv2.MORPH_OPEN` erodes and dilates with an even square at the same anchor, which moves the mask by a pixel down and
-    to the right, out of itself.
-    """
-    last, first = (1, 1), (0, 0)
-    # beside the image nothing is set: a line of one along its border is no square
-    left = cv2.erode(mask.astype(np.uint8), _SQUARE, anchor=last, borderType=cv2.BORDER_CONSTANT, borderValue=0)
-    found: Mask = cv2.dilate(left, _SQUARE, anchor=first) > 0
-    return found
 
 
 def linked(mask: Mask, near: Mask) -> Mask:

@@ -17,11 +17,12 @@ from tracker.components import component
 from tracker.contours import Contours
 from tracker.equations import Equations
 from tracker.evidence import GUESSED, Evidence, Memory
-from tracker.evidence._known_views import KnownView, Levels, linked, opened
+from tracker.evidence._known_views import KnownView, Levels, linked
 from tracker.evidence._shares import over_views
 from tracker.evidence.silhouettes import covered_by
 from tracker.expectation import expected_samples, region_around
 from tracker.imaging.densities import colour_codes, densities
+from tracker.imaging.opening import opened
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.synthesis import SurfaceSynthesis

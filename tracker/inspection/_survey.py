@@ -12,6 +12,7 @@ import numpy as np
 
 from tracker.arrays import Array, Image, Mask, frozen
 from tracker.frame import Frame
+from tracker.imaging.opening import opened
 from tracker.plate import Plate, changed
 from tracker.rig import Rig
 from tracker.scene import Scene
@@ -123,9 +124,7 @@ def _foreground(frame: Frame, v: int, image: Image | None, plate: Plate | None, 
     if plate is not None:
         return changed(image, plate).foreground
     assert before is not None
-    moved = (cv2.absdiff(image, before).max(axis=2) > _MOVED).astype(np.uint8)
-    opened: Mask = cv2.morphologyEx(moved, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)) > 0
-    return opened
+    return opened(cv2.absdiff(image, before).max(axis=2) > _MOVED)
 
 
 def _usual(images: list[Image | None]) -> Image | None:

@@ -1,4 +1,4 @@
-"""What is known of a view without plates: the opening of masks, as laws."""
+"""Opening of masks, as laws."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tracker.arrays import Mask
-from tracker.evidence._known_views import opened
+from tracker.imaging.opening import opened
 
 
 @pytest.fixture(params=range(5))
