@@ -345,10 +345,11 @@ def test_what_is_left_of_contours_and_edges_is_that_of_its_plain_twin(truth: Sce
     contours = CpuSynthesis().contours(truth, 0, truth.persons[0].q[None])
     counts = contours.counts.copy()
     counts[0, 3] = 0
-    moved = contours.positions + np.concatenate(
-        [rng.normal(0, 6, (*contours.parts.shape, 2)), np.zeros((*contours.parts.shape, 3))], axis=3
-    )
-    contours = replace(contours, positions=moved.astype(np.float32), counts=counts)
+    moved = contours.positions.copy()
+    for v, count in enumerate(counts[0]):  # what lies behind is anything, and not to be looked at
+        moved[0, v, :count, :2] += rng.normal(0, 6, (count, 2)).astype(np.float32)
+        moved[0, v, count:] = np.nan
+    contours = replace(contours, positions=moved, counts=counts)
     second = observation.views[1]
     assert second is not None
     bare = replace(second, scene=second.scene[:0], scene_weights=second.scene_weights[:0])
