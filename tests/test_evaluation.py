@@ -9,6 +9,7 @@ import sys
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tracker.body_files import load_body
 from tracker.errors import SequenceError
@@ -65,6 +66,19 @@ def test_a_constant_offset_is_removed(result, truth, tmp_path):
     person = evaluate(result, tmp_path).persons[0]
     assert person.mean_mm == pytest.approx(50)
     assert person.mean_offset_removed_mm == pytest.approx(0, abs=1e-6)
+
+
+def test_offsets_that_turn_with_the_person_are_removed_in_the_trunks_axes(result, tmp_path):
+    rng = np.random.default_rng(3)
+    body, offsets = rng.normal(size=(len(JOINTS), 3)), 0.04 * rng.normal(size=(len(JOINTS), 3))
+    turns = Rotation.random(N_FRAMES, random_state=4).as_matrix()
+    truth = np.einsum("tij,kj->tki", turns, body) + rng.normal(size=(N_FRAMES, 1, 3))
+    found = truth + np.einsum("tij,kj->tki", turns, offsets)
+    write_joints(result / "joints.csv", {"a": found})
+    write_joints(tmp_path / "truth_joints.csv", {"1": truth})
+    person = evaluate(result, tmp_path).persons[0]
+    assert person.mean_trunk_offset_removed_mm == pytest.approx(0, abs=1e-6)
+    assert person.mean_offset_removed_mm > 20
 
 
 def test_missing_frames_are_counted_and_persons_matched_by_distance(result, truth, tmp_path):

@@ -105,6 +105,9 @@ class Score:
     removed_mm: float = np.nan
     """With constant offsets removed."""
 
+    turned_mm: float = np.nan
+    """With offsets removed that are constant in the axes of the trunk."""
+
     under_100: float = np.nan
     """Share of all frames with a pose less than 100 mm off on average."""
 
@@ -254,6 +257,7 @@ def _score(row: Score, recording: Recorded, result: Path, errors: PersonErrors, 
         lost=errors.n_missing,
         mean_mm=errors.mean_mm,
         removed_mm=errors.mean_offset_removed_mm,
+        turned_mm=errors.mean_trunk_offset_removed_mm,
         under_100=float(np.count_nonzero(~wrong)) / errors.n_frames,
         elbows_deg=elbows[0],
         elbows_removed_deg=elbows[1],

@@ -24,6 +24,7 @@ _Value = Callable[[Score], float]
 _ERRORS: dict[str, tuple[_Value, str]] = {
     "joints mm": (lambda one: one.mean_mm, ".0f"),
     "offsets removed": (lambda one: one.removed_mm, ".0f"),
+    "in trunk's axes": (lambda one: one.turned_mm, ".0f"),
     "< 100 mm %": (lambda one: 100 * one.under_100, ".0f"),
     "elbows deg": (lambda one: one.elbows_deg, ".1f"),
     "offset removed": (lambda one: one.elbows_removed_deg, ".1f"),

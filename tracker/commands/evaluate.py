@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -54,6 +55,8 @@ def _headline(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
         ("joint distance, mean", [f"{p.mean_mm:.1f} mm" for p in persons]),
         ("mean, joint offsets removed", [f"{p.mean_offset_removed_mm:.1f} mm" for p in persons]),
     ]
+    if all(math.isfinite(person.mean_trunk_offset_removed_mm) for person in persons):
+        rows.append(("mean, removed as the trunk turns", [f"{p.mean_trunk_offset_removed_mm:.1f} mm" for p in persons]))
     if any(person.parameters for person in persons):
         rows.append(("joint angles, RMS", [f"{p.angles_rms_deg:.2f} deg" for p in persons]))
     for hinge in persons[0].hinges_deg:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array
 from tracker.errors import SequenceError
@@ -18,6 +19,8 @@ from tracker.source_files import frame_in, json_of, number_in, one_line
 
 # Persons who share no joint in no frame are matched last.
 _NOWHERE_M = 1e6
+# Two points don't tell how a trunk is turned about the line between them.
+_LEAST_ORIGINS = 3
 _TRUTH_NAMES = ("truth_joints.csv", "gt_joints.csv", "joints.csv")
 
 
@@ -42,6 +45,11 @@ class PersonErrors:
     """After removing one constant offset a joint: another convention of joint centres is no error."""
 
     median_offset_removed_mm: float
+    mean_trunk_offset_removed_mm: float
+    """The same with one constant offset a joint in the axes of the reference's trunk, which turns with the person: of
+    one who walks round, offsets that are constant in the world are those of no convention. NaN where fewer than three
+    limbs tell how the trunk is turned."""
+
     joints_mm: dict[str, tuple[float, float]]
     """Joint -> mean distance, raw and with the offset removed."""
 
@@ -184,6 +192,7 @@ def _person(
         p95_mm=float(np.percentile(gap, 95)),
         mean_offset_removed_mm=float(removed.mean()),
         median_offset_removed_mm=float(np.median(removed)),
+        mean_trunk_offset_removed_mm=_in_trunk_axes(p - g, g[:, _limb_origins(joints, names.joints.chains())]),
         joints_mm={n: (float(a), float(b)) for n, a, b in zip(joints, gap.mean(0), removed.mean(0), strict=True)},
         hinges_deg=_hinges(p, g, joints, names.joints.chains()),
         parameters={},
@@ -191,6 +200,25 @@ def _person(
     curve: dict[str, Array] = {"frame": np.array(common, dtype=np.float64)}
     curve.update({name: gap[:, k] for k, name in enumerate(joints)})
     return table, curve
+
+
+def _limb_origins(joints: list[str], chains: dict[str, tuple[str, str, str]]) -> list[int]:
+    """Columns of the joints that limbs hang on: shoulders and hips."""
+    return sorted({joints.index(chain[0]) for chain in chains.values() if chain[0] in joints})
+
+
+def _in_trunk_axes(gaps: Array, trunk: Array) -> float:
+    """Mean length of gaps (T, J, 3) without their mean in the axes of a trunk of which points (T, L, 3) are known, mm.
+
+    How the trunk is turned since the first frame is told by the rotation that brings its points nearest (Kabsch 1976).
+    """
+    spread = trunk - trunk.mean(axis=1, keepdims=True)
+    if spread.shape[1] < _LEAST_ORIGINS:
+        return float("nan")
+    turned = np.array(
+        [Rotation.align_vectors(spread[0], now)[0].apply(gap) for now, gap in zip(spread, gaps, strict=True)]
+    )
+    return 1000 * float(np.linalg.norm(turned - turned.mean(axis=0), axis=-1).mean())
 
 
 def flexion(joints: Array) -> Array:
