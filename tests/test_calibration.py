@@ -1,4 +1,4 @@
-"""Calibration from images: targets, boards, points, world frames, reports, and recordings that cannot be right."""
+"""Calibration from images: boards, points, world frames, reports, and recordings that cannot be right."""
 
 from __future__ import annotations
 
@@ -14,13 +14,9 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from tracker.calibration import report_text
-from tracker.calibration._bar_images import follow
-from tracker.calibration._spheres import measure_sphere
-from tracker.calibration._targets import Target, measure_target
 from tracker.calibration._world import WorldFrame, moved_rig, rigid_alignment
 from tracker.calibration.chessboard import BoardImages, ChessboardCalibration
 from tracker.calibration.reference_bar import BarImages
-from tracker.camera import Camera
 from tracker.cli import app
 from tracker.errors import CalibrationError, ConfigError, TrackerError
 from tracker.jobs import execute
@@ -29,84 +25,6 @@ from tracker.progress import silent
 from tracker.rig import Rig
 from tracker.rig_layouts import load_rig
 from tracker.simulation.bars import SIZE, Faults
-
-
-def disc(rng: np.random.Generator, centre, radius: float, n: int = 49, noise: float = 1.0) -> np.ndarray:
-    """A blurred, noisy picture of a tilted disc, exact to an eighth of a pixel."""
-    fine = (np.arange(8 * n) + 0.5) / 8 - 0.5
-    x, y = np.meshgrid(fine - centre[0], fine - centre[1])
-    angle, flat = rng.uniform(0, np.pi), radius * rng.uniform(0.7, 1.0)
-    u, v = np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x
-    cover = ((u / radius) ** 2 + (v / flat) ** 2 < 1).astype(float).reshape(n, 8, n, 8).mean(axis=(1, 3))
-    blurred = cv2.GaussianBlur(cover, (0, 0), 0.7)
-    return np.clip(np.round(60 + 150 * blurred + rng.normal(0, noise, blurred.shape)), 0, 255)
-
-
-@pytest.mark.parametrize("radius", [3.5, 5.0, 8.0])
-def test_discs_are_measured_to_a_hundredth_of_a_pixel(radius):
-    rng, errors = np.random.default_rng(0), []
-    for _ in range(40):
-        centre = 24 + rng.uniform(-0.5, 0.5, 2)
-        target = measure_target(disc(rng, centre, radius), (24.0, 24.0), radius)
-        assert target is not None
-        assert target.axes[0] == pytest.approx(radius, abs=0.3)
-        errors.append(np.array(target.centre) - centre)
-    assert np.sqrt(np.mean(np.square(errors))) < 0.010
-
-
-def test_a_bar_before_a_disc_is_no_part_of_its_ellipse():
-    rng = np.random.default_rng(1)
-    picture = disc(rng, (24.3, 23.8), 7.0)
-    picture[22:26, 30:] = 20.0
-    target = measure_target(picture, (24.0, 24.0), 7.0)
-    assert target is not None
-    np.testing.assert_allclose(target.centre, (24.3, 23.8), atol=0.15)
-
-
-def test_a_ball_lit_from_above_is_not_drawn_to_the_light():
-    n, centre, radius = 45, np.array([22.3, 21.6]), 6.0
-    x, y = np.meshgrid(np.arange(n) - centre[0], np.arange(n) - centre[1])
-    distance = np.hypot(x, y) / radius
-    cover = np.clip(0.5 + radius * (1 - distance), 0, 1)
-    rng = np.random.default_rng(0)
-    behind = 130 + rng.normal(0, 1, (n, n))
-    shade = 170 - 60 * y / radius + 20 * np.sqrt(np.clip(1 - distance**2, 0, 1))
-    picture = behind * (1 - cover) + shade * cover + rng.normal(0, 1, (n, n))
-    target = measure_sphere(picture, behind, (22.0, 20.0), 5.0, 25.0)
-    assert target is not None
-    np.testing.assert_allclose(target.centre, centre, atol=0.05)
-
-
-def test_nothing_is_measured_where_nothing_is():
-    blank = np.random.default_rng(0).normal(100, 2, (49, 49))
-    assert measure_target(blank, (24.0, 24.0), 5.0) is None
-    assert measure_sphere(blank, blank, (24.0, 24.0), 5.0, 25.0) is None
-
-
-def spot(x: float, y: float) -> Target:
-    return Target((x, y), (5.0, 5.0), 100.0, 0.1)
-
-
-def test_targets_that_pass_each_other_keep_their_names():
-    times = np.arange(30)
-    ways = np.stack(
-        [np.column_stack([10.0 * times, 100 + 3.0 * times]), np.column_stack([300 - 10.0 * times, 190 - 3.0 * times])]
-    )
-    rng = np.random.default_rng(0)
-    frames = [[spot(*ways[e, t]) for e in rng.permutation(2)] for t in times]
-    found = follow(frames)
-    first = 0 if np.allclose(found[0, 0], ways[0, 0]) else 1
-    np.testing.assert_allclose(found[:, 0], ways[first])
-    np.testing.assert_allclose(found[:, 1], ways[1 - first])
-
-
-def test_a_view_that_lacks_frames_goes_on():
-    frames = [[spot(5.0 * t, 50.0), spot(200.0, 50.0 + t)] if t not in (6, 7, 12) else [] for t in range(20)]
-    found = follow(frames)
-    assert np.isnan(found[[6, 7, 12]]).all()
-    seen = [t for t in range(20) if t not in (6, 7, 12)]
-    np.testing.assert_allclose(sorted(found[seen, :, 0].max(axis=1)), [200.0] * len(seen))
-
 
 # From scratch
 
@@ -290,104 +208,6 @@ def test_wrong_configurations_are_named(tmp_path, text, words):
     (tmp_path / "run.toml").write_text(text)
     with pytest.raises(ConfigError, match=words):
         load_calibration(tmp_path / "run.toml", "reference_bar")
-
-
-# Cameras that saw the board one at a time
-
-PRINT = np.kron(np.indices((8, 11)).sum(axis=0) % 2, np.ones((40, 40))).astype(np.uint8)[:, :] * 255
-
-
-def picture_of_board(camera, world_from_board, square_m=0.03):
-    """A chessboard of 10 x 7 inner corners with a white rim, as a camera sees it."""
-    plan = np.array([[-1, -1], [10, -1], [10, 7], [-1, 7]], dtype=np.float64) * square_m
-    space = np.column_stack([plan, np.zeros(4)]) @ world_from_board[:3, :3].T + world_from_board[:3, 3]
-    corners = np.array([[0, 0], [440, 0], [440, 320], [0, 320]], dtype=np.float64) + 79.5
-    print_ = cv2.copyMakeBorder(PRINT, 80, 80, 80, 80, cv2.BORDER_CONSTANT, value=255)
-    matrix = cv2.getPerspectiveTransform(corners.astype(np.float32), camera.project(space).astype(np.float32))
-    size = camera.size[0], camera.size[1]
-    fine = cv2.warpPerspective(print_, np.diag([3.0, 3, 1]) @ matrix, (3 * size[0], 3 * size[1]), borderValue=120)
-    return cv2.resize(fine, size, interpolation=cv2.INTER_AREA)
-
-
-def write_boards(folder, camera, rng, n, away, poses=None):
-    """Pictures of a board that is held before a camera, or in given poses."""
-    folder.mkdir(parents=True)
-    for k in range(n):
-        pose = np.eye(4) if poses is None else poses[k]
-        if poses is None:
-            turn = Rotation.from_rotvec([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-0.2, 0.2)]).as_matrix()
-            pose[:3, :3], middle = turn, turn @ (0.135, 0.09, 0)
-            pose[:3, 3] = np.array([*rng.uniform(-0.12, 0.12, 2) * away, away]) - middle
-            pose = np.linalg.inv(camera.camera_from_world) @ pose
-        cv2.imwrite(str(folder / f"{k}.png"), picture_of_board(camera, pose))
-
-
-INTERIORS = """[reading]
-use = "images"
-fps = 1.0
-path = "common/{view}/{frame}.png"
-views = ["left", "right"]
-[calibration]
-use = "chessboard"
-columns = 10
-rows = 7
-square_m = 0.03
-estimated = ["camera_constant", "principal_point"]
-"""
-
-
-def board_files(folder):
-    """Two cameras that see a board alone, near, and together, small and far away."""
-    rng = np.random.default_rng(0)
-    cameras = [
-        Camera.looking_at("left", (640, 480), 650.0, (0.0, 0.0, 0.0), (0.3, 2.0, 0.0)),
-        Camera.looking_at("right", (640, 480), 610.0, (1.0, 0.0, 0.0), (0.7, 2.0, 0.0)),
-    ]
-    together = []
-    for _ in range(4):
-        turn = Rotation.from_rotvec([-np.pi / 2, 0, 0]) * Rotation.from_rotvec(rng.uniform(-0.4, 0.4, 3))
-        pose = np.eye(4)
-        pose[:3, :3] = turn.as_matrix()
-        pose[:3, 3] = (0.5, 1.1, 0.0) - pose[:3, :3] @ (0.135, 0.09, 0)
-        together.append(pose)
-    for camera, n_alone in zip(cameras, (9, 7), strict=True):
-        write_boards(folder / "alone" / camera.name, camera, rng, n_alone, 0.5)
-        write_boards(folder / "common" / camera.name, camera, rng, 4, 0.0, together)
-    (folder / "run.toml").write_text(
-        INTERIORS + '[interiors]\nuse = "images"\nfps = 1.0\npath = "alone/{view}/{frame}.png"\n'
-    )
-    return cameras
-
-
-def test_interiors_come_of_what_each_camera_saw_alone_and_places_of_what_they_saw_together(tmp_path):
-    cameras = board_files(tmp_path)
-    job = load_calibration(tmp_path / "run.toml", "chessboard")
-    result = job.calibration.calibrate(job.open(), silent)
-    assert result.n_objects == 9 + 7 + 4
-    for v, camera in enumerate(cameras):
-        found, sigma = result.adjustment.state.cameras[v, 12], result.adjustment.sigmas[v, 6]
-        assert sigma < 0.005 * camera.matrix[1, 1]
-        assert abs(found - camera.matrix[1, 1]) < 4 * sigma
-    baseline = np.linalg.norm(result.rig.cameras[0].centre - result.rig.cameras[1].centre)
-    assert baseline == pytest.approx(1.0, abs=0.02)
-    (tmp_path / "run.toml").write_text(INTERIORS)
-    job = load_calibration(tmp_path / "run.toml", "chessboard")
-    together = job.calibration.calibrate(job.open(), silent)  # four small boards, far away
-    assert together.adjustment.sigmas[0, 6] > 3 * result.adjustment.sigmas[0, 6]
-
-
-def test_interiors_that_cannot_be_are_named(tmp_path):
-    board_files(tmp_path)
-    path = tmp_path / "run.toml"
-    with pytest.raises(ConfigError, match='views: "lefd"; did you mean "left"'):
-        load_calibration(path, "chessboard", ['interiors.views=["lefd"]']).open()
-    with pytest.raises(
-        CalibrationError, match='camera "left": its own recording has 320x240 px, the common one 640x480'
-    ):
-        load_calibration(path, "chessboard", ["interiors.downscale=2"]).open()
-    path.write_text(path.read_text().replace('"chessboard"', '"reference_bar"'))
-    with pytest.raises(ConfigError, match='"interiors" is of use with a chessboard only'):
-        load_calibration(path, "reference_bar", ["calibration={use='reference_bar', length_m=1.0}"])
 
 
 # Real recordings
