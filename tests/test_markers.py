@@ -19,8 +19,9 @@ from tracker.body import BodyModel
 from tracker.errors import ConfigError, SequenceError, TrackerError
 from tracker.evaluation.marker_alignment import align
 from tracker.evaluation.marker_comparison import compare
-from tracker.evaluation.marker_fit import placed, rigid_motion
+from tracker.evaluation.marker_fit import placed
 from tracker.evaluation.marker_set import MarkerJoints, MarkerSet, joints_of, load_marker_set
+from tracker.evaluation.rigid_motion import rigid_motion
 from tracker.evaluation.time_correlation import Clocked, flexions, offsets_by_angles
 from tracker.marker_layouts import read_markers
 from tracker.markers import Markers
