@@ -10,6 +10,7 @@ import pytest
 from tracker.body import BodyModel
 from tracker.body_files import load_body
 from tracker.geometry.superquadrics import inside_outside
+from tracker.kernels.body.self_collision import depth
 from tracker.observation import Observation
 from tracker.resources import model_path
 from tracker.scene import Scene
@@ -25,25 +26,44 @@ def crossed(body: BodyModel) -> np.ndarray:
     return body.clamped(q)
 
 
-def plain(body: BodyModel, q: np.ndarray) -> int:
-    """The twin: every point against every part, by the inside-outside function."""
-    placed, count = body.world_from_part(q), 0
+def plain(body: BodyModel, q: np.ndarray) -> float:
+    """The twin: every point against every part, its depth by steps towards the surface across the part."""
+    placed, total = body.world_from_part(q), 0.0
     for pair in body.apart:
         for p, other in (pair, pair[::-1]):
             axis = np.linspace(-0.8, 0.8, 5)[:, None] * [0, 0, body.parts[p].shape.size[2]]
             world = axis @ placed[p, :3, :3].T + placed[p, :3, 3]
             local = (world - placed[other, :3, 3]) @ placed[other, :3, :3]
-            count += int((inside_outside(body.parts[other].shape.packed, local) < 1).sum())
-    return count
+            shape = body.parts[other].shape.packed
+            total += sum(min(plain_depth(shape, point) / 0.25, 1.0) for point in local)
+    return total
 
 
-def test_counts_are_those_of_the_plain_twin(body: BodyModel) -> None:
+def plain_depth(shape: np.ndarray, point: np.ndarray) -> float:
+    """How much longer the way from the axis to the surface is than to the point, over the way to the surface."""
+    if inside_outside(shape, point[None])[0] >= 1:
+        return 0.0
+    near, far = 1.0, 1e6
+    for _ in range(80):
+        middle = np.sqrt(near * far)
+        inside = inside_outside(shape, (point * [middle, middle, 1.0])[None])[0] < 1
+        near, far = (middle, far) if inside else (near, middle)
+    return 1 - 1 / near
+
+
+def test_collisions_are_those_of_the_plain_twin(body: BodyModel) -> None:
     low, high = np.maximum(body.limits[:, 0], -1), np.minimum(body.limits[:, 1], 1)
     poses = np.random.default_rng(0).uniform(low, high, (40, body.dof))
-    counts = body.collisions(poses)
-    assert counts.max() > 3
-    np.testing.assert_array_equal(counts, [plain(body, q) for q in poses])
-    np.testing.assert_array_equal(counts[:1], body.collisions(poses[:1]))
+    sums = body.collisions(poses)
+    assert sums.max() > 3
+    np.testing.assert_allclose(sums, [plain(body, q) for q in poses], atol=1e-3)
+    np.testing.assert_array_equal(sums[:1], body.collisions(poses[:1]))
+
+
+def test_a_depth_is_the_share_of_the_radius() -> None:
+    shape = np.array([0.12, 0.16, 0.2, 0.5, 1.0, 0.0, 0.0])
+    depths = [depth(shape, 1 - inwards / 0.12, 0.0, 0.0) for inwards in (0.0, 0.01, 0.03, 0.06, 0.12)]
+    np.testing.assert_allclose(depths, [0, 1 / 12, 0.25, 0.5, 1], atol=1e-9)
 
 
 @pytest.mark.parametrize("movement", ["two_elbow_rotation", "walking_on_the_spot", "arm_swing", "squat", "turn"])

@@ -11,7 +11,7 @@ from tracker.arrays import Array, Integers, Mask, frozen
 from tracker.body_sections import Clothes, Joints, Movement, StartMarks
 from tracker.errors import ModelError, nearest
 from tracker.kernels.body.kinematics import chain_transforms, twists_in_world
-from tracker.kernels.body.self_collision import count_collisions
+from tracker.kernels.body.self_collision import sum_collisions
 from tracker.mirror import Mirror
 from tracker.segments import Landmark, Parameter, Part, Root, Segment, unjoined
 from tracker.shape import TaperedSuperquadric
@@ -138,7 +138,7 @@ class BodyModel:
         return kept
 
     def collisions(self, q: Array) -> Array:
-        """How much the body runs through itself at poses (B, dof): points (B,), see `count_collisions`."""
+        """How much the body runs through itself at poses (B, dof): points (B,) by their depth, see `sum_collisions`."""
         return self.collisions_of(self.world_from_part(q))
 
     def collisions_of(self, placements: Array) -> Array:
@@ -146,8 +146,8 @@ class BodyModel:
         return self._collisions(placements, self.apart)
 
     def _collisions(self, placements: Array, pairs: Integers) -> Array:
-        """`count_collisions`, compiled ahead for contiguous placements and read-only pairs."""
-        points: Array = count_collisions(np.ascontiguousarray(placements), self.shapes, pairs)
+        """`sum_collisions`, compiled ahead for contiguous placements and read-only pairs."""
+        points: Array = sum_collisions(np.ascontiguousarray(placements), self.shapes, pairs)
         return points
 
     def index(self, name: str) -> int:

@@ -35,7 +35,7 @@ class Objective:
     """What is known of the person from the frames before."""
 
     collision_px: float = 0.1
-    """What a point of a limb inside another one counts, px; see `BodyModel.collisions`."""
+    """What a point of a limb deep inside another one counts, px; see `BodyModel.collisions`."""
 
     most_collision_px: float = 0.5
     """Most that all of them count, px. What the images say of a limb is 0.2 to 1 px: with 0.5 px a point and no end

@@ -12,7 +12,7 @@ from tracker.kernels.adjustment.bundle import reduce_normal, residuals_of
 from tracker.kernels.adjustment.ray_intersection import intersect_rays
 from tracker.kernels.body.keypoints import Detected, Matches, match_keypoints
 from tracker.kernels.body.kinematics import chain_transforms, twists_in_world
-from tracker.kernels.body.self_collision import count_collisions
+from tracker.kernels.body.self_collision import sum_collisions
 from tracker.kernels.compilation import forget_others
 from tracker.kernels.contours.chamfer import directed_distances
 from tracker.kernels.contours.oriented_matching import match_oriented, normal_equations
@@ -94,7 +94,7 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (trace_contours, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), True, *samples)),
         (score_poses, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), *images, *scene, (40.0, False))),
         (match_keypoints, (_own(_F8, 0, 1, 3), rig[0], detected, 0, (0.1, 0.1), matches)),
-        (count_collisions, (_own(_F8, 0, 1, 4, 4), model[0], _frozen(_I8, 0, 2))),
+        (sum_collisions, (_own(_F8, 0, 1, 4, 4), model[0], _frozen(_I8, 0, 2))),
         (directed_distances, (samples[0], samples[4], *images, *scene, 40.0, False)),
         (edge_shares, (*first_pose, *images, *scene, _frozen(_F4, 0), (5.0, 10.0), _own(_F8, 4, 1))),
         (strongest_slopes, ((_own(_U1, 2, 2), _own(_U1, 2, 2), _own(_U1, 2, 2)), _own(_I2, 2, 2), _own(_I2, 2, 2))),

@@ -14,15 +14,19 @@ from tracker.kernels.rows import solid, superquadric
 # Along the middle 80 % of an axis: joints overlap by design.
 _N_POINTS = 5
 
+# Of a part's radius: flesh and clothes give way, and shapes are good to a centimetre or two. With every point counting
+# in full a hand on the hip cost 0.4 px, and the forearm was put behind the back (T-Punch-light, 18 frames of 80).
+_SHALLOW = 0.25
+
 _single: Any = np.float32
 """As the ray tests have it: in double precision `inside_value` would be compiled once more."""
 
 
 @compiled
-def count_collisions(placements: Array, shapes: Array, pairs: Integers) -> Array:
-    """Points on the axes of parts that lie inside other parts, five to a part.
+def sum_collisions(placements: Array, shapes: Array, pairs: Integers) -> Array:
+    """Points on the axes of parts that lie inside other parts, five to a part, by how deep they lie.
 
-    Touching surfaces do not count: only what runs through another part does.
+    Surfaces that touch count for nothing, and what is deep inside another part for one a point.
 
     Args:
         placements: (B, P, 4, 4) world_from_part, metres.
@@ -30,9 +34,9 @@ def count_collisions(placements: Array, shapes: Array, pairs: Integers) -> Array
         pairs: (N, 2) parts that must not run through each other.
 
     Returns:
-        (B,) number of points.
+        (B,) sums over the points.
     """
-    counts = np.zeros(len(placements))
+    sums = np.zeros(len(placements))
     bounds = np.ones((3, len(shapes)))
     solids = np.zeros((len(shapes), solid.N_COLUMNS), dtype=np.float32)
     for b in range(len(placements)):
@@ -47,6 +51,23 @@ def count_collisions(placements: Array, shapes: Array, pairs: Integers) -> Array
                     y = solids[p, solid.Y] + t * solids[p, solid.R23]
                     z = solids[p, solid.Z] + t * solids[p, solid.R33]
                     u, v, w = in_part(solids, q, x, y, z)
-                    inside = inside_value(solids, q, _single(u), _single(v), _single(w))
-                    counts[b] += 1.0 if inside < 1.0 else 0.0
-    return counts
+                    if inside_value(solids, q, _single(u), _single(v), _single(w)) < 1.0:
+                        sums[b] += min(depth(shapes[q], u, v, w) / _SHALLOW, 1.0)
+    return sums
+
+
+@compiled
+def depth(shape: Array, u: float, v: float, w: float) -> float:
+    """How deep a point lies inside a part: 0 at its surface, 1 on its axis, along the line between them across it.
+
+    Args:
+        shape: (7,) packed superquadric.
+        u, v, w: position in the part's frame divided by a1, a2, a3; inside.
+    """
+    e1, e2 = shape[superquadric.E1], shape[superquadric.E2]
+    across = abs(u / (1.0 + shape[superquadric.K1] * w)) ** (2.0 / e2)
+    across += abs(v / (1.0 + shape[superquadric.K2] * w)) ** (2.0 / e2)
+    room = 1.0 - abs(w) ** (2.0 / e1)
+    if room <= 0.0:
+        return 0.0
+    return max(1.0 - (across ** (e2 / e1) / room) ** (0.5 * e1), 0.0)
