@@ -116,6 +116,11 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "no limits": (lambda m: SWIVEL(m).pop("limits_deg"), r'"swivel": give either limits_m .* or limits_deg'),
     "both limits": (lambda m: SWIVEL(m).update(limits_m=[0, 1]), r'"swivel": give either'),
     "limits out of order": (lambda m: SWIVEL(m).update(limits_deg=[20, 10]), r'"swivel".*limits out of order'),
+    "nothing usual": (lambda m: SWIVEL(m).update(usual_deg=0), r"usual_deg: Input should be greater than 0"),
+    "a usual translation": (
+        lambda m: (SWIVEL(m).pop("limits_deg"), SWIVEL(m).update(limits_m=[0, 1], usual_deg=5)),
+        r'"swivel": usual_deg is for rotations',
+    ),
     "no axis": (lambda m: SWIVEL(m).update(axis=[0, 0, 0]), r'"swivel": axis of length 0'),
     "part of no segment": (lambda m: m["parts"][1].update(segment="shde"), r'"shade": no segment "shde".*"shade"'),
     "part of no length": (lambda m: m["parts"][0].update(end=[0, 0, 0]), r'"foot": start and end are the same'),

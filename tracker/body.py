@@ -84,6 +84,11 @@ class BodyModel:
         return frozen([parameter.limits for parameter in self.parameters]).reshape(-1, 2)
 
     @cached_property
+    def spreads(self) -> Array:
+        """(dof,) standard deviations from the rest pose in everyday movement, rad; infinite where nothing is usual."""
+        return frozen([parameter.spread for parameter in self.parameters])
+
+    @cached_property
     def rotates(self) -> Mask:
         """(dof,) true where the parameter is an angle."""
         mask: Mask = frozen([parameter.rotates for parameter in self.parameters], dtype=np.bool_)
@@ -263,6 +268,11 @@ class BodyModel:
         """(dof,) the reference pose, moved inside the joint limits."""
         pose: Array = self.clamped(np.zeros(self.dof))
         return pose
+
+    def rarity(self, q: Array) -> Array:
+        """How unusual poses (..., dof) are: squares (...) of the standard deviations from the rest pose, summed."""
+        squares: Array = (((q - self.rest()) / self.spreads) ** 2).sum(axis=-1)
+        return squares
 
     def clamped(self, q: Array) -> Array:
         """Poses (..., dof) moved inside the joint limits."""

@@ -30,6 +30,9 @@ class AxisEntry(Entry):
     axis: Vector
     limits_m: tuple[float, float] | None = None
     limits_deg: tuple[float, float] | None = None
+    usual_deg: float | None = pydantic.Field(default=None, gt=0)
+    """How far a rotation is from the rest pose in everyday movement, standard deviation: where images hardly tell, a
+    pose is as usual as they allow. None where every angle within the limits is as likely."""
 
     def scaled(self, factor: float) -> AxisEntry:
         """The axis with the limits of a translation multiplied by a factor."""
@@ -231,7 +234,11 @@ def _parameter(axis: AxisEntry, joint: Array, parent: int) -> Parameter:
     if length == 0 or not low < high:
         raise ModelError(f'parameter "{axis.name}": axis of length {length:g} or limits out of order')
     direction = frozen(np.array(axis.axis) / length)
-    return Parameter(axis.name, axis.limits_deg is not None, direction, frozen(joint), (low, high), parent)
+    rotates = axis.limits_deg is not None
+    if axis.usual_deg is not None and not rotates:
+        raise ModelError(f'parameter "{axis.name}": usual_deg is for rotations, and limits_m makes it a translation')
+    spread = math.inf if axis.usual_deg is None else math.radians(axis.usual_deg)
+    return Parameter(axis.name, rotates, direction, frozen(joint), (low, high), parent, spread)
 
 
 def _of_segment(segment: str, last: dict[str, int], name: str) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,15 @@ class Equations:
         weighted = weights[:, None] * jacobian
         squares = float((weights * residual**2).sum())
         return Equations(jacobian.T @ weighted, weighted.T @ residual, squares, float(weights.sum()))
+
+    def pulled(self, weights: Array, offsets: Array) -> Equations:
+        """The equations with a pull on each parameter (dof,), by its offset (dof,) from where it is drawn to.
+
+        They say no more of the variance of a residual: a pull is no observation.
+        """
+        matrix = self.matrix.copy()
+        matrix[np.diag_indices(len(weights))] += weights
+        return replace(self, matrix=matrix, vector=self.vector + weights * offsets)
 
     @staticmethod
     def nothing(dof: int) -> Equations:

@@ -41,6 +41,9 @@ class Objective:
     """Most that all of them count, px. What the images say of a limb is 0.2 to 1 px: with 0.5 px a point and no end
     to it, the true pose of crossing limbs cost 1 to 5 px and lost to wrong ones (walking: 63 mm instead of 29)."""
 
+    rare_px: float = 0.02
+    """What a parameter costs that is one standard deviation from where it usually is, px; twice as far four times."""
+
     _answers: dict[tuple[str, bytes, float], Any] = field(init=False, default_factory=dict, repr=False, compare=False)
 
     @property
@@ -59,9 +62,10 @@ class Objective:
         return np.array([self._answers[key] for key in keys])
 
     def penalties(self, poses: Array) -> Array:
-        """What poses (B, dof) cost because the body runs through itself (B,), px."""
+        """What poses (B, dof) cost because the body runs through itself or is seldom like that (B,), px."""
         own = self.asked.placements(poses)[:, self.asked.own]
-        penalties: Array = np.minimum(self.collision_px * self.body.collisions_of(own), self.most_collision_px)
+        collisions = np.minimum(self.collision_px * self.body.collisions_of(own), self.most_collision_px)
+        penalties: Array = collisions + self.rare_px * self.body.rarity(poses)
         return penalties
 
     def by_surface(self) -> Objective:
@@ -92,7 +96,13 @@ class Objective:
 
     def equations(self, q: Array, gate_px: float) -> Equations:
         """What a refinement minimizes, linearized at a pose (dof,); see `tracker.evidence.Evidence.equations`."""
-        return self._once("equations", q, gate_px, lambda: self.evidence.equations(self.asked, q, gate_px))
+        return self._once("equations", q, gate_px, lambda: self._equations(q, gate_px))
+
+    def _equations(self, q: Array, gate_px: float) -> Equations:
+        found = self.evidence.equations(self.asked, q, gate_px)
+        # so many px more of root mean square are twice that times it in squares
+        usual_px2 = 2 * self.rare_px * np.sqrt(found.squares * found.total)
+        return found.pulled(usual_px2 / self.body.spreads**2, q - self.body.rest())
 
     def estimate(self, q: Array, covariance: Array, evaluations: int) -> Estimate:
         """The estimate that a pose (dof,) with covariance (dof, dof) makes; its distance is that of a call."""

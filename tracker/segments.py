@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -29,6 +30,9 @@ class Parameter:
 
     parent: int
     """Index of the parameter that moves this axis, -1 for none."""
+
+    spread: float = math.inf
+    """Standard deviation from the rest pose in everyday movement, rad; infinite where all values are as likely."""
 
     @property
     def unit(self) -> str:
