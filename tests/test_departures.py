@@ -142,6 +142,47 @@ def test_another_colour_is_somebody_else(scene: Scene, raised: Array) -> None:
     assert EVIDENCE.distances(question, scene.persons[0].q[None])[0] < 0.3
 
 
+def test_a_hand_as_brown_as_wood_beside_her_is_a_hand_where_no_wood_was(scene: Scene, raised: Array) -> None:
+    """The colours of what is beside a person are not those of what is known to be behind a limb."""
+    wood = 40.0, 75.0, 125.0
+
+    def images(of: Scene) -> tuple[Image, ...]:
+        colours = np.tile([60.0, 120.0, 70.0], (len(of.shapes) + 1, 1))
+        colours[-1], colours[of.persons[0].body.parts_of("left_arm").nonzero()[0]] = (170.0, 165.0, 160.0), wood
+        found = painted(of, colours, 6.0)
+        for image, ids in zip(found, SYNTHESIS.part_ids(of), strict=True):
+            floor = ids < 0
+            floor[: len(image) // 2] = False
+            image[floor] = wood
+        return found
+
+    memory = learned(scene, images(scene))
+    question = asked(scene, images(scene.with_pose(0, raised)), memory)
+    still, right = EVIDENCE.distances(question, np.stack([scene.persons[0].q, raised]))
+    assert still > right + 1
+
+
+def test_shade_is_no_limb_though_the_person_is_as_dark(scene: Scene, raised: Array) -> None:
+    """The wall at a third of its light is as grey as the trousers; where the raised arm would be nobody is."""
+    colours = np.tile([60.0, 120.0, 70.0], (len(scene.shapes) + 1, 1))
+    colours[-1] = 170.0, 165.0, 160.0
+    legs = scene.persons[0].body.parts_of("left_leg") | scene.persons[0].body.parts_of("right_leg")
+    colours[legs.nonzero()[0]] = colours[-1] / 3
+    images = painted(scene, colours, 6.0)
+    # a floor as dark, so that its colour tells nothing
+    for image, ids in zip(images, SYNTHESIS.part_ids(scene), strict=True):
+        floor = ids < 0
+        floor[: len(image) // 2] = False
+        image[floor] = (colours[-1] / 3).astype(np.uint8)
+    memory = learned(scene, images)
+    shaded = tuple(image.copy() for image in images)
+    pairs = zip(shaded, SYNTHESIS.part_ids(scene), SYNTHESIS.part_ids(scene.with_pose(0, raised)), strict=True)
+    for image, before, behind in pairs:
+        shade = (before < 0) & (behind >= 0)
+        image[shade] = (image[shade] / 3).astype(np.uint8)
+    assert EVIDENCE.distances(asked(scene, shaded, memory), scene.persons[0].q[None])[0] < 0.3
+
+
 def test_who_passes_apart_from_the_person_is_not_taken_for_a_limb(scene: Scene) -> None:
     memory, images = learned(scene, images_of(scene)), images_of(scene)
     green = np.array([60, 120, 70], dtype=np.uint8)

@@ -66,11 +66,30 @@ class KnownView:
         found: Mask = self.looks.log_odds((colour_codes(small),)) > levels.odds
         return found
 
+    def of_person(self, small: Image, levels: Levels) -> Mask:
+        """(h, w) pixels in colours of the person, judged by what is known to be behind them where that is known.
+
+        A hand is as brown as wood beside her. Where the wood was seen it is the wood in other light or it is not.
+        """
+        if self.looks is None:
+            return np.zeros_like(self.known)
+        hers = self.looks.log_shares((colour_codes(small),)) > levels.odds
+        came = self.changed(small, levels) & ~self._relit(small, levels)
+        found: Mask = self.like_person(small, levels) | (hers & came)
+        return found
+
+    def _relit(self, small: Image, levels: Levels) -> Mask:
+        """(h, w) pixels whose colour is that of the background times a factor: shade, or a lamp (Horprasert 1999)."""
+        factor = (small * self.picture).sum(axis=2) / np.maximum((self.picture**2).sum(axis=2), 1.0)
+        other = np.abs(small - factor[..., None] * self.picture).max(axis=2)
+        found: Mask = other < levels.changed / 2
+        return found
+
     def staying(self, small: Image, levels: Levels) -> Mask:
         """(h, w) pixels that showed the person in the frame before and look as they did: they show it still."""
         still = np.abs(small - self.last).max(axis=2) < levels.still
         background = self.known & ~self.changed(small, levels)
-        found: Mask = self.own & still & ~background & ~self.strangers & self.like_person(small, levels)
+        found: Mask = self.own & still & ~background & ~self.strangers & self.of_person(small, levels)
         return found
 
     def touched(self, linked_px: float) -> bool:

@@ -234,7 +234,7 @@ class DeparturesEvidence(Evidence):
             return None, None
         small, levels = _small(sight, v, image), self._levels
         changed = known.changed(small, levels)
-        departs = changed & known.like_person(small, levels)
+        departs = changed & known.of_person(small, levels)
         if expected is not None:
             size = image.shape[1], image.shape[0]
             x, y, width, height = region_around(expected_samples(expected, v), size, self.around * max(size))
@@ -263,7 +263,7 @@ class DeparturesEvidence(Evidence):
         if known.looks is not None:
             looks = known.looks if looks is None else known.looks.mixed(looks, self.news)
         newer, changed = replace(known, looks=looks), known.changed(small, levels)
-        person = newer.like_person(small, levels)
+        person = newer.of_person(small, levels)
         away = (gaps > self.margin_px) & ~(known.known & person & changed)
         fresh = away & ~known.known & trusted.all()
         picture = known.picture.copy()

@@ -62,6 +62,12 @@ class Densities:
         found: Array32 = total
         return found
 
+    def log_shares(self, codes: Codes) -> Array32:
+        """(h, w) log p1 of every pixel over that of a value never seen: where what is behind is known otherwise."""
+        shares = np.log1p(self.tables[:, 0] / _FLOOR).clip(max=_MOST_ODDS)
+        found: Array32 = np.sum([table[numbers] for table, numbers in zip(shares, codes, strict=True)], axis=0)
+        return found
+
     def mixed(self, newer: Densities, news: float) -> Densities:
         """A running mean in which the newer ones have the share `news`."""
         return Densities(frozen((1 - news) * self.tables + news * newer.tables, np.float32))
