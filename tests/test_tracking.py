@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
@@ -103,3 +104,17 @@ def test_the_same_images_give_the_same_poses():
         for _ in range(2)
     ]
     np.testing.assert_array_equal(runs[0], runs[1])
+
+
+def test_opencv_has_one_thread_while_tracking_and_its_own_number_before_and_after():
+    simulation = small_simulation(n_frames=3)
+    before = cv2.getNumThreads()
+    try:
+        cv2.setNumThreads(3)
+        steps = track(simulation.frames(), simulation.scene, cycle_for(simulation, TrueStart(simulation)))
+        next(steps)
+        assert cv2.getNumThreads() == 1
+        steps.close()
+        assert cv2.getNumThreads() == 3
+    finally:
+        cv2.setNumThreads(before)
