@@ -148,7 +148,7 @@ def test_the_part_beside_a_contour_is_the_one_a_picture_shows(near: Scene) -> No
 
 
 def plain_shifts(image: Array, looks: Looks, rig: Rig, v: int, contours: Contours, beside: Integers) -> Array:
-    """(N, 3) mean shift, information and support in view v; the twin of `find_shifts`."""
+    """(N, 3) mean shift, information and support in view v, 0 without support; the twin of `find_shifts`."""
     view = contours.of(v)
     steps = steps_px(rig, v, view.points.astype(np.float64))
     radii = looks.half_extents[view.parts] * steps / RULE.step_m
@@ -176,7 +176,8 @@ def plain_shifts(image: Array, looks: Looks, rig: Rig, v: int, contours: Contour
         variance = (chance @ np.arange(-7, 8) ** 2 - mean**2 + 1 / 12) * steps[m] ** 2
         best = int(np.argmin(loss))
         held = share[best : best + 3].sum() > 420 and share[best + 3 : best + 6].sum() < 399
-        results.append([mean * steps[m], 1 / max(variance, 0.5), held * (1.0 if 0 < best < 14 else 0.3)])
+        found = [mean * steps[m], 1 / max(variance, 0.5), 1.0 if 0 < best < 14 else 0.3]
+        results.append(found if held else [0.0, 0.0, 0.0])
     return np.array(results)
 
 

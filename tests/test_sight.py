@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import cv2
@@ -52,6 +52,21 @@ def test_changes_are_found_once_and_again_in_a_larger_region() -> None:
     part = Sight(with_person(plate), (Plate(plate),))
     assert part.changes(0, (0, 0, 100, 240)) is not part.changes(0, WHOLE)
     assert sight.untrusted == {}
+
+
+def test_what_is_made_of_all_views_is_kept_as_long_as_nothing_else_is_found_in_one() -> None:
+    sight = Sight(Frame(0, 0.0, (None, None)))
+    first, second, made = [1], [2], []
+
+    def join(views: Sequence[list[int]]) -> int:
+        made.append(views)
+        return sum(one[0] for one in views)
+
+    assert [sight.joined("sum", (first, second), join) for _ in range(2)] == [3, 3]
+    assert len(made) == 1
+    assert sight.joined("other", (first, second), join) == 3
+    assert sight.joined("sum", (first, [5]), join) == 6
+    assert len(made) == 3
 
 
 def test_without_plate_or_image_nothing_has_changed() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from observations import off
@@ -12,6 +13,7 @@ from tracker.errors import ConfigError
 from tracker.evidence.silhouettes import Foregrounds, SilhouetteEvidence
 from tracker.evidence.together import TogetherEvidence
 from tracker.frame import Frame
+from tracker.kernels.pictures.coverage import cover_shares
 from tracker.scene import Scene
 from tracker.sight import Changes, Sight
 from tracker.synthesis.cpu import CpuSynthesis
@@ -139,3 +141,14 @@ def test_what_ranks_need_not_refine(truth: Scene, masks: tuple[Mask, ...]) -> No
 def test_every_kind_has_its_weights(weights: dict[str, tuple[float, ...]]) -> None:
     with pytest.raises(ConfigError, match="together: "):
         TogetherEvidence(of=(SilhouetteEvidence(), SilhouetteEvidence()), **weights)
+
+
+@pytest.mark.parametrize("factor", [1, 2, 3, 4, 5, 7, 10])
+def test_shares_of_squares_equal_those_of_opencv(factor: int) -> None:
+    """To the last digit: half of a square is foreground, and a hundredth of it is not nothing."""
+    mask = np.random.default_rng(factor).random((60, 83)) < 0.5
+    height, width = (length // factor for length in mask.shape)
+    whole = mask[: height * factor, : width * factor].astype(np.float32)
+    found = np.empty((height, width), dtype=np.float32)
+    cover_shares(mask, factor, found)
+    np.testing.assert_array_equal(found, cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA))

@@ -78,6 +78,11 @@ class Contours:
             found.append(np.ascontiguousarray(np.concatenate([one[one[:, 4] > 0, :4] for one in rows])))
         return tuple(found)
 
+    @cached_property
+    def boxes(self) -> tuple[Array32 | None, ...]:
+        """For each view the `bounding_box` of the samples that are matched, of all poses."""
+        return tuple(map(bounding_box, self.matched))
+
     @property
     def valid(self) -> Mask:
         """(B, V, M) which samples are valid."""
@@ -93,6 +98,14 @@ class Contours:
     def n_views(self) -> int:
         """V, the number of views."""
         return int(self.counts.shape[1])
+
+
+def bounding_box(samples: Array32) -> Array32 | None:
+    """Least and largest x and y (2, 2) of samples (N, 2 or more), px; None without any."""
+    if len(samples) == 0:
+        return None
+    x, y = samples[:, 0], samples[:, 1]
+    return np.array([[x.min(), y.min()], [x.max(), y.max()]], dtype=np.float32)
 
 
 def joined(sets: Sequence[Contours]) -> Contours:

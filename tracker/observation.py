@@ -93,10 +93,11 @@ class Observation:
             first.append(first[-1] + len(rows))
             reach.append(view.reach)
         empty = np.zeros(0, dtype=np.float32)
-        flat = np.concatenate(images) if images else empty
+        flat = np.concatenate([empty, *images])  # its own already: megabytes, not to be copied once more
+        flat.setflags(write=False)
         scene = np.concatenate(points) if points else empty.reshape(0, 5)
         return PackedEdges(
-            frozen(flat, np.float32),
+            flat,
             frozen(layout, np.int64),
             frozen(scene, np.float32),
             frozen(first, np.int64),

@@ -13,6 +13,7 @@ from tracker.frame import Frame
 from tracker.plate import MOST_LEVEL, Plate, changed
 
 _Found = TypeVar("_Found")
+_Part = TypeVar("_Part")
 
 
 # Foregrounds of 0.6 to 1.6 times the model's pixels were of use on ten recordings of persons scaled by their stature.
@@ -60,6 +61,7 @@ class Sight:
         self.plates = plates or (None,) * len(frame.images)
         self._model_px = model_px
         self._found: dict[tuple[Hashable, int], tuple[Region, Any]] = {}
+        self._joined: dict[Hashable, tuple[Sequence[Any], Any]] = {}
 
     def once(self, key: Hashable, view: int, region: Region, find: Callable[[Region], _Found]) -> _Found:
         """What was found in a region of a view, or in a larger one before; else it is found now.
@@ -77,6 +79,20 @@ class Sight:
         found = find(region)
         self._found[key, view] = region, found
         return found
+
+    def joined(self, key: Hashable, views: Sequence[_Part], join: Callable[[Sequence[_Part]], _Found]) -> _Found:
+        """What was made before of what was found in all views; made anew where something else was found in one.
+
+        Args:
+            key: what is made, and how: equal keys make the same.
+            views: what `once` has returned for each view.
+            join: makes it.
+        """
+        kept = self._joined.get(key)
+        if kept is None or any(one is not other for one, other in zip(kept[0], views, strict=True)):
+            kept = self._joined[key] = views, join(views)
+        made: _Found = kept[1]
+        return made
 
     def has(self, key: Hashable, view: int, region: Region) -> bool:
         """Whether something was found in a region of a view already."""

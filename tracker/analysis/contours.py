@@ -14,7 +14,7 @@ from tracker.analysis._observe import accepted_segments, view_observation
 from tracker.arrays import Array32, Image, Mask, Region, frozen
 from tracker.components import component
 from tracker.contours import Contours
-from tracker.expectation import expected_samples, region_around
+from tracker.expectation import expected_region, expected_samples
 from tracker.imaging.edges import EdgeSegments, canny, gradient, segment_edges
 from tracker.kernels.images.acceptance import marked
 from tracker.observation import Observation, ViewObservation
@@ -127,7 +127,7 @@ class ContourAnalysis(Analysis):
         if image is None:
             return None
         size = image.shape[1], image.shape[0]
-        return (0, 0, *size) if expected is None else region_around(expected_samples(expected, v), size, margin_px)
+        return (0, 0, *size) if expected is None else expected_region(expected, v, size, margin_px)
 
     def _observe_view(self, sight: Sight, v: int, samples: Array32 | None, region: Region) -> ViewObservation:
         look = self._look_at(sight, v, region)

@@ -20,7 +20,7 @@ from tracker.evidence import GUESSED, Evidence, Memory
 from tracker.evidence._known_views import KnownView, Levels, linked
 from tracker.evidence._shares import over_views
 from tracker.evidence.silhouettes import covered_by
-from tracker.expectation import expected_samples, region_around
+from tracker.expectation import expected_region
 from tracker.imaging.densities import colour_codes, densities
 from tracker.imaging.opening import opened
 from tracker.scene import Scene
@@ -237,7 +237,7 @@ class DeparturesEvidence(Evidence):
         departs = changed & known.of_person(small, levels)
         if expected is not None:
             size = image.shape[1], image.shape[0]
-            x, y, width, height = region_around(expected_samples(expected, v), size, self.around * max(size))
+            x, y, width, height = expected_region(expected, v, size, self.around * max(size))
             near, factor = np.zeros_like(departs), _factor(image)
             near[y // factor : (y + height) // factor + 1, x // factor : (x + width) // factor + 1] = True
             departs &= near

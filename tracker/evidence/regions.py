@@ -6,6 +6,7 @@ Needs no clean plates. After M. Stoiber et al., A Sparse Gaussian Approach to Re
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import lru_cache, partial
 
@@ -21,7 +22,7 @@ from tracker.equations import Equations
 from tracker.evidence import GUESSED, Evidence
 from tracker.evidence._colours import FLOOR, Colours
 from tracker.evidence._shares import over_views
-from tracker.expectation import expected_samples, region_around
+from tracker.expectation import expected_region
 from tracker.geometry.superquadrics import box_bounds
 from tracker.kernels.regions.colours import Picture, encode
 from tracker.kernels.regions.equations import shift_equations
@@ -96,7 +97,7 @@ class RegionEvidence(Evidence):
 
     def look(self, sight: Sight, around: Contours) -> None:
         """Reads the colours around the persons ahead."""
-        self._picture(sight, around, 2 * self.around)
+        self._colour_numbers(sight, around, 2 * self.around)
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Colours | None = None) -> ObservedRegions:
         """Colours around the persons; see `tracker.evidence.Evidence.observe`."""
@@ -170,26 +171,45 @@ class RegionEvidence(Evidence):
 
     def _picture(self, sight: Sight, around: Contours | None, margin: float) -> Picture:
         """Colour numbers of all views near some contours, or everywhere; the margin is a share of the longer side."""
-        codes, layout, start = [], [], 0
+        return sight.joined(RegionEvidence, self._colour_numbers(sight, around, margin), _packed)
+
+    def _colour_numbers(self, sight: Sight, around: Contours | None, margin: float) -> tuple[_Codes | None, ...]:
+        """The same, view by view."""
+        found: list[_Codes | None] = []
         for v, image in enumerate(sight.frame.images):
             if image is None:
-                layout.append((start, 0, 0, 0, 0))
+                found.append(None)
                 continue
-            near = np.zeros((0, 4), dtype=np.float32) if around is None else expected_samples(around, v)
-            region = region_around(near, (image.shape[1], image.shape[0]), margin * max(image.shape[:2]))
-            seen, numbers = sight.once(RegionEvidence, v, region, partial(_encoded, image))
-            layout.append((start, *seen))
-            codes.append(numbers)
-            start += len(numbers)
-        flat = np.concatenate(codes) if codes else np.zeros(0, dtype=np.uint16)
-        return Picture(frozen(flat, np.uint16), frozen(layout, np.int64))
+            size = image.shape[1], image.shape[0]
+            region = (0, 0, *size) if around is None else expected_region(around, v, size, margin * max(size))
+            found.append(sight.once(RegionEvidence, v, region, partial(_encoded, image)))
+        return tuple(found)
 
 
-def _encoded(image: Image, region: Region) -> tuple[Region, Numbers16]:
+_Codes = tuple[Region, Numbers16]
+"""A region of a view and its colour numbers, row by row."""
+
+
+def _packed(views: Sequence[_Codes | None]) -> Picture:
+    codes, layout, start = [np.zeros(0, dtype=np.uint16)], [], 0
+    for view in views:
+        region, numbers = view or ((0, 0, 0, 0), codes[0])
+        layout.append((start, *region))
+        codes.append(numbers)
+        start += len(numbers)
+    flat: Numbers16 = np.concatenate(codes)
+    flat.setflags(write=False)
+    return Picture(flat, frozen(layout, np.int64))
+
+
+def _encoded(image: Image, region: Region) -> _Codes:
     codes = np.empty(region[2] * region[3], dtype=np.uint16)
     x, y, width, height = region
-    # a copy, so that pictures of every layout are of one type to the compiler
-    encode(np.array(image[y : y + height, x : x + width], order="C"), (0, 0, width, height), codes)
+    if image.flags.c_contiguous and image.flags.writeable:
+        encode(image, region, codes)
+    else:
+        # a copy, so that pictures of every layout are of one type to the compiler
+        encode(np.array(image[y : y + height, x : x + width], order="C"), (0, 0, width, height), codes)
     return region, codes
 
 

@@ -17,9 +17,9 @@ from tracker.contours import Contours
 from tracker.equations import Equations
 from tracker.evidence import Evidence, Memory
 from tracker.evidence._shares import over_views, shares
-from tracker.expectation import expected_samples, region_around
+from tracker.expectation import expected_region
 from tracker.geometry.superquadrics import spread, surface
-from tracker.kernels.pictures.coverage import covered_sums
+from tracker.kernels.pictures.coverage import cover_shares, covered_sums
 from tracker.kernels.rows import superquadric
 from tracker.kernels.rows.camera import CX, CY, FX, FY, SHEAR
 from tracker.observation import Observation
@@ -154,8 +154,7 @@ class SilhouetteEvidence(Evidence):
         if image is None:
             return None
         size = image.shape[1], image.shape[0]
-        near = None if expected is None else expected_samples(expected, v)
-        region = (0, 0, *size) if near is None else region_around(near, size, self.margin_px)
+        region = (0, 0, *size) if expected is None else expected_region(expected, v, size, self.margin_px)
         changes = sight.changes(v, region)
         return None if changes is None else changes.silhouette
 
@@ -173,8 +172,8 @@ class SilhouetteEvidence(Evidence):
 def _smaller(mask: Mask, factor: int) -> Array32:
     """(h, w) share of each pixel of a small picture that a mask (H, W) covers."""
     height, width = (length // factor for length in mask.shape)
-    whole = mask[: height * factor, : width * factor].astype(np.float32)
-    small: Array32 = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
+    small = np.empty((height, width), dtype=np.float32)
+    cover_shares(mask, factor, small)
     return small
 
 

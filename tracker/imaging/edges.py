@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from tracker.arrays import Array32, Image, Integers, Mask
+from tracker.kernels.images.canny import mark_edges
 from tracker.kernels.images.distance_images import chamfer_distances
 from tracker.kernels.images.linking import trace_segments
 from tracker.kernels.images.slopes import Slopes, strongest_slopes
@@ -56,14 +57,16 @@ def gradient(image: Image, sigma_px: float) -> Gradient:
     if image.ndim == 2:
         return Gradient(*cv2.spatialGradient(smooth))
     dx, dy = np.empty(image.shape[:2], dtype=np.int16), np.empty(image.shape[:2], dtype=np.int16)
-    strongest_slopes(tuple(cv2.split(smooth)), dx, dy)
+    strongest_slopes(smooth, dx, dy)
     return Gradient(dx, dy)
 
 
 def canny(gradients: Gradient, low: float, high: float) -> Image:
     """Canny edge map (h, w) from a gradient image; thresholds in grey levels per pixel."""
-    edges: Image = cv2.Canny(gradients.dx, gradients.dy, low * 8.0, high * 8.0, L2gradient=True)
-    return edges
+    height, width = gradients.dx.shape
+    framed = np.empty((height + 2, width + 2), dtype=np.uint8)
+    mark_edges(gradients.dx, gradients.dy, low * 8.0, high * 8.0, framed)
+    return framed[1:-1, 1:-1]
 
 
 def segment_edges(edges: Image, gradients: Gradient, rule: tuple[int, float, int]) -> EdgeSegments:

@@ -20,6 +20,7 @@ from tracker.kernels.contours.scoring import score_poses
 from tracker.kernels.contours.shares import edge_shares
 from tracker.kernels.contours.tracing import trace_contours
 from tracker.kernels.images.acceptance import expected_distances, marked
+from tracker.kernels.images.canny import mark_edges
 from tracker.kernels.images.changes import large_regions, mark_changes, median_change
 from tracker.kernels.images.distance_images import chamfer_distances
 from tracker.kernels.images.light import block_ratios, connected_blocks, relight, smooth_surface
@@ -32,7 +33,7 @@ from tracker.kernels.patches.bending import bending_shifts
 from tracker.kernels.patches.growth import grow, push_all
 from tracker.kernels.patches.keys import cut_keys, key_side, match_keys
 from tracker.kernels.patches.matching import N_FOUND, match_patches
-from tracker.kernels.pictures.coverage import covered_sums
+from tracker.kernels.pictures.coverage import cover_shares, covered_sums
 from tracker.kernels.pictures.id_contours import id_contours
 from tracker.kernels.pictures.rasterization import rasterize
 from tracker.kernels.pictures.silhouettes import fill_parts
@@ -97,7 +98,8 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (sum_collisions, (_own(_F8, 0, 1, 4, 4), model[0], _frozen(_I8, 0, 2))),
         (directed_distances, (samples[0], samples[4], *images, *scene, 40.0, False)),
         (edge_shares, (*first_pose, *images, *scene, _frozen(_F4, 0), (5.0, 10.0), _own(_F8, 4, 1))),
-        (strongest_slopes, ((_own(_U1, 2, 2), _own(_U1, 2, 2), _own(_U1, 2, 2)), _own(_I2, 2, 2), _own(_I2, 2, 2))),
+        (strongest_slopes, (_own(_U1, 2, 2, 3), _own(_I2, 2, 2), _own(_I2, 2, 2))),
+        (mark_edges, (*slopes, 24.0, 56.0, _own(_U1, 3, 3))),
         (trace_segments, (_own(_U1, 3, 3), slopes, (4, 0.3, 8), found)),
         (expected_distances, (found[0], found[0], _own(_F4, 0, 4), 20.0, 56.0)),
         (marked, (found[0], grey, (0, 0), _own(_B1, 0))),
@@ -116,6 +118,8 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (normal_equations, (*pairs, scene[0], rig[0], _own(_F8, 1, 6), _frozen(_B1, 1, 2), 16.0, 1.0)),
         (fill_parts, (_own(_F8, 1, 4, 4), _frozen(_F4, 1, 17 * 32, 7), (9, 16), _frozen(_F8, 25), _own(_B1, 1, 1))),
         (covered_sums, (_own(_F8, 0, 1, 4, 4), spots, (9, 16), _own(_F8, 1, 25), *weighted)),
+        (cover_shares, (_own(_B1, 1, 1), 1, depths)),
+        (cover_shares, (_frozen(_B1, 1, 1), 1, depths)),
         (rasterize, (_own(_F8, 0, 2), _own(_F8, 0), _own(_I8, 0, 3), (0, 0), _own(_F4, 1, 1, 4))),
         (id_contours, (_own(_I8, 1, 1), depths, (0, 0, 1, 1), _frozen(_F8, 25), _own(_F8, 1, 17), 0.02, *traced)),
     ]

@@ -9,32 +9,37 @@ from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_along
 from tracker.kernels.rows import sample, scene_point
 
-
-@compiled
-def _first_below(scene: Array32, low: int, high: int, y: float) -> int:
-    """First of the scene rows low..high (sorted by y) whose y is not above the given one."""
-    while low < high:
-        middle = (low + high) // 2
-        if scene[middle, scene_point.Y] < y:
-            low = middle + 1
-        else:
-            high = middle
-    return low
+_COLUMN_PX, _N_COLUMNS = 32.0, 64
+"""Width and number of the columns of an image whose last find tells where to look next."""
 
 
 @compiled
 def _nearest(
-    rows: Array32, low: int, high: int, query: tuple[float, float, float, float], gate: tuple[float, float]
+    rows: Array32,
+    span: tuple[int, int, int],
+    query: tuple[float, float, float, float],
+    gate: tuple[float, float],
+    likely: int,
 ) -> int:
     """Index of the row (x, y, direction x, y) nearest to the query whose direction agrees, -1 if there is none.
 
-    The rows low..high are sorted by y: the search goes up and down from the query until rows are farther away in y
-    alone than the best found.
+    The search goes up and down from the query until rows are farther away in y alone than the best found.
+
+    Args:
+        rows: sorted by y.
+        span: which of them: the first, the first that is not above the query, the end.
+        query: position and direction.
+        gate: largest distance, px, and smallest cosine.
+        likely: a row that may be near; what is farther off than it is not looked at. -1 for none.
     """
     x, y, nx, ny = query
     radius, cosine = gate
     best, found = radius * radius, -1
-    start = _first_below(rows, low, high, y)
+    low, start, high = span
+    if likely >= 0 and abs(nx * rows[likely, 2] + ny * rows[likely, 3]) >= cosine:
+        dx, dy = rows[likely, 0] - x, rows[likely, 1] - y
+        # A little more, so that the row itself, or an equal one before it, is found as it would be without.
+        best = min(best, (dx * dx + dy * dy) * 1.00001 + 1e-9)
     for i in range(start, high):
         dy = rows[i, 1] - y
         if dy * dy >= best:
@@ -55,6 +60,11 @@ def _nearest(
 
 
 @compiled
+def _column(x: float) -> int:
+    return int(min(max(x / _COLUMN_PX, 0.0), _N_COLUMNS - 1.0))
+
+
+@compiled
 def match_oriented(
     positions: Array32, counts: Integers, scene: Array32, first: Integers, gate: tuple[float, float], pairs: Integers
 ) -> int:
@@ -71,6 +81,7 @@ def match_oriented(
         Number of pairs found.
     """
     n = 0
+    likely = np.empty((2, _N_COLUMNS), dtype=np.int64)
     for v in range(len(counts)):
         order = np.argsort(positions[v, : counts[v], 1])
         model = np.zeros((counts[v], 4), dtype=np.float32)
@@ -82,18 +93,31 @@ def match_oriented(
                     model[n_model, k] = positions[v, m, k]
                 samples[n_model] = m
                 n_model += 1
+        likely[:] = -1
+        start = first[v]
         for i in range(n_model):
             query = (model[i, 0], model[i, 1], model[i, 2], model[i, 3])
-            found = _nearest(scene, first[v], first[v + 1], query, gate)
-            if found >= 0 and n < len(pairs):
-                pairs[n, 0], pairs[n, 1], pairs[n, 2], pairs[n, 3] = v, samples[i], found, 0
-                n += 1
+            while start < first[v + 1] and scene[start, scene_point.Y] < query[1]:
+                start += 1
+            column = _column(query[0])
+            found = _nearest(scene, (first[v], start, first[v + 1]), query, gate, likely[0, column])
+            if found >= 0:
+                likely[0, column] = found
+                if n < len(pairs):
+                    pairs[n, 0], pairs[n, 1], pairs[n, 2], pairs[n, 3] = v, samples[i], found, 0
+                    n += 1
+        start = 0
         for s in range(first[v], first[v + 1]):
             query = scene[s, scene_point.X], scene[s, scene_point.Y], scene[s, scene_point.DX], scene[s, scene_point.DY]
-            found = _nearest(model, 0, n_model, query, gate)
-            if found >= 0 and n < len(pairs):
-                pairs[n, 0], pairs[n, 1], pairs[n, 2], pairs[n, 3] = v, samples[found], s, 1
-                n += 1
+            while start < n_model and model[start, 1] < query[1]:
+                start += 1
+            column = _column(query[0])
+            found = _nearest(model, (0, start, n_model), query, gate, likely[1, column])
+            if found >= 0:
+                likely[1, column] = found
+                if n < len(pairs):
+                    pairs[n, 0], pairs[n, 1], pairs[n, 2], pairs[n, 3] = v, samples[found], s, 1
+                    n += 1
     return n
 
 

@@ -27,22 +27,37 @@ def block_ratios(now: Image, plate: Image, size: int, step: int) -> Array:
     n_rows, n_columns = now.shape[0] // size, now.shape[1] // size
     ratios = np.empty((n_rows, n_columns, 3))
     n = len(range(0, size, step)) ** 2
-    ordered = np.empty(n, dtype=np.float32)
+    values = np.empty((3, n), dtype=np.float32)
     for row in range(n_rows):
         for column in range(n_columns):
+            found = 0
+            for y in range(row * size, (row + 1) * size, step):
+                for x in range(column * size, (column + 1) * size, step):
+                    for c in range(3):
+                        values[c, found] = (now[y, x, c] + DARK) / (plate[y, x, c] + DARK)
+                    found += 1
             for c in range(3):
-                found = 0
-                for y in range(row * size, (row + 1) * size, step):
-                    for x in range(column * size, (column + 1) * size, step):
-                        value = np.float32((now[y, x, c] + DARK) / (plate[y, x, c] + DARK))
-                        k = found
-                        while k > 0 and ordered[k - 1] > value:
-                            ordered[k] = ordered[k - 1]
-                            k -= 1
-                        ordered[k] = value
-                        found += 1
-                ratios[row, column, c] = 0.5 * (np.log(ordered[(n - 1) // 2]) + np.log(ordered[n // 2]))
+                ratios[row, column, c] = _log_median(values[c])
     return ratios
+
+
+@compiled
+def _log_median(values: Array32) -> float:
+    """Logarithm of the median; of an even number the mean of both. The values are used up.
+
+    Half of them are sorted, by selection: it branches less than insertion, for which most of the time went.
+    """
+    n = len(values)
+    for i in range(n // 2 + 1):
+        least = values[i]
+        for k in range(i + 1, n):
+            other = values[k]
+            values[k] = max(least, other)
+            least = min(least, other)
+        values[i] = least
+    if n % 2:
+        return float(np.log(values[n // 2]))
+    return float(0.5 * (np.log(values[n // 2 - 1]) + np.log(values[n // 2])))
 
 
 @compiled

@@ -98,13 +98,31 @@ def _link_chain(flat: Image, width: int, place: int, points: Pixels, n: int) -> 
 @compiled
 def _walk(flat: Image, width: int, place: int, points: Pixels, n: int) -> int:
     """Writes the pixels from one on in one direction, and clears them."""
-    while place >= 0:
+    y = place // width
+    x = place - y * width
+    while True:
         flat[place] = 0
-        y = place // width
-        points[n, 0], points[n, 1] = place - y * width - 1, y - 1
+        points[n, 0], points[n, 1] = x - 1, y - 1
         n += 1
-        place = _next_place(flat, width, place)
-    return n
+        # Straight neighbours first; dividing each place by the width would take as long as all else.
+        if flat[place + 1]:
+            place, x = place + 1, x + 1
+        elif flat[place + width]:
+            place, y = place + width, y + 1
+        elif flat[place - 1]:
+            place, x = place - 1, x - 1
+        elif flat[place - width]:
+            place, y = place - width, y - 1
+        elif flat[place + width + 1]:
+            place, x, y = place + width + 1, x + 1, y + 1
+        elif flat[place + width - 1]:
+            place, x, y = place + width - 1, x - 1, y + 1
+        elif flat[place - width - 1]:
+            place, x, y = place - width - 1, x - 1, y - 1
+        elif flat[place - width + 1]:
+            place, x, y = place - width + 1, x + 1, y - 1
+        else:
+            return n
 
 
 @compiled

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.arrays import Array, Array32, Integers
+from tracker.arrays import Array, Array32, Integers, Mask, Numbers16
 from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.scoring import moving_parts, repeated_parts
 from tracker.kernels.pictures.silhouettes import widen
@@ -100,3 +100,27 @@ def covered_sums(
                             sums[turn, v, 0] += pictures[at, 0]
                             sums[turn, v, 1] += pictures[at, 1]
     return sums
+
+
+@compiled
+def cover_shares(mask: Mask, factor: int, shares: Array32) -> None:
+    """Share (h, w) of each square of `factor` pixels along its side that a mask (H, W) covers."""
+    height, width = shares.shape
+    counts = np.empty(mask.shape[1], dtype=np.uint16)
+    share = np.float32(1.0 / (factor * factor))
+    for row in range(height):
+        counts[:] = 0
+        for y in range(row * factor, (row + 1) * factor):
+            _count(mask[y], counts)
+        for column in range(width):
+            covered = 0
+            for x in range(column * factor, (column + 1) * factor):
+                covered += counts[x]
+            shares[row, column] = np.float32(covered) * share
+
+
+@compiled
+def _count(row: Mask, counts: Numbers16) -> None:
+    # A function, for operators widen whole numbers to 64 bits.
+    for x in range(len(counts)):
+        counts[x] = np.add(counts[x], np.uint16(row[x]))

@@ -60,12 +60,18 @@ class Tables(NamedTuple):
 def encode(image: Image, region: tuple[int, int, int, int], codes: Numbers16) -> None:
     """Writes the colour numbers of a region (x, y, width, height) of a BGR image to `codes`, row by row."""
     x, y, width, height = region
-    i = 0
-    for row in range(y, y + height):
-        for column in range(x, x + width):
-            blue, green, red = image[row, column, 0], image[row, column, 1], image[row, column, 2]
-            codes[i] = (blue >> 4) << 8 | (green >> 4) << 4 | red >> 4
-            i += 1
+    for row in range(height):
+        _encode_row(image[y + row, x : x + width].reshape(-1), codes[row * width : (row + 1) * width])
+
+
+@compiled
+def _encode_row(levels: Image, codes: Numbers16) -> None:
+    # Functions, for operators widen whole numbers to 64 bits: ten times slower.
+    half, most = np.uint16(4), np.uint16(240)
+    for k in range(len(codes)):
+        blue, green, red = np.uint16(levels[3 * k]), np.uint16(levels[3 * k + 1]), np.uint16(levels[3 * k + 2])
+        high = np.left_shift(np.right_shift(blue, half), np.uint16(8))
+        codes[k] = np.bitwise_or(np.bitwise_or(high, np.bitwise_and(green, most)), np.right_shift(red, half))
 
 
 @compiled
@@ -111,13 +117,13 @@ def learn_colours(counts: Integers, news: float, table: Array32) -> bool:
     Returns:
         Whether there were enough pixels.
     """
-    total, known = 0.0, 0.0
+    # Whole numbers and comparisons: sums of fractions, which have an order, took most of the time of learning.
+    total = 0
     for colour in range(N_COLOURS):
         total += counts[colour]
-        known += table[colour]
     if total < LEAST_PIXELS:
         return False
-    rate = news if known > 0.0 else 1.0
+    rate = news if table.max() > 0.0 else 1.0
     for colour in range(N_COLOURS):
         table[colour] *= 1.0 - rate
     spread_colours(counts, table, rate / total)

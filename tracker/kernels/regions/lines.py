@@ -194,7 +194,7 @@ def find_shifts(
         wanted: (P,) parts whose samples count.
         rule: how lines are read.
         shifts: (V, M, 3) output: mean shift, px, outwards; its inverse variance, 1/px^2; 1 where the line supports a
-            contour there, 0.3 where its best place is the end of the line, 0 for the others.
+            contour there, 0.3 where its best place is the end of the line. All 0 for the others.
     """
     n_shifts = 2 * rule.reach + 1
     shares, energy = np.zeros(2 * (rule.reach + _SUPPORT)), np.zeros(n_shifts)
@@ -220,6 +220,8 @@ def find_shifts(
             spacing = (step, DEEPEST * size * looks.half_extents[p], rule.floor)
             _read_line(picture, looks, place, (beside[v, m, 0], beside[v, m, 1]), spacing, shares)
             best = _weigh_shifts(shares, rule.reach, gains, energy)
+            if not _supported(shares, _SUPPORT + best):
+                continue
             total = first = second = 0.0
             for d in range(n_shifts):
                 weight = np.exp(energy[best] - energy[d])
@@ -231,8 +233,7 @@ def find_shifts(
             variance = (second / total - mean * mean + 1.0 / 12.0) * step * step
             shifts[v, m, 0] = mean * step
             shifts[v, m, 1] = 1.0 / max(variance, 0.5)
-            if _supported(shares, _SUPPORT + best):
-                shifts[v, m, 2] = 1.0 if 0 < best < n_shifts - 1 else 0.3
+            shifts[v, m, 2] = 1.0 if 0 < best < n_shifts - 1 else 0.3
 
 
 @compiled
