@@ -21,7 +21,7 @@ from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.frame import Frame
 from tracker.initialization import Backdrops, Stages
-from tracker.initialization._foregrounds import foregrounds, segmented
+from tracker.initialization._foregrounds import foregrounds, outlined, segmented
 from tracker.initialization._hypotheses import least_left
 from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.stance import StanceInitialization
@@ -144,6 +144,22 @@ def test_of_the_unknown_what_looks_like_the_person_is_foreground() -> None:
     assert not near[12:38, 12:38].any()
     assert every[12:38, 12:38].all()
     assert not near[152:154, 155:165].any()
+
+
+def test_what_was_drawn_is_a_mask_where_the_plate_does_not_know() -> None:
+    frame, plate = half_known()
+    image, given = frame.images[0], np.zeros((240, 320), dtype=bool)
+    given[:20, :20] = given[100, 100] = True
+    four = Frame(0, 0.0, (image,) * 4, (None, None, given, given))
+    plates = (plate, Plate(room()), plate, None)
+    drawn = segmented(four, plates)
+    masks = outlined(four, plates, drawn).masks
+    assert masks[0] is not None
+    # the half that the plate knows, and of the other what looks like it
+    assert (masks[0][BOX].mean(), masks[0][:, :130].any(), masks[0][:, 190:].any()) == (1.0, False, False)
+    assert masks[1] is None
+    for mask in masks[2:]:
+        np.testing.assert_array_equal(mask, given)
 
 
 def test_an_outline_with_a_hole_does_not_make_a_model(truth: Scene, masks: tuple[Mask, ...]) -> None:

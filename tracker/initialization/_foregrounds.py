@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ from tracker.arrays import Array32, Image, Mask
 from tracker.frame import Frame
 from tracker.imaging.densities import colour_codes, densities
 from tracker.imaging.level_set import Forces, threshold_dynamics
+from tracker.initialization._persons import cleaned
 from tracker.plate import Plate, departing
 
 # A limb that is missing in a mask is worse than a speck, which is nothing in space: less than in tracking.
@@ -40,6 +42,24 @@ def segmented(frame: Frame, plates: tuple[Plate | None, ...]) -> tuple[Mask | No
     five recordings (intersection over union; 13 frames), that of all that is not known 0.6 to 0.8.
     """
     return _found(frame, plates, _drawn)
+
+
+def outlined(frame: Frame, plates: tuple[Plate | None, ...], drawn: tuple[Mask | None, ...]) -> Frame:
+    """The frame with foregrounds that were drawn as its masks, where it has none and a plate does not know everywhere.
+
+    What is not known counts for nothing, and every edge there as the person's: on the carpet of P-Floor the right pose
+    left over 0.78 of its contour, wrong ones 0.70 to 0.77. With masks it leaves 0.38, wrong ones 0.41 and more.
+
+    Args:
+        frame: the images.
+        plates: of the views.
+        drawn: (H, W) the foreground in each view, see `segmented`.
+    """
+    masks = []
+    for v, (plate, mask) in enumerate(zip(plates, drawn, strict=True)):
+        given, doubted = frame.mask(v), plate is not None and plate.unknown is not None
+        masks.append(cleaned(mask) if mask is not None and given is None and doubted else given)
+    return replace(frame, masks=tuple(masks))
 
 
 def _found(

@@ -65,7 +65,7 @@ def find_persons(
     statures = sorted((size.stature_m for size in sizes), reverse=True)
     reach_m = max(_reach(person) for person in persons)
     most = 1 if sum(mask is not None for mask in masks) > 2 else 0
-    masks = tuple(None if mask is None else _cleaned(mask) for mask in masks)
+    masks = tuple(None if mask is None else cleaned(mask) for mask in masks)
     hull = visual_hull(rig, masks, most)
     hull = hull.part(~_taken(hull.points, held))
     erosions = range(_EROSIONS + 1 if len(persons) + len(held) > 1 else 1)
@@ -146,13 +146,13 @@ def _head_top(found: Found, rig: Rig) -> float:
         return float(hull_axis(found.points).head_top[2])
 
 
-def _cleaned(mask: Mask) -> Mask:
-    """Without specks, and without gaps narrower than a hand."""
+def cleaned(mask: Mask) -> Mask:
+    """A mask (H, W) without specks, and without gaps narrower than a hand."""
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     radius = max(2, round(max(mask.shape) * _GAP))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    cleaned: Mask = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, disc) > 0
-    return cleaned
+    closed: Mask = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, disc) > 0
+    return closed
 
 
 def _reach(person: Person) -> float:

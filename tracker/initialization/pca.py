@@ -16,7 +16,7 @@ from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
 from tracker.initialization import Stages
-from tracker.initialization._foregrounds import foregrounds, segmented
+from tracker.initialization._foregrounds import foregrounds, outlined, segmented
 from tracker.initialization._hypotheses import (
     apart,
     coarse_poses,
@@ -125,10 +125,10 @@ class PcaInitialization:
         _enough(masks, frame, scene)
         if not any(plate is not None and plate.unknown is not None for plate in stages.plates):
             return self._started(frame, scene, stages, masks)
-        starts, faults = [], []
-        for tried in (segmented(frame, stages.plates), masks):
+        starts, faults, drawn = [], [], segmented(frame, stages.plates)
+        for shown, tried in ((frame, drawn), (frame, masks), (outlined(frame, stages.plates, drawn), drawn)):
             try:
-                starts.append(self._started(frame, scene, stages, tried))
+                starts.append(self._started(shown, scene, stages, tried))
             except InitializationError as fault:
                 faults.append(fault)
         if not starts:
