@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tracker.arrays import Array, Image, Mask
-from tracker.imaging.edges import EdgeSegments, Gradient, canny, chamfer_image, gradient, segment_edges
+from tracker.imaging.edges import EdgeSegments, canny, chamfer_image, gradient, segment_edges
 
 RULE = (4, float(np.radians(20.0)), 8)
 DARK, BRIGHT = 60.0, 180.0
@@ -115,21 +115,6 @@ def test_the_gradient_of_a_colour_image_is_that_of_its_strongest_channel() -> No
     alone = tied.sum(axis=0) == 1
     assert alone.mean() > 0.9
     np.testing.assert_array_equal(found[alone], expected[alone])
-
-
-@pytest.mark.parametrize("size", [(1, 1), (2, 2), (9, 11), (60, 83)])
-@pytest.mark.parametrize("coarse", [1, 3])
-@pytest.mark.parametrize("limits", [(0.5, 1.0), (6.0, 14.0), (20.0, 60.0)])
-def test_edges_equal_those_of_opencv_to_the_border(
-    size: tuple[int, int], coarse: int, limits: tuple[float, float]
-) -> None:
-    """Also where equal slopes lie side by side, as in pictures of a few large squares."""
-    height, width = size
-    squares = np.random.default_rng(height).integers(0, 5, (height, width)).astype(np.uint8) * 40
-    picture = np.repeat(np.repeat(squares, coarse, axis=0), coarse, axis=1)
-    slopes = Gradient(*cv2.spatialGradient(picture))
-    expected = cv2.Canny(slopes.dx, slopes.dy, limits[0] * 8.0, limits[1] * 8.0, L2gradient=True)
-    np.testing.assert_array_equal(canny(slopes, *limits), expected)
 
 
 @pytest.mark.parametrize("size", [(2, 2), (2, 9), (9, 2), (3, 3), (31, 70)])

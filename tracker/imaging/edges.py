@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 
 from tracker.arrays import Array32, Image, Integers, Mask
-from tracker.kernels.images.canny import mark_edges
 from tracker.kernels.images.distance_images import chamfer_distances
 from tracker.kernels.images.linking import trace_segments
 from tracker.kernels.images.slopes import Slopes, strongest_slopes
@@ -63,10 +62,8 @@ def gradient(image: Image, sigma_px: float) -> Gradient:
 
 def canny(gradients: Gradient, low: float, high: float) -> Image:
     """Canny edge map (h, w) from a gradient image; thresholds in grey levels per pixel."""
-    height, width = gradients.dx.shape
-    framed = np.empty((height + 2, width + 2), dtype=np.uint8)
-    mark_edges(gradients.dx, gradients.dy, low * 8.0, high * 8.0, framed)
-    return framed[1:-1, 1:-1]
+    edges: Image = cv2.Canny(gradients.dx, gradients.dy, low * 8.0, high * 8.0, L2gradient=True)
+    return edges
 
 
 def segment_edges(edges: Image, gradients: Gradient, rule: tuple[int, float, int]) -> EdgeSegments:

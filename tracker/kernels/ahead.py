@@ -20,7 +20,6 @@ from tracker.kernels.contours.scoring import score_poses
 from tracker.kernels.contours.shares import edge_shares
 from tracker.kernels.contours.tracing import trace_contours
 from tracker.kernels.images.acceptance import expected_distances, marked
-from tracker.kernels.images.canny import mark_edges
 from tracker.kernels.images.changes import large_regions, mark_changes, median_change
 from tracker.kernels.images.distance_images import chamfer_distances
 from tracker.kernels.images.light import block_ratios, connected_blocks, relight, smooth_surface
@@ -99,7 +98,6 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (directed_distances, (samples[0], samples[4], *images, *scene, 40.0, False)),
         (edge_shares, (*first_pose, *images, *scene, _frozen(_F4, 0), (5.0, 10.0), _own(_F8, 4, 1))),
         (strongest_slopes, (_own(_U1, 2, 2, 3), _own(_I2, 2, 2), _own(_I2, 2, 2))),
-        (mark_edges, (*slopes, 24.0, 56.0, _own(_U1, 3, 3))),
         (trace_segments, (_own(_U1, 3, 3), slopes, (4, 0.3, 8), found)),
         (expected_distances, (found[0], found[0], _own(_F4, 0, 4), 20.0, 56.0)),
         (marked, (found[0], grey, (0, 0), _own(_B1, 0))),
