@@ -61,6 +61,7 @@ def test_an_evaluation_starts_with_what_is_looked_for(monkeypatch):
         p95_mm=50.0,
         mean_offset_removed_mm=11.5,
         median_offset_removed_mm=10.0,
+        mean_trunk_offset_removed_mm=4.0,
         joints_mm={"left_wrist": (30.0, 12.0)},
         parameters={"torso_twist_deg": 1.25},
         hinges_deg={"left_elbow": (4.0, 2.0)},
@@ -68,9 +69,10 @@ def test_an_evaluation_starts_with_what_is_looked_for(monkeypatch):
     evaluate.print_evaluation(Evaluation(persons=(person,), silhouette_iou={}, distances_mm={}))
     rows = [line for line in shown.file.getvalue().splitlines() if line.startswith("│")]
     told = [row.split("│")[1].strip() for row in rows]
-    assert told[:3] == ["joint distance, mean", "mean, joint offsets removed", "joint angles, RMS"]
-    assert told[3].startswith("left elbow")
-    assert "2 of 75" in rows[4]
+    means = ["joint distance, mean", "mean, joint offsets removed", "mean, removed as the trunk turns"]
+    assert told[:4] == [*means, "joint angles, RMS"]
+    assert told[4].startswith("left elbow")
+    assert "2 of 75" in rows[5]
     assert told[-2:] == ["joint distance, median", "joint distance, 95 %"]
 
 
