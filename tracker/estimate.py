@@ -45,7 +45,7 @@ class Estimate:
     """How well the pose explains the images."""
 
     penalty_px: float
-    """What the pose costs because the body runs through itself, px."""
+    """What the pose costs because the body runs through itself or is seldom like that, px."""
 
     evaluations: int
     """Poses synthesized and compared."""

@@ -24,6 +24,9 @@ _NEAR = 2.0
 _TAILS = 3.0
 """Degrees of freedom of Student's distribution of a joint's samples: an arm may be lost for a while only."""
 
+_MEDIAN_OF_THREE = 2.366
+"""Of the sum of the squares of three normal deviates (chi square)."""
+
 _BESIDE_TAILS = 2.0
 """The same of how far joints lie beside their markers: where a body's pelvis is, no marker set says (80 mm)."""
 
@@ -191,10 +194,6 @@ def _variances(found: _Samples, residual: Array, before: Array | None, beside_m:
             variances[joint] = (share[mine] * square[mine]).mean() / 3
     least: Array = np.maximum(variances, NOISE_M**2 / 3)
     return least
-
-
-_MEDIAN_OF_THREE = 2.366
-"""Of the sum of three squares (chi square)."""
 
 
 def _share(square: Array, variance: Array) -> Array:
