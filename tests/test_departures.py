@@ -127,6 +127,18 @@ def test_a_limb_that_has_come_out_must_be_covered(body: BodyModel, scene: Scene,
     assert none.sum() < 0.2 * missed.sum()
 
 
+def test_a_limb_is_missed_of_a_person_whose_whole_background_is_known(scene: Scene, raised: Array) -> None:
+    """Somebody who was elsewhere before stands before a wall that was seen: all of him is change, nobody else's."""
+    person = scene.persons[0]
+    aside = person.q.copy()
+    aside[person.body.index("torso_x")] += 1.0
+    away = scene.with_pose(0, aside)
+    memory = learned(scene, images_of(scene), learned(away, images_of(away)))
+    question = asked(scene, images_of(scene.with_pose(0, raised)), memory)
+    still, right = EVIDENCE.distances(question, np.stack([person.q, raised]))
+    assert still > right + 1
+
+
 def test_its_number_is_that_of_its_account(scene: Scene, raised: Array) -> None:
     question = asked(scene, images_of(scene.with_pose(0, raised)), learned(scene, images_of(scene)))
     q = scene.persons[0].q

@@ -96,7 +96,7 @@ def test_a_wrong_section_is_one_line(section: str, told: str, tmp_path: Path) ->
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("model", ["human", "gavrila22", "upper21"])
+@pytest.mark.parametrize("model", ["human", "gavrila22", "upper21", "upper32"])
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_bundled_persons_know_what_detectors_call_their_joints(model: str, layout: str) -> None:
     """Both sides' points are mirror images, and lie where a person of 1.8 m has them."""
@@ -107,7 +107,7 @@ def test_bundled_persons_know_what_detectors_call_their_joints(model: str, layou
     place = dict(zip(names, known.points, strict=True))
     for name in names:
         np.testing.assert_allclose(place[name], place[body.mirror.of(name)] * [1, -1, 1], atol=1e-9)
-    if model == "human":
+    if model in ("human", "upper32"):
         assert set(names) == set(LAYOUTS[layout])
         assert place["left_ear"][2] < place["nose"][2] + 0.05
         assert place["nose"][0] > place["left_eye"][0] > place["left_ear"][0]

@@ -99,7 +99,11 @@ def _joint(body: BodyModel, q: Array, segment: str, marks: dict[str, Array]) -> 
 
 @pytest.mark.parametrize(
     ("model", "pose_deg"),
-    [("upper21", {**POSE_DEG, "arm_pronation": -60.0}), ("human", {**POSE_DEG, "leg_abduction": 7.0})],
+    [
+        ("upper21", {**POSE_DEG, "arm_pronation": -60.0}),
+        ("upper32", {**POSE_DEG, "arm_pronation": -60.0}),
+        ("human", {**POSE_DEG, "leg_abduction": 7.0}),
+    ],
 )
 def test_a_scan_of_a_known_body_gives_that_body(tmp_path: Path, model: str, pose_deg: dict[str, float]) -> None:
     scan = scanned(tmp_path, model, pose_deg)

@@ -115,7 +115,7 @@ class DeparturesEvidence(Evidence):
     """A region that comes nowhere so near to the person of the frame before hangs on somebody else, px."""
 
     most_share: float = pydantic.Field(default=0.25, gt=0)
-    """A view in which more than this share of the person has changed shows somebody else who passes."""
+    """A view in which more than this share of the person has changed beside it shows somebody else who passes."""
 
     limb_share: float = pydantic.Field(default=0.1, gt=0)
     """Share of the person that a limb covers at most: what changes apart from the person and is more is not a limb."""
@@ -242,7 +242,9 @@ class DeparturesEvidence(Evidence):
             near[y // factor : (y + height) // factor + 1, x // factor : (x + width) // factor + 1] = True
             departs &= near
         found = linked(opened(departs), known.gaps < self.linked_px) & ~linked(opened(changed), known.strangers)
-        if known.touched(self.linked_px) or np.count_nonzero(found) > self.most_share * known.n_person:
+        # beside the person of the frame before: the rest is the person, before what was seen while nobody stood there
+        beside = np.count_nonzero(found & (known.gaps > 0))
+        if known.touched(self.linked_px) or beside > self.most_share * known.n_person:
             found = np.zeros_like(found)
         return found, opened(known.staying(small, levels))
 
