@@ -105,6 +105,20 @@ def test_who_is_in_doubt_keeps_the_body_of_the_model(
     assert len(best_seen(steps, 0, N_FRAMES, 4, doubted_too=True)) == 4
 
 
+def test_who_is_in_doubt_all_the_way_there_is_followed_back_first(
+    filmed: Simulation, as_general: Scene, general: BodyDescription, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def in_doubt(*asked: object) -> tuple[list[Step], State]:
+        steps, state = there(*asked)  # type: ignore[arg-type]
+        return [replace(one, estimates=(replace(one.estimates[0], doubtful=True),)) for one in steps], state
+
+    monkeypatch.setattr(from_recording, "there", in_doubt)
+    cycle, spaces = cycle_for(filmed, TrueStart(filmed)), {0: space_of(general, ShapePrior())}
+    found = fit_bodies(spaces, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
+    assert found.told == {0: "fitted to 4 of the first 8 frames"}
+    assert [step.estimates[0].doubtful for step in found.steps] == [False] * (N_FRAMES - 1) + [True]
+
+
 def test_a_start_is_not_looked_for_again_but_those_of_other_frames_are(filmed: Simulation) -> None:
     cycle = cycle_for(filmed, TrueStart(filmed))
     first, second = itertools.islice(filmed.frames(), 2)
