@@ -24,6 +24,7 @@ def edge_maps() -> dict[str, Image]:
 
 
 EDGE_MAPS = edge_maps()
+EVERYWHERE = np.zeros((0, 0), dtype=np.uint8)
 
 
 def chains_of(edges: Image) -> tuple[Pixels, Pixels]:
@@ -122,12 +123,34 @@ def test_traced_segments_are_the_linked_and_split_chains_that_are_long_enough(na
     dx, dy = np.random.default_rng(1).integers(-1020, 1021, (2, *edges.shape)).astype(np.int16)
     positions, directions = np.zeros((2, len(points), 2), dtype=np.float32)
     segments = np.zeros(len(points), dtype=np.int64)
-    n, n_segments = trace_segments(np.pad(edges, 1), (dx, dy), RULE, (positions, directions, segments))
+    n, n_segments = trace_segments(np.pad(edges, 1), (dx, dy), RULE, EVERYWHERE, (positions, directions, segments))
     kept = labels >= 0
     np.testing.assert_array_equal(segments[:n], labels[kept])
     assert n_segments == labels.max(initial=-1) + 1
     profile = np.zeros((2, n, 2), dtype=np.float32)
     edge_profile(points[kept], (dx, dy), *profile)
+    np.testing.assert_array_equal(positions[:n], profile[0])
+    np.testing.assert_array_equal(directions[:n], profile[1])
+
+
+@pytest.mark.parametrize("name", EDGE_MAPS)
+def test_segments_that_are_left_out_early_are_those_without_a_pixel_that_matters(name: str) -> None:
+    edges, rng = EDGE_MAPS[name], np.random.default_rng(3)
+    dx, dy = rng.integers(-1020, 1021, (2, *edges.shape)).astype(np.int16)
+    near = np.zeros(edges.shape, dtype=np.uint8)
+    near[10:25, 30:50] = 255 * (rng.random((15, 20)) < 0.2)
+    points, starts = chains_of(edges)
+    labels = plain_segments(points, starts)
+    matter = np.isin(labels, labels[near[points[:, 1], points[:, 0]] > 0]) & (labels >= 0)
+    positions, directions = np.zeros((2, len(points), 2), dtype=np.float32)
+    segments = np.zeros(len(points), dtype=np.int64)
+    n, n_segments = trace_segments(np.pad(edges, 1), (dx, dy), RULE, near, (positions, directions, segments))
+    assert n == matter.sum()
+    assert n_segments == len(np.unique(labels[matter]))
+    np.testing.assert_array_equal(segments[:n], np.unique(labels[matter], return_inverse=True)[1])
+    assert name in ("0%", "5%") or 0 < n < (labels >= 0).sum()
+    profile = np.zeros((2, n, 2), dtype=np.float32)
+    edge_profile(points[matter], (dx, dy), *profile)
     np.testing.assert_array_equal(positions[:n], profile[0])
     np.testing.assert_array_equal(directions[:n], profile[1])
 

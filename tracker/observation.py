@@ -16,7 +16,7 @@ class ViewObservation:
     """Findings of one view; positions are in pixels of the whole image."""
 
     edges: Array32
-    """(N, 2) edge points, px."""
+    """(N, 2) edge points, px; of segments that may be accepted."""
 
     directions: Array32
     """(N, 2) unit image gradient at the edge points: across the edge, towards the brighter side."""

@@ -140,35 +140,32 @@ class ContourAnalysis(Analysis):
             image = sight.frame.images[v]
             assert image is not None
             changes = sight.changes(v, where)
-            moving, silhouette = (None, None) if changes is None else (changes.moving, changes.silhouette)
-            found = self._segments(image, where)
-            trusted, outline = self._trusted(found, moving, where), self._outline(found, silhouette, where)
-            return _ViewLook(found, trusted, outline)
+            if changes is None or not self.use_background:
+                found = self._segments(image, where)
+                return _ViewLook(found, np.ones(len(found.points), dtype=np.bool_), None)
+            # Edges count on or beside pixels that have changed; shadows count, for skin may look like one.
+            beside = _filtered(changes.moving, cv2.MORPH_DILATE, (self.grow_px, where))
+            found = self._segments(image, where, _reached(beside, where))
+            return _ViewLook(found, _at(found, beside), self._outline(found, changes.silhouette, where))
 
         return sight.once(self, v, region, find)
 
-    def _segments(self, image: Image, region: Region) -> EdgeSegments:
-        """Segments in a region, positions in the whole image."""
+    def _segments(self, image: Image, region: Region, near: Image | None = None) -> EdgeSegments:
+        """Segments in a region that have a pixel where the image of the region is set, positions in the whole image."""
         x, y, width, height = region
         part = image[y : y + height, x : x + width]
         part = part if self.colour else cv2.cvtColor(part, cv2.COLOR_BGR2GRAY)
         gradients = gradient(part, self.smoothing_px)
         edges = canny(gradients, self.low, self.high)
         rule = (self.tangent_px, float(np.radians(self.curvature_deg)), self.min_length_px)
-        found = segment_edges(edges, gradients, rule)
+        found = segment_edges(edges, gradients, rule, near)
         return replace(found, points=found.points + np.array([x, y], dtype=np.float32))
 
-    def _trusted(self, found: EdgeSegments, moving: Mask | None, region: Region) -> Mask:
-        """Points on or beside pixels that have changed; shadows count, for skin may look like one."""
-        if moving is None or not self.use_background:
-            return np.ones(len(found.points), dtype=np.bool_)
-        return _at(found, moving, cv2.MORPH_DILATE, (self.grow_px, region))
-
-    def _outline(self, found: EdgeSegments, silhouette: Mask | None, region: Region) -> Mask | None:
+    def _outline(self, found: EdgeSegments, silhouette: Mask, region: Region) -> Mask | None:
         """Points on the outline of the foreground."""
-        if silhouette is None or not self.use_background or self.outline_px == 0:
+        if self.outline_px == 0:
             return None
-        return _at(found, silhouette, cv2.MORPH_GRADIENT, (self.outline_px, region))
+        return _at(found, _filtered(silhouette, cv2.MORPH_GRADIENT, (self.outline_px, region)))
 
 
 def _with_interior(observed: ViewObservation, outline: Mask, weight: float) -> ViewObservation:
@@ -177,25 +174,43 @@ def _with_interior(observed: ViewObservation, outline: Mask, weight: float) -> V
     return replace(observed, scene_weights=frozen(weights, np.float32))
 
 
-def _at(found: EdgeSegments, mask: Mask, operation: int, around: tuple[int, Region]) -> Mask:
-    """Where what a morphological filter with a disc makes of a mask is set at the edge points.
+_Filtered = tuple[Image, tuple[int, int]]
+"""What a morphological filter makes of a mask, and the pixel (x, y) of its upper left corner; nothing beyond it."""
+
+
+def _filtered(mask: Mask, operation: int, around: tuple[int, Region]) -> _Filtered:
+    """What a morphological filter with a disc makes of a mask.
 
     Args:
-        found: the edges.
         mask: (H, W) false outside of the region.
         operation: of OpenCV; leaves what is empty empty.
         around: radius of the disc, px, and the region.
-
-    Returns:
-        (N,) marks.
     """
     radius_px, region = around
-    picture, marks = mask.view(np.uint8), np.zeros(len(found.points), dtype=np.bool_)
+    picture = mask.view(np.uint8)
     x, y, width, height = region
     dx, dy, set_width, set_height = cv2.boundingRect(picture[y : y + height, x : x + width])
-    if set_width > 0:
-        left, top = max(x + dx - radius_px, 0), max(y + dy - radius_px, 0)
-        part = picture[top : y + dy + set_height + radius_px, left : x + dx + set_width + radius_px]
-        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius_px + 1, 2 * radius_px + 1))
-        marked(found.points, cv2.morphologyEx(part, operation, disc), (left, top), marks)
+    if set_width == 0:
+        return np.zeros((1, 1), dtype=np.uint8), (x, y)
+    left, top = max(x + dx - radius_px, 0), max(y + dy - radius_px, 0)
+    part = picture[top : y + dy + set_height + radius_px, left : x + dx + set_width + radius_px]
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius_px + 1, 2 * radius_px + 1))
+    return cv2.morphologyEx(part, operation, disc), (left, top)
+
+
+def _at(found: EdgeSegments, filtered: _Filtered) -> Mask:
+    """Where (N,) a filtered mask is set at the edge points."""
+    marks = np.zeros(len(found.points), dtype=np.bool_)
+    marked(found.points, *filtered, marks)
     return marks
+
+
+def _reached(filtered: _Filtered, region: Region) -> Image:
+    """Pixels (h, w) of a region from which an edge point may be where a filtered mask is set: less than one farther."""
+    picture, (left, top) = filtered
+    framed = cv2.copyMakeBorder(picture, 1, 1, 1, 1, cv2.BORDER_CONSTANT)
+    grown, (x, y, width, height) = cv2.dilate(framed, np.ones((3, 3), dtype=np.uint8)), region
+    left, top, reached = left - 1 - x, top - 1 - y, np.zeros((height, width), dtype=np.uint8)
+    inside = grown[max(-top, 0) : height - top, max(-left, 0) : width - left]
+    reached[max(top, 0) :, max(left, 0) :][: inside.shape[0], : inside.shape[1]] = inside
+    return reached

@@ -66,16 +66,19 @@ def canny(gradients: Gradient, low: float, high: float) -> Image:
     return edges
 
 
-def segment_edges(edges: Image, gradients: Gradient, rule: tuple[int, float, int]) -> EdgeSegments:
+def segment_edges(
+    edges: Image, gradients: Gradient, rule: tuple[int, float, int], near: Image | None = None
+) -> EdgeSegments:
     """Links an edge map into chains and splits these into segments of constant curvature.
 
     Args:
         edges: (h, w) non-zero at edge pixels.
         gradients: (h, w) image gradient.
         rule: see `tracker.kernels.images.linking.split_segments`.
+        near: (h, w) non-zero where edges matter; None for everywhere.
 
     Returns:
-        The segments that are long enough.
+        The segments that are long enough, and have a pixel that matters.
     """
     n_edges = cv2.countNonZero(edges)
     positions = np.empty((n_edges, 2), dtype=np.float32)
@@ -83,7 +86,8 @@ def segment_edges(edges: Image, gradients: Gradient, rule: tuple[int, float, int
     segments = np.empty(n_edges, dtype=np.int64)
     found = positions, directions, segments
     framed = cv2.copyMakeBorder(edges, 1, 1, 1, 1, cv2.BORDER_CONSTANT)
-    n, n_segments = trace_segments(framed, (gradients.dx, gradients.dy), rule, found)
+    near = np.zeros((0, 0), dtype=np.uint8) if near is None else near
+    n, n_segments = trace_segments(framed, (gradients.dx, gradients.dy), rule, near, found)
     return EdgeSegments(positions[:n], directions[:n], segments[:n], n_segments)
 
 

@@ -98,7 +98,7 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (directed_distances, (samples[0], samples[4], *images, *scene, 40.0, False)),
         (edge_shares, (*first_pose, *images, *scene, _frozen(_F4, 0), (5.0, 10.0), _own(_F8, 4, 1))),
         (strongest_slopes, (_own(_U1, 2, 2, 3), _own(_I2, 2, 2), _own(_I2, 2, 2))),
-        (trace_segments, (_own(_U1, 3, 3), slopes, (4, 0.3, 8), found)),
+        (trace_segments, (_own(_U1, 3, 3), slopes, (4, 0.3, 8), grey, found)),
         (expected_distances, (found[0], found[0], _own(_F4, 0, 4), 20.0, 56.0)),
         (marked, (found[0], grey, (0, 0), _own(_B1, 0))),
         (chamfer_distances, (_own(_I4, 0, 2), 40.0, _own(_F4, 1, 1))),
