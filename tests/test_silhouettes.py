@@ -77,6 +77,18 @@ def test_a_limb_alone_is_the_whole_body_with_the_limb_moved(truth: Scene, masks:
     np.testing.assert_allclose(together, [evidence.distances(question, pose[None])[0] for pose in poses], rtol=1e-12)
 
 
+def test_what_stands_still_from_batch_to_batch_changes_no_answer(truth: Scene, masks: tuple[Mask, ...]) -> None:
+    body, q, rng = truth.persons[0].body, truth.persons[0].q, np.random.default_rng(2)
+    kept, evidence, elsewhere = asked(truth, masks), SilhouetteEvidence(), np.array(q)
+    elsewhere[body.group("right_leg")] += 0.2
+    for start, limb in ((q, "left_arm"), (q, "left_arm"), (q, "right_arm"), (elsewhere, "left_arm"), (q, "left_arm")):
+        poses = np.tile(start, (6, 1))
+        poses[:, body.group(limb)] += rng.normal(scale=0.4, size=(6, 4))
+        np.testing.assert_array_equal(
+            evidence.distances(kept, poses), evidence.distances(asked(truth, masks), poses), strict=True
+        )
+
+
 def test_the_truth_covers_the_foreground(truth: Scene, masks: tuple[Mask, ...]) -> None:
     question, evidence = asked(truth, masks), SilhouetteEvidence()
     body, q = truth.persons[0].body, truth.persons[0].q

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import cv2
@@ -19,7 +19,8 @@ from tracker.evidence import Evidence, Memory
 from tracker.evidence._shares import over_views, shares
 from tracker.expectation import expected_region
 from tracker.geometry.superquadrics import spread, surface
-from tracker.kernels.pictures.coverage import cover_shares, covered_sums
+from tracker.kernels.contours.scoring import moving_parts
+from tracker.kernels.pictures.coverage import cover_shares, cover_still, covered_sums
 from tracker.kernels.rows import superquadric
 from tracker.kernels.rows.camera import CX, CY, FX, FY, SHEAR
 from tracker.observation import Observation
@@ -54,6 +55,27 @@ class Foregrounds:
 
     unknown: tuple[Mask | None, ...] = ()
     """(H, W) of each view where it is not known what is foreground; None, or no views, for nowhere."""
+
+    _still: dict[bytes, tuple[Mask, Array]] = field(default_factory=dict, repr=False)
+    """What parts that stand still cover, for the last batch of poses: the next one of a search has the same ones."""
+
+    def covered_by(self, placements: Array, shapes: Array, cameras: Array) -> Array:
+        """(B, V, 2) sums of the two pictures over what parts at placements (B, P, 4, 4) cover.
+
+        Args:
+            placements: world_from_part, metres.
+            shapes: (P, 7) packed superquadrics.
+            cameras: (V, 25) from `Rig.packed`.
+        """
+        grids, rows, moving = _grids(shapes.tobytes()), _small(cameras, self.factor), moving_parts(placements)
+        key = b"".join((shapes.tobytes(), moving.tobytes(), placements[0, ~moving].tobytes()))
+        if key not in self._still:
+            self._still.clear()
+            self._still[key] = cover_still(placements, ~moving, grids, _GRID, rows, self.regions, self.pictures)
+        sums: Array = covered_sums(
+            placements, moving, grids, _GRID, rows, self.regions, self.pictures, self._still[key]
+        )
+        return sums
 
     @cached_property
     def outlines(self) -> Observation:
@@ -180,10 +202,7 @@ def _smaller(mask: Mask, factor: int) -> Array32:
 def covered_by(asked: Comparison, poses: Array) -> Array:
     """(B, V, 2) sums of the two pictures of the `Foregrounds` observed over what poses (B, dof) cover."""
     seen: Foregrounds = asked.observed
-    placements = asked.placements(poses)
-    grids, cameras = _grids(asked.scene.shapes.tobytes()), _small(asked.scene.rig.packed, seen.factor)
-    sums: Array = covered_sums(placements, grids, _GRID, cameras, seen.regions, seen.pictures)
-    return sums
+    return seen.covered_by(asked.placements(poses), asked.scene.shapes, asked.scene.rig.packed)
 
 
 def _small(cameras: Array, factor: int) -> Array:

@@ -32,7 +32,7 @@ from tracker.kernels.patches.bending import bending_shifts
 from tracker.kernels.patches.growth import grow, push_all
 from tracker.kernels.patches.keys import cut_keys, key_side, match_keys
 from tracker.kernels.patches.matching import N_FOUND, match_patches
-from tracker.kernels.pictures.coverage import cover_shares, covered_sums
+from tracker.kernels.pictures.coverage import cover_shares, cover_still, covered_sums
 from tracker.kernels.pictures.id_contours import id_contours
 from tracker.kernels.pictures.rasterization import rasterize
 from tracker.kernels.pictures.silhouettes import fill_parts
@@ -85,6 +85,7 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     picture, seen = _own(_U1, 1, 1, 3), _own(_U1, 1 + 2 * MARGIN, 1 + 2 * MARGIN, 3)
     grey, depths = _own(_U1, 1, 1), _own(_F4, 1, 1)
     spots, weighted = _frozen(_F4, 1, 9 * 16, 3), (_frozen(_I8, 1, 3), _frozen(_F4, 0, 2))
+    still = _own(_B1, 0), _own(_F8, 1, 2)
     traced = (_own(_F4, 1, 5), _own(_F4, 1, 3), _own(_I8, 1), _own(_B1, 1))
     detected = Detected(_frozen(_F8, 0, 1, 3), _frozen(_I8, 2), _frozen(_I8, 1), _frozen(_I8, 1))
     matches = Matches(_own(_F8, 0, 1, 1, 2), _own(_F8, 0, 1, 1), _own(_F8, 0, 1, 1), _own(_F8, 0, 1, 1))
@@ -115,7 +116,8 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (match_oriented, (_own(_F4, 1, 1, 5), _own(_I8, 1), *scene, (30.0, 0.8), _own(_I8, 0, 4))),
         (normal_equations, (*pairs, scene[0], rig[0], _own(_F8, 1, 6), _frozen(_B1, 1, 2), 16.0, 1.0)),
         (fill_parts, (_own(_F8, 1, 4, 4), _frozen(_F4, 1, 17 * 32, 7), (9, 16), _frozen(_F8, 25), _own(_B1, 1, 1))),
-        (covered_sums, (_own(_F8, 0, 1, 4, 4), spots, (9, 16), _own(_F8, 1, 25), *weighted)),
+        (cover_still, (_own(_F8, 1, 1, 4, 4), _own(_B1, 1), spots, (9, 16), _own(_F8, 1, 25), *weighted)),
+        (covered_sums, (_own(_F8, 0, 1, 4, 4), _own(_B1, 1), spots, (9, 16), _own(_F8, 1, 25), *weighted, still)),
         (cover_shares, (_own(_B1, 1, 1), 1, depths)),
         (cover_shares, (_frozen(_B1, 1, 1), 1, depths)),
         (rasterize, (_own(_F8, 0, 2), _own(_F8, 0), _own(_I8, 0, 3), (0, 0), _own(_F4, 1, 1, 4))),

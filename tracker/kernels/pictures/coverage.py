@@ -1,7 +1,7 @@
 """What of weighted pictures a body covers, for many poses: the silhouettes are filled small and never kept.
 
-Parts that stand still in a batch are filled once for all poses; where those are that stand as in the pose before is not
-found anew.
+Parts that stand still in a batch are filled once for all poses, and not even once if they stand as in the batch before;
+where those are that stand as in the pose before is not found anew.
 """
 
 from __future__ import annotations
@@ -10,12 +10,10 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Integers, Mask, Numbers16
 from tracker.kernels.compilation import compiled
-from tracker.kernels.contours.scoring import moving_parts, repeated_parts
+from tracker.kernels.contours.scoring import repeated_parts
 from tracker.kernels.pictures.silhouettes import widen
 from tracker.kernels.projection import project_grid
 
-# Marks pixels that parts which stand still cover.
-_STILL = -1
 # A part nearer to a camera than this has no outline that could be filled, metres.
 _NEAREST_M = 0.05
 
@@ -46,59 +44,100 @@ def _extents(
 
 
 @compiled
-def covered_sums(
+def cover_still(
     placements: Array,
+    still: Mask,
     grids: Array32,
     layout: tuple[int, int],
     cameras: Array,
     regions: Integers,
     pictures: Array32,
+) -> tuple[Mask, Array]:
+    """What the parts that stand still in a search cover, for `covered_sums`.
+
+    Args:
+        placements: (B, P, 4, 4) world_from_part, metres; the first one counts.
+        still: (P,) the parts.
+        grids, layout, cameras, regions, pictures: see `covered_sums`.
+
+    Returns:
+        (N,) pixels covered, all views end to end; (V, 2) sums over them.
+    """
+    covered, sums = np.zeros(len(pictures), dtype=np.bool_), np.zeros((len(regions), 2))
+    pixels = np.zeros((3, layout[0] * layout[1]))
+    for v in range(len(regions)):
+        start, width, height = regions[v]
+        if width == 0:
+            continue
+        extents = np.zeros((2, height))
+        for p in range(len(still)):
+            if not still[p]:
+                continue
+            first, end = _extents(placements[0, p], grids[p], layout, cameras[v], pixels, extents)
+            for row in range(first, end):
+                left = max(int(np.ceil(extents[0, row])), 0)
+                for column in range(left, min(int(np.floor(extents[1, row])), width - 1) + 1):
+                    at = start + row * width + column
+                    if not covered[at]:
+                        covered[at] = True
+                        sums[v, 0] += pictures[at, 0]
+                        sums[v, 1] += pictures[at, 1]
+    return covered, sums
+
+
+@compiled
+def covered_sums(
+    placements: Array,
+    moving: Mask,
+    grids: Array32,
+    layout: tuple[int, int],
+    cameras: Array,
+    regions: Integers,
+    pictures: Array32,
+    still: tuple[Mask, Array],
 ) -> Array:
     """Sums of two pictures over what a body covers; the twin is `fill_parts` and a sum.
 
     Args:
         placements: (B, P, 4, 4) world_from_part, metres.
+        moving: (P,) parts that do not stand still.
         grids: (P, R * C, 3) surface points of each part, ring by ring.
         layout: R, C of the grids.
         cameras: (V, 25) from `Rig.packed`, of the small pictures.
         regions: (V, 3) start in `pictures`, width, height; width 0 for a view that does not count.
         pictures: (N, 2) both pictures of all views end to end.
+        still: of the other parts, from `cover_still`.
 
     Returns:
         (B, V, 2) sums; 0 for views that do not count.
     """
+    covered, base = still
     n_poses, n_parts = placements.shape[:2]
-    sums = np.zeros((n_poses, len(regions), 2))
-    moving, same = moving_parts(placements), repeated_parts(placements)
+    sums, same = np.zeros((n_poses, len(regions), 2)), repeated_parts(placements)
     pixels, rows = np.zeros((3, layout[0] * layout[1])), np.zeros((n_parts, 2), dtype=np.int64)
+    last = np.full(len(pictures), -1, dtype=np.int64)
     for v in range(len(regions)):
         start, width, height = regions[v]
         if width == 0:
             continue
-        marks, extents = np.full((height, width), -2, dtype=np.int64), np.zeros((n_parts, 2, height))
-        base = np.zeros(2)
-        for turn in range(-1, n_poses):
-            if turn >= 0:
-                sums[turn, v, 0], sums[turn, v, 1] = base[0], base[1]
+        extents = np.zeros((n_parts, 2, height))
+        for b in range(n_poses):
+            sums[b, v, 0], sums[b, v, 1] = base[v, 0], base[v, 1]
             for p in range(n_parts):
-                if moving[p] != (turn >= 0):
+                if not moving[p]:
                     continue
-                if turn <= 0 or not same[turn, p]:
-                    placed = placements[max(turn, 0), p], grids[p], layout, cameras[v]
+                if not same[b, p]:
+                    placed = placements[b, p], grids[p], layout, cameras[v]
                     rows[p, 0], rows[p, 1] = _extents(*placed, pixels, extents[p])
                 for row in range(rows[p, 0], rows[p, 1]):
                     left = max(int(np.ceil(extents[p, 0, row])), 0)
                     for column in range(left, min(int(np.floor(extents[p, 1, row])), width - 1) + 1):
-                        if marks[row, column] == _STILL or marks[row, column] == turn:
-                            continue
-                        marks[row, column] = turn
                         at = start + row * width + column
-                        if turn < 0:
-                            base[0] += pictures[at, 0]
-                            base[1] += pictures[at, 1]
-                        else:
-                            sums[turn, v, 0] += pictures[at, 0]
-                            sums[turn, v, 1] += pictures[at, 1]
+                        if covered[at] or last[at] == b:
+                            continue
+                        last[at] = b
+                        sums[b, v, 0] += pictures[at, 0]
+                        sums[b, v, 1] += pictures[at, 1]
     return sums
 
 
