@@ -305,6 +305,20 @@ def test_every_parameter_off_the_truth_costs_the_more_the_farther(
     assert (np.array(slices)[:, 4] > np.array(slices)[:, 0] + 0.08).all()
 
 
+def test_what_stands_still_from_batch_to_batch_changes_no_answer(truth: Scene, observation: Observation) -> None:
+    body, q, rng = truth.persons[0].body, truth.persons[0].q, np.random.default_rng(2)
+    elsewhere = np.array(q)
+    elsewhere[body.group("right_leg")] += 0.2
+    question, batches = Comparison(truth, 0, CpuSynthesis(), observation), []
+    for start, limb in ((q, "left_arm"), (q, "left_arm"), (q, "right_arm"), (elsewhere, "left_arm"), (q, "left_arm")):
+        poses = np.tile(start, (6, 1))
+        poses[:, body.group(limb)] += rng.normal(scale=0.4, size=(6, 4))
+        batches.append(poses)
+    kept = [ChamferSimilarity().distances(question, poses) for poses in batches]
+    alone = [[ChamferSimilarity().distances(question, pose[None])[0] for pose in poses] for poses in batches]
+    np.testing.assert_allclose(kept, alone, rtol=1e-5)
+
+
 def test_clamping_feels_a_displaced_limb_that_rejection_forgets(truth: Scene, observation: Observation) -> None:
     body, q = truth.persons[0].body, truth.persons[0].q
     turned = q + np.radians(30) * np.eye(body.dof)[body.index("left_arm_elevation")]

@@ -68,7 +68,7 @@ class Foregrounds:
             cameras: (V, 25) from `Rig.packed`.
         """
         grids, rows, moving = _grids(shapes.tobytes()), _small(cameras, self.factor), moving_parts(placements)
-        key = b"".join((shapes.tobytes(), moving.tobytes(), placements[0, ~moving].tobytes()))
+        key = b"".join((shapes.tobytes(), moving.tobytes(), placements[:1, ~moving].tobytes()))
         if key not in self._still:
             self._still.clear()
             self._still[key] = cover_still(placements, ~moving, grids, _GRID, rows, self.regions, self.pictures)

@@ -16,7 +16,7 @@ from tracker.kernels.body.self_collision import sum_collisions
 from tracker.kernels.compilation import forget_others
 from tracker.kernels.contours.chamfer import directed_distances
 from tracker.kernels.contours.oriented_matching import match_oriented, normal_equations
-from tracker.kernels.contours.scoring import score_poses
+from tracker.kernels.contours.scoring import moving_parts, score_poses, trace_still
 from tracker.kernels.contours.shares import edge_shares
 from tracker.kernels.contours.tracing import trace_contours
 from tracker.kernels.images.acceptance import expected_distances, marked
@@ -85,7 +85,8 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     picture, seen = _own(_U1, 1, 1, 3), _own(_U1, 1 + 2 * MARGIN, 1 + 2 * MARGIN, 3)
     grey, depths = _own(_U1, 1, 1), _own(_F4, 1, 1)
     spots, weighted = _frozen(_F4, 1, 9 * 16, 3), (_frozen(_I8, 1, 3), _frozen(_F4, 0, 2))
-    still = _own(_B1, 0), _own(_F8, 1, 2)
+    still, asked = (_own(_B1, 0), _own(_F8, 1, 2)), (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02))
+    standing = _own(_F4, 1, 0, 13), _own(_I8, 1)
     traced = (_own(_F4, 1, 5), _own(_F4, 1, 3), _own(_I8, 1), _own(_B1, 1))
     detected = Detected(_frozen(_F8, 0, 1, 3), _frozen(_I8, 2), _frozen(_I8, 1), _frozen(_I8, 1))
     matches = Matches(_own(_F8, 0, 1, 1, 2), _own(_F8, 0, 1, 1), _own(_F8, 0, 1, 1), _own(_F8, 0, 1, 1))
@@ -93,7 +94,9 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (chain_transforms, (_own(_F8, 0, 1), *chain)),
         (twists_in_world, (_own(_F8, 0, 2, 4, 4), *chain)),
         (trace_contours, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), True, *samples)),
-        (score_poses, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), *images, *scene, (40.0, False))),
+        (moving_parts, (_own(_F8, 1, 1, 4, 4),)),
+        (trace_still, (_own(_F8, 1, 1, 4, 4), _own(_B1, 1), *model, *rig, (8.0, 0.02))),
+        (score_poses, (*asked, *images, *scene, (40.0, False), _own(_B1, 1), standing)),
         (match_keypoints, (_own(_F8, 0, 1, 3), rig[0], detected, 0, (0.1, 0.1), matches)),
         (sum_collisions, (_own(_F8, 0, 1, 4, 4), model[0], _frozen(_I8, 0, 2))),
         (directed_distances, (samples[0], samples[4], *images, *scene, 40.0, False)),

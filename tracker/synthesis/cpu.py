@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from typing import Any
 
 import numpy as np
 import pydantic
@@ -12,7 +13,7 @@ from tracker.components import component
 from tracker.contours import Contours
 from tracker.geometry.superquadrics import spread, surface
 from tracker.kernels.contours.pieces import MOST_COLUMNS
-from tracker.kernels.contours.scoring import score_poses
+from tracker.kernels.contours.scoring import moving_parts, score_poses, trace_still
 from tracker.kernels.contours.tracing import trace_contours
 from tracker.kernels.pictures.silhouettes import fill_parts
 from tracker.kernels.regions.scoring import Lines, score_regions
@@ -116,22 +117,12 @@ class CpuSynthesis:
         grid, spacing = self._sampling(scene, coarse=True)
         grids, planes, bounds = _grids(scene.shapes, *grid)
         flat, regions, points, first, _ = observation.packed
-        directed: Array = score_poses(
-            scene.world_from_parts(person, poses),
-            scene.shapes,
-            grids,
-            planes,
-            grid,
-            bounds,
-            scene.rig.packed,
-            scene.rig.sizes,
-            spacing,
-            flat,
-            regions,
-            points,
-            first,
-            (theta, reject),
-        )
+        placements = scene.world_from_parts(person, poses)
+        moving = moving_parts(placements)
+        seen = scene.shapes, grids, planes, grid, bounds, scene.rig.packed, scene.rig.sizes, spacing
+        standing = _standing(placements, moving, seen)
+        rule = theta, reject
+        directed: Array = score_poses(placements, *seen, flat, regions, points, first, rule, moving, standing)
         return directed
 
     def region_misfits(self, scene: Scene, person: int, poses: Array, lines: Lines) -> Array:
@@ -171,6 +162,31 @@ class CpuSynthesis:
         if scene.has_skins:
             return ids_of_skins(scene)
         return rasterized_ids(scene, 2 * _FINE[0] - 1, 2 * _FINE[1])
+
+
+_Standing = tuple[Array32, Integers]
+"""Samples of parts that stand still in a search, and their numbers."""
+
+_STANDING: dict[bytes, _Standing] = {}
+
+
+def _standing(placements: Array, moving: Mask, seen: tuple[Any, ...]) -> _Standing:
+    """Contours of the parts that stand still, kept for the last batch of poses: a search asks for the same ones again.
+
+    Args:
+        placements: (B, P, 4, 4) world_from_part, metres.
+        moving: (P,) the other parts.
+        seen: shapes, grids, planes, layout, bounds, cameras, image sizes and spacing, see `trace_still`.
+    """
+    shapes, _, _, layout, _, cameras, sizes, spacing = seen
+    told = moving, placements[:1, ~moving], shapes, cameras, sizes, np.array([*layout, *spacing])
+    key = b"".join(values.tobytes() for values in told)
+    found = _STANDING.get(key)
+    if found is None:
+        found = trace_still(placements, moving, *seen)
+        _STANDING.clear()
+        _STANDING[key] = found
+    return found
 
 
 _CACHE: OrderedDict[tuple[bytes, int, int], tuple[Array32, Array32, Array]] = OrderedDict()

@@ -1,6 +1,6 @@
 """Poses synthesized and compared with an observation in one go: no contour is written to memory.
 
-In a decomposed search most parts of the body stand still. They are traced once for all poses; of each pose only the
+In a decomposed search most parts of the body stand still. They are traced once for all its poses; of each only the
 moving parts are traced, and tested for what they hide of the others. Parts that stand as in the pose before are not
 even drawn again: side by side with other searches of the same limb half of the moving ones do.
 """
@@ -23,11 +23,11 @@ _MOST_KEPT = 96
 
 @compiled
 def moving_parts(placements: Array) -> Mask:
-    """Parts (P,) whose placements (B, P, 4, 4) are not the same in all poses; all of them where B is 1."""
+    """Parts (P,) whose placements (B, P, 4, 4) are not the same in all poses; all of them where B is 0 or 1."""
     n_poses, n_parts = placements.shape[:2]
     moving = np.zeros(n_parts, dtype=np.bool_)
     for p in range(n_parts):
-        moving[p] = n_poses == 1
+        moving[p] = n_poses <= 1
         for b in range(1, n_poses):
             for r in range(3):
                 for k in range(4):
@@ -134,6 +134,43 @@ def _add_seen(
 
 
 @compiled
+def trace_still(
+    placements: Array,
+    moving: Mask,
+    shapes: Array,
+    grids: Array32,
+    planes: Array32,
+    layout: tuple[int, int],
+    bounds: Array,
+    cameras: Array,
+    sizes: Array,
+    spacing: tuple[float, float],
+) -> tuple[Array32, Integers]:
+    """Contour samples of the parts that stand still in a search, for `score_poses`; nothing else covers them here.
+
+    Args:
+        placements: (B, P, 4, 4) world_from_part, metres; the first one counts.
+        moving: (P,) the other parts.
+        shapes, grids, planes, layout, bounds, cameras, sizes, spacing: see `trace_contours`.
+
+    Returns:
+        (V, ROW, 13) samples, see `trace_view`; (V,) their numbers.
+    """
+    samples = np.zeros((len(cameras), ROW, sample.N_COLUMNS), dtype=np.float32)
+    counts = np.zeros(len(cameras), dtype=np.int64)
+    if moving.all():
+        return samples, counts
+    solids = np.zeros((len(shapes), solid.N_COLUMNS), dtype=np.float32)
+    work, masks = tracing_workspace(len(shapes), layout), (~moving, ~moving)
+    place_solids(placements, 0, shapes, bounds, solids)
+    for v in range(len(cameras)):
+        view_solids(shapes, bounds, cameras[v], spacing[1], solids)
+        camera, size = cameras[v].astype(np.float32), (sizes[v, 0], sizes[v, 1])
+        counts[v] = trace_view(grids, planes, layout, bounds, solids, camera, size, spacing, masks, work, samples[v])
+    return samples, counts
+
+
+@compiled
 def score_poses(
     placements: Array,
     shapes: Array,
@@ -149,6 +186,8 @@ def score_poses(
     scene: Array32,
     first: Integers,
     rule: tuple[float, bool],
+    moving: Mask,
+    standing: tuple[Array32, Integers],
 ) -> Array:
     """Directed chamfer distances of many poses; the twin is `trace_contours` and `directed_distances`.
 
@@ -156,18 +195,17 @@ def score_poses(
         placements, shapes, grids, planes, layout, bounds, cameras, sizes, spacing: see `trace_contours`.
         flat, regions, scene, first: the observation, from `Observation.packed`.
         rule: distance at which a point is an outlier, px; reject outliers as the paper does, or else clamp them.
+        moving: (P,) parts that do not stand still, at least those of `moving_parts`.
+        standing: of the other parts, from `trace_still`.
 
     Returns:
         (B, V, 2) px: model to scene, scene to model; NaN for a missing view.
     """
     n_poses, n_views, n_parts = len(placements), len(cameras), len(shapes)
     result = np.full((n_poses, n_views, 2), np.nan)
-    everything, moving = np.ones(n_parts, dtype=np.bool_), moving_parts(placements)
+    everything = np.ones(n_parts, dtype=np.bool_)
     solids = np.zeros((n_parts, solid.N_COLUMNS), dtype=np.float32)
-    traced, still = (
-        np.zeros((128 * n_parts, sample.N_COLUMNS), dtype=np.float32),
-        np.zeros((ROW, sample.N_COLUMNS), dtype=np.float32),
-    )
+    traced = np.zeros((128 * n_parts, sample.N_COLUMNS), dtype=np.float32)
     spots = np.zeros(spot.N_ROWS * ROW, dtype=np.float32)
     tracing, matching = tracing_workspace(n_parts, layout), matching_workspace(len(scene), len(traced))
     same = repeated_parts(placements)
@@ -176,13 +214,8 @@ def score_poses(
         if regions[v, region.WIDTH] == 0:
             continue
         camera, size, part = cameras[v].astype(np.float32), (sizes[v, 0], sizes[v, 1]), (first[v], first[v + 1])
-        n_still = 0
-        if not moving.all():
-            place_solids(placements, 0, shapes, bounds, solids)
-            view_solids(shapes, bounds, cameras[v], spacing[1], solids)
-            masks = ~moving, ~moving
-            n_still = trace_view(grids, planes, layout, bounds, solids, camera, size, spacing, masks, tracing, still)
-            _lay_out(still, n_still, spots)
+        still, n_still = standing[0][v], standing[1][v]
+        _lay_out(still, n_still, spots)
         # As many samples as there is room for may be too few: then all parts are traced for every pose.
         masks = (moving, everything) if n_still < ROW else (everything, everything)
         lens = cameras[v]
