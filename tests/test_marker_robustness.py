@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -26,9 +26,11 @@ LIMBS = {
 }
 ROOT = Path(__file__).parents[1]
 JOINTS = tuple(name for chain in LIMBS.values() for name in chain)
+HINGES = [(first, first + 1, first + 2) for first in range(0, len(JOINTS), 3)]
 TIMES_S = np.arange(80) / 25
 OFFSET_S = 0.29
 SIDES_M = 0.03
+Wrong = Callable[[np.ndarray, int, np.random.Generator], np.ndarray]
 RATE_HZ = 250.0
 """Linear interpolation between samples is right to 50 m/s^2 / 250^2 / 8 = 0.1 mm."""
 
@@ -67,7 +69,7 @@ def markers_of(body: BodyModel, seed: int, rotation: np.ndarray, translation: np
     points = np.stack(pairs, axis=1) @ rotation.T + translation
     chosen = MarkerSet(joints={name: (f"M{2 * k}", f"M{2 * k + 1}") for k, name in enumerate(JOINTS)})
     names = tuple(f"M{k}" for k in range(2 * len(JOINTS)))
-    return joints_of(chosen, Path("set.toml"), Markers(names, times_s, points))
+    return joints_of(chosen, Path("set.toml"), Markers(names, times_s, points), HINGES)
 
 
 def turned(joints: np.ndarray, limb: int, rng: np.random.Generator) -> np.ndarray:
@@ -84,6 +86,39 @@ def carried(joints: np.ndarray, limb: int, rng: np.random.Generator) -> np.ndarr
     """All three joints of a limb elsewhere, by 5 mm to half a metre."""
     wrong, way = joints.copy(), rng.normal(size=3)
     wrong[:, 3 * limb : 3 * limb + 3] += way / np.linalg.norm(way) * np.exp(rng.uniform(np.log(0.005), np.log(0.5)))
+    return wrong
+
+
+def far_turned(joints: np.ndarray, limb: int, rng: np.random.Generator) -> np.ndarray:
+    """A limb turned about where it hangs, by 30 to 170 degrees."""
+    axis = rng.normal(size=3)
+    turn = Rotation.from_rotvec(axis / np.linalg.norm(axis) * np.radians(rng.uniform(30, 170)))
+    wrong, first = joints.copy(), 3 * limb
+    arms = joints[:, first + 1 : first + 3] - joints[:, [first]]
+    wrong[:, first + 1 : first + 3] = joints[:, [first]] + turn.apply(arms.reshape(-1, 3)).reshape(arms.shape)
+    return wrong
+
+
+def bent(joints: np.ndarray, limb: int, rng: np.random.Generator) -> np.ndarray:
+    """A forearm bent to the other side of the upper arm."""
+    wrong, (hung, hinge, end) = joints.copy(), joints[:, 3 * limb : 3 * limb + 3].transpose(1, 0, 2)
+    along = (hinge - hung) / np.linalg.norm(hinge - hung, axis=1, keepdims=True)
+    wrong[:, 3 * limb + 2] = hinge + 2 * along * ((end - hinge) * along).sum(axis=1, keepdims=True) - (end - hinge)
+    return wrong
+
+
+def exchanged(joints: np.ndarray, limb: int, rng: np.random.Generator) -> np.ndarray:
+    """Elbow and wrist are those of the other arm."""
+    wrong = joints.copy()
+    wrong[:, 3 * limb + 1 : 3 * limb + 3] = joints[:, 4 - 3 * limb : 6 - 3 * limb]
+    return wrong
+
+
+def late(joints: np.ndarray, limb: int, rng: np.random.Generator) -> np.ndarray:
+    """Elbow and wrist follow by 80 to 500 ms."""
+    wrong, behind = joints.copy(), rng.integers(2, 13)
+    earlier = np.maximum(np.arange(len(joints)) - behind, 0)
+    wrong[:, 3 * limb + 1 : 3 * limb + 3] = joints[earlier, 3 * limb + 1 : 3 * limb + 3]
     return wrong
 
 
@@ -112,8 +147,8 @@ def test_one_wrong_limb_counts_for_nothing_however_wrong_it_is(body, wrong, limb
     ("name", "wrong", "within"),
     [
         ("R-UpperBody", turned, (0.001, 1.2, 0.006)),
-        ("R-UpperBody", carried, (0.001, 2.0, 0.018)),
-        ("R-UpperBody", held, (0.001, 0.5, 0.002)),
+        ("R-UpperBody", carried, (0.001, 0.8, 0.018)),
+        ("R-UpperBody", held, (0.001, 0.3, 0.002)),
         ("R-Turn", turned, (0.002, 0.7, 0.004)),
         ("R-Turn", carried, (0.003, 0.7, 0.006)),
         ("R-Turn", held, (0.001, 0.3, 0.004)),
@@ -122,25 +157,57 @@ def test_one_wrong_limb_counts_for_nothing_however_wrong_it_is(body, wrong, limb
 def test_one_wrong_arm_of_the_truth_leaves_what_the_markers_err(data, name, wrong, within):
     """Eight joints whose markers slide by 2 mm and lie up to 80 mm beside them; five are right where an arm is carried.
 
-    Seconds, degrees and metres at worst of twelve, a third above what was measured. R-UpperBody's trunk hardly turns:
-    by the fit's own account her rotation is known to 0.3 deg without an arm. With one scale for all samples, below
-    which an arm lay that was wrong by little, and the pelvis did not, it was 12 deg and 78 mm, R-Turn's time 28 ms.
+    Seconds, degrees and metres at worst of twelve, about a third above what was measured. Most of what exceeds 2 ms,
+    0.3 deg and 5 mm are arms wrong by 5 to 30 mm, as far as a right joint may lie beside its markers, and
+    R-UpperBody's with their shoulders off (0.34 and 0.30 deg without one). With one scale for all it was 12 deg.
     """
-    folder = data(f"room/{name}")
-    truth = json.loads((folder / "markers" / "truth.json").read_text())
-    path = ROOT / "configs" / "markers" / "upper_body.toml"
-    chosen = load_marker_set(path)
-    joints = recorded(folder / "gt_joints.csv", chosen.joints)
-    markers = joints_of(chosen, path, read_markers(folder / "markers" / "markers.trc"))
-    offset_s = truth["marker_time_minus_video_time_s"]
-    rotation, shift = np.array(truth["rotation_marker_from_world"]), np.array(truth["translation_m"])
+    recording = Aligned(data(f"room/{name}"))
     for limb, seed in itertools.product(range(2), range(6)):
+        assert (recording.errors_with(wrong, limb, seed) < within).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong", "n_seeds"),
+    [
+        *itertools.product(("R-UpperBody", "R-Turn"), (bent, exchanged), (1,)),
+        *itertools.product(("R-UpperBody", "R-Turn"), (held, late), (2,)),
+        ("R-Turn", far_turned, 4),
+    ],
+)
+@pytest.mark.parametrize("share", [1.0, 0.4])
+def test_an_arm_that_is_far_wrong_leaves_what_is_asked_for(data, name, wrong, n_seeds, share):
+    """2 ms, 0.3 deg, 5 mm, whether the arm is wrong all the time or for a while; at worst 0.8 ms, 0.29 deg, 2.7 mm."""
+    recording = Aligned(data(f"room/{name}"))
+    for limb, seed in itertools.product(range(2), range(n_seeds)):
+        assert (recording.errors_with(wrong, limb, seed, share) < (0.002, 0.3, 0.005)).all()
+
+
+class Aligned:
+    """A recording of the room, the truth of which is aligned with its markers."""
+
+    def __init__(self, folder: Path) -> None:
+        truth = json.loads((folder / "markers" / "truth.json").read_text())
+        path = ROOT / "configs" / "markers" / "upper_body.toml"
+        chosen = load_marker_set(path)
+        of = list(chosen.joints).index
+        hinges = [(of(f"{side}_shoulder"), of(f"{side}_elbow"), of(f"{side}_wrist")) for side in ("left", "right")]
+        self.joints = recorded(folder / "gt_joints.csv", chosen.joints)
+        self.markers = joints_of(chosen, path, read_markers(folder / "markers" / "markers.trc"), hinges)
+        self.offset_s = truth["marker_time_minus_video_time_s"]
+        self.rotation = np.array(truth["rotation_marker_from_world"])
+        self.shift = np.array(truth["translation_m"])
+
+    def errors_with(self, wrong: Wrong, limb: int, seed: int, share: float = 1.0) -> np.ndarray:
+        """Seconds, degrees and metres, an arm wrong in a share of the frames."""
+        rng = np.random.default_rng(seed)
         # limbs are three joints each from the third on here, from the first on above
-        spoilt = joints.copy()
-        spoilt[:, 2:] = wrong(joints[:, 2:], limb, np.random.default_rng(seed))
-        found = placed(Clocked(np.arange(len(joints)) / 25, spoilt), markers, offset_s + 0.05)
+        spoilt = self.joints.copy()
+        n = round(share * len(spoilt))
+        first = rng.integers(0, len(spoilt) - n + 1)
+        spoilt[first : first + n, 2:] = wrong(self.joints[:, 2:], limb, np.random.default_rng(seed))[first : first + n]
+        found = placed(Clocked(np.arange(len(spoilt)) / 25, spoilt), self.markers, self.offset_s + 0.05)
         assert found is not None
-        assert (np.array(errors(found, joints, offset_s, rotation, shift)) < within).all()
+        return np.array(errors(found, self.joints, self.offset_s, self.rotation, self.shift))
 
 
 def recorded(path: Path, names: Iterable[str]) -> np.ndarray:

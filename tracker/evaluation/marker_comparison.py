@@ -149,14 +149,15 @@ def compare(
     track, names = _tracked(result, person)
     recording = read_markers(markers)
     check_marker_set(chosen, marker_set, recording, track.names)
-    theirs = joints_of(chosen, marker_set, recording)
     ours = track.chosen(chosen.joints)
     chains = _chains(chosen, names.joints)
-    hinges = [tuple(map(list(chosen.joints).index, chain)) for chain in chains.values()]
-    columns = [(before, joint, behind) for before, joint, behind in hinges]
+    columns = _columns(chosen, chains.values())
+    theirs = joints_of(chosen, marker_set, recording, _columns(chosen, _hinges(chosen, names.joints).values()))
     alignment = align(ours, theirs, columns, offset_s)
     when = ours.times_s + alignment.placement.offset_s
     at_frames = Clocked(ours.times_s, alignment.placement.in_our_world(theirs.at(when)))
+    beside = np.einsum("tjac,jc->tja", theirs.frames_at(when), alignment.placement.beside_m)
+    beside_mm = 1000 * np.linalg.norm(beside, axis=-1)
     mine_deg = flexions(ours.points, columns)
     their_deg = Clocked(theirs.times_s, flexions(theirs.points, columns)[..., None]).at(when)[..., 0]
     gaps = 1000 * (ours.points - at_frames.points)
@@ -167,7 +168,7 @@ def compare(
             marker_rate_hz=recording.rate_hz,
             marker_gaps=recording.gaps,
             angles=tuple(_angle(name, mine_deg[:, k], their_deg[:, k]) for k, name in enumerate(chains)),
-            joints=tuple(_joint(k, name, gaps, alignment) for k, name in enumerate(chosen.joints)),
+            joints=tuple(_joint(name, gaps[:, k], beside_mm[:, k]) for k, name in enumerate(chosen.joints)),
             ours_deg=mine_deg,
             theirs_deg=their_deg,
             distances_mm=np.linalg.norm(gaps, axis=-1),
@@ -178,8 +179,16 @@ def compare(
 
 def _chains(chosen: MarkerSet, joints: Joints) -> dict[str, tuple[str, str, str]]:
     """Name -> three joints of every angle that can be compared: the body's hinges, then the set's own."""
-    hinges = {f"{name}_flexion": chain for name, chain in joints.chains().items() if set(chain) <= set(chosen.joints)}
-    return hinges | chosen.angles
+    return {f"{name}_flexion": chain for name, chain in _hinges(chosen, joints).items()} | chosen.angles
+
+
+def _hinges(chosen: MarkerSet, joints: Joints) -> dict[str, tuple[str, str, str]]:
+    return {name: chain for name, chain in joints.chains().items() if set(chain) <= set(chosen.joints)}
+
+
+def _columns(chosen: MarkerSet, chains: Iterable[tuple[str, str, str]]) -> list[tuple[int, int, int]]:
+    of = list(chosen.joints).index
+    return [(of(before), of(joint), of(behind)) for before, joint, behind in chains]
 
 
 def _angle(name: str, ours: Array, theirs: Array) -> AngleErrors:
@@ -193,9 +202,10 @@ def _angle(name: str, ours: Array, theirs: Array) -> AngleErrors:
     return AngleErrors(name, len(gap), rms, float(gap.mean()), float(gap.std()), float(np.abs(gap).max()), alike)
 
 
-def _joint(k: int, name: str, gaps_mm: Array, alignment: Alignment) -> JointErrors:
-    beside = 1000 * float(np.linalg.norm(alignment.placement.beside_m[k]))
-    gap = gaps_mm[np.isfinite(gaps_mm[:, k]).all(axis=1), k]
+def _joint(name: str, gaps_mm: Array, beside_mm: Array) -> JointErrors:
+    known = beside_mm[np.isfinite(beside_mm)]
+    beside = float(np.median(known)) if len(known) else math.nan
+    gap = gaps_mm[np.isfinite(gaps_mm).all(axis=1)]
     if not len(gap):
         return JointErrors(name, 0, math.nan, math.nan, math.nan, beside)
     distance = np.linalg.norm(gap, axis=1)

@@ -63,7 +63,7 @@ class Placement:
     """(3,) marker world from ours."""
 
     beside_m: Array
-    """(J, 3) our joint centre minus the middle of its markers, in the frames that turn with them."""
+    """(J, C) our joint centre minus the middle of its markers, in the axes that turn with them and with the bone."""
 
     median_mm: float = float("nan")
     """Distance of the joints of both, in the middle."""
@@ -99,7 +99,7 @@ class _Samples:
     """(N, 3) of the markers, m/s."""
 
     axes: Array
-    """(N, 3, 3) that turn with the markers."""
+    """(N, 3, C) that turn with the markers and with the bone."""
 
     joint: Integers
     """(N,) which joint it is."""
@@ -111,7 +111,7 @@ def placed(ours: Clocked, theirs: MarkerJoints, near_s: float, reach_s: float = 
     if len(found.mine) < _LEAST_SAMPLES:
         return None
     rotation, translation = by_triples(found.mine, found.other)
-    start = Placement(near_s, rotation, translation, np.zeros((ours.points.shape[1], 3)))
+    start = Placement(near_s, rotation, translation, np.zeros(theirs.frames.shape[1::2]))
     return refined(ours, theirs, start, reach_s)
 
 
@@ -148,7 +148,7 @@ def refined(ours: Clocked, theirs: MarkerJoints, start: Placement, reach_s: floa
             offset_s=float(np.clip(now.offset_s + stride, near_s - reach_s, near_s + reach_s)),
             rotation=Rotation.from_rotvec(step[:3]).as_matrix() @ now.rotation,
             translation_m=now.translation_m + step[3:6],
-            beside_m=now.beside_m + step[7:].reshape(-1, 3),
+            beside_m=now.beside_m + step[7:].reshape(now.beside_m.shape),
         )
         if np.abs(step).max() < _STILL:
             break
@@ -183,7 +183,7 @@ def _variances(found: _Samples, residual: Array, before: Array | None, beside_m:
     variances = np.full(len(beside_m), FAR_M**2)
     square = (residual**2).sum(axis=1)
     if before is None:
-        own = np.einsum("nij,ni->nj", found.axes, residual)
+        own = np.einsum("nij,ni->nj", found.axes[..., :3], residual)
         for joint in np.unique(found.joint):
             mine = own[found.joint == joint]
             variances[joint] = np.median(((mine - np.median(mine, axis=0)) ** 2).sum(axis=1)) / _MEDIAN_OF_THREE
@@ -212,8 +212,9 @@ def _weights(found: _Samples, residual: Array, variances: Array, n_frames: int) 
 
 
 def _step(found: _Samples, now: Placement, shifts: tuple[bool, ...], residual: Array, weight: Array) -> Array:
-    """(7 + 3 J,) rotation vector, translation, offset and shifts that lessen the weighted distances most."""
-    jacobian = np.zeros((len(residual), 3, 7 + 3 * len(shifts)))
+    """(7 + J C,) rotation vector, translation, offset and shifts that lessen the weighted distances most."""
+    n_joints, n_axes = now.beside_m.shape
+    jacobian = np.zeros((len(residual), 3, 7 + n_joints * n_axes))
     turned = found.mine @ now.rotation.T
     jacobian[:, :, :3] = np.cross(np.eye(3), turned[:, None]).transpose(0, 2, 1)
     jacobian[:, :, 3:6] = np.eye(3)
@@ -221,16 +222,15 @@ def _step(found: _Samples, now: Placement, shifts: tuple[bool, ...], residual: A
     for joint, moves in enumerate(shifts):
         own = found.joint == joint
         if moves:
-            jacobian[own, :, 7 + 3 * joint : 10 + 3 * joint] = -found.axes[own]
+            jacobian[own, :, 7 + n_axes * joint : 7 + n_axes * (joint + 1)] = -found.axes[own]
     # Student's distribution again: few joints lie far beside their markers, and they are not drawn back.
-    far = (now.beside_m**2).sum(axis=1) / _BESIDE_M**2
-    prior = np.repeat(np.sqrt((_BESIDE_TAILS + 3) / (_BESIDE_TAILS + far)), 3) / _BESIDE_M
-    rows = np.vstack(
-        [
-            (weight[:, None, None] * jacobian).reshape(-1, jacobian.shape[2]),
-            np.hstack([np.zeros((3 * len(shifts), 7)), np.diag(prior)]),
-        ]
-    )
-    wanted = np.concatenate([(weight[:, None] * residual).ravel(), prior * now.beside_m.ravel()])
-    step: Array = np.linalg.lstsq(rows, -wanted, rcond=None)[0]
+    far = (now.beside_m.reshape(-1, 3) ** 2).sum(axis=1) / _BESIDE_M**2
+    prior = np.repeat((_BESIDE_TAILS + 3) / (_BESIDE_TAILS + far), 3) / _BESIDE_M**2
+    rows = (weight[:, None, None] * jacobian).reshape(-1, jacobian.shape[2])
+    # Normal equations: quicker than singular values of the rows; distances, angles and seconds are of one size.
+    normal = rows.T @ rows
+    wanted: Array = rows.T @ (weight[:, None] * residual).ravel()
+    normal[range(7, len(normal)), range(7, len(normal))] += prior
+    wanted[7:] += prior * now.beside_m.ravel()
+    step: Array = np.linalg.lstsq(normal, -wanted, rcond=None)[0]
     return step

