@@ -228,9 +228,9 @@ def _step(found: _Samples, now: Placement, shifts: tuple[bool, ...], residual: A
     prior = np.repeat((_BESIDE_TAILS + 3) / (_BESIDE_TAILS + far), 3) / _BESIDE_M**2
     rows = (weight[:, None, None] * jacobian).reshape(-1, jacobian.shape[2])
     # Normal equations: quicker than singular values of the rows; distances, angles and seconds are of one size.
-    normal = rows.T @ rows
-    wanted: Array = rows.T @ (weight[:, None] * residual).ravel()
+    normal: Array = rows.T @ rows
+    wanted = rows.T @ (weight[:, None] * residual).ravel()
     normal[range(7, len(normal)), range(7, len(normal))] += prior
     wanted[7:] += prior * now.beside_m.ravel()
-    step: Array = np.linalg.lstsq(normal, -wanted, rcond=None)[0]
-    return step
+    step = np.linalg.lstsq(normal, -wanted, rcond=None)[0]
+    return np.asarray(step, dtype=np.float64)
