@@ -138,7 +138,7 @@ def advance(
     with clock("refinement"):
         for k, poses in enumerate(candidates):
             # Earlier persons are at their best poses by now, later ones as predicted (paper, figure 2).
-            objective = _objective(current, k, cycle, observed, state.histories[k])
+            objective = objective_of(current, k, cycle, observed, state.histories[k])
             estimate = cycle.estimation.estimate(objective, poses)
             if rivals and not rivals[k].lost:
                 estimate = weighed(objective, estimate, rivals[k])
@@ -151,7 +151,7 @@ def advance(
     if sought:
         with clock("initialization"):
             current, estimates, start = _recover(sight, current, cycle, state, estimates, sought)
-    step = _finished(sight, current, cycle, tuple(estimates), observed, clock)
+    step = finished(sight, current, cycle, tuple(estimates), observed, clock)
     return replace(step, start=start, predicted=predicted, expected=expected)
 
 
@@ -184,7 +184,7 @@ def bootstrap(
         expected = None if start is None else cycle.synthesis.contours(scene)
         observed = cycle.evidence.observe(sight, expected)
     if start is None:
-        return _finished(sight, scene, cycle, _unfound(scene, cycle, observed), observed, clock)
+        return finished(sight, scene, cycle, _unfound(scene, cycle, observed), observed, clock)
     with clock("refinement"):
         estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
@@ -195,21 +195,22 @@ def bootstrap(
             f"least {cycle.loss.lost_below:.0%}; check the background plates, the calibration and the model's "
             'size, or give a pose with initialization = { use = "given", poses = "start.csv" }'
         )
-    return replace(_finished(sight, scene, cycle, estimates, observed, clock), start=start)
+    return replace(finished(sight, scene, cycle, estimates, observed, clock), start=start)
 
 
 def settled(scene: Scene, cycle: Cycle, observed: Observed, found: Status) -> tuple[tuple[Estimate, ...], Scene]:
     """Estimates of all persons started from the poses of the scene itself."""
     estimates = []
     for k, person in enumerate(scene.persons):
-        objective = _objective(scene, k, cycle, observed)
+        objective = objective_of(scene, k, cycle, observed)
         estimate = cycle.estimation.estimate(objective, person.q[None])
         estimates.append(judged(person.body, estimate, cycle.loss, found))
         scene = scene.with_pose(k, estimate.q)
     return tuple(estimates), scene
 
 
-def _objective(scene: Scene, k: int, cycle: Cycle, observed: Observed, history: History | None = None) -> Objective:
+def objective_of(scene: Scene, k: int, cycle: Cycle, observed: Observed, history: History | None = None) -> Objective:
+    """What poses of a scene's person k are judged by, the others where they are."""
     return Objective(Comparison(scene, k, cycle.synthesis, observed), cycle.evidence, history).by_surface()
 
 
@@ -217,7 +218,7 @@ def _unfound(scene: Scene, cycle: Cycle, observed: Observed) -> tuple[Estimate, 
     """Estimates of persons of whom nothing is known."""
     estimates = []
     for k, person in enumerate(scene.persons):
-        objective = _objective(scene, k, cycle, observed)
+        objective = objective_of(scene, k, cycle, observed)
         nothing = np.full((person.body.dof, person.body.dof), np.nan)
         estimates.append(replace(objective.estimate(person.q, nothing, 0), status=Status.LOST))
     return tuple(estimates)
@@ -253,7 +254,7 @@ def _recover(
     observed = cycle.evidence.observe(sight, expected, state.memory)
     again, _ = settled(trial, cycle, observed, Status.RECOVERED)
     for k in sought:
-        old_px = float(_objective(scene, k, cycle, observed)(scene.persons[k].q[None])[0])
+        old_px = float(objective_of(scene, k, cycle, observed)(scene.persons[k].q[None])[0])
         lead_px = 0.0 if state.frames_lost[k] else _CLEARLY_PX
         if not again[k].lost and (recovered[k].lost or again[k].distance_px < old_px - lead_px):
             recovered[k] = again[k]
@@ -261,7 +262,7 @@ def _recover(
     return scene, recovered, start
 
 
-def _finished(
+def finished(
     sight: Sight,
     scene: Scene,
     cycle: Cycle,
@@ -269,6 +270,7 @@ def _finished(
     observed: Observed,
     clock: Clock,
 ) -> Step:
+    """The step of a frame whose estimates are found; the scene is at their poses."""
     with clock("synthesis"):
         fitted: Contours = cycle.synthesis.contours(scene)
         foregrounds = [sight.silhouette(v) for v in range(len(scene.rig))]

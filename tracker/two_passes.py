@@ -10,6 +10,7 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from tracker.bridges import bridged
 from tracker.cycle import Clock, Cycle, State, advance
 from tracker.easier_start import LedBack
 from tracker.frame import Frame
@@ -144,7 +145,8 @@ def _both_ways(
         found, again = back([*first, *more], cycle, onwards.state)[: len(first)], True
     if cycle.leaving():
         return [replace(step, provisional=True) for step in first], None
-    return found, None if again else reached
+    even = bridged(found, cycle, begin.state, begin.before)
+    return even, None if again or even is not found else reached
 
 
 def _in_doubt(step: Step, loss: LossRule) -> bool:
