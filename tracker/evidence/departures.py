@@ -11,7 +11,7 @@ import numpy as np
 import pydantic
 
 from tracker.account import Account
-from tracker.arrays import Array, Array32, Image, Integers, Mask, Region, frozen
+from tracker.arrays import Array, Array32, Image, Mask, Region, frozen
 from tracker.comparison import Comparison
 from tracker.components import component
 from tracker.contours import Contours
@@ -19,7 +19,7 @@ from tracker.equations import Equations
 from tracker.evidence import GUESSED, Evidence, Memory
 from tracker.evidence._known_views import KnownView, Levels, linked
 from tracker.evidence._shares import over_views
-from tracker.evidence.silhouettes import covered_by
+from tracker.evidence._small_pictures import SmallPictures
 from tracker.expectation import expected_region
 from tracker.imaging.densities import colour_codes, densities
 from tracker.imaging.opening import opened
@@ -36,20 +36,14 @@ _LEAST_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class _Bare:
-    """What poses have to cover in small pictures of all V views; laid out as `Foregrounds`."""
+class _Bare(SmallPictures):
+    """What poses have to cover in small pictures of all V views.
+
+    Of the two pictures one is what has departed, the other the same with what stays.
+    """
 
     masks: tuple[Mask | None, ...]
     """(h, w) what has departed; None where nothing is known."""
-
-    factor: int
-    """See `Foregrounds`."""
-
-    regions: Integers
-    """(V, 3) start in `pictures`, width and height."""
-
-    pictures: Array32
-    """(N, 2) what covering a pixel is worth, 0 to 1: of what has departed; the same with what stays."""
 
     missing: Mask
     """(V,) views without an image."""
@@ -151,7 +145,7 @@ class DeparturesEvidence(Evidence):
                 pictures.append(np.stack(pair, axis=-1).reshape(-1, 2))
         factor = max((_factor(image) for image in sight.frame.images if image is not None), default=1)
         missing = np.array([image is None for image in sight.frame.images])
-        return _Bare(tuple(masks), factor, frozen(regions, np.int64), frozen(np.concatenate(pictures)), missing)
+        return _Bare(factor, frozen(regions, np.int64), frozen(np.concatenate(pictures)), tuple(masks), missing)
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) what is left bare, as a share of the person; mean over the views."""
@@ -188,7 +182,7 @@ class DeparturesEvidence(Evidence):
         if not np.nansum(worth):
             return np.tile(worth, (len(poses), 1))
         exact = asked.scene.has_skins and isinstance(asked.synthesis, SurfaceSynthesis)
-        covered = _covered_by_skins(asked, poses) if exact else covered_by(asked, poses)[..., column]
+        covered = _covered_by_skins(asked, poses) if exact else seen.covered_by(asked, poses)[..., column]
         own = np.array([max(camera.size[0] * camera.size[1], 1) for camera in asked.scene.rig.cameras])
         sizes = own * _TYPICAL_SHARE / seen.factor**2
         per_view: Array = self.scale_px * (worth - covered) / sizes

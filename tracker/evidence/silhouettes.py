@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
 import pydantic
 
 from tracker.account import Account
-from tracker.arrays import Array, Array32, Integers, Mask, frozen
+from tracker.arrays import Array, Array32, Mask, frozen
 from tracker.comparison import Comparison
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.equations import Equations
 from tracker.evidence import Evidence, Memory
 from tracker.evidence._shares import over_views, shares
+from tracker.evidence._small_pictures import SmallPictures
 from tracker.expectation import expected_region
-from tracker.geometry.superquadrics import spread, surface
-from tracker.kernels.contours.scoring import moving_parts
-from tracker.kernels.pictures.coverage import cover_shares, cover_still, covered_sums
-from tracker.kernels.rows import superquadric
-from tracker.kernels.rows.camera import CX, CY, FX, FY, SHEAR
+from tracker.kernels.pictures.coverage import cover_shares
 from tracker.observation import Observation
 from tracker.outlines import on_outline, outline_observation
 from tracker.sight import Sight
@@ -30,52 +27,23 @@ from tracker.similarity.chamfer import ChamferSimilarity
 
 # The longer side of an image is brought to about this for the overlap, px: a quarter of 720.
 _SMALL_PX = 180
-# Grid of a part when it is filled: chords of 5 x 8 points lie inside, 3 % more covers the same area.
-_GRID, _GROWN = (5, 8), 1.03
 
 
 @dataclass(frozen=True, eq=False)
-class Foregrounds:
-    """The moving foreground of all V views."""
+class Foregrounds(SmallPictures):
+    """The moving foreground of all V views.
+
+    Of the two pictures one is what it costs to cover a pixel, the other what covering it is worth.
+    """
 
     masks: tuple[Mask | None, ...]
     """(H, W) each; None where image or plate is missing."""
 
-    factor: int
-    """How many pixels of an image one of the small pictures stands for, along each side."""
-
-    regions: Integers
-    """(V, 3) start in `pictures`, width and height; width 0 where there is no foreground."""
-
-    pictures: Array32
-    """(N, 2) what it costs to cover a pixel, 0 to 1, and what covering it is worth, 0 to 1; all views end to end."""
-
     worth: Array
-    """(V,) sum of the latter; 0 where there is no foreground."""
+    """(V,) sum of what covering is worth; 0 where there is no foreground."""
 
     unknown: tuple[Mask | None, ...] = ()
     """(H, W) of each view where it is not known what is foreground; None, or no views, for nowhere."""
-
-    _still: dict[bytes, tuple[Mask, Array]] = field(default_factory=dict, repr=False)
-    """What parts that stand still cover, for the last batch of poses: the next one of a search has the same ones."""
-
-    def covered_by(self, placements: Array, shapes: Array, cameras: Array) -> Array:
-        """(B, V, 2) sums of the two pictures over what parts at placements (B, P, 4, 4) cover.
-
-        Args:
-            placements: world_from_part, metres.
-            shapes: (P, 7) packed superquadrics.
-            cameras: (V, 25) from `Rig.packed`.
-        """
-        grids, rows, moving = _grids(shapes.tobytes()), _small(cameras, self.factor), moving_parts(placements)
-        key = b"".join((shapes.tobytes(), moving.tobytes(), placements[:1, ~moving].tobytes()))
-        if key not in self._still:
-            self._still.clear()
-            self._still[key] = cover_still(placements, ~moving, grids, _GRID, rows, self.regions, self.pictures)
-        sums: Array = covered_sums(
-            placements, moving, grids, _GRID, rows, self.regions, self.pictures, self._still[key]
-        )
-        return sums
 
     @cached_property
     def outlines(self) -> Observation:
@@ -135,8 +103,8 @@ class SilhouetteEvidence(Evidence):
             start += width * height
             if picture is not None:
                 pictures.append(picture.reshape(-1, 2))
-        packed = frozen(regions, np.int64), frozen(np.concatenate(pictures), np.float32), frozen(worth)
-        return Foregrounds(masks, factor, *packed, unknown)
+        packed = frozen(regions, np.int64), frozen(np.concatenate(pictures), np.float32)
+        return Foregrounds(factor, *packed, masks, frozen(worth), unknown)
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) what is left bare and what is covered beside it, as shares of the foreground; mean over the views."""
@@ -159,7 +127,7 @@ class SilhouetteEvidence(Evidence):
         seen: Foregrounds = asked.observed
         if not seen.worth.any():
             return np.full((len(poses), len(seen.worth)), np.nan)
-        sums = covered_by(asked, poses)
+        sums = seen.covered_by(asked, poses)
         worth = np.where(seen.worth > 0, seen.worth, np.nan)
         per_view: Array = self.scale_px * (sums[..., 0] + worth - sums[..., 1]) / worth
         return per_view
@@ -197,28 +165,3 @@ def _smaller(mask: Mask, factor: int) -> Array32:
     small = np.empty((height, width), dtype=np.float32)
     cover_shares(mask, factor, small)
     return small
-
-
-def covered_by(asked: Comparison, poses: Array) -> Array:
-    """(B, V, 2) sums of the two pictures of the `Foregrounds` observed over what poses (B, dof) cover."""
-    seen: Foregrounds = asked.observed
-    return seen.covered_by(asked.placements(poses), asked.scene.shapes, asked.scene.rig.packed)
-
-
-def _small(cameras: Array, factor: int) -> Array:
-    """Rows of `Rig.packed` (V, 25) as `Rig.downscaled` makes them."""
-    rows = cameras.copy()
-    rows[:, [FX, FY, SHEAR]] /= factor
-    rows[:, [CX, CY]] = (rows[:, [CX, CY]] + 0.5) / factor - 0.5
-    return rows
-
-
-@lru_cache(maxsize=8)
-def _grids(shapes: bytes) -> Array32:
-    """(P, R * C, 3) surface points of all parts, from their packed shapes."""
-    grids = []
-    for shape in np.frombuffer(shapes).reshape(-1, superquadric.N_COLUMNS):
-        eta, omega = spread(shape, *_GRID)
-        points, _ = surface(shape, eta[:, None], omega[None, :])
-        grids.append(_GROWN * points.reshape(-1, 3))
-    return frozen(grids, np.float32)
