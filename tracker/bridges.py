@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from tracker.arrays import Array
+from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.contours import joined
 from tracker.cycle import Clock, Cycle, State, finished, objective_of
@@ -98,31 +99,64 @@ def bridged(steps: list[Step], cycle: Cycle, begin: State, before: Step | None) 
 
 def _candidates(steps: Sequence[Step], k: int) -> list[_Bridge]:
     """Ways of the limbs of person k that are smoother than those found."""
-    body, found = steps[0].scene.persons[k].body, []
-    least_m = _APART * np.ptp(body.landmarks_in_world(body.rest()), axis=0).max()
-    poses = np.array([step.estimates[k].q for step in steps])
-    times_s = np.array([step.frame.time_s for step in steps])
-    smooth = np.array([step.estimates[k].status is Status.TRACKED for step in steps])
-    for group in (group for group in body.fine_groups if body.partner_of(group)):
-        marks, columns = body.landmarks_of(group), body.group(group)
-        places = body.landmarks_in_world(poses)[:, marks]
-        for span in _SPANS:
-            for a in range(1, len(steps) - span - 1):
-                inner = slice(a + 1, a + span)
-                rough = _rough(places[a - 1 : a + span + 2])
-                if not smooth[a : a + span + 1].all() or _PX_PER_M2 * rough < _LEAST_PX:
-                    continue
-                even = poses[inner].copy()
-                shares = ((times_s[inner] - times_s[a]) / (times_s[a + span] - times_s[a]))[:, None]
-                even[:, columns] = (1 - shares) * poses[a, columns] + shares * poses[a + span, columns]
-                moved = places[a - 1 : a + span + 2].copy()
-                moved[2:-2] = body.landmarks_in_world(even)[:, marks]
-                apart_m = np.linalg.norm(moved[2:-2] - places[inner], axis=2).max(axis=1)
-                even_rough = _rough(moved)
-                smoother_px = _PX_PER_M2 * (rough - even_rough)
-                if apart_m.max() > least_m and smoother_px > _LEAST_PX and rough > _SMOOTHER * even_rough:
-                    found.append(_Bridge(k, group, a + 1, even, apart_m, smoother_px))
-    return found
+    body = steps[0].scene.persons[k].body
+    way = _Way(
+        k,
+        body,
+        np.array([step.frame.time_s for step in steps]),
+        np.array([step.estimates[k].q for step in steps]),
+        np.array([step.estimates[k].status is Status.TRACKED for step in steps]),
+    )
+    groups = [group for group in body.fine_groups if body.partner_of(group)]
+    ends = [(a, a + span) for span in _SPANS for a in range(1, len(steps) - span - 1)]
+    tried = (way.bridged(group, a, b) for group in groups for a, b in ends)
+    return [bridge for bridge in tried if bridge is not None]
+
+
+@dataclass(frozen=True)
+class _Way:
+    """How a person has moved, as found."""
+
+    person: int
+    body: BodyModel
+    times_s: Array
+    """(T,)"""
+
+    poses: Array
+    """(T, dof)"""
+
+    tracked: Mask
+    """(T,) whether a pose came from the one before."""
+
+    @cached_property
+    def places(self) -> Array:
+        """(T, L, 3) landmarks."""
+        found: Array = self.body.landmarks_in_world(self.poses)
+        return found
+
+    @cached_property
+    def least_m(self) -> float:
+        """What a joint must have been elsewhere by, metres."""
+        return float(_APART * np.ptp(self.body.landmarks_in_world(self.body.rest()), axis=0).max())
+
+    def bridged(self, group: str, a: int, b: int) -> _Bridge | None:
+        """A limb led evenly from step a to step b; None where it was not elsewhere meanwhile, or moved as limbs do."""
+        marks, columns = self.body.landmarks_of(group), self.body.group(group)
+        # a step more at each end: what is even in between may begin or end with a jerk
+        found = self.places[a - 1 : b + 2, marks]
+        rough = _rough(found)
+        if not self.tracked[a : b + 1].all() or _PX_PER_M2 * rough < _LEAST_PX:
+            return None
+        even = self.poses[a + 1 : b].copy()
+        shares = ((self.times_s[a + 1 : b] - self.times_s[a]) / (self.times_s[b] - self.times_s[a]))[:, None]
+        even[:, columns] = (1 - shares) * self.poses[a, columns] + shares * self.poses[b, columns]
+        moved = found.copy()
+        moved[2:-2] = self.body.landmarks_in_world(even)[:, marks]
+        apart_m = np.linalg.norm(moved - found, axis=2).max(axis=1)[2:-2]
+        smoother_px = _PX_PER_M2 * (rough - _rough(moved))
+        if apart_m.max() <= self.least_m or smoother_px <= _LEAST_PX or rough <= _SMOOTHER * _rough(moved):
+            return None
+        return _Bridge(self.person, group, a + 1, even, apart_m, smoother_px)
 
 
 def _rough(places: Array) -> float:
