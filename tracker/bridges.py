@@ -18,6 +18,7 @@ from tracker.body import BodyModel
 from tracker.contours import joined
 from tracker.cycle import Clock, Cycle, State, finished, objective_of
 from tracker.estimate import Estimate, Status
+from tracker.limbs import apart_m
 from tracker.loss import judged
 from tracker.objective import Objective
 from tracker.sight import Sight
@@ -40,9 +41,6 @@ T-Punch-light, whose arms were right and were moved by 8 cm); an arm that jumps 
 _MOST_PX = 0.5
 """What a bridge may cost the images in one frame, px: of a limb that is seen they say 0.2 to 1."""
 
-_APART = 0.08
-"""Joints farther apart than this, in extents of the body at rest, are in two places: 14 cm of a person."""
-
 
 @dataclass(frozen=True)
 class _Bridge:
@@ -56,7 +54,7 @@ class _Bridge:
     poses: Array
     """(n, dof) one a step."""
 
-    apart_m: Array
+    away_m: Array
     """(n,) how far a joint of the limb is from where it was found, at most."""
 
     smoother_px: float
@@ -106,6 +104,7 @@ def _candidates(steps: Sequence[Step], k: int) -> list[_Bridge]:
         np.array([step.frame.time_s for step in steps]),
         np.array([step.estimates[k].q for step in steps]),
         np.array([step.estimates[k].status is Status.TRACKED for step in steps]),
+        apart_m(body),
     )
     groups = [group for group in body.fine_groups if body.partner_of(group)]
     ends = [(a, a + span) for span in _SPANS for a in range(1, len(steps) - span - 1)]
@@ -128,16 +127,14 @@ class _Way:
     tracked: Mask
     """(T,) whether a pose came from the one before."""
 
+    least_m: float
+    """What a joint must have been elsewhere by, metres."""
+
     @cached_property
     def places(self) -> Array:
         """(T, L, 3) landmarks."""
         found: Array = self.body.landmarks_in_world(self.poses)
         return found
-
-    @cached_property
-    def least_m(self) -> float:
-        """What a joint must have been elsewhere by, metres."""
-        return float(_APART * np.ptp(self.body.landmarks_in_world(self.body.rest()), axis=0).max())
 
     def bridged(self, group: str, a: int, b: int) -> _Bridge | None:
         """A limb led evenly from step a to step b; None where it was not elsewhere meanwhile, or moved as limbs do."""
@@ -152,11 +149,11 @@ class _Way:
         even[:, columns] = (1 - shares) * self.poses[a, columns] + shares * self.poses[b, columns]
         moved = found.copy()
         moved[2:-2] = self.body.landmarks_in_world(even)[:, marks]
-        apart_m = np.linalg.norm(moved - found, axis=2).max(axis=1)[2:-2]
+        away_m = np.linalg.norm(moved - found, axis=2).max(axis=1)[2:-2]
         smoother_px = _PX_PER_M2 * (rough - _rough(moved))
-        if apart_m.max() <= self.least_m or smoother_px <= _LEAST_PX or rough <= _SMOOTHER * _rough(moved):
+        if away_m.max() <= self.least_m or smoother_px <= _LEAST_PX or rough <= _SMOOTHER * _rough(moved):
             return None
-        return _Bridge(self.person, group, a + 1, even, apart_m, smoother_px)
+        return _Bridge(self.person, group, a + 1, even, away_m, smoother_px)
 
 
 def _rough(places: Array) -> float:
@@ -186,10 +183,10 @@ def _farthest(bridges: Sequence[_Bridge]) -> dict[int, dict[int, list[Array]]]:
     """Step's number -> person -> for each limb the pose of all bridges in which it is farthest from where it was."""
     most: dict[tuple[int, int, str], tuple[float, Array]] = {}
     for bridge in bridges:
-        for n, q, apart_m in zip(bridge.steps, bridge.poses, bridge.apart_m, strict=True):
+        for n, q, away_m in zip(bridge.steps, bridge.poses, bridge.away_m, strict=True):
             limb = n, bridge.person, bridge.group
-            if limb not in most or most[limb][0] < apart_m:
-                most[limb] = float(apart_m), q
+            if limb not in most or most[limb][0] < away_m:
+                most[limb] = float(away_m), q
     found: dict[int, dict[int, list[Array]]] = defaultdict(lambda: defaultdict(list))
     for (n, k, _), (_, q) in most.items():
         found[n][k].append(q)
@@ -262,11 +259,10 @@ def _moved(objective: Objective, cycle: Cycle, estimate: Estimate, bridges: Iter
     """An estimate with some limbs moved: what was found is as likely, which its covariance says."""
     body: BodyModel = objective.body
     q, elsewhere = estimate.q.copy(), []
-    extent_m = np.ptp(body.landmarks_in_world(body.rest()), axis=0).max()
     for bridge in bridges:
         columns = body.group(bridge.group)
         q[columns] = bridge.poses[n - bridge.first, columns]
-        if bridge.apart_m[n - bridge.first] > _APART * extent_m:
+        if bridge.away_m[n - bridge.first] > apart_m(body):
             elsewhere.append(bridge.group)
     half = (q - estimate.q) / 2
     found = objective.estimate(q, estimate.covariance + np.outer(half, half), estimate.evaluations)

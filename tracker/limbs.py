@@ -11,8 +11,15 @@ from tracker.geometry.halton import halton
 
 # A bound of the Gauss-Newton steps.
 _STEPS = 12
+# Joints farther apart than this, in extents of the body at rest, are not in one place: 14 cm of a person.
+_APART = 0.08
 # Damping of the inverse kinematics, in the units of its normal equations, m^2: a twist that no joint shows stays.
 _DAMPING = 1e-4
+
+
+def apart_m(body: BodyModel) -> float:
+    """From how far on two places of a joint are not one, metres."""
+    return float(_APART * np.ptp(body.landmarks_in_world(body.rest()), axis=0).max())
 
 
 def mirrored(body: BodyModel, q: Array, one: str, other: str) -> Array:

@@ -7,11 +7,9 @@ import numpy as np
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.estimate import Estimate
-from tracker.limbs import taken_over
+from tracker.limbs import apart_m, taken_over
 from tracker.objective import Objective
 
-# Joints farther apart than this, in extents of the body at rest, are not in one place: 14 cm of a person.
-_APART = 0.08
 # What another way must be better by, px. In R-Turn from frame 20 and T-Punch-light from frame 0 less than this led from
 # the right pose to a wrong one three times, and never back; more did so once of seven times.
 _LEAD_PX = 0.1
@@ -52,8 +50,7 @@ def _apart(body: BodyModel, group: str, one: Array, other: Array) -> bool:
     """Whether a joint of a limb is in two places in two poses."""
     marks = body.landmarks_of(group)
     gaps = np.linalg.norm(body.landmarks_in_world(one)[marks] - body.landmarks_in_world(other)[marks], axis=1)
-    extent_m = np.ptp(body.landmarks_in_world(body.rest()), axis=0).max()
-    return bool(gaps.max(initial=0.0) > _APART * extent_m)
+    return bool(gaps.max(initial=0.0) > apart_m(body))
 
 
 def _of_both(one: Array, other: Array, theirs: Mask) -> Array:
