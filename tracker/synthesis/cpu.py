@@ -120,7 +120,7 @@ class CpuSynthesis:
         placements = scene.world_from_parts(person, poses)
         moving = moving_parts(placements)
         seen = scene.shapes, grids, planes, grid, bounds, scene.rig.packed, scene.rig.sizes, spacing
-        standing = _standing(placements, moving, seen)
+        standing = _standing(placements, ~moving, seen)
         rule = theta, reject
         directed: Array = score_poses(placements, *seen, flat, regions, points, first, rule, moving, standing)
         return directed
@@ -170,20 +170,20 @@ _Standing = tuple[Array32, Integers]
 _STANDING: dict[bytes, _Standing] = {}
 
 
-def _standing(placements: Array, moving: Mask, seen: tuple[Any, ...]) -> _Standing:
+def _standing(placements: Array, still: Mask, seen: tuple[Any, ...]) -> _Standing:
     """Contours of the parts that stand still, kept for the last batch of poses: a search asks for the same ones again.
 
     Args:
         placements: (B, P, 4, 4) world_from_part, metres.
-        moving: (P,) the other parts.
+        still: (P,) the parts.
         seen: shapes, grids, planes, layout, bounds, cameras, image sizes and spacing, see `trace_still`.
     """
     shapes, _, _, layout, _, cameras, sizes, spacing = seen
-    told = moving, placements[:1, ~moving], shapes, cameras, sizes, np.array([*layout, *spacing])
+    told = still, placements[:1, still], shapes, cameras, sizes, np.array([*layout, *spacing])
     key = b"".join(values.tobytes() for values in told)
     found = _STANDING.get(key)
     if found is None:
-        found = trace_still(placements, moving, *seen)
+        found = trace_still(placements, still, *seen)
         _STANDING.clear()
         _STANDING[key] = found
     return found

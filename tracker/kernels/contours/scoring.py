@@ -136,7 +136,7 @@ def _add_seen(
 @compiled
 def trace_still(
     placements: Array,
-    moving: Mask,
+    still: Mask,
     shapes: Array,
     grids: Array32,
     planes: Array32,
@@ -150,7 +150,7 @@ def trace_still(
 
     Args:
         placements: (B, P, 4, 4) world_from_part, metres; the first one counts.
-        moving: (P,) the other parts.
+        still: (P,) the parts.
         shapes, grids, planes, layout, bounds, cameras, sizes, spacing: see `trace_contours`.
 
     Returns:
@@ -158,10 +158,10 @@ def trace_still(
     """
     samples = np.zeros((len(cameras), ROW, sample.N_COLUMNS), dtype=np.float32)
     counts = np.zeros(len(cameras), dtype=np.int64)
-    if moving.all():
+    if not still.any():
         return samples, counts
     solids = np.zeros((len(shapes), solid.N_COLUMNS), dtype=np.float32)
-    work, masks = tracing_workspace(len(shapes), layout), (~moving, ~moving)
+    work, masks = tracing_workspace(len(shapes), layout), (still, still)
     place_solids(placements, 0, shapes, bounds, solids)
     for v in range(len(cameras)):
         view_solids(shapes, bounds, cameras[v], spacing[1], solids)
