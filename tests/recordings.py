@@ -72,3 +72,10 @@ def joint_errors_mm(simulation: Simulation, person: int, frame: int, q: Array) -
     body = simulation.scene.persons[person].body
     gap = body.landmarks_in_world(q) - body.landmarks_in_world(simulation.poses[person][frame])
     return 1000 * np.linalg.norm(gap, axis=1)
+
+
+def around(scene: Scene, n: int, off_deg: float, off_m: float) -> Array:
+    """Poses (n, dof) scattered around the truth."""
+    person = scene.persons[0]
+    spread = np.where(person.body.rotates, np.radians(off_deg), off_m)
+    return person.body.clamped(person.q + spread * np.random.default_rng(4).normal(size=(n, person.body.dof)))

@@ -6,7 +6,9 @@ import typing
 from pathlib import Path
 from typing import Any
 
-from tracker.components import find
+import pytest
+
+from tracker.components import available, find
 from tracker.config import build
 
 GIVEN: dict[tuple[str, str], dict[str, Any]] = {}
@@ -26,3 +28,8 @@ def minimal(stage: str, use: str) -> dict[str, Any]:
 
 def made(stage: str, use: str, **fields: Any) -> Any:
     return build(stage, {**minimal(stage, use), **fields}, f"test.toml [{stage}]", Path("/nowhere"))
+
+
+def each(stage: str) -> pytest.MarkDecorator:
+    """Runs a test with every component of a stage."""
+    return pytest.mark.parametrize("use", available(stage))

@@ -14,11 +14,12 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from tracker.calibration import report_text
-from tracker.calibration._world import WorldFrame, moved_rig, rigid_alignment
+from tracker.calibration._world import WorldFrame, moved_rig
 from tracker.calibration.chessboard import BoardImages, ChessboardCalibration
 from tracker.calibration.reference_bar import BarImages
 from tracker.cli import app
 from tracker.errors import CalibrationError, ConfigError, TrackerError
+from tracker.geometry.rigid_motion import rigid_motion
 from tracker.jobs import execute
 from tracker.jobs.calibrate import load_calibration
 from tracker.progress import silent
@@ -34,7 +35,7 @@ def test_from_scratch_with_focal_lengths_nobody_knows(around):
     recording = recorded(11, 100, Faults(0.1, 0.05, 0.05), around)
     result = calibration(focal_px=None).calibrate_images(images_of(recording))
     ours, theirs = (np.stack([c.centre for c in rig.cameras]) for rig in (result.rig, recording.rig))
-    motion = rigid_alignment(ours, theirs)
+    motion = rigid_motion(ours, theirs)
     np.testing.assert_allclose(ours @ motion[:3, :3].T + motion[:3, 3], theirs, atol=0.03)
     assert result.measures[0].value < 2.0  # mm, hold-out bars of 0.8 m
     assert 0.85 < result.adjustment.s0 < 1.15
@@ -223,7 +224,7 @@ def test_the_rendered_bar_recording(data):
     images = np.stack([np.column_stack([rows[f"{name}_u"], rows[f"{name}_v"]]) for name in result.rig.names])
     truth = np.column_stack([rows["x"], rows["y"], rows["z"]])
     points, _ = result.rig.triangulate(images)
-    motion = rigid_alignment(points, truth)
+    motion = rigid_motion(points, truth)
     errors = points @ motion[:3, :3].T + motion[:3, 3] - truth
     assert 1000 * np.sqrt(np.mean(np.sum(errors**2, axis=1))) < 5.0  # mm, in a room of 7 m
     lengths = np.linalg.norm(points[::2] - points[1::2], axis=1)

@@ -1,28 +1,30 @@
-"""What every component found in a stage must do: a new file is tested without a word in here."""
+"""What every component found in a stage must do: a new file is tested without a word in here.
+
+Those that read and write files have `test_file_contracts.py`, those that predict `test_prediction.py`.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import sections
 from detected import detected, written
 from followed import followed
-from recordings import cycle_for, small_simulation
+from recordings import around, cycle_for, small_simulation
 from renderers import working
 from scipy.spatial import cKDTree
-from sections import made
+from sections import each, made
 
 from tracker.analysis.contours import ContourAnalysis
 from tracker.comparison import Comparison
 from tracker.components import available
 from tracker.cycle import Cycle
-from tracker.errors import ConfigError, InitializationError, TrackerError
-from tracker.estimate import Estimate, Status
+from tracker.errors import ConfigError, InitializationError
+from tracker.estimate import Estimate
 from tracker.evidence import GUESSED, Evidence
 from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.regions import RegionEvidence
@@ -31,17 +33,10 @@ from tracker.kernels.contours.chamfer import directed_distances
 from tracker.kernels.regions.scoring import Lines
 from tracker.objective import Objective
 from tracker.observation import Observation
-from tracker.recording import RunContext
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.synthesis._pictures import misfits_of
-from tracker.trajectory import History, Step
-
-
-def each(stage: str) -> pytest.MarkDecorator:
-    return pytest.mark.parametrize("use", available(stage))
-
 
 HINTS = {"departures"}
 """Evidence that is used beside other evidence only: of limbs that are missing (tests/test_departures.py), no pose."""
@@ -101,13 +96,6 @@ def observation(scene: Scene, frame: Frame, cycle: Cycle) -> Observation:
 
 def one_line(text: str) -> str:
     return " ".join(text.split())
-
-
-def around(scene: Scene, n: int, off_deg: float, off_m: float) -> np.ndarray:
-    """Poses (n, dof) scattered around the truth."""
-    person = scene.persons[0]
-    spread = np.where(person.body.rotates, np.radians(off_deg), off_m)
-    return person.body.clamped(person.q + spread * np.random.default_rng(4).normal(size=(n, person.body.dof)))
 
 
 @each("synthesis")
@@ -360,29 +348,6 @@ def test_what_is_learned_is_learned_again(use, scene, frame, cycle):
         np.testing.assert_array_equal(*(evidence.distances(asked, poses) for asked in seen))
 
 
-@each("prediction")
-@pytest.mark.parametrize("n_frames", [1, 2, 3, 12])
-def test_predictions_are_possible_poses(use, n_frames, scene):
-    body = scene.persons[0].body
-    history = History(0.04 * np.arange(n_frames), around(scene, n_frames, 40.0, 0.5))
-    candidates = made("prediction", use).predict(body, history, 0.04 * n_frames)
-    assert candidates.shape == (len(candidates), body.dof)
-    assert len(candidates) >= 1
-    np.testing.assert_array_equal(candidates, body.clamped(candidates))
-    later = History(history.times + 100.0, history.poses)
-    again = made("prediction", use).predict(body, later, 0.04 * n_frames + 100.0)
-    np.testing.assert_allclose(again, candidates, atol=1e-8)
-
-
-@each("prediction")
-@pytest.mark.parametrize("n_frames", [1, 2, 12])
-def test_who_stands_still_is_predicted_to(use, n_frames, scene):
-    person = scene.persons[0]
-    history = History(0.04 * np.arange(n_frames), np.tile(person.q, (n_frames, 1)))
-    candidates = made("prediction", use).predict(person.body, history, 0.04 * n_frames)
-    np.testing.assert_allclose(candidates, np.tile(person.q, (len(candidates), 1)), atol=1e-9)
-
-
 @each("estimation")
 def test_an_estimate_is_a_possible_pose_no_worse_than_the_starts(use, scene, observation, cycle):
     objective = Objective(Comparison(scene, 0, cycle.synthesis, observation), ContourEvidence())
@@ -420,82 +385,3 @@ def test_without_plates_or_a_start_file_a_start_is_refused_at_once_or_found(use,
     found = np.array([one.q for one in start.hypotheses[0]]) if start.hypotheses else start.poses[0][None]
     gaps = person.body.landmarks_in_world(found) - person.body.landmarks_in_world(person.q)
     assert np.linalg.norm(gaps, axis=2).mean(axis=1).min() < 0.1
-
-
-@each("reading")
-def test_an_absent_recording_is_one_clear_line(use):
-    with pytest.raises(TrackerError) as caught:
-        made("reading", use, rig="absent.toml").open()
-    assert "/nowhere/absent" in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-@each("reading")
-def test_cameras_without_a_calibration_are_read_by_their_names(use):
-    with pytest.raises(TrackerError, match='key "rig" is missing'):
-        made("reading", use).open()
-    with pytest.raises(TrackerError, match="expected the names of the cameras"):
-        made("reading", use).open_uncalibrated()
-    with pytest.raises(TrackerError, match="expected different names"):
-        made("reading", use, views=["left", "left"]).open_uncalibrated()
-    with pytest.raises(TrackerError, match="/nowhere/absent/left"):
-        made("reading", use, views=["left", "right"]).open_uncalibrated()
-
-
-class BlankViews:
-    """Two views of nothing."""
-
-    names, sizes, n_frames = ("left", "right"), ((96, 64), (96, 64)), 4
-
-    def frames(self) -> Iterator[Frame]:
-        return (Frame(k, 0.04 * k, (np.full((64, 96, 3), 90, np.uint8),) * 2) for k in range(self.n_frames))
-
-
-@each("calibration")
-def test_nothing_is_calibrated_from_nothing(use):
-    with pytest.raises(TrackerError) as caught:
-        made("calibration", use).calibrate(BlankViews(), lambda what, done, total: None)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.fixture(scope="module")
-def steps(scene: Scene, frame: Frame, cycle: Cycle, observation: Observation) -> list[Step]:
-    """A frame found, one lost with a view missing, one found again."""
-    found = Objective(Comparison(scene, 0, cycle.synthesis, observation), ContourEvidence()).estimate(
-        scene.persons[0].q, np.full((22, 22), np.nan), 1
-    )
-    fitted = cycle.synthesis.contours(scene)
-    states = (
-        (Status.BOOTSTRAPPED, frame.images),
-        (Status.LOST, (None, *frame.images[1:])),
-        (Status.RECOVERED, frame.images),
-    )
-    return [
-        Step(Frame(10 + k, 0.4 + 0.04 * k, images), scene, (replace(found, status=status),), fitted, {"analysis": 0.01})
-        for k, (status, images) in enumerate(states)
-    ]
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
-
-
-@each("recording")
-def test_a_recording_leaves_files_and_replaces_those_of_the_run_before(use, scene, steps, tmp_path):
-    context = RunContext("test", tmp_path, scene, fps=25.0, interval_s=0.04, n_frames=len(steps))
-    for part in (steps[:1], steps):
-        recorder = made("recording", use).begin(context)
-        for step in part:
-            recorder.write(step)
-        told = recorder.finish()
-        assert all(contents(tmp_path).values())
-        assert contents(tmp_path)
-        assert sorted(told) == sorted(tmp_path.iterdir())
-    names = set(contents(tmp_path))
-    assert not any(name.endswith((".part", ".tmp")) for name in names)
-
-
-@each("recording")
-def test_a_run_without_a_frame_is_finished_too(use, scene, tmp_path):
-    recorder = made("recording", use).begin(RunContext("test", tmp_path, scene, fps=25.0, interval_s=0.04, n_frames=3))
-    assert sorted(recorder.finish()) == sorted(tmp_path.iterdir())

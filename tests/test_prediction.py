@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from recordings import around
+from sections import each, made
 
 from tracker.account import Account
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_files import load_body
 from tracker.estimate import Estimate, Status
 from tracker.prediction.polynomial import PolynomialPrediction
-from tracker.resources import model_path
 from tracker.trajectory import History
 
 DT = 0.04
-
-
-@pytest.fixture(scope="module")
-def body() -> BodyModel:
-    return load_body(model_path("gavrila22"))
 
 
 def middle_of(body: BodyModel) -> Array:
@@ -143,3 +138,26 @@ def test_a_loss_leaves_the_history_and_a_recovery_begins_a_new_one() -> None:
         np.testing.assert_array_equal(fresh.times, [3 * DT])
         np.testing.assert_array_equal(fresh.poses, [[5.0, 5.0, 5.0]])
     assert len(history.times) == 2
+
+
+@each("prediction")
+@pytest.mark.parametrize("n_frames", [1, 2, 3, 12])
+def test_predictions_are_possible_poses(use, n_frames, truth):
+    body = truth.persons[0].body
+    history = History(0.04 * np.arange(n_frames), around(truth, n_frames, 40.0, 0.5))
+    candidates = made("prediction", use).predict(body, history, 0.04 * n_frames)
+    assert candidates.shape == (len(candidates), body.dof)
+    assert len(candidates) >= 1
+    np.testing.assert_array_equal(candidates, body.clamped(candidates))
+    later = History(history.times + 100.0, history.poses)
+    again = made("prediction", use).predict(body, later, 0.04 * n_frames + 100.0)
+    np.testing.assert_allclose(again, candidates, atol=1e-8)
+
+
+@each("prediction")
+@pytest.mark.parametrize("n_frames", [1, 2, 12])
+def test_who_stands_still_is_predicted_to(use, n_frames, truth):
+    person = truth.persons[0]
+    history = History(0.04 * np.arange(n_frames), np.tile(person.q, (n_frames, 1)))
+    candidates = made("prediction", use).predict(person.body, history, 0.04 * n_frames)
+    np.testing.assert_allclose(candidates, np.tile(person.q, (len(candidates), 1)), atol=1e-9)

@@ -14,6 +14,7 @@ from tracker.arrays import Array, Mask
 from tracker.calibration.reference_bar import BarImages, ReferenceBarCalibration
 from tracker.camera import Camera
 from tracker.errors import CalibrationError
+from tracker.geometry.rigid_motion import rigid_motion
 from tracker.rig import Rig
 from tracker.simulation.bars import SIZE, BarRecording, Faults, every, four_around, three_in_line, wave
 
@@ -114,10 +115,8 @@ def _bar_rms(rig: Rig, recording: BarRecording) -> float:
 def _position_error(found: Rig, truth: Rig) -> float:
     """RMS distance of the projection centres after the best rotation and shift, metres."""
     ours, theirs = (np.stack([camera.centre for camera in rig.cameras]) for rig in (found, truth))
-    ours, theirs = ours - ours.mean(axis=0), theirs - theirs.mean(axis=0)
-    u, _, vt = np.linalg.svd(ours.T @ theirs)
-    turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
-    return float(np.sqrt(np.mean(np.sum((ours @ turn - theirs) ** 2, axis=1))))
+    motion = rigid_motion(ours, theirs)
+    return float(np.sqrt(np.mean(np.sum((ours @ motion[:3, :3].T + motion[:3, 3] - theirs) ** 2, axis=1))))
 
 
 def _honesty(cameras: tuple[Camera, ...], truth: Rig, sigmas: Array, free: Mask) -> float:

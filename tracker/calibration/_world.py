@@ -13,6 +13,7 @@ from tracker.arrays import Array, Image
 from tracker.calibration._boards import find_corners
 from tracker.components import FilePath, PathPattern, component
 from tracker.errors import CalibrationError
+from tracker.geometry.rigid_motion import rigid_motion
 from tracker.rig import Rig
 from tracker.source_files import number_in, rows_of
 
@@ -108,25 +109,9 @@ def moved_rig(rig: Rig, world_from_rig: Array) -> Rig:
     return Rig(tuple(replace(camera, camera_from_world=camera.camera_from_world @ back) for camera in rig.cameras))
 
 
-def rigid_alignment(points: Array, targets: Array) -> Array:
-    """(4, 4) rotation and shift that bring points (N, 3) nearest to targets (N, 3); NaN rows are left out.
-
-    Least squares by singular values (Arun et al. 1987), without scale.
-    """
-    good = np.isfinite(points).all(axis=1) & np.isfinite(targets).all(axis=1)
-    points, targets = points[good], targets[good]
-    middle, target = points.mean(axis=0), targets.mean(axis=0)
-    u, _, vt = np.linalg.svd((points - middle).T @ (targets - target))
-    sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    motion = np.eye(4)
-    motion[:3, :3] = (u @ sign @ vt).T
-    motion[:3, 3] = target - motion[:3, :3] @ middle
-    return motion
-
-
 def aligned_to_level(plan: Array, points: Array, rig: Rig) -> Array:
-    """Like `rigid_alignment` of a board, turned over if its z pointed away from the cameras."""
-    motion = rigid_alignment(points, plan)
+    """Like `rigid_motion` of a board, turned over if its z pointed away from the cameras."""
+    motion = rigid_motion(points, plan)
     above = np.mean([(motion[:3, :3] @ camera.centre + motion[:3, 3])[2] for camera in rig.cameras])
     return motion if above > 0 else np.diag([1.0, -1.0, -1.0, 1.0]) @ motion
 
@@ -165,7 +150,7 @@ def _from_points(rig: Rig, path: Path) -> Array:
     good = np.isfinite(points).all(axis=1)
     if good.sum() < 3:
         raise CalibrationError(f"{path}: {int(good.sum())} points are seen by two views, expected at least 3")
-    motion = rigid_alignment(points, positions)
+    motion = rigid_motion(points, positions)
     error = np.linalg.norm(points[good] @ motion[:3, :3].T + motion[:3, 3] - positions[good], axis=1)
     span = np.linalg.svd(positions[good] - positions[good].mean(axis=0), compute_uv=False)
     if span[1] < 0.05 * span[0]:

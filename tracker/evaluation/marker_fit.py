@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Integers, Mask
 from tracker.evaluation.marker_set import MarkerJoints
-from tracker.evaluation.rigid_motion import FAR_M, by_triples
+from tracker.evaluation.rigid_consensus import FAR_M, by_triples
 from tracker.evaluation.time_correlation import Clocked
 
 _LEAST_SAMPLES = 6

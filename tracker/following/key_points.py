@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Integers
 from tracker.errors import ConfigError, MatchingError, nearest
+from tracker.geometry.rigid_motion import rigid_motion
 from tracker.point_trajectories import PointTrajectories
 from tracker.rig import Rig
 
@@ -131,18 +131,18 @@ def followed_key_points(trajectories: PointTrajectories, around: Surroundings) -
 
 def _carried(rest: Array, now: Array, place: Array) -> tuple[Array, float, int]:
     """The place after the rigid motion of the points (N, 3), what that leaves of them (RMS), and how many took part."""
-    moved, gaps = _rigid(rest, now, place)
+    moved, gaps = _led(rest, now, place)
     kept = gaps <= _WORST * np.median(gaps)
     if kept.sum() >= _LEAST:
-        moved, gaps = _rigid(rest[kept], now[kept], place)
+        moved, gaps = _led(rest[kept], now[kept], place)
     return moved, float(np.sqrt(np.mean(gaps**2))), len(gaps)
 
 
-def _rigid(rest: Array, now: Array, place: Array) -> tuple[Array, Array]:
-    centre, target = rest.mean(axis=0), now.mean(axis=0)
-    rotation, _ = Rotation.align_vectors(now - target, rest - centre)
-    gaps = np.linalg.norm(rotation.apply(rest - centre) + target - now, axis=1)
-    return rotation.apply(place - centre) + target, gaps
+def _led(rest: Array, now: Array, place: Array) -> tuple[Array, Array]:
+    """The place (3,) after the rigid motion of the points (N, 3), and what that leaves of each (N,)."""
+    motion = rigid_motion(rest, now)
+    rotation, shift = motion[:3, :3], motion[:3, 3]
+    return rotation @ place + shift, np.linalg.norm(rest @ rotation.T + shift - now, axis=1)
 
 
 KEY_POINTS_HEADER = "frame,time_s,key_point,x_m,y_m,z_m,spread_m,points_around\n"
