@@ -69,6 +69,11 @@ class Contours:
             self.between[b, view, :n],
         )
 
+    def pose(self, b: int) -> Contours:
+        """The samples of one pose."""
+        one = slice(b, b + 1)
+        return Contours(self.positions[one], self.points[one], self.parts[one], self.between[one], self.counts[one])
+
     @cached_property
     def matched(self) -> tuple[Array32, ...]:
         """For each view pixel and normal (N, 4) of the samples that are matched, of all poses."""

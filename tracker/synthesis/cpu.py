@@ -68,7 +68,25 @@ class CpuSynthesis:
         return with_skins(parts, scene, placements, (self.step_px, self.contact_m))
 
     def _of_parts(self, scene: Scene, placements: Array, coarse: bool) -> Contours:
-        """Contours of all superquadrics."""
+        """Contours of all superquadrics; fine ones are kept for some poses, for they are asked for again.
+
+        What is expected in a frame is where refinements begin, and what is found there where the frame ends.
+        """
+        if coarse:
+            return self._drawn(scene, placements, coarse)
+        sampling = np.array([self.n_eta, self.n_omega, self.step_px, self.contact_m])
+        told = b"".join(values.tobytes() for values in (scene.shapes, scene.rig.packed, scene.rig.sizes, sampling))
+        keys = [told + placed.tobytes() for placed in placements]
+        if len(keys) == 1 and keys[0] in _TRACED:
+            return _TRACED[keys[0]]
+        found = self._drawn(scene, placements, coarse)
+        _TRACED.update({key: found.pose(b) for b, key in enumerate(keys)} if len(keys) > 1 else {keys[0]: found})
+        while len(_TRACED) > _MOST_TRACED:
+            _TRACED.popitem(last=False)
+        return found
+
+    def _drawn(self, scene: Scene, placements: Array, coarse: bool) -> Contours:
+        """Contours of all superquadrics, found now."""
         found = self._traced(scene, placements, _SAMPLES_PER_PART * len(scene.shapes), coarse)
         while int(found.counts.max(initial=0)) == found.parts.shape[2]:
             found = self._traced(scene, placements, 2 * found.parts.shape[2], coarse)
@@ -163,6 +181,11 @@ class CpuSynthesis:
             return ids_of_skins(scene)
         return rasterized_ids(scene, 2 * _FINE[0] - 1, 2 * _FINE[1])
 
+
+_TRACED: OrderedDict[bytes, Contours] = OrderedDict()
+
+# Two predictions of three are refined, two steps each, before anything is asked for again.
+_MOST_TRACED = 8
 
 _Standing = tuple[Array32, Integers]
 """Samples of parts that stand still in a search, and their numbers."""
