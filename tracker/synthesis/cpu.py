@@ -80,7 +80,8 @@ class CpuSynthesis:
         if len(keys) == 1 and keys[0] in _TRACED:
             return _TRACED[keys[0]]
         found = self._drawn(scene, placements, coarse)
-        _TRACED.update({key: found.pose(b) for b, key in enumerate(keys)} if len(keys) > 1 else {keys[0]: found})
+        for b, key in enumerate(keys):
+            _TRACED[key] = found if len(keys) == 1 else found.pose(b)
         while len(_TRACED) > _MOST_TRACED:
             _TRACED.popitem(last=False)
         return found
