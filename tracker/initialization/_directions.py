@@ -39,8 +39,13 @@ class DirectionImages:
         """Whether no view has an edge."""
         return not any(gains is not None and gains.any() for gains in self.gains)
 
-    def scores(self, contours: Contours) -> Array:
-        """(B, V) mean gain of each pose's contour in each view; 0 for what chance would give."""
+    def scores(self, contours: Contours, first_part: int = 0) -> Array:
+        """(B, V) mean gain of each pose's contour in each view; 0 for what chance would give.
+
+        Args:
+            contours: of B poses.
+            first_part: parts before it are of others, and their contours do not count.
+        """
         found = np.zeros((contours.n_poses, len(self.gains)))
         for v, gains in enumerate(self.gains):
             if gains is None:
@@ -49,6 +54,8 @@ class DirectionImages:
             # The samples behind the valid ones hold anything.
             valid = np.arange(n) < contours.counts[:, v, None]
             x, y, dx, dy, weights = np.where(valid, np.moveaxis(contours.positions[:, v, :n], -1, 0), np.float32(0))
+            if first_part:
+                weights = np.where(contours.parts[:, v, :n] >= first_part, weights, np.float32(0))
             direction = np.floor(np.arctan2(dy, dx) * (_DIRECTIONS / np.pi) + 0.5).astype(np.int64) % _DIRECTIONS
             row, column = _whole(y * self.scales[v], gains.shape[1]), _whole(x * self.scales[v], gains.shape[2])
             total = (weights * gains[direction, row, column]).sum(axis=1)
