@@ -38,8 +38,9 @@ from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.synthesis._pictures import misfits_of
 
-HINTS = {"departures"}
-"""Evidence that is used beside other evidence only: of limbs that are missing (tests/test_departures.py), no pose."""
+HINTS = {"departures", "motion"}
+"""Evidence that is used beside other evidence only: of limbs that are missing (tests/test_departures.py), of what has
+moved since the frame before (tests/test_motion_evidence.py), no pose."""
 
 whole_evidence = pytest.mark.parametrize("use", sorted(set(available("evidence")) - HINTS))
 

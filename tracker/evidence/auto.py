@@ -13,6 +13,7 @@ from tracker.contours import Contours
 from tracker.equations import Equations
 from tracker.evidence import Evidence, Memory, Observed
 from tracker.evidence.contours import ContourEvidence
+from tracker.evidence.motion import MotionEvidence
 from tracker.evidence.regions import RegionEvidence
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.evidence.together import TogetherEvidence
@@ -42,10 +43,10 @@ class AutoEvidence(Evidence):
     """`with_plates` where two views or more have plates or masks, `without` elsewhere."""
 
     with_plates: Evidence = TogetherEvidence(
-        of=(ContourEvidence(), SilhouetteEvidence(), RegionEvidence(from_start=False)),
-        ranking=(1.0, 1.0, 0.0),
-        refining=(0.3, 0.0, 1.0),
-        exact_px=(_EXACT_PX, 0.0, 0.0),
+        of=(ContourEvidence(), SilhouetteEvidence(), RegionEvidence(from_start=False), MotionEvidence()),
+        ranking=(1.0, 1.0, 0.0, 0.0),
+        refining=(0.3, 0.0, 1.0, 0.3),
+        exact_px=(_EXACT_PX, 0.0, 0.0, 0.0),
     )
     """What is looked at where it is known what the views show without persons: contours and foregrounds rank poses,
     colours and contours refine them. Against contours alone in refinements joints were better on all of eight
@@ -53,7 +54,10 @@ class AutoEvidence(Evidence):
     29), in less time, for fewer limbs are searched. Where colours ranked, too, they gained nothing."""
 
     without: Evidence = TogetherEvidence(
-        of=(ContourEvidence(), RegionEvidence()), ranking=(0.3, 1.0), refining=(0.3, 1.0), exact_px=(_EXACT_PX, 0.0)
+        of=(ContourEvidence(), RegionEvidence(), MotionEvidence()),
+        ranking=(0.3, 1.0, 0.0),
+        refining=(0.3, 1.0, 0.3),
+        exact_px=(_EXACT_PX, 0.0, 0.0),
     )
     """What is looked at where nothing is known. Contours count 0.3: with 1 all of four recordings are worse."""
 

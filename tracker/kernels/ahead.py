@@ -10,8 +10,11 @@ import numpy as np
 
 from tracker.kernels.adjustment.bundle import reduce_normal, residuals_of
 from tracker.kernels.adjustment.ray_intersection import intersect_rays
+from tracker.kernels.body.anchors import Carried, anchor_equations, gaps_of
+from tracker.kernels.body.anchors import residuals_of as anchor_residuals
 from tracker.kernels.body.keypoints import Detected, Matches, match_keypoints
 from tracker.kernels.body.kinematics import chain_transforms, twists_in_world
+from tracker.kernels.body.rays import meet_parts
 from tracker.kernels.body.self_collision import sum_collisions
 from tracker.kernels.compilation import forget_others
 from tracker.kernels.contours.chamfer import directed_distances
@@ -167,6 +170,20 @@ def _region_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     ]
 
 
+def _motion_calls() -> list[tuple[Any, tuple[Any, ...]]]:
+    """As `_tracking_calls`, for what is followed from image to image."""
+    places = _own(_F8, 0, 3), _own(_F8, 0, 3), _own(_F8, 0, 3), _own(_F8, 0)
+    carried = Carried(_own(_I8, 0), _own(_I8, 0), *places, _own(_F8, 0, 2), _own(_F8, 0))
+    placed, cameras, found = _own(_F8, 1, 1, 4, 4), _frozen(_F8, 1, 25), _own(_F8, 0, 10)
+    chains = _own(_I8, 1), _own(_F8, 1, 6), _frozen(_B1, 1, 2)
+    return [
+        (gaps_of, (placed, cameras, carried, 0.1, _own(_F8, 1, 0))),
+        (anchor_residuals, (placed, cameras, carried, 0.01, found)),
+        (anchor_equations, (placed, carried, found, _own(_F8, 0), *chains)),
+        (meet_parts, (placed[0], _frozen(_F8, 1, 7), _frozen(_F8, 3), _own(_F8, 0, 3), _own(_I8, 0), found)),
+    ]
+
+
 def _skin_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     """As `_tracking_calls`, for bodies whose own surface is known."""
     vertices = _frozen(_F4, 0, 3), _frozen(_F4, 0, 3), _frozen(_I8, 0, 1), _frozen(_F4, 0, 1)
@@ -227,7 +244,7 @@ def _recognition_calls() -> list[tuple[Any, tuple[Any, ...]]]:
 
 
 _CALLS = {
-    "tracking": lambda: [*_tracking_calls(), *_region_calls(), *_skin_calls()],
+    "tracking": lambda: [*_tracking_calls(), *_region_calls(), *_motion_calls(), *_skin_calls()],
     "matching": _matching_calls,
     "calibration": _calibration_calls,
     "recognition": _recognition_calls,

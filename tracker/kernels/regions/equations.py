@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.kernels.body.wrenches import add_end
 from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_along
 from tracker.kernels.regions.lines import Samples
@@ -65,23 +66,5 @@ def shift_equations(
     matrix, vector = np.zeros((dof, dof)), np.zeros(dof)
     for end in range(dof):
         if used[end]:
-            _add_end(matrices[end], vectors[end], twists, moves[:, end], matrix, vector)
+            add_end(matrices[end], vectors[end], twists, moves[:, end], matrix, vector)
     return matrix, vector, squares, total
-
-
-@compiled
-def _add_end(wrenches: Array, pulls: Array, twists: Array, chain: Mask, matrix: Array, vector: Array) -> None:
-    """Adds the summed wrenches of what hangs on one parameter to the equations of all that move it."""
-    half = np.zeros(6)
-    for d in range(len(twists)):
-        if not chain[d]:
-            continue
-        for i in range(6):
-            half[i] = 0.0
-            vector[d] += twists[d, i] * pulls[i]
-            for j in range(6):
-                half[i] += wrenches[i, j] * twists[d, j]
-        for e in range(len(twists)):
-            if chain[e]:
-                for i in range(6):
-                    matrix[e, d] += twists[e, i] * half[i]

@@ -1,0 +1,210 @@
+"""Places on the persons that are followed from image to image: where they were attached, and where they are shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.arrays import Array, Integers, Mask
+from tracker.contours import ViewContours
+from tracker.kernels.body.anchors import Carried, residuals_of
+from tracker.kernels.body.rays import meet_parts
+from tracker.rig import Rig
+from tracker.scene import Scene
+
+Grey = NDArray[np.uint8]
+
+_TO_AND_FRO_PX = 0.7
+"""What is followed there and back comes back to where it was, px; else it is another place."""
+
+# Two levels, 11 px and what is 22 px of the image: wider windows look across an arm, and points on it went with the
+# trunk behind it (T-Punch-light, one start: 15.6 mm with four levels, 14.2 with two; R-Turn the same).
+_LEVELS = 1
+_ROUNDS = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 20, 0.02)
+
+_CORNERS = 200
+"""Most places taken on in a view at a time."""
+
+_TEXTURE = 0.01
+"""Least share of the best corner's texture (Shi & Tomasi 1994)."""
+
+
+@dataclass(frozen=True)
+class Anchors:
+    """N places; a frozen value."""
+
+    views: Integers
+    """(N,) whose images show them."""
+
+    parts: Integers
+    """(N,) parts of the scene that carry them."""
+
+    surface: Array
+    """(N, 9) place, metres, normal and the ray by which it was found, in the part's frame."""
+
+    depths_m: Array
+    """(N,) standard deviation of the place along that ray, metres."""
+
+    pixels: Array
+    """(N, 2) where the last image showed them."""
+
+    variances: Array
+    """(N,) of that, px^2."""
+
+    ahead: Array
+    """(N, 2) how far their parts moved them in the last frame, px."""
+
+    strikes: Integers
+    """(N,) frames on end in which they disagreed with their parts."""
+
+    @staticmethod
+    def none() -> Anchors:
+        """No place yet."""
+        whole, pairs = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
+        return Anchors(whole, whole, np.zeros((0, 9)), np.zeros(0), pairs, np.zeros(0), pairs, whole)
+
+    def joined(self, *others: Anchors) -> Anchors:
+        """These and others."""
+        every = (self, *others)
+        return Anchors(*(np.concatenate([getattr(one, each.name) for one in every]) for each in fields(self)))
+
+    def chosen(self, which: Mask | Integers) -> Anchors:
+        """Some of them."""
+        return Anchors(*(getattr(self, each.name)[which] for each in fields(self)))
+
+    @cached_property
+    def carried(self) -> Carried:
+        """As compiled kernels take them."""
+        place, normal, ray = (np.ascontiguousarray(self.surface[:, k : k + 3]) for k in (0, 3, 6))
+        whole = np.ascontiguousarray(self.views), np.ascontiguousarray(self.parts)
+        return Carried(*whole, place, normal, ray, self.depths_m, self.pixels, self.variances)
+
+    def residuals(self, placements: Array, rig: Rig, slide_m: float) -> Array:
+        """(N, 10) see `tracker.kernels.body.anchors.residuals_of`; parts (1, P, 4, 4) in the world."""
+        found = np.empty((len(self.parts), 10))
+        residuals_of(placements, rig.packed, self.carried, slide_m, found)
+        return found
+
+    def shares(self, most: float) -> Array:
+        """(N,) what each counts, so that those of a part in a view count as no more than `most`."""
+        groups = self.parts * (int(self.views.max(initial=0)) + 1) + self.views
+        shares: Array = np.minimum(1.0, most / np.bincount(groups)[groups]) if len(groups) else np.zeros(0)
+        return shares
+
+    def followed(self, view: int, before: Grey, now: Grey, window_px: int, drift_px: float) -> Anchors:
+        """Those of a view in its next image; without those that it does not show or that are mistaken for others.
+
+        By Lucas and Kanade's method in a pyramid, there and back, from where their parts would go on to (Bouguet 2001).
+
+        Args:
+            view: number of the view.
+            before, now: (H, W) images.
+            window_px: side of what is compared, px.
+            drift_px: standard deviation of one step, px.
+        """
+        own = self.chosen(self.views == view)
+        if not len(own.parts):
+            return own
+        margin = 4 * window_px
+        size = now.shape[::-1]
+        ends = np.concatenate([own.pixels, own.pixels + own.ahead])
+        low = np.clip(np.floor(ends.min(axis=0)).astype(int) - margin, 0, size)
+        high = np.clip(np.ceil(ends.max(axis=0)).astype(int) + margin, 0, size)
+        if (high - low).min() <= 2 * window_px:
+            return own.chosen(np.zeros(len(own.parts), dtype=np.bool_))
+        first, second = (np.ascontiguousarray(one[low[1] : high[1], low[0] : high[0]]) for one in (before, now))
+        start = (own.pixels - low).astype(np.float32)[:, None]
+        guess = start + own.ahead.astype(np.float32)[:, None]
+        how = ((window_px, window_px), _LEVELS, _ROUNDS, cv2.OPTFLOW_USE_INITIAL_FLOW)
+        there, seen, _ = cv2.calcOpticalFlowPyrLK(first, second, start, guess, None, None, *how)
+        back, seen_back, _ = cv2.calcOpticalFlowPyrLK(second, first, there, start.copy(), None, None, *how)
+        kept = (seen[:, 0] > 0) & (seen_back[:, 0] > 0)
+        kept &= np.linalg.norm(back - start, axis=2)[:, 0] < _TO_AND_FRO_PX
+        pixels = there[:, 0].astype(np.float64) + low
+        return replace(own, pixels=pixels, variances=own.variances + drift_px**2).chosen(kept)
+
+
+def seen_parts(contours: ViewContours, centre: Array, size: tuple[int, int]) -> NDArray[np.int16]:
+    """(H, W) which part of the scene a view shows where, -1 for none: the hulls of visible contours, nearest last.
+
+    Good to a pixel or two, for 0.2 ms a view; what lies at the boundaries of parts is not to be asked about. Parts are
+    convex in images but for strong tapers.
+
+    Args:
+        contours: of the view.
+        centre: (3,) of the camera, metres.
+        size: width and height, px.
+    """
+    picture = np.full(size[::-1], -1, dtype=np.int16)
+    parts = np.unique(contours.parts)
+    own = [contours.parts == p for p in parts]
+    depth = [np.linalg.norm(contours.points[rows].mean(axis=0) - centre) for rows in own]
+    for k in np.argsort(depth)[::-1]:
+        hull = cv2.convexHull(np.round(contours.pixels[own[k]]).astype(np.int32))
+        cv2.fillConvexPoly(picture, hull, int(parts[k]))
+    return picture
+
+
+def inner(picture: NDArray[np.int16], margin_px: int) -> Mask:
+    """(H, W) pixels of parts with nothing but the same part so far around."""
+    window = np.ones((2 * margin_px + 1,) * 2, dtype=np.uint8)
+    same: Mask = (picture >= 0) & (cv2.erode(picture, window) == cv2.dilate(picture, window))
+    return same
+
+
+def corners(image: Grey, where: Mask, taken: Array, spacing_px: int) -> Array:
+    """(N, 2) pixels of textured places, apart from one another and from others (Shi & Tomasi 1994).
+
+    Args:
+        image: (H, W).
+        where: (H, W) where they may lie.
+        taken: (M, 2) the others, px.
+        spacing_px: least distance.
+    """
+    x, y, width, height = cv2.boundingRect(where.view(np.uint8))
+    if not width:
+        return np.zeros((0, 2))
+    free = where[y : y + height, x : x + width].astype(np.uint8)
+    for u, v in np.round(taken).astype(int).tolist():
+        cv2.circle(free, (u - x, v - y), spacing_px, 0, -1)
+    crop = np.ascontiguousarray(image[y : y + height, x : x + width])
+    found = cv2.goodFeaturesToTrack(crop, _CORNERS, _TEXTURE, spacing_px, mask=free, blockSize=7)
+    if found is None:
+        return np.zeros((0, 2))
+    pixels: Array = found[:, 0].astype(np.float64) + np.array([x, y])
+    return pixels
+
+
+def attached(
+    scene: Scene, view: int, pixels: Array, parts: Integers, facing: float, sigmas: tuple[float, float]
+) -> Anchors:
+    """Places on parts where the rays of pixels meet them; without those that do not, or on a slope.
+
+    Args:
+        scene: persons at their poses.
+        view: number of the view.
+        pixels: (N, 2) of its image.
+        parts: (N,) what it shows there.
+        facing: least cosine between normal and ray.
+        sigmas: standard deviations of the surface along its normal, metres, and of a pixel, px.
+    """
+    camera, found = scene.rig.cameras[view], np.zeros((len(parts), 10))
+    placed = scene.world_from_parts()[0]
+    meet_parts(placed, scene.shapes, camera.centre, camera.rays(pixels), parts, found)
+    kept = found[:, 9] >= facing
+    found, pixels, parts = found[kept], pixels[kept], parts[kept]
+    n = len(parts)
+    return Anchors(
+        np.full(n, view),
+        parts,
+        found[:, :9],
+        sigmas[0] / found[:, 9],
+        pixels,
+        np.full(n, sigmas[1] ** 2),
+        np.zeros((n, 2)),
+        np.zeros(n, dtype=np.int64),
+    )
