@@ -14,7 +14,7 @@ from tracker.body_files import load_body
 from tracker.comparison import Comparison
 from tracker.equations import Equations
 from tracker.evidence import GUESSED
-from tracker.evidence._anchors import Anchors, attached, inner, seen_parts
+from tracker.evidence._anchors import Anchors, attached, seen_parts
 from tracker.evidence._attaching import met_by_rays
 from tracker.evidence.motion import Followed, MotionEvidence
 from tracker.frame import Frame
@@ -194,9 +194,13 @@ def test_hulls_of_contours_are_the_parts_that_are_seen(scene):
     contours, ids = SYNTHESIS.contours(scene), SYNTHESIS.part_ids(scene)
     for v, camera in enumerate(scene.rig.cameras):
         shown = seen_parts(contours.of(v), camera.centre, camera.size)
-        where = inner(shown, 3)
-        assert where.sum() > 0.3 * (ids[v] >= 0).sum()
-        assert (shown == ids[v])[where].mean() > 0.97
+        where = shown.inner(3, trusted(scene))
+        y, x = np.nonzero(where)
+        pixels = np.stack([x, y], axis=1) + shown.corner
+        assert len(x) > 0.3 * (ids[v] >= 0).sum()
+        assert (shown.at(pixels) == shown.parts[y, x]).all()
+        assert (ids[v][pixels[:, 1], pixels[:, 0]] == shown.parts[y, x]).mean() > 0.97
+        assert (shown.at(np.array([[-5.0, 3.0], [1e4, 3.0]])) == -1).all()
 
 
 def test_places_that_leave_their_part_are_given_up(scene, images, human):

@@ -20,7 +20,7 @@ from tracker.components import component
 from tracker.contours import Contours
 from tracker.equations import Equations
 from tracker.evidence import GUESSED, Evidence, Memory
-from tracker.evidence._anchors import Anchors, Grey, attached, corners, inner, seen_parts
+from tracker.evidence._anchors import Anchors, Grey, attached, corners, seen_parts
 from tracker.evidence._shares import over_views
 from tracker.kernels.body.anchors import anchor_equations, gaps_of
 from tracker.scene import Scene
@@ -142,7 +142,7 @@ class MotionEvidence(Evidence):
         New ones in every view in turn, at once where a view has none.
         """
         known = None if memory is None or memory is GUESSED else memory
-        images = tuple(None if one is None else cv2.cvtColor(one, cv2.COLOR_BGR2GRAY) for one in sight.frame.images)
+        images = tuple(_grey(sight, v) for v in range(len(sight.frame.images)))
         placements = scene.world_from_parts()
         kept = Anchors.none()
         if known is not None:
@@ -163,9 +163,9 @@ class MotionEvidence(Evidence):
 
         def find(_: object) -> Anchors:
             groups = []
-            for v, (before, image) in enumerate(zip(memory.images, sight.frame.images, strict=True)):
-                if before is not None and image is not None:
-                    now = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+            for v, before in enumerate(memory.images):
+                now = _grey(sight, v)
+                if before is not None and now is not None:
                     groups.append(memory.anchors.followed(v, before, now, self.window_px, self.drift_px))
             return Anchors.none().joined(*groups)
 
@@ -187,12 +187,10 @@ class MotionEvidence(Evidence):
     ) -> Anchors:
         """The places of a view without those that are covered now, and new ones between them."""
         shown = seen_parts(fitted.of(view), scene.rig.cameras[view].centre, image.shape[::-1])
-        at = np.clip(np.round(anchors.pixels).astype(int), 0, np.array(image.shape[::-1]) - 1)
-        anchors = anchors.chosen(shown[at[:, 1], at[:, 0]] == anchors.parts)
-        where = inner(shown, _MARGIN_PX) & np.append(trusted, False)[shown]
-        pixels = corners(image, where, anchors.pixels, self.spacing_px)
-        whole = np.round(pixels).astype(int)
-        parts = shown[whole[:, 1], whole[:, 0]].astype(np.int64)
+        anchors = anchors.chosen(shown.at(anchors.pixels) == anchors.parts)
+        where = shown.inner(_MARGIN_PX, trusted)
+        pixels = corners(image, where, shown.corner, anchors.pixels, self.spacing_px)
+        parts = shown.at(pixels)
         fresh = attached(scene, view, pixels, parts, self.facing, (self.surface_m, self.drift_px))
         return anchors.joined(fresh)
 
@@ -208,6 +206,16 @@ class MotionEvidence(Evidence):
             if there and own.any():
                 per_view[:, v] = gaps[:, own].mean(axis=1)
         return per_view
+
+
+def _grey(sight: Sight, view: int) -> Grey | None:
+    """The image of a view in grey, made once."""
+    image = sight.frame.images[view]
+    if image is None:
+        return None
+    whole = (0, 0, image.shape[1], image.shape[0])
+    grey: Grey = sight.once(_grey, view, whole, lambda _: cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
+    return grey
 
 
 def _moved(anchors: Anchors, before: Array, after: Array, scene: Scene) -> Array:
