@@ -203,19 +203,45 @@ def test_hulls_of_contours_are_the_parts_that_are_seen(scene):
         assert (shown.at(np.array([[-5.0, 3.0], [1e4, 3.0]])) == -1).all()
 
 
-def test_places_that_leave_their_part_are_given_up(scene, images, human):
-    """A pose turns the chest and the images do not: after `patience` frames nothing is followed there."""
+@pytest.fixture(scope="module")
+def far(scene, human) -> Scene:
+    """The chest turned so far that nothing on it is where it was."""
     q = scene.persons[0].q.copy()
     q[human.index("spine_twist")] += np.radians(40)
-    wrong, anchors = scene.with_pose(0, q), learned(scene, images[0]).anchors
+    return scene.with_pose(0, q)
+
+
+def test_places_that_leave_their_part_are_given_up(scene, far, images, human):
+    """They go somewhere, and a pose turns the chest elsewhere: after `patience` frames they are not followed there."""
+    anchors = learned(scene, images[0]).anchors
+    anchors = replace(anchors, origins=anchors.pixels + 5.0)
     chest = next(k for k, part in enumerate(human.parts) if part.name == "chest")
-    kept = EVIDENCE._judged(anchors, wrong, trusted(scene))
+    kept = EVIDENCE._judged(anchors, far, trusted(scene))
     off = kept.strikes > 0
     assert (kept.parts[off] == chest).sum() > 5
-    assert not EVIDENCE._judged(replace(kept, strikes=off * EVIDENCE.patience), wrong, trusted(scene)).strikes.any()
+    assert not EVIDENCE._judged(replace(kept, strikes=off * EVIDENCE.patience), far, trusted(scene)).strikes.any()
     back = EVIDENCE._judged(kept, scene, trusted(scene))
     assert len(back.parts) == len(kept.parts)
     assert not back.strikes.any()
+
+
+def test_what_stands_still_before_a_part_that_turns_is_not_on_it(scene, far, images):
+    """A board, or a table: it holds nothing, and nothing is attached there again as long as it is seen."""
+    memory, seen = learned(scene, images[0]), Frame(0, 0.0, images[0])
+    for _ in range(EVIDENCE.patience):
+        memory = EVIDENCE.learned(memory, Sight(seen), far, SYNTHESIS.contours(far), trusted(scene))
+    foreign = memory.anchors.parts < 0
+    assert foreign.sum() > 5
+    question = asked(far, images[0], memory)
+    assert (question.observed.anchors.parts >= 0).all()
+    places, own = memory.anchors.pixels[foreign], memory.anchors.pixels[~foreign]
+    views = memory.anchors.views
+    apart = np.linalg.norm(places[:, None] - own[None], axis=2)
+    same = views[foreign][:, None] == views[~foreign][None]
+    fresh = (memory.anchors.pixels == memory.anchors.origins).all(axis=1)[~foreign]
+    assert apart[same & fresh[None]].min() > EVIDENCE.spacing_px - 1.5
+    gone = EVIDENCE.learned(memory, Sight(Frame(1, 0.04, images[1])), far, SYNTHESIS.contours(far), trusted(scene))
+    assert (gone.anchors.parts < 0).sum() < foreign.sum()
 
 
 def test_a_view_that_is_missing_takes_its_places_with_it(scene, images):

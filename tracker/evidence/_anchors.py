@@ -26,6 +26,9 @@ _TO_AND_FRO_PX = 0.7
 _LEVELS = 1
 _ROUNDS = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 20, 0.02)
 
+_STILL_PX = 1.0
+"""What is no farther from where it was first stands still, px."""
+
 _CORNERS = 200
 """Most places taken on in a view at a time."""
 
@@ -41,7 +44,7 @@ class Anchors:
     """(N,) whose images show them."""
 
     parts: Integers
-    """(N,) parts of the scene that carry them."""
+    """(N,) parts of the scene that carry them; -1 for what stands still before the persons, and carries nothing."""
 
     surface: Array
     """(N, 9) place, metres, normal and the ray by which it was found, in the part's frame."""
@@ -51,6 +54,9 @@ class Anchors:
 
     pixels: Array
     """(N, 2) where the last image showed them."""
+
+    origins: Array
+    """(N, 2) where they were first."""
 
     variances: Array
     """(N,) of that, px^2."""
@@ -65,7 +71,7 @@ class Anchors:
     def none() -> Anchors:
         """No place yet."""
         whole, pairs = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
-        return Anchors(whole, whole, np.zeros((0, 9)), np.zeros(0), pairs, np.zeros(0), pairs, whole)
+        return Anchors(whole, whole, np.zeros((0, 9)), np.zeros(0), pairs, pairs, np.zeros(0), pairs, whole)
 
     def joined(self, *others: Anchors) -> Anchors:
         """These and others."""
@@ -75,6 +81,12 @@ class Anchors:
     def chosen(self, which: Mask | Integers) -> Anchors:
         """Some of them."""
         return Anchors(*(getattr(self, each.name)[which] for each in fields(self)))
+
+    @property
+    def standing(self) -> Mask:
+        """(N,) places where they were first."""
+        found: Mask = np.linalg.norm(self.pixels - self.origins, axis=1) < _STILL_PX
+        return found
 
     @cached_property
     def carried(self) -> Carried:
@@ -230,6 +242,7 @@ def attached(
         parts,
         found[:, :9],
         sigmas[0] / found[:, 9],
+        pixels,
         pixels,
         np.full(n, sigmas[1] ** 2),
         np.zeros((n, 2)),

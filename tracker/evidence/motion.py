@@ -111,6 +111,7 @@ class MotionEvidence(Evidence):
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> ObservedMotion:
         """Follows the places into the frame; see `tracker.evidence.Evidence.observe`."""
         anchors = Anchors.none() if memory is None or memory is GUESSED else self._followed(memory, sight)
+        anchors = anchors.chosen(anchors.parts >= 0)
         return ObservedMotion(tuple(one is not None for one in sight.frame.images), anchors, self._shares(anchors))
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
@@ -146,7 +147,9 @@ class MotionEvidence(Evidence):
         placements = scene.world_from_parts()
         kept = Anchors.none()
         if known is not None:
-            kept = self._judged(self._followed(known, sight), scene, trusted)
+            followed = self._followed(known, sight)
+            foreign = followed.chosen((followed.parts < 0) & followed.standing)
+            kept = self._judged(followed.chosen(followed.parts >= 0), scene, trusted).joined(foreign)
         groups = []
         for v, image in enumerate(images):
             own = kept.chosen(kept.views == v)
@@ -177,17 +180,21 @@ class MotionEvidence(Evidence):
     def _judged(self, anchors: Anchors, scene: Scene, trusted: Mask) -> Anchors:
         """Places at the poses of a frame, without those that their parts no longer carry."""
         found = anchors.residuals(scene.world_from_parts(), scene.rig, self.slide_m)
-        off = (found[:, 0] ** 2 + found[:, 1] ** 2) / (2 * found[:, 2]) > self.outlier_sigmas**2
+        squares = found[:, 0] ** 2 + found[:, 1] ** 2
+        before = anchors.standing & (squares > self.reach_px**2)
+        off = (squares / (2 * found[:, 2]) > self.outlier_sigmas**2) | before
         strikes = np.where(off, anchors.strikes + 1, 0)
         kept = (strikes < self.patience) & trusted[anchors.parts] & (found[:, 3] > _FACING)
-        return replace(anchors, strikes=strikes).chosen(kept)
+        foreign = before & (strikes >= self.patience)
+        judged = replace(anchors, strikes=strikes, parts=np.where(foreign, -1, anchors.parts))
+        return judged.chosen(kept | foreign)
 
     def _replenished(
         self, view: int, image: Grey, anchors: Anchors, scene: Scene, fitted: Contours, trusted: Mask
     ) -> Anchors:
         """The places of a view without those that are covered now, and new ones between them."""
         shown = seen_parts(fitted.of(view), scene.rig.cameras[view].centre, image.shape[::-1])
-        anchors = anchors.chosen(shown.at(anchors.pixels) == anchors.parts)
+        anchors = anchors.chosen((shown.at(anchors.pixels) == anchors.parts) | (anchors.parts < 0))
         where = shown.inner(_MARGIN_PX, trusted)
         pixels = corners(image, where, shown.corner, anchors.pixels, self.spacing_px)
         parts = shown.at(pixels)
@@ -220,6 +227,8 @@ def _grey(sight: Sight, view: int) -> Grey | None:
 
 def _moved(anchors: Anchors, before: Array, after: Array, scene: Scene) -> Array:
     """(N, 2) how far parts moved the places from placements (1, P, 4, 4) to others, px."""
-    ends = [anchors.residuals(placements, scene.rig, 0.0)[:, :2] for placements in (before, after)]
-    moved: Array = ends[1] - ends[0]
+    moved, own = np.zeros_like(anchors.pixels), anchors.parts >= 0
+    carried = anchors.chosen(own)
+    ends = [carried.residuals(placements, scene.rig, 0.0)[:, :2] for placements in (before, after)]
+    moved[own] = ends[1] - ends[0]
     return moved
