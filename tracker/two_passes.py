@@ -14,6 +14,7 @@ from tracker.bridges import bridged
 from tracker.cycle import Clock, Cycle, State, advance
 from tracker.easier_start import LedBack
 from tracker.frame import Frame
+from tracker.jumps import with_jumps
 from tracker.loss import LossRule, doubted
 from tracker.rehearsal import Reopen
 from tracker.scene import Scene
@@ -146,7 +147,7 @@ def _both_ways(
     if cycle.leaving():
         return [replace(step, provisional=True) for step in first], None
     even = bridged(found, cycle, begin.state, begin.before)
-    return even, None if again or even is not found else reached
+    return with_jumps(even), None if again or even is not found else reached
 
 
 def _in_doubt(step: Step, loss: LossRule) -> bool:

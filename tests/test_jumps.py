@@ -1,0 +1,77 @@
+"""Limbs that are elsewhere from one frame to the next are ambiguous on both sides; quick ones are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import TrueStart, cycle_for, small_simulation
+
+from tracker.estimate import Status
+from tracker.jumps import with_jumps
+from tracker.tracking import track
+from tracker.trajectory import Step
+
+N = 14
+
+
+@pytest.fixture(scope="module")
+def steps() -> list[Step]:
+    """A person who stands still."""
+    simulation = small_simulation("two_elbow_rotation", n_frames=2)
+    first = next(iter(track(simulation.frames(), simulation.scene, cycle_for(simulation, TrueStart(simulation)))))
+    still = replace(first.estimates[0], status=Status.TRACKED, ambiguous=())
+    return [replace(first, estimates=(still,))] * N
+
+
+def moved(steps: list[Step], shares: np.ndarray) -> list[Step]:
+    """The left arm raised by shares of 60 degrees."""
+    body = steps[0].scene.persons[0].body
+    found = []
+    for step, share in zip(steps, shares, strict=True):
+        q = step.estimates[0].q.copy()
+        q[body.index("left_arm_abduction")] += np.radians(60) * share
+        found.append(replace(step, estimates=(replace(step.estimates[0], q=body.clamped(q)),)))
+    return found
+
+
+def told(steps: list[Step]) -> dict[int, tuple[str, ...]]:
+    return {n: step.estimates[0].ambiguous for n, step in enumerate(steps) if step.estimates[0].ambiguous}
+
+
+def test_who_stands_still_or_moves_quickly_is_not_doubted(steps):
+    assert told(with_jumps(steps)) == {}
+    # up in three frames, by 0.3, 0.4 and 0.3 of the way, and down again
+    quick = np.array([0, 0, 0, 0, 0.3, 0.7, 1, 1, 0.7, 0.3, 0, 0, 0, 0])
+    assert told(with_jumps(moved(steps, quick))) == {}
+
+
+def test_a_jump_is_told_on_both_sides_while_the_limb_is_elsewhere(steps):
+    # it drifts off while hidden and jumps back
+    away = np.array([0, 0, 0, 0, 0, 0, 0, 0.05, 0.1, 1, 1, 1, 1, 1])
+    found = told(with_jumps(moved(steps, away)))
+    assert set(found) == set(range(1, 14))
+    assert set(found.values()) == {("left_arm",)}
+    back = np.array([0, 0, 0, 0, 0, 0, 1, 0.8, 0.6, 0.4, 0.2, 0, 0, 0])
+    found = told(with_jumps(moved(steps, back)))
+    assert {4, 5, 6, 7, 8} <= set(found)
+    assert not {11, 12, 13} & set(found)
+
+
+def test_who_was_found_anew_has_not_jumped(steps):
+    away = moved(steps, np.array([0.0] * 7 + [1.0] * 7))
+    assert told(with_jumps(away))
+    away[7] = replace(away[7], estimates=(replace(away[7].estimates[0], status=Status.RECOVERED),))
+    assert told(with_jumps(away)) == {}
+
+
+def test_what_was_ambiguous_stays_so_once(steps):
+    away = moved(steps, np.array([0.0] * 7 + [1.0] * 7))
+    away = [replace(one, estimates=(replace(one.estimates[0], ambiguous=("left_arm", "left_leg")),)) for one in away]
+    assert set(told(with_jumps(away)).values()) == {("left_arm", "left_leg")}
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_a_few_frames_tell_nothing(steps, n):
+    assert told(with_jumps(moved(steps, np.arange(N) % 2 * 1.0)[:n])) == {}
