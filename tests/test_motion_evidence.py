@@ -14,8 +14,9 @@ from tracker.body_files import load_body
 from tracker.comparison import Comparison
 from tracker.equations import Equations
 from tracker.evidence import GUESSED
-from tracker.evidence._anchors import Anchors, attached, seen_parts
+from tracker.evidence._anchors import Anchors, attached
 from tracker.evidence._attaching import met_by_rays
+from tracker.evidence._shown import seen_parts
 from tracker.evidence.motion import Followed, MotionEvidence
 from tracker.frame import Frame
 from tracker.kernels.body.rays import meet_parts

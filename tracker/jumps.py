@@ -1,5 +1,4 @@
-"""Limbs that are somewhere else from one frame to the next: on one side of such a jump they are wrong, and nobody knows
-on which.
+"""Limbs that are somewhere else from one frame to the next: on one side they are wrong, and nobody knows on which.
 
 No limb of 19 true movements at 25 frames a second, kicks and punches among them, went 14 cm in a frame and less than 40
 percent of that in the frames before and after (9 cm at most, a hand set down).

@@ -20,8 +20,9 @@ from tracker.components import component
 from tracker.contours import Contours
 from tracker.equations import Equations
 from tracker.evidence import GUESSED, Evidence, Memory
-from tracker.evidence._anchors import Anchors, Grey, attached, corners, seen_parts
+from tracker.evidence._anchors import Anchors, Grey, attached, corners
 from tracker.evidence._shares import over_views
+from tracker.evidence._shown import seen_parts
 from tracker.kernels.body.anchors import anchor_equations, gaps_of
 from tracker.scene import Scene
 from tracker.sight import Sight
@@ -45,6 +46,8 @@ class Followed:
     """(P, 4, 4) the scene's parts in the world."""
 
     anchors: Anchors
+    turn: int
+    """View whose places were looked over."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,8 @@ class MotionEvidence(Evidence):
         """Follows the places into the frame; see `tracker.evidence.Evidence.observe`."""
         anchors = Anchors.none() if memory is None or memory is GUESSED else self._followed(memory, sight)
         anchors = anchors.chosen(anchors.parts >= 0)
-        return ObservedMotion(tuple(one is not None for one in sight.frame.images), anchors, self._shares(anchors))
+        seen = tuple(one is not None for one in sight.frame.images)
+        return ObservedMotion(seen, anchors, anchors.shares(self.observations))
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) mean distance of the places from where parts carry them, over places and views, px; 0 without any."""
@@ -140,26 +144,28 @@ class MotionEvidence(Evidence):
     def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Followed:
         """The places after a frame: those that left their parts are given up, new ones taken where parts are trusted.
 
-        New ones in every view in turn, at once where a view has none.
+        New ones in every view in turn, at once where a view has none. What stands still while its part moves on is
+        before the part: it stays, as nobody's, as long as it is seen, for nothing is to be attached there again.
         """
         known = None if memory is None or memory is GUESSED else memory
         images = tuple(_grey(sight, v) for v in range(len(sight.frame.images)))
         placements = scene.world_from_parts()
-        kept = Anchors.none()
+        kept, turn = Anchors.none(), 0
         if known is not None:
+            turn = (known.turn + 1) % len(images)
             followed = self._followed(known, sight)
             foreign = followed.chosen((followed.parts < 0) & followed.standing)
             kept = self._judged(followed.chosen(followed.parts >= 0), scene, trusted).joined(foreign)
         groups = []
         for v, image in enumerate(images):
             own = kept.chosen(kept.views == v)
-            if image is not None and (not len(own.parts) or sight.frame.index % len(images) == v):
+            if image is not None and (not len(own.parts) or v == turn):
                 own = self._replenished(v, image, own, scene, fitted, trusted)
             groups.append(own)
         kept = Anchors.none().joined(*groups)
         if known is not None:
             kept = replace(kept, ahead=_moved(kept, known.placements[None], placements, scene))
-        return Followed(images, placements[0], kept)
+        return Followed(images, placements[0], kept, turn)
 
     def _followed(self, memory: Followed, sight: Sight) -> Anchors:
         """The places of the frame before in this one; found once."""
@@ -174,18 +180,15 @@ class MotionEvidence(Evidence):
 
         return sight.joined((MotionEvidence, self.window_px, self.drift_px), (memory,), find)
 
-    def _shares(self, anchors: Anchors) -> Array:
-        return anchors.shares(self.observations)
-
     def _judged(self, anchors: Anchors, scene: Scene, trusted: Mask) -> Anchors:
-        """Places at the poses of a frame, without those that their parts no longer carry."""
+        """Places at the poses of a frame, without those that their parts no longer carry; nobody's before the parts."""
         found = anchors.residuals(scene.world_from_parts(), scene.rig, self.slide_m)
         squares = found[:, 0] ** 2 + found[:, 1] ** 2
-        before = anchors.standing & (squares > self.reach_px**2)
-        off = (squares / (2 * found[:, 2]) > self.outlier_sigmas**2) | before
+        blocking = anchors.standing & (squares > self.reach_px**2)
+        off = (squares / (2 * found[:, 2]) > self.outlier_sigmas**2) | blocking
         strikes = np.where(off, anchors.strikes + 1, 0)
         kept = (strikes < self.patience) & trusted[anchors.parts] & (found[:, 3] > _FACING)
-        foreign = before & (strikes >= self.patience)
+        foreign = blocking & (strikes >= self.patience)
         judged = replace(anchors, strikes=strikes, parts=np.where(foreign, -1, anchors.parts))
         return judged.chosen(kept | foreign)
 
