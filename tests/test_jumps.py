@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 
+from tracker.body_files import load_body
 from tracker.estimate import Status
 from tracker.jumps import with_jumps
+from tracker.resources import model_path
+from tracker.scene import Person, Scene
 from tracker.tracking import track
 from tracker.trajectory import Step
 
@@ -57,6 +60,20 @@ def test_a_jump_is_told_on_both_sides_while_the_limb_is_elsewhere(steps):
     found = told(with_jumps(moved(steps, back)))
     assert {4, 5, 6, 7, 8} <= set(found)
     assert not {11, 12, 13} & set(found)
+
+
+def test_a_hand_that_turns_at_its_wrist_is_no_limb_elsewhere(steps):
+    body = load_body(model_path("human"))
+    person = Person("one", body, body.rest())
+    scene = Scene((person,), steps[0].scene.rig)
+    turned = body.rest()
+    turned[body.index("left_wrist_flexion")] = np.radians(70)
+    hand = body.landmark_names.index("left_hand")
+    assert np.linalg.norm(np.diff(body.landmarks_in_world(np.array([body.rest(), turned]))[:, hand], axis=0)) > 0.15
+    still = steps[0].estimates[0]
+    poses = [turned if n >= 7 else body.rest() for n in range(N)]
+    found = [replace(steps[0], scene=scene, estimates=(replace(still, q=q),)) for q in poses]
+    assert told(with_jumps(found)) == {}
 
 
 def test_who_was_found_anew_has_not_jumped(steps):

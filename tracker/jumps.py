@@ -52,20 +52,29 @@ def with_jumps(steps: Sequence[Step]) -> list[Step]:
 def _around_jumps(places: Array, tracked: Mask, least_m: float) -> Mask:
     """(T,) frames in which a limb's landmarks (T, L, 3) are elsewhere than on the other side of a jump."""
     doubted = np.zeros(len(places), dtype=np.bool_)
-    ways = np.linalg.norm(np.diff(places, axis=0), axis=2)
+    ways = _apart(places[1:], places[:-1])
     if len(ways) < 3:
         return doubted
-    beside = np.maximum(ways[:-2], ways[2:])
-    jumps = ((ways[1:-1] > least_m) & (ways[1:-1] > _TIMES * beside)).any(axis=1)
+    jumps = (ways[1:-1] > least_m) & (ways[1:-1] > _TIMES * np.maximum(ways[:-2], ways[2:]))
     for n in np.flatnonzero(jumps) + 1:
         if not tracked[n : n + 2].all():
             continue
         for held, side in ((n, range(n + 1, n + 1 + _MOST_FRAMES)), (n + 1, range(n, n - _MOST_FRAMES, -1))):
             for t in side:
-                if not 0 <= t < len(places) or np.linalg.norm(places[t] - places[held], axis=1).max() <= least_m:
+                if not 0 <= t < len(places) or _apart(places[t], places[held]) <= least_m:
                     break
                 doubted[t] = True
     return doubted
+
+
+def _apart(one: Array, other: Array) -> Array:
+    """(...,) how far landmarks (..., L, 3) of a limb are from others, m: the mean of the two that are farthest.
+
+    A hand that turns at its wrist, which the images hardly show, is one.
+    """
+    gaps = np.sort(np.linalg.norm(one - other, axis=-1), axis=-1)
+    mean: Array = gaps[..., -2:].mean(axis=-1)
+    return mean
 
 
 def _ambiguous(estimate: Estimate, group: str) -> Estimate:
