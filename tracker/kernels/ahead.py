@@ -180,7 +180,7 @@ def _motion_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (gaps_of, (placed, cameras, carried, 0.1, _own(_F8, 1, 0))),
         (anchor_residuals, (placed, cameras, carried, 0.01, found)),
         (anchor_equations, (placed, carried, found, _own(_F8, 0), *chains)),
-        (meet_parts, (placed[0], _frozen(_F8, 1, 7), _frozen(_F8, 3), _own(_F8, 0, 3), _own(_I8, 0), found)),
+        (meet_parts, (placed[0], _frozen(_F8, 1, 7), _own(_F8, 3), _own(_F8, 0, 3), _own(_I8, 0), found)),
     ]
 
 
