@@ -17,7 +17,7 @@ from tracker.evidence import GUESSED
 from tracker.evidence._anchors import Anchors, attached
 from tracker.evidence._attaching import met_by_rays
 from tracker.evidence._shown import seen_parts
-from tracker.evidence.motion import Followed, MotionEvidence
+from tracker.evidence.motion import MotionEvidence, Remembered
 from tracker.frame import Frame
 from tracker.kernels.body.rays import meet_parts
 from tracker.resources import model_path
@@ -79,7 +79,7 @@ def trusted(scene: Scene, *doubted: int) -> Mask:
     return found
 
 
-def learned(scene: Scene, seen: tuple[Image | None, ...], memory: object = None, *doubted: int) -> Followed:
+def learned(scene: Scene, seen: tuple[Image | None, ...], memory: object = None, *doubted: int) -> Remembered:
     sight = Sight(Frame(0, 0.0, seen))
     return EVIDENCE.learned(memory, sight, scene, SYNTHESIS.contours(scene), trusted(scene, *doubted))
 

@@ -150,8 +150,9 @@ class _Way:
         moved = found.copy()
         moved[2:-2] = self.body.landmarks_in_world(even)[:, marks]
         away_m = np.linalg.norm(moved - found, axis=2).max(axis=1)[2:-2]
-        smoother_px = _PX_PER_M2 * (rough - _rough(moved))
-        if away_m.max() <= self.least_m or smoother_px <= _LEAST_PX or rough <= _SMOOTHER * _rough(moved):
+        smooth = _rough(moved)
+        smoother_px = _PX_PER_M2 * (rough - smooth)
+        if away_m.max() <= self.least_m or smoother_px <= _LEAST_PX or rough <= _SMOOTHER * smooth:
             return None
         return _Bridge(self.person, group, a + 1, even, away_m, smoother_px)
 

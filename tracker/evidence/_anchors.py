@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tracker.arrays import Array, Integers, Mask
 from tracker.kernels.body.anchors import Carried, residuals_of
 from tracker.kernels.body.rays import meet_parts
+from tracker.kernels.rows import carried_place, met_place
 from tracker.rig import Rig
 from tracker.scene import Scene
 
@@ -46,7 +47,8 @@ class Anchors:
     """(N,) parts of the scene that carry them; -1 for what stands still before the persons, and carries nothing."""
 
     surface: Array
-    """(N, 9) place, metres, normal and the ray by which it was found, in the part's frame."""
+    """(N, 9) place, metres, normal and the ray by which it was found, in the part's frame: see
+    `tracker.kernels.rows.met_place`."""
 
     depths_m: Array
     """(N,) standard deviation of the place along that ray, metres."""
@@ -58,7 +60,7 @@ class Anchors:
     """(N, 2) where they were first."""
 
     variances: Array
-    """(N,) of that, px^2."""
+    """(N,) of `pixels`, px^2."""
 
     ahead: Array
     """(N, 2) how far their parts moved them in the last frame, px."""
@@ -70,7 +72,9 @@ class Anchors:
     def none() -> Anchors:
         """No place yet."""
         whole, pairs = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
-        return Anchors(whole, whole, np.zeros((0, 9)), np.zeros(0), pairs, pairs, np.zeros(0), pairs, whole)
+        return Anchors(
+            whole, whole, np.zeros((0, met_place.N_SURFACE)), np.zeros(0), pairs, pairs, np.zeros(0), pairs, whole
+        )
 
     def joined(self, *others: Anchors) -> Anchors:
         """These and others."""
@@ -90,13 +94,15 @@ class Anchors:
     @cached_property
     def carried(self) -> Carried:
         """As compiled kernels take them."""
-        place, normal, ray = (np.ascontiguousarray(self.surface[:, k : k + 3]) for k in (0, 3, 6))
+        place, normal, ray = (
+            np.ascontiguousarray(self.surface[:, k : k + 3]) for k in (met_place.X, met_place.NORMAL_X, met_place.RAY_X)
+        )
         whole = np.ascontiguousarray(self.views), np.ascontiguousarray(self.parts)
         return Carried(*whole, place, normal, ray, self.depths_m, self.pixels, self.variances)
 
     def residuals(self, placements: Array, rig: Rig, slide_m: float) -> Array:
-        """(N, 10) see `tracker.kernels.body.anchors.residuals_of`; parts (1, P, 4, 4) in the world."""
-        found = np.empty((len(self.parts), 10))
+        """(N, 10) rows of `tracker.kernels.rows.carried_place`; parts (1, P, 4, 4) in the world."""
+        found = np.empty((len(self.parts), carried_place.N_COLUMNS))
         residuals_of(placements, rig.packed, self.carried, slide_m, found)
         return found
 
@@ -176,17 +182,17 @@ def attached(
         facing: least cosine between normal and ray.
         sigmas: standard deviations of the surface along its normal, metres, and of a pixel, px.
     """
-    camera, found = scene.rig.cameras[view], np.zeros((len(parts), 10))
+    camera, found = scene.rig.cameras[view], np.zeros((len(parts), met_place.N_COLUMNS))
     placed = scene.world_from_parts()[0]
     meet_parts(placed, scene.shapes, camera.centre, camera.rays(pixels), parts, found)
-    kept = found[:, 9] >= facing
+    kept = found[:, met_place.FACING] >= facing
     found, pixels, parts = found[kept], pixels[kept], parts[kept]
     n = len(parts)
     return Anchors(
         np.full(n, view),
         parts,
-        found[:, :9],
-        sigmas[0] / found[:, 9],
+        found[:, : met_place.N_SURFACE],
+        sigmas[0] / found[:, met_place.FACING],
         pixels,
         pixels,
         np.full(n, sigmas[1] ** 2),

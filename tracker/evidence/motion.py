@@ -24,6 +24,7 @@ from tracker.evidence._anchors import Anchors, Grey, attached, corners
 from tracker.evidence._shares import over_views
 from tracker.evidence._shown import seen_parts
 from tracker.kernels.body.anchors import anchor_equations, gaps_of
+from tracker.kernels.rows.carried_place import FACING, VARIANCE, U, W
 from tracker.scene import Scene
 from tracker.sight import Sight
 
@@ -36,7 +37,7 @@ be what lies behind it. With none between parts, T-Punch-light was off in 9 to 1
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class Remembered:
     """What was known after a frame: its images, and the places on them."""
 
     images: tuple[Grey | None, ...]
@@ -46,6 +47,8 @@ class Followed:
     """(P, 4, 4) the scene's parts in the world."""
 
     anchors: Anchors
+    """Those of all views, nobody's included."""
+
     turn: int
     """View whose places were looked over."""
 
@@ -58,6 +61,8 @@ class ObservedMotion:
     """Views that are not missing."""
 
     anchors: Anchors
+    """Those on parts."""
+
     shares: Array
     """(N,) what each counts."""
 
@@ -129,9 +134,11 @@ class MotionEvidence(Evidence):
             return Equations.nothing(asked.body.dof)
         placements = asked.placements(q[None])
         found = anchors.residuals(placements, asked.scene.rig, self.slide_m)
-        squares, variances = found[:, 0] ** 2 + found[:, 1] ** 2, found[:, 2]
+        squares, variances = found[:, U] ** 2 + found[:, W] ** 2, found[:, VARIANCE]
         scale = min(0.5 * gate_px, self.reach_px) ** 2 + 9 * variances
-        weights = (1 + squares / scale) ** -2 * shares * ((found[:, 3] > _FACING) & (anchors.strikes == 0)) / variances
+        weights = (
+            (1 + squares / scale) ** -2 * shares * ((found[:, FACING] > _FACING) & (anchors.strikes == 0)) / variances
+        )
         put = placements, anchors.carried, found, weights, asked.ends, asked.twists(q), asked.body.moves
         return Equations(*anchor_equations(*put))
 
@@ -141,7 +148,7 @@ class MotionEvidence(Evidence):
         distance_px = float(over_views(per_view, 0.0)[0])
         return Account(distance_px, per_view[0], np.full(len(nothing), np.nan), nothing, nothing, nothing)
 
-    def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Followed:
+    def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Remembered:
         """The places after a frame: those that left their parts are given up, new ones taken where parts are trusted.
 
         New ones in every view in turn, at once where a view has none. What stands still while its part moves on is
@@ -165,9 +172,9 @@ class MotionEvidence(Evidence):
         kept = Anchors.none().joined(*groups)
         if known is not None:
             kept = replace(kept, ahead=_moved(kept, known.placements[None], placements, scene))
-        return Followed(images, placements[0], kept, turn)
+        return Remembered(images, placements[0], kept, turn)
 
-    def _followed(self, memory: Followed, sight: Sight) -> Anchors:
+    def _followed(self, memory: Remembered, sight: Sight) -> Anchors:
         """The places of the frame before in this one; found once."""
 
         def find(_: object) -> Anchors:
@@ -183,11 +190,11 @@ class MotionEvidence(Evidence):
     def _judged(self, anchors: Anchors, scene: Scene, trusted: Mask) -> Anchors:
         """Places at the poses of a frame, without those that their parts no longer carry; nobody's before the parts."""
         found = anchors.residuals(scene.world_from_parts(), scene.rig, self.slide_m)
-        squares = found[:, 0] ** 2 + found[:, 1] ** 2
+        squares = found[:, U] ** 2 + found[:, W] ** 2
         blocking = anchors.standing & (squares > self.reach_px**2)
-        off = (squares / (2 * found[:, 2]) > self.outlier_sigmas**2) | blocking
+        off = (squares / (2 * found[:, VARIANCE]) > self.outlier_sigmas**2) | blocking
         strikes = np.where(off, anchors.strikes + 1, 0)
-        kept = (strikes < self.patience) & trusted[anchors.parts] & (found[:, 3] > _FACING)
+        kept = (strikes < self.patience) & trusted[anchors.parts] & (found[:, FACING] > _FACING)
         foreign = blocking & (strikes >= self.patience)
         judged = replace(anchors, strikes=strikes, parts=np.where(foreign, -1, anchors.parts))
         return judged.chosen(kept | foreign)
@@ -232,6 +239,6 @@ def _moved(anchors: Anchors, before: Array, after: Array, scene: Scene) -> Array
     """(N, 2) how far parts moved the places from placements (1, P, 4, 4) to others, px."""
     moved, own = np.zeros_like(anchors.pixels), anchors.parts >= 0
     carried = anchors.chosen(own)
-    ends = [carried.residuals(placements, scene.rig, 0.0)[:, :2] for placements in (before, after)]
+    ends = [carried.residuals(placements, scene.rig, 0.0)[:, [U, W]] for placements in (before, after)]
     moved[own] = ends[1] - ends[0]
     return moved

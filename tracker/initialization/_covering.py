@@ -49,6 +49,7 @@ def moved(masks: tuple[Mask | None, ...]) -> Moved:
 
 
 def _covered(body: BodyModel, poses: Array, rig: Rig, v: int, pixels: Array32) -> Array:
+    """(B,) share of pixels (N, 2) of a view inside the rods of poses (B, dof)."""
     camera = rig.cameras[v]
     placed = body.world_from_part(poses)
     along = placed[..., :3, 2] * body.shapes[:, 2, None]

@@ -70,7 +70,7 @@ class StanceInitialization:
     In empty rooms something reached 0.09 to 0.13, up to 94 % of its contour on edges; persons reach 0.2 to 0.37."""
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
-        """Needs one person, and floor that the views show; see `tracker.initialization.Initialization.check`."""
+        """Needs floor that the views show; see `tracker.initialization.Initialization.check`."""
         candidates = self._candidates(scene, None)
         if not len(candidates):
             raise ConfigError(
@@ -125,7 +125,7 @@ class StanceInitialization:
     ) -> tuple[Hypothesis, ...]:
         """Refined poses of the scene's last person, the best one first."""
         refined, body = [], scene.persons[-1].body
-        for n, q in enumerate(self._tried(scene, stages, clues, near), start=1):
+        for n, q in enumerate(self._tried(frame, scene, stages, clues, near), start=1):
             stages.progress(f"bootstrapping: stance {n} of {self.hypotheses}")
             refined.append(refined_on_edges(frame, scene, stages, q))
         stages.progress("bootstrapping: the best stance turned round")
@@ -133,12 +133,12 @@ class StanceInitialization:
         ranking = clues.ranked(scene, [*refined, refined_on_edges(frame, scene, stages, back)])
         return ranking[: self.finalists]
 
-    def _tried(self, scene: Scene, stages: Stages, clues: Clues, near: Whereabouts | None) -> list[Array]:
+    def _tried(self, frame: Frame, scene: Scene, stages: Stages, clues: Clues, near: Whereabouts | None) -> list[Array]:
         """The poses (dof,) of the scene's last person that the edges speak for, the likeliest first."""
         body = scene.persons[-1].body
         candidates = self._candidates(scene, near)
         if not len(candidates):
-            raise InitializationError("two views do not show the person's whereabouts")
+            raise InitializationError(f"frame {frame.index}: two views do not show the person's whereabouts")
         stages.progress(f"bootstrapping: {len(candidates)} poses on the floor")
         scores = clues.scores(scene, candidates)
         best = different(body, candidates[np.argsort(-scores, kind="stable")], _AGAIN, _APART_M)

@@ -77,8 +77,9 @@ class CpuSynthesis:
         sampling = np.array([self.n_eta, self.n_omega, self.step_px, self.contact_m])
         told = b"".join(values.tobytes() for values in (scene.shapes, scene.rig.packed, scene.rig.sizes, sampling))
         keys = [told + placed.tobytes() for placed in placements]
-        if len(keys) == 1 and keys[0] in _TRACED:
-            return _TRACED[keys[0]]
+        kept = _TRACED.get(keys[0]) if len(keys) == 1 else None
+        if kept is not None:
+            return kept
         found = self._drawn(scene, placements, coarse)
         for b, key in enumerate(keys):
             _TRACED[key] = found if len(keys) == 1 else found.pose(b)
@@ -184,6 +185,7 @@ class CpuSynthesis:
 
 
 _TRACED: OrderedDict[bytes, Contours] = OrderedDict()
+"""Fine contours of the poses traced last, by all that they depend on."""
 
 # Two predictions of three are refined, two steps each, before anything is asked for again.
 _MOST_TRACED = 8

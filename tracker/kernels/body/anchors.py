@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tracker.arrays import Array, Integers, Mask
-from tracker.kernels.body.wrenches import add_end
+from tracker.kernels.body.wrenches import add_wrench, chained
 from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_along, project_point
 from tracker.kernels.rows import camera as at
+from tracker.kernels.rows import carried_place as found_at
 
 
 class Carried(NamedTuple):
@@ -93,9 +94,7 @@ def residuals_of(placements: Array, cameras: Array, carried: Carried, slide_m: f
         cameras: (V, 25) from `Rig.packed`.
         carried: the places.
         slide_m: standard deviation of a place across its ray, for clothes slide, metres.
-        found: (N, 10) output: residual u and w, px; its variance, mean of both axes, px^2; cosine between the normal
-            and the way to the camera; derivatives of u and of w by the world, px per metre. The cosine of what lies
-            behind the camera is -1.
+        found: (N, 10) output, a row each; `tracker.kernels.rows.carried_place` names the columns.
     """
     for n in range(len(carried.parts)):
         v, p = carried.views[n], carried.parts[n]
@@ -103,21 +102,21 @@ def residuals_of(placements: Array, cameras: Array, carried: Carried, slide_m: f
         depth = project_point(cameras[v], x, y, z)[2]
         if depth <= 0.1:
             found[n] = 0.0
-            found[n, 2], found[n, 3] = 1.0, -1.0
+            found[n, found_at.VARIANCE], found[n, found_at.FACING] = 1.0, -1.0
             continue
         u, w, ux, uy, uz = project_along(cameras, v, (x, y, z), (1.0, 0.0))
         u, w, wx, wy, wz = project_along(cameras, v, (x, y, z), (0.0, 1.0))
-        found[n, 0], found[n, 1] = u - carried.pixels[n, 0], w - carried.pixels[n, 1]
+        found[n, found_at.U], found[n, found_at.W] = u - carried.pixels[n, 0], w - carried.pixels[n, 1]
         rx, ry, rz = _turned(placements, 0, p, carried.rays, n)
         deep = (ux * rx + uy * ry + uz * rz) ** 2 + (wx * rx + wy * ry + wz * rz) ** 2
         size = ux * ux + uy * uy + uz * uz + wx * wx + wy * wy + wz * wz
         spread = 0.5 * (deep * carried.depths_m[n] ** 2 + size * slide_m**2)
-        found[n, 2] = spread + carried.variances[n]
+        found[n, found_at.VARIANCE] = spread + carried.variances[n]
         nx, ny, nz = _turned(placements, 0, p, carried.normals, n)
         x, y, z = cameras[v, at.CENTRE_X] - x, cameras[v, at.CENTRE_Y] - y, cameras[v, at.CENTRE_Z] - z
-        found[n, 3] = (nx * x + ny * y + nz * z) / np.sqrt(x * x + y * y + z * z)
-        found[n, 4], found[n, 5], found[n, 6] = ux, uy, uz
-        found[n, 7], found[n, 8], found[n, 9] = wx, wy, wz
+        found[n, found_at.FACING] = (nx * x + ny * y + nz * z) / np.sqrt(x * x + y * y + z * z)
+        found[n, found_at.U_X], found[n, found_at.U_Y], found[n, found_at.U_Z] = ux, uy, uz
+        found[n, found_at.W_X], found[n, found_at.W_Y], found[n, found_at.W_Z] = wx, wy, wz
 
 
 @compiled
@@ -126,7 +125,7 @@ def anchor_equations(
 ) -> tuple[Array, Array, float, float]:
     """Normal equations that bring the places to where they are shown.
 
-    As those of contours, by wrenches; see `tracker.kernels.regions.equations.shift_equations`.
+    By wrenches, see `tracker.kernels.body.wrenches`.
 
     Args:
         placements: (1, P, 4, 4) world_from_part.
@@ -142,27 +141,19 @@ def anchor_equations(
     """
     dof = len(twists)
     squares = total = 0.0
-    matrices, vectors, wrench = np.zeros((dof + 1, 6, 6)), np.zeros((dof + 1, 6)), np.zeros(6)
+    wrenches, pulls = np.zeros((dof + 1, 6, 6)), np.zeros((dof + 1, 6))
     used = np.zeros(dof + 1, dtype=np.bool_)
     for n in range(len(carried.parts)):
         end, weight = ends[carried.parts[n]], weights[n]
         if weight <= 0.0 or end < 0:
             continue
-        x, y, z = _placed(placements, 0, carried, n)
+        point = _placed(placements, 0, carried, n)
         used[end] = True
-        for axis in range(2):
-            gx, gy, gz = found[n, 4 + 3 * axis], found[n, 5 + 3 * axis], found[n, 6 + 3 * axis]
-            wrench[0], wrench[1], wrench[2] = gx, gy, gz
-            wrench[3], wrench[4], wrench[5] = y * gz - z * gy, z * gx - x * gz, x * gy - y * gx
-            residual = found[n, axis]
-            for i in range(6):
-                vectors[end, i] += weight * residual * wrench[i]
-                for j in range(6):
-                    matrices[end, i, j] += weight * wrench[i] * wrench[j]
+        along_u = found[n, found_at.U_X], found[n, found_at.U_Y], found[n, found_at.U_Z]
+        along_w = found[n, found_at.W_X], found[n, found_at.W_Y], found[n, found_at.W_Z]
+        for residual, gradient in ((found[n, found_at.U], along_u), (found[n, found_at.W], along_w)):
+            add_wrench(point, gradient, residual, weight, wrenches[end], pulls[end])
             squares += weight * residual * residual
             total += weight
-    matrix, vector = np.zeros((dof, dof)), np.zeros(dof)
-    for end in range(dof):
-        if used[end]:
-            add_end(matrices[end], vectors[end], twists, moves[:, end], matrix, vector)
+    matrix, vector = chained(wrenches, pulls, used, twists, moves)
     return matrix, vector, squares, total

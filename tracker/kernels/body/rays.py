@@ -6,7 +6,7 @@ import numpy as np
 
 from tracker.arrays import Array, Integers
 from tracker.kernels.compilation import compiled
-from tracker.kernels.rows import superquadric
+from tracker.kernels.rows import met_place, superquadric
 
 # Of a ray through the sphere around a part; between two of them the crossing is halved so often: 0.1 mm at 1 m.
 _STEPS, _HALVINGS = 32, 10
@@ -40,8 +40,7 @@ def meet_parts(placements: Array, shapes: Array, centre: Array, rays: Array, par
         centre: (3,) where the rays start, metres.
         rays: (N, 3) unit vectors in the world.
         parts: (N,) which part each of them is to meet.
-        found: (N, 10) output, in the part's frame: the place, metres; the normal; the ray; the cosine between the
-            normal and the way back along the ray, 0 where they do not meet.
+        found: (N, 10) output, a row each; `tracker.kernels.rows.met_place` names the columns.
     """
     for n in range(len(parts)):
         p = parts[n]
@@ -80,7 +79,9 @@ def meet_parts(placements: Array, shapes: Array, centre: Array, rays: Array, par
         ny = inside_outside(shape, x, y + h, z) - inside_outside(shape, x, y - h, z)
         nz = inside_outside(shape, x, y, z + h) - inside_outside(shape, x, y, z - h)
         length = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-12)
-        found[n, 0], found[n, 1], found[n, 2] = x, y, z
-        found[n, 3], found[n, 4], found[n, 5] = nx / length, ny / length, nz / length
-        found[n, 6], found[n, 7], found[n, 8] = dx, dy, dz
-        found[n, 9] = -(nx * dx + ny * dy + nz * dz) / length
+        place, normal, ray = (x, y, z), (nx / length, ny / length, nz / length), (dx, dy, dz)
+        for k in range(3):
+            found[n, met_place.X + k] = place[k]
+            found[n, met_place.NORMAL_X + k] = normal[k]
+            found[n, met_place.RAY_X + k] = ray[k]
+        found[n, met_place.FACING] = -(nx * dx + ny * dy + nz * dz) / length

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tracker.arrays import Array, Array32, Integers, Mask
-from tracker.kernels.body.wrenches import add_end
+from tracker.kernels.body.wrenches import add_wrench, chained
 from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_along
 from tracker.kernels.regions.lines import Samples
@@ -24,9 +24,7 @@ def shift_equations(
 ) -> tuple[Array, Array, float, float]:
     """Normal equations that move every sample along its normal by its shift.
 
-    A sample's image moves along its normal by ``n . J_projection (v + w x X)`` for each twist (v, w): the product of
-    the twist with one wrench (g, X x g). Wrenches are summed for each end of the chain first (6 x 6), and multiplied
-    with the twists once.
+    By wrenches, see `tracker.kernels.body.wrenches`; g is the derivative of the projection along the image normal.
 
     Args:
         shifts: (V, M, 3) from `find_shifts`; a line counts by its inverse variance, px^-2, and its support.
@@ -42,7 +40,7 @@ def shift_equations(
     """
     dof = len(twists)
     squares = total = 0.0
-    matrices, vectors, wrench = np.zeros((dof + 1, 6, 6)), np.zeros((dof + 1, 6)), np.zeros(6)
+    wrenches, pulls = np.zeros((dof + 1, 6, 6)), np.zeros((dof + 1, 6))
     used = np.zeros(dof + 1, dtype=np.bool_)
     for v in range(len(samples.counts)):
         for m in range(samples.counts[v]):
@@ -53,18 +51,10 @@ def shift_equations(
             x, y, z = float(samples.points[v, m, 0]), float(samples.points[v, m, 1]), float(samples.points[v, m, 2])
             normal = float(samples.positions[v, m, 2]), float(samples.positions[v, m, 3])
             _, _, gx, gy, gz = project_along(cameras, v, (x, y, z), normal)
-            wrench[0], wrench[1], wrench[2] = gx, gy, gz
-            wrench[3], wrench[4], wrench[5] = y * gz - z * gy, z * gx - x * gz, x * gy - y * gx
             residual = -float(shifts[v, m, 0])
             used[end] = True
-            for i in range(6):
-                vectors[end, i] += weight * residual * wrench[i]
-                for j in range(6):
-                    matrices[end, i, j] += weight * wrench[i] * wrench[j]
+            add_wrench((x, y, z), (gx, gy, gz), residual, weight, wrenches[end], pulls[end])
             squares += weight * residual * residual
             total += weight
-    matrix, vector = np.zeros((dof, dof)), np.zeros(dof)
-    for end in range(dof):
-        if used[end]:
-            add_end(matrices[end], vectors[end], twists, moves[:, end], matrix, vector)
+    matrix, vector = chained(wrenches, pulls, used, twists, moves)
     return matrix, vector, squares, total
