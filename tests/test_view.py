@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 import urllib.request
 from dataclasses import replace
@@ -152,6 +153,24 @@ def test_images_are_straight_and_centred():
     f = np.diag(camera.matrix)[:2] * 400 / 1280
     np.testing.assert_allclose(found, f * plain[:2] / plain[2] + [199.5, 112], atol=0.5)
     assert pictures.of(4) is None
+
+
+def test_who_stops_reading_has_stopped():
+    """A thread that still reads while Python ends complains on the terminal: `stop` waits for it."""
+    taken, go_on = [], threading.Event()
+
+    def frames():
+        for index in range(1000):
+            taken.append(index)
+            go_on.wait(10)
+            yield Frame(index, index / 25, (None,))
+
+    pictures = Pictures(made_up("gavrila22").scene.rig, 1000)
+    pictures.read(frames())
+    threading.Timer(0.2, go_on.set).start()
+    pictures.stop()
+    assert go_on.is_set()
+    assert len(taken) <= 2
 
 
 def test_a_finished_result_is_served_on_this_machine_only(tracked):

@@ -34,6 +34,7 @@ class Pictures:
         self._kept: dict[int, tuple[NDArray[np.uint8] | None, ...]] = {}
         self._n_seen = 0
         self._stopped = threading.Event()
+        self._reader: threading.Thread | None = None
         self.fault = ""
         """Why there are no more of them; empty if there are."""
 
@@ -56,11 +57,15 @@ class Pictures:
             except TrackerError as error:
                 self.fault = str(error)
 
-        threading.Thread(target=reading, daemon=True).start()
+        self._reader = threading.Thread(target=reading, daemon=True)
+        self._reader.start()
 
     def stop(self) -> None:
-        """Reads no more."""
+        """Reads no more; waits for the frame that is being read."""
         self._stopped.set()
+        if self._reader is not None:
+            # who still reads while Python ends finds its threads gone, and complains
+            self._reader.join()
 
     @property
     def n_kept(self) -> int:
