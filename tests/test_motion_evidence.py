@@ -174,7 +174,7 @@ def test_rays_meet_known_parts_where_the_plain_twin_does(scene, images):
     meet_parts(placed, scene.shapes, camera.centre, rays, anchors.parts[rows], found)
     twin = met_by_rays(camera.centre, rays, placed, scene.shapes)
     same = twin.part == anchors.parts[rows]
-    assert same.mean() > 0.9  # hulls of contours are not quite the parts
+    assert same.mean() > 0.98  # all but at boundaries of coarse surfaces
     np.testing.assert_allclose(found[same, :3], twin.point[same], atol=2e-4)
     np.testing.assert_allclose(found[same, 9], twin.facing[same], atol=0.01)
 
@@ -191,17 +191,31 @@ def test_places_are_taken_inside_trusted_parts_alone(scene, images):
     assert (shown == anchors.parts).mean() > 0.95
 
 
-def test_hulls_of_contours_are_the_parts_that_are_seen(scene):
-    contours, ids = SYNTHESIS.contours(scene), SYNTHESIS.part_ids(scene)
-    for v, camera in enumerate(scene.rig.cameras):
-        shown = seen_parts(contours.of(v), camera.centre, camera.size)
-        where = shown.inner(3, trusted(scene))
-        y, x = np.nonzero(where)
-        pixels = np.stack([x, y], axis=1) + shown.corner
-        assert len(x) > 0.3 * (ids[v] >= 0).sum()
-        assert (shown.at(pixels) == shown.parts[y, x]).all()
-        assert (ids[v][pixels[:, 1], pixels[:, 0]] == shown.parts[y, x]).mean() > 0.97
-        assert (shown.at(np.array([[-5.0, 3.0], [1e4, 3.0]])) == -1).all()
+def test_shown_parts_are_those_of_the_synthesis(scene, human):
+    """Also where arms hide the outline of the chest, and where a person leaves the image."""
+    q = scene.persons[0].q.copy()
+    for side in ("left", "right"):
+        q[human.index(f"{side}_arm_abduction")] = np.radians(5)
+    q[2] = 0.2
+    for one in (scene, scene.with_pose(0, q)):
+        ids = SYNTHESIS.part_ids(one)
+        for v in range(len(one.rig)):
+            shown = seen_parts(one, v)
+            where = shown.inner(3, trusted(one))
+            y, x = np.nonzero(where)
+            pixels = np.stack([x, y], axis=1) + shown.corner
+            assert len(x) > 0.6 * (ids[v] >= 0).sum()
+            assert (shown.at(pixels) == shown.parts[y, x]).all()
+            assert (ids[v][pixels[:, 1], pixels[:, 0]] == shown.parts[y, x]).mean() > 0.995
+            assert (shown.at(np.array([[-5.0, 3.0], [1e4, 3.0]])) == -1).all()
+
+
+def test_a_view_from_within_shows_nothing(scene, rig):
+    """A part around the camera has no outline: it is left out."""
+    camera = rig.cameras[0]
+    q = scene.persons[0].q.copy()
+    q[:3] = camera.centre
+    assert (seen_parts(scene.with_pose(0, q), 0).parts != 0).all()
 
 
 @pytest.fixture(scope="module")

@@ -1,15 +1,24 @@
-"""Which part of a scene a view shows where, for little time: hulls of contours, the nearest last."""
+"""Which part of a scene a view shows where, for little time."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.arrays import Array, Integers, Mask
-from tracker.contours import ViewContours
+from tracker.arrays import Array, Integers, Mask, frozen
+from tracker.geometry.superquadrics import grid_triangles, spread, surface
+from tracker.kernels.pictures.nearest import draw_nearest, project_surfaces
+from tracker.scene import Scene
+
+_GRID = 7, 10
+"""Latitudes and longitudes of the surfaces."""
+
+_GROWN = 1.02
+"""Chords lie inside, by this at most between ten longitudes."""
 
 
 @dataclass(frozen=True)
@@ -39,28 +48,51 @@ class Shown:
         return inner
 
 
-def seen_parts(contours: ViewContours, centre: Array, size: tuple[int, int]) -> Shown:
-    """Which part of the scene a view shows where: the hulls of visible contours, the nearest last.
+def seen_parts(scene: Scene, view: int) -> Shown:
+    """Which part of the scene a view shows where, from a depth buffer of coarse surfaces.
 
-    Good to a pixel or two, for 0.2 ms a view; what lies at the boundaries of parts is not to be asked about. Parts are
-    convex in images but for strong tapers.
-
-    Args:
-        contours: of the view.
-        centre: (3,) of the camera, metres.
-        size: width and height, px.
+    For 0.2 ms a view, as hulls of visible contours took; of what they said 2 % was wrong, 10 % at worst, and they had
+    nothing of a chest whose outline two arms hide. Pixels at boundaries of parts are not to be asked about.
     """
-    pixels = np.round(contours.pixels).astype(np.int32)
+    camera, surfaces = scene.rig.cameras[view], _surfaces(scene.shapes)
+    seen = np.empty_like(surfaces.points)
+    project_surfaces(scene.world_from_parts()[0], surfaces.points, scene.rig.packed[view], seen)
+    pixels = seen[~np.isnan(seen[:, 0, 2]), :, :2].reshape(-1, 2)
     if not len(pixels):
         return Shown(np.zeros(2, dtype=np.int64), np.full((1, 1), -1, dtype=np.int16))
-    low = np.clip(pixels.min(axis=0), 0, np.array(size) - 1)
-    high = np.clip(pixels.max(axis=0), low, np.array(size) - 1)
-    picture = np.full((high - low + 1)[::-1], -1, dtype=np.int16)
-    counts = np.bincount(contours.parts)
-    depths = np.bincount(contours.parts, np.linalg.norm(contours.points - centre, axis=1)) / np.maximum(counts, 1)
-    ends, order = np.cumsum(counts), np.argsort(contours.parts, kind="stable")
-    for part in np.argsort(-depths):
-        if counts[part]:
-            hull = cv2.convexHull(pixels[order[ends[part] - counts[part] : ends[part]]] - low)
-            cv2.fillConvexPoly(picture, hull.astype(np.int32), int(part))
-    return Shown(low.astype(np.int64), picture)
+    end = np.array(camera.size) - 1
+    low = np.clip(np.floor(pixels.min(axis=0)), 0, end).astype(np.int64)
+    high = np.clip(np.ceil(pixels.max(axis=0)), low, end).astype(np.int64)
+    depths = np.zeros((high - low + 1)[::-1], dtype=np.float32)
+    parts = np.full(depths.shape, -1, dtype=np.int16)
+    draw_nearest(seen, surfaces.triangles, (int(low[0]), int(low[1])), depths, parts)
+    return Shown(low, parts)
+
+
+class _Surfaces(NamedTuple):
+    """Coarse surfaces of parts, all with the same triangles."""
+
+    points: Array
+    """(P, N, 3) metres, in the parts' frames."""
+
+    triangles: Integers
+    """(T, 3) point numbers, anticlockwise seen from outside."""
+
+
+_CACHE: dict[bytes, _Surfaces] = {}
+
+
+def _surfaces(shapes: Array) -> _Surfaces:
+    """Those of packed superquadrics (P, 7), kept for the shapes last used."""
+    key = shapes.tobytes()
+    if key not in _CACHE:
+        _CACHE.clear()
+        n_eta, n_omega = _GRID
+        grids = [spread(shape, n_eta, n_omega) for shape in shapes]
+        points = [
+            surface(shape, eta[:, None], omega[None])[0] for shape, (eta, omega) in zip(shapes, grids, strict=True)
+        ]
+        _CACHE[key] = _Surfaces(
+            frozen(_GROWN * np.array(points).reshape(len(shapes), -1, 3)), grid_triangles(n_eta, n_omega)
+        )
+    return _CACHE[key]

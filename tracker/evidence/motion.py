@@ -167,7 +167,7 @@ class MotionEvidence(Evidence):
         for v, image in enumerate(images):
             own = kept.chosen(kept.views == v)
             if image is not None and (not len(own.parts) or v == turn):
-                own = self._replenished(v, image, own, scene, fitted, trusted)
+                own = self._replenished(v, image, own, scene, trusted)
             groups.append(own)
         kept = Anchors.none().joined(*groups)
         if known is not None:
@@ -199,11 +199,9 @@ class MotionEvidence(Evidence):
         judged = replace(anchors, strikes=strikes, parts=np.where(foreign, -1, anchors.parts))
         return judged.chosen(kept | foreign)
 
-    def _replenished(
-        self, view: int, image: Grey, anchors: Anchors, scene: Scene, fitted: Contours, trusted: Mask
-    ) -> Anchors:
+    def _replenished(self, view: int, image: Grey, anchors: Anchors, scene: Scene, trusted: Mask) -> Anchors:
         """The places of a view without those that are covered now, and new ones between them."""
-        shown = seen_parts(fitted.of(view), scene.rig.cameras[view].centre, image.shape[::-1])
+        shown = seen_parts(scene, view)
         anchors = anchors.chosen((shown.at(anchors.pixels) == anchors.parts) | (anchors.parts < 0))
         where = shown.inner(_MARGIN_PX, trusted)
         pixels = corners(image, where, shown.corner, anchors.pixels, self.spacing_px)

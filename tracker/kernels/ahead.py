@@ -37,6 +37,7 @@ from tracker.kernels.patches.keys import cut_keys, key_side, match_keys
 from tracker.kernels.patches.matching import N_FOUND, match_patches
 from tracker.kernels.pictures.coverage import cover_shares, cover_still, covered_sums
 from tracker.kernels.pictures.id_contours import id_contours
+from tracker.kernels.pictures.nearest import draw_nearest, project_surfaces
 from tracker.kernels.pictures.rasterization import rasterize
 from tracker.kernels.pictures.silhouettes import fill_parts
 from tracker.kernels.regions.colours import N_COLOURS, Picture, Tables, encode, tabulate_posteriors
@@ -175,12 +176,14 @@ def _motion_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     places = _own(_F8, 0, 3), _own(_F8, 0, 3), _own(_F8, 0, 3), _own(_F8, 0)
     carried = Carried(_own(_I8, 0), _own(_I8, 0), *places, _own(_F8, 0, 2), _own(_F8, 0))
     placed, cameras, found = _own(_F8, 1, 1, 4, 4), _frozen(_F8, 1, 25), _own(_F8, 0, 10)
-    chains = _own(_I8, 1), _own(_F8, 1, 6), _frozen(_B1, 1, 2)
+    chains, seen = (_own(_I8, 1), _own(_F8, 1, 6), _frozen(_B1, 1, 2)), _own(_F8, 1, 4, 3)
     return [
         (gaps_of, (placed, cameras, carried, 0.1, _own(_F8, 1, 0))),
         (anchor_residuals, (placed, cameras, carried, 0.01, found)),
         (anchor_equations, (placed, carried, found, _own(_F8, 0), *chains)),
         (meet_parts, (placed[0], _frozen(_F8, 1, 7), _own(_F8, 3), _own(_F8, 0, 3), _own(_I8, 0), found)),
+        (project_surfaces, (placed[0], _frozen(_F8, 1, 4, 3), cameras[0], seen)),
+        (draw_nearest, (seen, _frozen(_I8, 0, 3), (0, 0), _own(_F4, 1, 1), _own(_I2, 1, 1))),
     ]
 
 

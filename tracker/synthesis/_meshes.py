@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracker.arrays import Array, Integers, Mask, frozen
-from tracker.geometry.superquadrics import spread, surface
+from tracker.geometry.superquadrics import grid_triangles, spread, surface
 from tracker.scene import Scene
 
 NEAREST_M = 0.05
@@ -52,14 +52,8 @@ def _triangulated(shapes: Array, n_eta: int, n_omega: int) -> Meshes:
         found = surface(shape, eta[:, None], omega[None, :])
         points.append(found[0].reshape(-1, 3))
         normals.append(found[1].reshape(-1, 3))
-    rows, columns = np.meshgrid(np.arange(n_eta - 1), np.arange(n_omega), indexing="ij")
-    a, b = rows * n_omega + columns, rows * n_omega + (columns + 1) % n_omega
-    # the first row and the last are poles: half of the triangles that touch them have no area
-    lower = np.stack([a, b, a + n_omega], axis=-1)[1:].reshape(-1, 3)
-    upper = np.stack([b, b + n_omega, a + n_omega], axis=-1)[:-1].reshape(-1, 3)
     widths = np.linalg.norm(np.array(points)[..., :2], axis=-1).max(axis=1)
-    triangles = frozen(np.concatenate([lower, upper]), np.int64)
-    return Meshes(frozen(points), frozen(normals), triangles, frozen(widths))
+    return Meshes(frozen(points), frozen(normals), grid_triangles(n_eta, n_omega), frozen(widths))
 
 
 def before_cameras(scene: Scene, placements: Array, widths: Array) -> Mask:
