@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,3 +63,12 @@ def test_the_lead_and_the_contour_explained_make_the_confidence(body: BodyModel)
     assert confidence((tried(q, 0.4), tried(q, 0.4))) == 0.0
     assert confidence((tried(q, 0.4), tried(q, 0.6))) == pytest.approx(0.9)
     assert 0.3 < confidence((tried(q, 0.4), tried(q, 0.44))) < 0.6
+
+
+def test_a_limb_that_is_left_over_makes_less_sure(body: BodyModel) -> None:
+    q = bent(body)
+    one = tried(q, 0.4)
+    shown, half = (replace(one, limbs_left_over={"left_arm": arm, "right_arm": 0.0}) for arm in (0.1, 0.24))
+    for others in ((), (tried(q, 0.6),)):
+        assert confidence((shown, *others)) == confidence((one, *others)) == pytest.approx(0.9)
+        assert confidence((half, *others)) == pytest.approx(0.45)

@@ -61,13 +61,12 @@ class LossRule:
 def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
     """The estimate with its status and all that is in doubt about it."""
     account = estimate.account
-    # Trunk and head are where the limbs hang; what is left over of them is clothes and hair.
-    limbs = ((group, account.of(body.parts_of(group))) for group in body.fine_groups if body.partner_of(group))
+    limbs = limbs_left_over(body, account).items()
     return replace(
         estimate,
         status=Status.LOST if account.explained < loss.lost_below else found,
         doubtful=account.left_over > loss.doubtful_above,
-        ambiguous=tuple(group for group, own in limbs if left_over_of(own) > loss.ambiguous_above),
+        ambiguous=tuple(group for group, left_over in limbs if left_over > loss.ambiguous_above),
     )
 
 
@@ -77,6 +76,13 @@ def trusted_parts(body: BodyModel, estimate: Estimate) -> Mask:
     for group in estimate.ambiguous:
         trusted &= ~body.parts_of(group)
     return trusted
+
+
+def limbs_left_over(body: BodyModel, account: Account) -> dict[str, float]:
+    """Limb -> share of its contour that is left over, see `left_over_of`."""
+    # Trunk and head are where the limbs hang; what is left over of them is clothes and hair.
+    limbs = (group for group in body.fine_groups if body.partner_of(group))
+    return {limb: left_over_of(account.of(body.parts_of(limb))) for limb in limbs}
 
 
 def left_over_of(limb: Account) -> float:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from statistics import fmean
 from typing import TypeVar
 
-import numpy as np
-
+from tracker.body import BodyModel
 from tracker.cycle import Cycle, State, advance, settled
 from tracker.estimate import Estimate, Status
 from tracker.evidence import GUESSED
 from tracker.frame import Frame
+from tracker.loss import limbs_left_over
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.start import Hypothesis, Start, confidence
@@ -60,8 +61,8 @@ class _Trial:
     hypothesis: Hypothesis
     scene: Scene
     state: State
-    found: tuple[tuple[float, float, float], ...]
-    """Distance, explained and left over in every frame so far."""
+    found: tuple[Estimate, ...]
+    """What every frame so far has made of it."""
 
 
 def _ranked(
@@ -73,12 +74,21 @@ def _ranked(
     trials = [_begun(one, start, k, frame, scene, cycle) for one in start.hypotheses[k]]
     for later in following:
         trials = [_continued(trial, k, Sight(later, cycle.plates), cycle) for trial in trials]
-    ranking = []
-    for trial in trials:
-        distance_px, explained, left_over = (float(mean) for mean in np.mean(trial.found, axis=0))
-        one = replace(trial.hypothesis, distance_px=distance_px, explained=explained, left_over=left_over)
-        ranking.append(one)
+    ranking = [_on_average(trial, scene.persons[k].body) for trial in trials]
     return tuple(sorted(ranking, key=lambda one: one.left_over))
+
+
+def _on_average(trial: _Trial, body: BodyModel) -> Hypothesis:
+    """The hypothesis with what it explains and leaves over in all frames."""
+    accounts = [estimate.account for estimate in trial.found]
+    limbs = [limbs_left_over(body, account) for account in accounts]
+    return replace(
+        trial.hypothesis,
+        distance_px=fmean(estimate.distance_px for estimate in trial.found),
+        explained=fmean(account.explained for account in accounts),
+        left_over=fmean(account.left_over for account in accounts),
+        limbs_left_over={limb: fmean(own[limb] for own in limbs) for limb in limbs[0]},
+    )
 
 
 def _begun(one: Hypothesis, start: Start, k: int, frame: Frame, scene: Scene, cycle: Cycle) -> _Trial:
@@ -88,17 +98,13 @@ def _begun(one: Hypothesis, start: Start, k: int, frame: Frame, scene: Scene, cy
     estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED)
     step = Step(frame, scene, estimates, cycle.synthesis.contours(scene))
     state = State.before(scene).after(sight, step, cycle.evidence)
-    return _Trial(one, scene, state, (_measured(estimates[k]),))
+    return _Trial(one, scene, state, (estimates[k],))
 
 
 def _continued(trial: _Trial, k: int, sight: Sight, cycle: Cycle) -> _Trial:
     step = advance(sight, trial.scene, cycle, trial.state)
-    found = (*trial.found, _measured(step.estimates[k]))
+    found = (*trial.found, step.estimates[k])
     return _Trial(trial.hypothesis, step.scene, trial.state.after(sight, step, cycle.evidence), found)
-
-
-def _measured(estimate: Estimate) -> tuple[float, float, float]:
-    return estimate.distance_px, estimate.account.explained, estimate.account.left_over
 
 
 def _following(frame: Frame, reopen: Reopen, n: int) -> Iterator[Frame]:

@@ -24,6 +24,8 @@ _BATCH = 256
 _ROUGH = CpuSynthesis(step_px=16.0, n_eta=6, n_omega=12)
 # What clutter offers it offers in one view; a person is in all of them.
 _DISAGREEMENT = 0.5
+# Two views have to be left.
+_VIEWS = 3
 # Refined poses with so much less of the best one's score are not ranked.
 _BELIEVED = 0.7
 # What is left over counts edges near the pose that a refinement began with: only from the second time on it can be
@@ -41,6 +43,10 @@ class Clues:
     moved: Moved = NOTHING
     """What of the person has moved, where that is known."""
 
+    partly: bool = False
+    """Whether one of three views or more may show nothing of the person: then the others may have the score, less a
+    share for the view that is left out. Behind a board in one view a woman's true pose has 0.09 instead of 0.13."""
+
     def scores(self, scene: Scene, poses: Array) -> Array:
         """(N,) how well contours of poses (N, dof) of a scene's last person lie on edges, chance being 0.
 
@@ -54,7 +60,7 @@ class Clues:
         gains = np.concatenate([self.edges.scores(_ROUGH.contours(scene, k, batch), first) for batch in batches])
         found = shown_share(body, poses, scene.rig) * gains
         covered = np.concatenate([self.moved.covered(body, batch, scene.rig) for batch in batches])
-        scores: Array = covered * (found.mean(axis=1) - _DISAGREEMENT * found.std(axis=1))
+        scores: Array = covered * (_agreed(found) if not self.partly else np.maximum(_agreed(found), _but_one(found)))
         return scores
 
     def costs(self, scene: Scene, hypotheses: Sequence[Hypothesis]) -> Array:
@@ -76,6 +82,21 @@ class Clues:
         scores = self.scores(scene, np.array([one.q for one in hypotheses]))
         kept = [hypotheses[int(n)] for n in np.flatnonzero(scores >= _BELIEVED * scores.max())]
         return ranked(scene.persons[-1].body, kept, self.costs(scene, kept))
+
+
+def _agreed(found: Array) -> Array:
+    """(N,) what all views say of poses, by what each of them says (N, V)."""
+    agreed: Array = found.mean(axis=1) - _DISAGREEMENT * found.std(axis=1)
+    return agreed
+
+
+def _but_one(found: Array) -> Array:
+    """(N,) what all views but the worst say of poses, by what each of them says (N, V)."""
+    n_views = found.shape[1]
+    if n_views < _VIEWS:
+        return _agreed(found)
+    rest: Array = _agreed(np.sort(found, axis=1)[:, 1:])
+    return np.asarray((n_views - 1) / n_views * rest)
 
 
 def refined_on_edges(frame: Frame, scene: Scene, stages: Stages, q: Array) -> Hypothesis:

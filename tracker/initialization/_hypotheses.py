@@ -10,6 +10,7 @@ import numpy as np
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.estimate import Estimate
+from tracker.loss import limbs_left_over
 from tracker.scene import Scene
 from tracker.start import Hypothesis, Start, confidence
 
@@ -85,9 +86,15 @@ def turned_round(body: BodyModel, q: Array) -> Array:
 
 def hypothesis(body: BodyModel, estimate: Estimate) -> Hypothesis:
     """The hypothesis that an estimate makes."""
+    account = estimate.account
     turn_deg = float(np.degrees(_wrapped(estimate.q[turn_of(body)])))
     return Hypothesis(
-        estimate.q, estimate.distance_px, estimate.account.explained, estimate.account.left_over, turn_deg
+        estimate.q,
+        estimate.distance_px,
+        account.explained,
+        account.left_over,
+        turn_deg,
+        limbs_left_over(body, account),
     )
 
 

@@ -31,6 +31,9 @@ class Whereabouts(NamedTuple):
     moved: Moved = NOTHING
     """What of the person has moved, where that is known."""
 
+    partly: bool = False
+    """Whether images may cut the person off, and one view show nothing of it."""
+
     def hold(self, places: Array) -> Array:
         """Those of places (N, 2) on the floor inside."""
         inside: Array = places[np.linalg.norm(places - self.middle, axis=1) < self.radius_m]

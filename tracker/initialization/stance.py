@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pydantic
@@ -13,19 +14,23 @@ from tracker.components import component
 from tracker.errors import ConfigError, InitializationError
 from tracker.frame import Frame
 from tracker.initialization import Stages
-from tracker.initialization._directions import direction_images
+from tracker.initialization._directions import DirectionImages, direction_images
 from tracker.initialization._edge_ranking import Clues, refined_on_edges
 from tracker.initialization._floor import floor_places, shown_share
 from tracker.initialization._hypotheses import different, turned_round, with_held
+from tracker.initialization._likeness import size_of
+from tracker.initialization._limbs_anew import limbs_anew
 from tracker.initialization._scattering import ROUNDS, scattered
 from tracker.initialization._stances import on_floor, posed, turned
 from tracker.initialization._whereabouts import Whereabouts, whereabouts
 from tracker.plate import Plate
 from tracker.scene import Scene
+from tracker.sight import LEAST_COVERED
 from tracker.start import Hypothesis, Start, confidence
 
-# A view counts for a place if it shows so much of a person's landmarks.
-_WHOLE = 0.9
+# A view counts for a place if it shows so much of a person's landmarks; all but the knees and feet where images cut
+# people off.
+_WHOLE, _PARTLY = 0.9, 0.6
 # Best coarse poses that are tried at half the steps, and how far poses must be apart to be tried twice.
 _AGAIN, _APART_M = 60, 0.25
 # Of the poses that are refined, so many are stances as they are: of who stands they are often nearer.
@@ -71,14 +76,15 @@ class StanceInitialization:
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Needs floor that the views show; see `tracker.initialization.Initialization.check`."""
-        candidates = self._candidates(scene, None)
-        if not len(candidates):
-            raise ConfigError(
-                "there is no place on the floor where two views show a whole person: check floor_m, farthest_m and the "
-                'calibration, or give the pose by initialization = { use = "given", poses = "start.csv" }'
-            )
-        area = len(floor_places(scene.rig, self.floor_m, self.step_m, self.farthest_m)) * self.step_m**2
         n_stances = len(self._stances(scene.persons[-1].body))
+        if not len(self._candidates(scene, None)):
+            if len(scene.persons) > 1 or not len(self._posed_on(scene, self._cut_off_places(scene), _PARTLY)):
+                raise ConfigError(
+                    "there is no place on the floor where two views show a whole person: check floor_m, farthest_m and "
+                    'the calibration, or give the pose by initialization = { use = "given", poses = "start.csv" }'
+                )
+            return f"stance, no background plates: one person cut off by the images, in {n_stances} stances"
+        area = len(floor_places(scene.rig, self.floor_m, self.step_m, self.farthest_m)) * self.step_m**2
         who = "one person" if len(scene.persons) == 1 else f"{len(scene.persons)} persons where something moves,"
         return f"stance, no background plates: {who} in {n_stances} stances on {area:.0f} m2 of floor"
 
@@ -89,7 +95,32 @@ class StanceInitialization:
         if edges.empty:
             raise InitializationError(f"frame {frame.index}: the images have no edges, nobody can be looked for")
         near = whereabouts(frame, scene, stages) if len(sought) > 1 else [_last_seen(scene, sought[0], stages)]
-        clues = [Clues(edges) if one is None else Clues(edges, one.moved) for one in near]
+        try:
+            return self._found(frame, scene, stages, edges, near)
+        except InitializationError:
+            if len(sought) > 1 or stages.seen_before:
+                raise
+            # She of R-UpperBody stands on floor that no view shows, and a board hides her in one.
+            with contextlib.suppress(InitializationError):
+                near = [where._replace(partly=True) for where in whereabouts(frame, scene, stages)]
+                return self._found(frame, scene, stages, edges, near)
+            raise
+
+    def _found(
+        self,
+        frame: Frame,
+        scene: Scene,
+        stages: Stages,
+        edges: DirectionImages,
+        near: Sequence[Whereabouts | None],
+    ) -> Start:
+        """The poses of all who are sought, near where they may be.
+
+        Raises:
+            InitializationError: there may be nobody.
+        """
+        sought = [k for k in range(len(scene.persons)) if k not in stages.held]
+        clues = [Clues(edges) if one is None else Clues(edges, one.moved, one.partly) for one in near]
         rankings: dict[int, tuple[Hypothesis, ...]] = {}
         for k, clue, where in zip(sought, clues, near, strict=True):
             alone = with_held(scene, k, (*stages.held, *rankings))
@@ -113,12 +144,20 @@ class StanceInitialization:
             InitializationError: it may be nobody.
         """
         score = float(clues.scores(scene, ranking[0].q[None])[0])
-        if score < self.least_score and not clues.moved.known:
+        if not self._is_there(scene, ranking[0], clues):
             raise InitializationError(
                 f"frame {frame.index}: what is likest to a person has a score of {score:.2f} on the edges, expected at "
                 f"least {self.least_score:.2f}"
             )
         return confidence(ranking, clues.costs(scene, ranking)) * min(max(score, 0.0) / self.least_score, 1.0)
+
+    def _is_there(self, scene: Scene, best: Hypothesis, clues: Clues) -> bool:
+        """Whether a scene's last person is where the edges say so, or what moves."""
+        if clues.moved.known:
+            covered = clues.moved.covered(scene.persons[-1].body, best.q[None], scene.rig)
+            if not clues.partly or float(covered[0]) >= LEAST_COVERED:
+                return True
+        return float(clues.scores(scene, best.q[None])[0]) >= self.least_score
 
     def _search(
         self, frame: Frame, scene: Scene, stages: Stages, clues: Clues, near: Whereabouts | None
@@ -131,6 +170,8 @@ class StanceInitialization:
         stages.progress("bootstrapping: the best stance turned round")
         back = turned_round(body, clues.ranked(scene, refined)[0].q)
         ranking = clues.ranked(scene, [*refined, refined_on_edges(frame, scene, stages, back)])
+        if self._is_there(scene, ranking[0], clues):
+            ranking = clues.ranked(scene, [*ranking, *limbs_anew(frame, scene, stages, clues, ranking[0])])
         return ranking[: self.finalists]
 
     def _tried(self, frame: Frame, scene: Scene, stages: Stages, clues: Clues, near: Whereabouts | None) -> list[Array]:
@@ -154,17 +195,26 @@ class StanceInitialization:
 
     def _candidates(self, scene: Scene, near: Whereabouts | None) -> Array:
         """Poses (N, dof) of the last person on the floor that two views show."""
-        body = scene.persons[-1].body
+        if near is not None and near.partly:
+            return self._posed_on(scene, near.hold(self._cut_off_places(scene)), _PARTLY)
         places = floor_places(scene.rig, self.floor_m, self.step_m, self.farthest_m)
-        if near is not None:
-            places = near.hold(places)
+        return self._posed_on(scene, places if near is None else near.hold(places), _WHOLE)
+
+    def _cut_off_places(self, scene: Scene) -> Array:
+        """Places (N, 2) on the floor above which two views show the middle of a person who stands there, metres."""
+        middle_m = self.floor_m + size_of(scene.persons[-1]).stature_m / 2
+        return floor_places(scene.rig, middle_m, self.step_m, self.farthest_m)
+
+    def _posed_on(self, scene: Scene, places: Array, least_shown: float) -> Array:
+        """(N, dof) all stances at places (P, 2) of which two views show so much, turned all ways."""
+        body = scene.persons[-1].body
         headings = np.radians(np.arange(-180.0, 180.0 - 1e-9, self.step_deg))
         poses = np.concatenate([turned(body, posed(body, stance), headings) for stance in self._stances(body)])
         poses = on_floor(body, poses, np.zeros((len(poses), 2)), self.floor_m)
         candidates = np.repeat(poses, len(places), axis=0)
         candidates[:, body.root.shifts[:2]] += np.tile(places, (len(poses), 1))
         shown = shown_share(body, candidates, scene.rig)
-        enough = (shown > _WHOLE).sum(axis=1) >= min(2, len(scene.rig))
+        enough = (shown > least_shown).sum(axis=1) >= min(2, len(scene.rig))
         found: Array = candidates[enough]
         return found
 

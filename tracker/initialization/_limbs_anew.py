@@ -1,0 +1,59 @@
+"""Limbs of a start pose that the images don't show where they are: looked for wherever their joints allow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tracker.arrays import Array
+from tracker.body import BodyModel
+from tracker.frame import Frame
+from tracker.initialization import Stages
+from tracker.initialization._edge_ranking import Clues, refined_on_edges
+from tracker.initialization._hypotheses import different
+from tracker.scene import Scene
+from tracker.start import Hypothesis
+
+# A limb that leaves less over is left alone: 0 to 0.08 in their place, 0.12 to 0.48 elsewhere (K-Kick, P-Floor).
+_LEFT_OVER = 0.12
+# Poses of a limb that are tried, and how many of them are refined, whose landmarks differ by so much on average.
+_TRIED, _REFINED, _APART_M = 1000, 3, 0.03
+
+
+def limbs_anew(frame: Frame, scene: Scene, stages: Stages, clues: Clues, best: Hypothesis) -> list[Hypothesis]:
+    """What becomes of a pose of the scene's last person whose limbs are looked for, the worst one first.
+
+    The search of whole poses finds the trunk; an arm that trunk and furniture hide in half of the views it leaves where
+    some edges are: that of a woman with her arms hanging 0.56 m off, behind her over a table (R-UpperBody).
+
+    Args:
+        frame: the images.
+        scene: the persons, the one looked for last.
+        stages: what refines.
+        clues: what speaks for poses.
+        best: the hypothesis to begin with.
+
+    Returns:
+        All that was refined; nothing where no limb is left over.
+    """
+    body, found = scene.persons[-1].body, []
+    for group, left_over in sorted(best.limbs_left_over.items(), key=lambda pair: -pair[1]):
+        if left_over < _LEFT_OVER:
+            break
+        stages.progress(f"bootstrapping: {group.replace('_', ' ')} looked for anew")
+        tried = _elsewhere(body, group, best.q)
+        tried = tried[np.argsort(-clues.scores(scene, tried), kind="stable")]
+        again = [refined_on_edges(frame, scene, stages, q) for q in different(body, tried, _REFINED, _APART_M)]
+        found += again
+        best = clues.ranked(scene, [best, *again])[0]
+    return found
+
+
+def _elsewhere(body: BodyModel, group: str, q: Array) -> Array:
+    """(N, dof) a pose (dof,) with a limb where the other one is mirrored, and anywhere within its limits."""
+    columns = body.group(group)
+    low, high = body.limits[columns].T
+    poses = np.tile(q, (_TRIED, 1))
+    poses[1:, columns] = np.random.default_rng(0).uniform(low, high, (_TRIED - 1, len(columns)))
+    if other := body.partner_of(group):
+        poses[0, columns] = q[body.group(other)]
+    return body.clamped(poses)
