@@ -203,7 +203,7 @@ def test_predictions_that_are_near_each_other_are_not_refined_both(truth: Scene,
 def test_a_refinement_at_rest_goes_on_with_the_last_gate(
     truth: Scene, observation: Observation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The first step from the truth moves nothing by a centimetre; from 15 cm off the first step does."""
+    """The first step from the truth moves nothing by 5 mm; from 15 cm off the first step does."""
     gates, equations = list[float](), Objective.equations
 
     def remembered(objective: Objective, q: Array, gate_px: float) -> Equations:

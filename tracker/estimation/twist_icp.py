@@ -57,8 +57,9 @@ class TwistIcpEstimation:
     same_m: float = pydantic.Field(default=0.005, ge=0)
     """The same for translations, metres."""
 
-    rest_m: float = pydantic.Field(default=0.01, ge=0)
-    """After a step that moves no landmark farther than this only the last gate is left, metres."""
+    rest_m: float = pydantic.Field(default=0.005, ge=0)
+    """After a step that moves no landmark farther than this only the last gate is left, metres. With 0.01 persons were
+    as exact in less time, but a knee of the tests' animal was 2.7 instead of less than 2.2 degrees off."""
 
     def estimate(self, objective: Objective, starts: Array) -> Estimate:
         """Refines all starts for some iterations, and then the one of least distance to the end."""
