@@ -193,3 +193,26 @@ def test_rendered_recordings_have_no_findings(name: str, data: Callable[[str], P
     )
     sequence = reading.open()
     assert told(tuple(sequence.frames()), Scene(simulation.scene.persons, sequence.rig), sequence.plates) == ()  # type: ignore[arg-type]
+
+
+def enlarged(camera: Camera, scale: int) -> Camera:
+    matrix = np.array(camera.matrix)
+    matrix[:2] *= scale
+    matrix[:2, 2] += (scale - 1) / 2
+    return replace(camera, matrix=matrix, size=(scale * camera.size[0], scale * camera.size[1]))
+
+
+@pytest.mark.parametrize(("scale", "factor"), [(4, 1), (5, 2)])
+def test_images_larger_than_the_model_is_worth(scale: int, factor: int, simulation: Simulation) -> None:
+    """The person is 140 px high where she is seen smallest, at 360x288."""
+    rig = simulation.scene.rig
+    large = Rig(tuple(enlarged(camera, scale) for camera in rig.cameras))
+    seen = survey(simulation.frames(), simulation.scene, simulation.plates)
+    masks = tuple(
+        tuple(None if mask is None else np.kron(mask, np.ones((scale, scale), dtype=np.bool_)) for mask in row)
+        for row in seen.foregrounds
+    )
+    larger = replace(seen, scene=Scene(seen.scene.persons, large), foregrounds=masks)
+    lines = [line for line in findings(larger) if "downscale" in line]
+    assert len(lines) == (factor > 1)
+    assert all(f"reading.downscale = {factor} " in line for line in lines)
