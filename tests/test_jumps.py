@@ -62,6 +62,26 @@ def test_a_jump_is_told_on_both_sides_while_the_limb_is_elsewhere(steps):
     assert not {11, 12, 13} & set(found)
 
 
+def test_a_frame_elsewhere_between_two_others_is_told(steps):
+    """As R-UpperBody's left hand, 0.4 m off for one frame: the ways out and back are as long as each other."""
+    lone = np.array([0, 0, 0, 0, 0, 0, 1, 0.1, 0, 0, 0, 0, 0, 0])
+    assert told(with_jumps(moved(steps, lone))) == {6: ("left_arm",)}
+    gone_on = np.array([0, 0, 0, 0, 0, 0, 1, 0.5, 0, 0, 0, 0, 0, 0])
+    assert told(with_jumps(moved(steps, gone_on))) == {}
+
+
+@pytest.mark.parametrize(("apart_s", "lone", "jumped"), [(0.04, True, True), (0.08, False, True), (0.2, False, False)])
+def test_few_frames_a_second_tell_less(steps, apart_s, lone, jumped):
+    """At 5 frames a second a kick goes out and back from one frame to the next."""
+
+    def timed(shares: list[float]) -> list[Step]:
+        found = moved(steps, np.array(shares))
+        return [replace(one, frame=replace(one.frame, time_s=n * apart_s)) for n, one in enumerate(found)]
+
+    assert bool(told(with_jumps(timed([0.0] * 6 + [1.0] + [0.0] * 7)))) == lone
+    assert bool(told(with_jumps(timed([0.0] * 7 + [1.0] * 7)))) == jumped
+
+
 def test_a_hand_that_turns_at_its_wrist_is_no_limb_elsewhere(steps):
     body = load_body(model_path("human"))
     person = Person("one", body, body.rest())
@@ -89,6 +109,6 @@ def test_what_was_ambiguous_stays_so_once(steps):
     assert set(told(with_jumps(away)).values()) == {("left_arm", "left_leg")}
 
 
-@pytest.mark.parametrize("n", [1, 2, 3])
-def test_a_few_frames_tell_nothing(steps, n):
-    assert told(with_jumps(moved(steps, np.arange(N) % 2 * 1.0)[:n])) == {}
+@pytest.mark.parametrize("shares", [[0.0], [0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
+def test_a_few_frames_tell_nothing(steps, shares):
+    assert told(with_jumps(moved(steps[: len(shares)], np.array(shares)))) == {}
