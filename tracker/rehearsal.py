@@ -15,7 +15,7 @@ from tracker.frame import Frame
 from tracker.loss import limbs_left_over
 from tracker.scene import Scene
 from tracker.sight import Sight
-from tracker.start import Hypothesis, Start, confidence
+from tracker.start import Hypothesis, Start, confidence, limbs_shown
 from tracker.trajectory import Step
 
 # Frames closer than this show hardly anything new.
@@ -40,16 +40,18 @@ def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Re
         cycle: the components; its loss rule says in how many frames, and who is uncertain.
         reopen: opens the sequence anew.
     """
+    known = all(plate is not None and plate.unknown is None for plate in cycle.plates)
     for k, sure in enumerate(start.confidence):
         if cycle.loss.rehearse == 0 or sure >= cycle.loss.sure or len(start.hypotheses[k]) < 2:
             continue
         cycle.progress(f"bootstrapping: {scene.persons[k].name} in the next {cycle.loss.rehearse} frames")
         ranking = _ranked(start, k, frame, scene, cycle, _following(frame, reopen, cycle.loss.rehearse))
+        found = confidence(ranking) * (1.0 if known else limbs_shown(ranking[0]))
         start = replace(
             start,
             poses=_with(start.poses, k, ranking[0].q),
             hypotheses=_with(start.hypotheses, k, ranking),
-            confidence=_with(start.confidence, k, confidence(ranking)),
+            confidence=_with(start.confidence, k, found),
         )
     return start
 

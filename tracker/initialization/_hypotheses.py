@@ -12,7 +12,7 @@ from tracker.body import BodyModel
 from tracker.estimate import Estimate
 from tracker.loss import limbs_left_over
 from tracker.scene import Scene
-from tracker.start import Hypothesis, Start, confidence
+from tracker.start import Hypothesis, Start, confidence, limbs_shown
 
 # Poses whose landmarks lie this close together on average are one and the same.
 _SAME_M = 0.06
@@ -117,14 +117,15 @@ def least_left(starts: list[Start], scene: Scene, n: int) -> Start:
     best = min(starts, key=lambda one: sum(ranking[0].left_over for ranking in one.hypotheses if ranking))
     sought = [k for k, ranking in enumerate(best.hypotheses) if ranking]
     if len(sought) > 1:
-        return best
+        shown = (limbs_shown(ranking[0]) if ranking else 1.0 for ranking in best.hypotheses)
+        return replace(best, confidence=tuple(a * b for a, b in zip(best.confidence, shown, strict=True)))
     every = [one for start in starts for one in start.hypotheses[sought[0]]]
     ranking = ranked(scene.persons[sought[0]].body, every)[:n]
     own = [k == sought[0] for k in range(len(best.poses))]
     return replace(
         best,
         hypotheses=tuple(ranking if mine else () for mine in own),
-        confidence=tuple(confidence(ranking) if mine else 1.0 for mine in own),
+        confidence=tuple(confidence(ranking) * limbs_shown(ranking[0]) if mine else 1.0 for mine in own),
     )
 
 

@@ -26,7 +26,7 @@ from tracker.initialization._whereabouts import Whereabouts, whereabouts
 from tracker.plate import Plate
 from tracker.scene import Scene
 from tracker.sight import LEAST_COVERED
-from tracker.start import Hypothesis, Start, confidence
+from tracker.start import Hypothesis, Start, confidence, limbs_shown
 
 # A view counts for a place if it shows so much of a person's landmarks; all but the knees and feet where images cut
 # people off.
@@ -149,7 +149,8 @@ class StanceInitialization:
                 f"frame {frame.index}: what is likest to a person has a score of {score:.2f} on the edges, expected at "
                 f"least {self.least_score:.2f}"
             )
-        return confidence(ranking, clues.costs(scene, ranking)) * min(max(score, 0.0) / self.least_score, 1.0)
+        sure = confidence(ranking, clues.costs(scene, ranking)) * limbs_shown(ranking[0])
+        return sure * min(max(score, 0.0) / self.least_score, 1.0)
 
     def _is_there(self, scene: Scene, best: Hypothesis, clues: Clues) -> bool:
         """Whether a scene's last person is where the edges say so, or what moves."""
