@@ -16,7 +16,7 @@ from tracker.loss import LossRule
 from tracker.rehearsal import _following, rehearsed
 from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
-from tracker.start import Hypothesis, Start
+from tracker.start import Hypothesis, Start, confidence
 from tracker.tracking import track
 
 
@@ -53,6 +53,17 @@ def test_what_follows_shows_who_faces_where(simulation: Simulation) -> None:
     assert start.hypotheses[0][0].left_over < 0.8 * start.hypotheses[0][1].left_over
     assert start.confidence[0] > 0.1
     assert "next 10 frames" in told[0]
+
+
+@pytest.mark.parametrize(("known", "factor"), [(True, 1.0), (False, 0.5)])
+def test_limbs_lower_the_confidence_without_plates_alone(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch, known: bool, factor: float
+) -> None:
+    monkeypatch.setattr("tracker.rehearsal.limbs_shown", lambda best: 0.5)
+    cycle = cycle_for(simulation, WrongFirst(simulation, sure=0.1))
+    start = ranked(simulation, cycle if known else replace(cycle, plates=(None,) * len(cycle.plates)))
+    assert start.confidence[0] == pytest.approx(factor * confidence(start.hypotheses[0]))
+    assert start.confidence[0] > 0
 
 
 @pytest.mark.parametrize("changes", [{"rehearse": 0}, {"sure": 0.05}])
