@@ -171,60 +171,6 @@ def test_the_same_images_give_the_same_pose(truth: Scene, observation: Observati
     assert found[0].evaluations == found[1].evaluations
 
 
-class _Remembering(TwistIcpEstimation):
-    """A refinement that remembers how many poses it was given."""
-
-    def estimate(self, objective: Objective, starts: Array) -> Estimate:
-        _GIVEN.append(len(starts))
-        return super().estimate(objective, starts)
-
-
-_GIVEN: list[int] = []
-
-
-def test_predictions_that_are_near_each_other_are_not_refined_both(truth: Scene, observation: Observation) -> None:
-    """One that is 10 cm off is refined beside the best; one that is 3 cm off only where a limb stays poor."""
-    body, q = truth.persons[0].body, truth.persons[0].q
-    along_x, wrong = np.eye(body.dof)[0], q.copy()
-    wrong[body.index("left_arm_elevation")] += np.radians(60)
-    near, far = np.stack([q, q + 0.03 * along_x]), np.stack([q, q + 0.10 * along_x])
-
-    def given(starts: Array, apart_m: float = HybridEstimation().apart_m) -> list[int]:
-        _GIVEN.clear()
-        estimation = HybridEstimation(then=_Remembering(), apart_m=apart_m, rounds=1)
-        estimation.estimate(objective_of(truth, observation), starts)
-        return _GIVEN[:2]
-
-    assert given(near) == [1]
-    assert given(far) == given(near, apart_m=0.02) == [2]
-    assert given(near + wrong - q) == [1, 1]
-
-
-def test_a_refinement_at_rest_goes_on_with_the_last_gate(
-    truth: Scene, observation: Observation, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The first step from the truth moves nothing by 5 mm; from 15 cm off the first step does."""
-    gates, equations = list[float](), Objective.equations
-
-    def remembered(objective: Objective, q: Array, gate_px: float) -> Equations:
-        gates.append(gate_px)
-        return equations(objective, q, gate_px)
-
-    monkeypatch.setattr(Objective, "equations", remembered)
-    body, q = truth.persons[0].body, truth.persons[0].q
-
-    def used(estimation: TwistIcpEstimation, start: Array) -> list[float]:
-        gates.clear()
-        estimation.estimate(objective_of(truth, observation), start[None])
-        return list(gates)
-
-    assert used(TwistIcpEstimation(), q) == pytest.approx([30, 8])
-    assert len(used(TwistIcpEstimation(rest_m=0), q)) == 6
-    far = used(TwistIcpEstimation(), q + 0.15 * np.eye(body.dof)[0])
-    assert len(far) > 2
-    assert far[-1] == pytest.approx(8)
-
-
 class _Counted:
     """Evidence that tells how many poses it was asked about."""
 

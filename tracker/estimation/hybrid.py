@@ -39,13 +39,8 @@ class HybridEstimation:
     """The refinement."""
 
     refined: int = pydantic.Field(default=2, ge=1)
-    """How many of the candidate predictions are refined at most, the best ones first; the others only where a group
-    stays poor."""
-
-    apart_m: float = pydantic.Field(default=0.05, ge=0)
-    """How far a landmark of a candidate must be from where the best one has it for the candidate to be refined beside
-    it, metres. Of 202 pairs of predictions nearer than this (six recordings, 60 frames each) the second one came out
-    0.13 px better than the first at most, once, and else less than 0.1 px; of 145 others up to 1.8 px."""
+    """How many of the candidate predictions are refined, the best ones first; the others only where a group stays
+    poor."""
 
     search: bool = False
     """Search the whole pose in every frame, as the paper does; else only where the refined prediction is poor."""
@@ -107,12 +102,11 @@ class HybridEstimation:
     def estimate(self, objective: Objective, starts: Array) -> Estimate:
         """The best of the refined predictions and, where needed, of the refined search results."""
         order = np.argsort(objective(starts), kind="stable")
-        first = self._apart(objective.body, starts, order[: self.refined])
-        others = order[~np.isin(order, first)]
+        first = order[: self.refined]
         refined = self.then.estimate(objective, starts[first])
         weak = self._weak_groups(objective, refined)
-        if len(others) and (weak or self.search):
-            refined = _better(refined, self.then.estimate(objective, starts[others]))
+        if len(starts) > len(first) and (weak or self.search):
+            refined = _better(refined, self.then.estimate(objective, starts[order[len(first) :]]))
             weak = self._weak_groups(objective, refined)
         if not (weak or self.search):
             return refined
@@ -132,13 +126,6 @@ class HybridEstimation:
             if not weak or before - refined.distance_px < self.worth_px:
                 break
         return replace(refined, search_s=time.perf_counter() - begin)
-
-    def _apart(self, body: BodyModel, starts: Array, order: Integers) -> Integers:
-        """The first of some starts, and those of the others that differ from it by more than a refinement mends."""
-        places = np.array([body.landmarks_in_world(starts[k]) for k in order])
-        gaps = np.linalg.norm(places - places[0], axis=-1).max(axis=-1)
-        chosen: Integers = order[(gaps > self.apart_m) | (np.arange(len(order)) == 0)]
-        return chosen
 
     def _exchanged(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
         """One of the groups and its partner on the other side have changed places; of several pairs the best."""
