@@ -70,12 +70,12 @@ def test_its_numbers_are_those_of_the_one_chosen(simulation: Simulation, frame: 
 
 
 def test_it_says_what_it_goes_by() -> None:
-    assert EVIDENCE.told((None, None)) == "contours and colours of the parts, no background plates"
+    assert EVIDENCE.told((None, None)) == "contours, colours and motion of the parts, no background plates"
     assert (
         EVIDENCE.told((object(), object(), None))
-        == "contours, foreground and colours of the parts, 2 of 3 views have plates or masks"
+        == "contours, foreground, colours and motion of the parts, 2 of 3 views have plates or masks"
     )
-    assert EVIDENCE.told((object(), None)).startswith("contours and colours of the parts, 1 of 2")
+    assert EVIDENCE.told((object(), None)).startswith("contours, colours and motion of the parts, 1 of 2")
     assert TogetherEvidence().told((None,)) == ""
 
 

@@ -13,11 +13,11 @@ from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.body_files import load_body
 from tracker.contours import Contours, ViewContours
+from tracker.geometry.superquadric_meshes import meshes_of
 from tracker.kernels.pictures.rasterization import rasterize
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.skin import Skin
-from tracker.synthesis._meshes import meshes_of
 from tracker.synthesis.cpu import CpuSynthesis
 
 CPU = CpuSynthesis()

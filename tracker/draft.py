@@ -19,6 +19,9 @@ _PLAIN = "images", "frames", "pictures", "raw"
 _PLATE_WORDS = "background", "plate", "empty", "bg"
 _CALIBRATION_WORDS = "calib", "rig", "camera", "intri"
 
+_USUAL_PX = 900
+"""Longer side of images in which persons are followed best, about a third of it high, px; see `inspection/sizes.py`."""
+
 
 @dataclass(frozen=True)
 class Draft:
@@ -129,10 +132,6 @@ def _name(folder: Path) -> str:
     """Of the run: that of the folder, or of the one above it if it only says what is in it."""
     plain = "video" in folder.name.lower() or folder.name.lower() in _PLAIN
     return folder.parent.name if plain and folder.parent.name else folder.name
-
-
-_USUAL_PX = 900
-"""Longer side of images in which a person who fills half of them is followed best, px; see `inspection/sizes.py`."""
 
 
 def _text(name: str, paths: dict[str, str], longest_px: int) -> str:

@@ -71,9 +71,8 @@ class AutoEvidence(Evidence):
         views = f"{sum(one is not None for one in known)} of {len(known)} views have plates or masks"
         if any(isinstance(one, Plate) and one.recorded for one in known):
             views += ", made of what the recording shows most of the time"
-        what = (
-            "contours, foreground and colours of the parts" if _enough(known) else "contours and colours of the parts"
-        )
+        foreground = "foreground, " if _enough(known) else ""
+        what = f"contours, {foreground}colours and motion of the parts"
         return f"{what}, {views}" if any(one is not None for one in known) else f"{what}, no background plates"
 
     def look(self, sight: Sight, around: Contours) -> None:

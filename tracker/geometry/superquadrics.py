@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.arrays import Array, Integers, frozen
+from tracker.arrays import Array, frozen
 
 # Keeps powers of 0 finite.
 _TINY = 1e-12
@@ -42,18 +42,6 @@ def surface(shape: Array, eta: Array, omega: Array) -> tuple[Array, Array]:
     normals = np.stack(np.broadcast_arrays(nx, ny, nz), axis=-1)
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), _TINY)
     return points, normals
-
-
-def grid_triangles(n_eta: int, n_omega: int) -> Integers:
-    """Triangles (T, 3) between the points of a grid of latitudes and longitudes, anticlockwise seen from outside.
-
-    The first latitude and the last are poles: triangles there that have no area are left out.
-    """
-    rows, columns = np.meshgrid(np.arange(n_eta - 1), np.arange(n_omega), indexing="ij")
-    a, b = rows * n_omega + columns, rows * n_omega + (columns + 1) % n_omega
-    lower = np.stack([a, b, a + n_omega], axis=-1)[1:].reshape(-1, 3)
-    upper = np.stack([b, b + n_omega, a + n_omega], axis=-1)[:-1].reshape(-1, 3)
-    return frozen(np.concatenate([lower, upper]), np.int64)
 
 
 def inside_outside(shape: Array, points: Array) -> Array:

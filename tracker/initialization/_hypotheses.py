@@ -117,8 +117,8 @@ def least_left(starts: list[Start], scene: Scene, n: int) -> Start:
     best = min(starts, key=lambda one: sum(ranking[0].left_over for ranking in one.hypotheses if ranking))
     sought = [k for k, ranking in enumerate(best.hypotheses) if ranking]
     if len(sought) > 1:
-        shown = (limbs_shown(ranking[0]) if ranking else 1.0 for ranking in best.hypotheses)
-        return replace(best, confidence=tuple(a * b for a, b in zip(best.confidence, shown, strict=True)))
+        pairs = zip(best.confidence, best.hypotheses, strict=True)
+        return replace(best, confidence=tuple(sure * limbs_shown(own[0]) if own else sure for sure, own in pairs))
     every = [one for start in starts for one in start.hypotheses[sought[0]]]
     ranking = ranked(scene.persons[sought[0]].body, every)[:n]
     own = [k == sought[0] for k in range(len(best.poses))]

@@ -176,13 +176,13 @@ def _motion_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     places = _own(_F8, 0, 3), _own(_F8, 0, 3), _own(_F8, 0, 3), _own(_F8, 0)
     carried = Carried(_own(_I8, 0), _own(_I8, 0), *places, _own(_F8, 0, 2), _own(_F8, 0))
     placed, cameras, found = _own(_F8, 1, 1, 4, 4), _frozen(_F8, 1, 25), _own(_F8, 0, 10)
-    chains, seen = (_own(_I8, 1), _own(_F8, 1, 6), _frozen(_B1, 1, 2)), _own(_F8, 1, 4, 3)
+    chains, seen = (_own(_I8, 1), _own(_F8, 1, 6), _frozen(_B1, 1, 2)), _own(_F8, 1, 3, 4)
     return [
         (gaps_of, (placed, cameras, carried, 0.1, _own(_F8, 1, 0))),
         (anchor_residuals, (placed, cameras, carried, 0.01, found)),
         (anchor_equations, (placed, carried, found, _own(_F8, 0), *chains)),
         (meet_parts, (placed[0], _frozen(_F8, 1, 7), _own(_F8, 3), _own(_F8, 0, 3), _own(_I8, 0), found)),
-        (project_surfaces, (placed[0], _frozen(_F8, 1, 4, 3), cameras[0], seen)),
+        (project_surfaces, (placed[0], _own(_F8, 1, 4, 3), cameras[0], seen)),
         (draw_nearest, (seen, _frozen(_I8, 0, 3), (0, 0), _own(_F4, 1, 1), _own(_I2, 1, 1))),
     ]
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.arrays import Array, Array32
+from tracker.geometry.superquadric_meshes import Meshes
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._graphics import library, unusable
-from tracker.synthesis._meshes import Meshes
 from tracker.synthesis._pictures import Picture, solids_of
 from tracker.synthesis._tiles import Batch
 

@@ -1,59 +1,14 @@
-"""Triangulated parts, and where they fall in the images."""
+"""Where triangulated parts fall in the images."""
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from dataclasses import dataclass
-
 import numpy as np
 
-from tracker.arrays import Array, Integers, Mask, frozen
-from tracker.geometry.superquadrics import grid_triangles, spread, surface
+from tracker.arrays import Array, Integers, Mask
 from tracker.scene import Scene
 
 NEAREST_M = 0.05
 """Parts that come closer to a camera than this are not drawn, metres."""
-
-
-@dataclass(frozen=True)
-class Meshes:
-    """Triangulated parts in their own frames, all with the same triangles."""
-
-    points: Array
-    """(P, N, 3) metres."""
-
-    normals: Array
-    """(P, N, 3) unit."""
-
-    triangles: Integers
-    """(T, 3) vertex numbers, anticlockwise seen from outside."""
-
-    widths: Array
-    """(P,) largest distance of the surface from the part's z axis, metres."""
-
-
-_CACHE: OrderedDict[tuple[bytes, int, int], Meshes] = OrderedDict()
-
-
-def meshes_of(shapes: Array, n_eta: int, n_omega: int) -> Meshes:
-    """Meshes of packed superquadrics (P, 7), kept for the shapes last used."""
-    key = (shapes.tobytes(), n_eta, n_omega)
-    if key not in _CACHE:
-        _CACHE[key] = _triangulated(shapes, n_eta, n_omega)
-        while len(_CACHE) > 8:
-            _CACHE.popitem(last=False)
-    return _CACHE[key]
-
-
-def _triangulated(shapes: Array, n_eta: int, n_omega: int) -> Meshes:
-    points, normals = [], []
-    for shape in shapes:
-        eta, omega = spread(shape, n_eta, n_omega)
-        found = surface(shape, eta[:, None], omega[None, :])
-        points.append(found[0].reshape(-1, 3))
-        normals.append(found[1].reshape(-1, 3))
-    widths = np.linalg.norm(np.array(points)[..., :2], axis=-1).max(axis=1)
-    return Meshes(frozen(points), frozen(normals), grid_triangles(n_eta, n_omega), frozen(widths))
 
 
 def before_cameras(scene: Scene, placements: Array, widths: Array) -> Mask:

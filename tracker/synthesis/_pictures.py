@@ -10,6 +10,7 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.camera import Camera
 from tracker.contours import Contours
+from tracker.geometry.superquadric_meshes import meshes_of
 from tracker.geometry.superquadrics import box_bounds
 from tracker.kernels.contours.chamfer import directed_distances
 from tracker.kernels.pictures.id_contours import id_contours
@@ -19,7 +20,7 @@ from tracker.kernels.regions.sides import parts_beside
 from tracker.kernels.rows import superquadric
 from tracker.observation import Observation
 from tracker.scene import Scene
-from tracker.synthesis._meshes import before_cameras, boxes_of, meshes_of
+from tracker.synthesis._meshes import before_cameras, boxes_of
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,9 @@ import numpy as np
 from tracker.arrays import Array, Image, Integers
 from tracker.camera import Camera
 from tracker.errors import RenderError
+from tracker.geometry.superquadric_meshes import Meshes
 from tracker.synthesis._graphics import library, unusable
-from tracker.synthesis._meshes import NEAREST_M, Meshes
+from tracker.synthesis._meshes import NEAREST_M
 from tracker.synthesis._pictures import Picture
 from tracker.synthesis._pinhole import Pinhole, pinhole_of
 

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from tracker.arrays import Array, Integers, Mask, frozen
 from tracker.contours import Contours, gathered
+from tracker.geometry.superquadric_meshes import meshes_of
 from tracker.kernels.pictures.rasterization import rasterize
 from tracker.kernels.skins.filling import fill_mesh
 from tracker.kernels.skins.mesh import Mesh
 from tracker.kernels.skins.tracing import trace_skins
 from tracker.scene import Scene
-from tracker.synthesis._meshes import NEAREST_M, meshes_of
+from tracker.synthesis._meshes import NEAREST_M
 
 # Cells of a depth picture along the longer side of an image: 3 px of 720, 1 cm at a person who fills the picture. Half
 # of a pose's time goes into drawing them; with 320 it is a sixth more, for the same agreement with rasterization.

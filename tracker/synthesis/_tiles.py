@@ -9,8 +9,9 @@ import numpy as np
 
 from tracker.arrays import Array, Integers, Mask
 from tracker.errors import RenderError
+from tracker.geometry.superquadric_meshes import Meshes
 from tracker.scene import Scene
-from tracker.synthesis._meshes import Meshes, boxes_of, ranges_of
+from tracker.synthesis._meshes import boxes_of, ranges_of
 
 _MOST_TILES = 2048
 """Keeps the lists of edges under the 128 MiB that every card can hold in one buffer."""

@@ -10,12 +10,13 @@ import pydantic
 from tracker.arrays import Array, Integers, Mask
 from tracker.components import component
 from tracker.contours import Contours
+from tracker.geometry.superquadric_meshes import Meshes, meshes_of
 from tracker.kernels.regions.scoring import Lines
 from tracker.kernels.rows import region
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._atlas import Atlas, atlas_on
-from tracker.synthesis._meshes import Meshes, before_cameras, meshes_of
+from tracker.synthesis._meshes import before_cameras
 from tracker.synthesis._pictures import Picture, contours_of, distances_of, misfits_of
 from tracker.synthesis._skins import ids_of_skins
 from tracker.synthesis._tiles import Batch, batches

@@ -10,10 +10,11 @@ import pydantic
 from tracker.arrays import Array, Image, Integers, Mask
 from tracker.components import component
 from tracker.contours import Contours
+from tracker.geometry.superquadric_meshes import meshes_of
 from tracker.kernels.regions.scoring import Lines
 from tracker.observation import Observation
 from tracker.scene import Scene
-from tracker.synthesis._meshes import before_cameras, meshes_of
+from tracker.synthesis._meshes import before_cameras
 from tracker.synthesis._pictures import Picture, contours_of, distances_of, misfits_of
 from tracker.synthesis._pyrender import Drawing, drawn, shaded
 from tracker.synthesis._skins import ids_of_skins
