@@ -60,7 +60,7 @@ def test_its_numbers_are_those_of_the_one_chosen(simulation: Simulation, frame: 
     scene, cycle = simulation.scene, cycle_for(simulation)
     contours, q = cycle.synthesis.contours(scene), scene.persons[0].q
     for sight, one in ((Sight(frame), EVIDENCE.without), (Sight(frame, simulation.plates), EVIDENCE.with_plates)):
-        known = one.learned(None, sight, scene, contours, np.ones(len(scene.shapes), dtype=np.bool_))
+        known = one.learned(None, sight, scene, contours, np.ones((len(scene.rig), len(scene.shapes)), dtype=np.bool_))
         mine = Comparison(scene, 0, cycle.synthesis, EVIDENCE.observe(sight, contours, known))
         plain = Comparison(scene, 0, cycle.synthesis, one.observe(sight, contours, known))
         poses = q + np.array([[0.0], [0.02]])

@@ -210,7 +210,7 @@ def test_the_service_of_colours_says_what_the_contours_say(use, scene, frame, cy
     poses[1:, scene.persons[0].body.group("left_arm")] += np.array([[0.1], [-0.2]])
     evidence, sight = RegionEvidence(), Sight(frame, cycle.plates)
     known = evidence.learned(
-        None, sight, scene, cycle.synthesis.contours(scene), np.ones(len(scene.shapes), dtype=bool)
+        None, sight, scene, cycle.synthesis.contours(scene), np.ones((len(scene.rig), len(scene.shapes)), dtype=bool)
     )
     picture = evidence.observe(sight, cycle.synthesis.contours(scene), known).picture
     lines = Lines(picture, known.looks, np.ones(len(scene.shapes), dtype=bool), evidence.rule())
@@ -255,7 +255,7 @@ def observed(scene: Scene, frame: Frame, cycle: Cycle) -> Callable[..., Comparis
         contours = cycle.synthesis.contours(scene)
         # what is learned from a frame is known in the next one
         memory = evidence.learned(
-            None, Sight(frame, cycle.plates), scene, contours, np.ones(len(scene.shapes), dtype=bool)
+            None, Sight(frame, cycle.plates), scene, contours, np.ones((len(scene.rig), len(scene.shapes)), dtype=bool)
         )
         return Comparison(scene, 0, cycle.synthesis, evidence.observe(sight, contours, memory))
 
@@ -282,6 +282,10 @@ def test_one_pose_has_one_number(use, n_missing, scene, observed):
         assert (account.explained_px <= account.visible_px * (1 + 1e-9)).all()
         assert (account.missed_px >= 0).all()
         assert (np.isnan(account.per_part_px) == (account.visible_px == 0)).all()
+        if account.by_view_px is not None:
+            totals = account.visible_px, account.explained_px, account.missed_px
+            np.testing.assert_allclose(account.by_view_px.sum(axis=1), totals, rtol=1e-9, atol=1e-9)
+            assert not account.by_view_px[:, missing].any()
 
 
 @each("evidence")
@@ -339,7 +343,7 @@ def test_without_images_evidence_says_nothing(use, scene, observed):
 def test_what_is_learned_is_learned_again(use, scene, frame, cycle):
     """A resumed run learns from the same frames the same."""
     evidence, contours = made("evidence", use), cycle.synthesis.contours(scene)
-    for trusted in (np.ones(len(scene.shapes), dtype=bool), np.zeros(len(scene.shapes), dtype=bool)):
+    for trusted in (np.full((len(scene.rig), len(scene.shapes)), known) for known in (True, False)):
         once, again = (evidence.learned(None, Sight(frame, cycle.plates), scene, contours, trusted) for _ in range(2))
         poses = scene.persons[0].q[None]
         seen = [

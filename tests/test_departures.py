@@ -45,8 +45,8 @@ def images_of(scene: Scene, noise: float = 6.0) -> tuple[Image, ...]:
 
 
 def trusted(scene: Scene, *doubted: int) -> Mask:
-    found = np.ones(len(scene.shapes), dtype=np.bool_)
-    found[list(doubted)] = False
+    found = np.ones((len(scene.rig), len(scene.shapes)), dtype=np.bool_)
+    found[:, list(doubted)] = False
     return found
 
 

@@ -61,7 +61,7 @@ def test_a_body_elsewhere_is_doubtful(truth: Scene, observation: Observation) ->
 def test_nothing_is_learned_from_a_doubtful_frame() -> None:
     """Evidence is told what it may trust; histories go on, for the next frame's prediction needs them."""
     simulation = small_simulation(n_frames=3)
-    told: list[list[bool]] = []
+    told: list[list[list[bool]]] = []
 
     class Listening(type(cycle_for(simulation).evidence)):  # type: ignore[misc]
         def learned(self, memory, sight, scene, fitted, trusted):  # type: ignore[no-untyped-def]
@@ -72,7 +72,7 @@ def test_nothing_is_learned_from_a_doubtful_frame() -> None:
         told.clear()
         cycle = cycle_for(simulation, TrueStart(simulation), evidence=Listening(), loss=LossRule(doubtful_above=above))
         steps = list(track(simulation.frames(), simulation.scene, cycle))
-        assert told == [[trusted] * len(simulation.scene.shapes)] * 3
+        assert told == [[[trusted] * len(simulation.scene.shapes)] * len(simulation.scene.rig)] * 3
         verdicts = {Status.TRACKED, Status.BOOTSTRAPPED} if trusted else {Status.DOUBTFUL}
         assert {step.estimates[0].verdict for step in steps} == verdicts
         assert steps[-1].estimates[0].status is Status.TRACKED
@@ -123,6 +123,7 @@ def test_doubt_is_written_to_the_tables(truth: Scene, observation: Observation, 
 def test_an_ambiguous_limb_is_not_learned_from(truth: Scene, observation: Observation) -> None:
     body = truth.persons[0].body
     found = replace(estimate_of(truth, observation), ambiguous=("left_arm",), doubtful=False)
-    np.testing.assert_array_equal(trusted_parts(body, found), ~body.parts_of("left_arm"))
+    for view in trusted_parts(body, found):
+        np.testing.assert_array_equal(view, ~body.parts_of("left_arm"))
     for doubtful in (replace(found, doubtful=True), replace(found, status=Status.LOST)):
         assert not trusted_parts(body, doubtful).any()

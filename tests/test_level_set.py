@@ -179,7 +179,7 @@ def displaced(scene: Scene, off_deg: float, off_m: float) -> Scene:
 
 
 def known_of(scene: Scene, sight: Sight) -> object:
-    trusted = np.ones(len(scene.shapes), dtype=np.bool_)
+    trusted = np.ones((len(scene.rig), len(scene.shapes)), dtype=np.bool_)
     return EVIDENCE.learned(None, sight, scene, CpuSynthesis().contours(scene), trusted)
 
 
@@ -219,7 +219,7 @@ def test_a_guess_and_nothing_expected_are_not_confirmed(truth, seen) -> None:
 
 def test_doubtful_poses_teach_nothing(truth, seen) -> None:
     sight, _ = seen
-    doubted = np.zeros(len(truth.shapes), dtype=np.bool_)
+    doubted = np.zeros((len(truth.rig), len(truth.shapes)), dtype=np.bool_)
     assert EVIDENCE.learned("known", sight, truth, CpuSynthesis().contours(truth), doubted) == "known"
 
 

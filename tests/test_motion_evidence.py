@@ -74,8 +74,8 @@ def images(scene: Scene, turned: Scene) -> tuple[tuple[Image, ...], ...]:
 
 
 def trusted(scene: Scene, *doubted: int) -> Mask:
-    found = np.ones(len(scene.shapes), dtype=np.bool_)
-    found[list(doubted)] = False
+    found = np.ones((len(scene.rig), len(scene.shapes)), dtype=np.bool_)
+    found[:, list(doubted)] = False
     return found
 
 
@@ -201,7 +201,7 @@ def test_shown_parts_are_those_of_the_synthesis(scene, human):
         ids = SYNTHESIS.part_ids(one)
         for v in range(len(one.rig)):
             shown = seen_parts(one, v)
-            where = shown.inner(3, trusted(one))
+            where = shown.inner(3, trusted(one)[0])
             y, x = np.nonzero(where)
             pixels = np.stack([x, y], axis=1) + shown.corner
             assert len(x) > 0.6 * (ids[v] >= 0).sum()

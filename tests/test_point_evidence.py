@@ -65,7 +65,9 @@ def after(evidence: PointEvidence, body: BodyModel, rig: Rig, poses: list[Array]
     for frame, q in enumerate(poses):
         scene = Scene((Person("one", body, q),), rig)
         contours = CpuSynthesis().contours(scene)
-        memory = evidence.learned(memory, sight_of(frame), scene, contours, np.ones(len(body.parts), dtype=bool))
+        memory = evidence.learned(
+            memory, sight_of(frame), scene, contours, np.ones((len(scene.rig), len(body.parts)), dtype=bool)
+        )
     return memory
 
 
@@ -166,7 +168,9 @@ def test_distrusted_parts_take_no_points(human: BodyModel, rig: Rig, tmp_path: P
     evidence = PointEvidence(path=followed(human, upright(human)[None], rig, tmp_path))
     scene = Scene((Person("one", human, upright(human)),), rig)
     trusted = np.arange(len(human.parts)) % 2 == 0
-    memory = evidence.learned(None, sight_of(0), scene, CpuSynthesis().contours(scene), trusted)
+    memory = evidence.learned(
+        None, sight_of(0), scene, CpuSynthesis().contours(scene), np.tile(trusted, (len(scene.rig), 1))
+    )
     assert len(memory.part) > 50
     assert trusted[memory.part].all()
 

@@ -40,11 +40,15 @@ N_FRAMES = 5
 
 @pytest.fixture(scope="module")
 def recorded():
-    """Steps of a short run, the third one lost, and their scene."""
+    """Steps of a short run, a limb hidden in the second one, the third one lost, and their scene."""
     simulation = small_simulation(n_frames=N_FRAMES)
     steps = list(track(simulation.frames(), simulation.scene, cycle_for(simulation, TrueStart(simulation))))
     lost = tuple(replace(estimate, status=Status.LOST) for estimate in steps[2].estimates)
     steps[2] = replace(steps[2], estimates=lost)
+    hidden = np.zeros((len(simulation.scene.rig), len(simulation.scene.shapes)), dtype=np.bool_)
+    hidden[1, 3:5] = True
+    seen = [replace(one, account=replace(one.account, hidden=hidden, not_shown=hidden)) for one in steps[1].estimates]
+    steps[1] = replace(steps[1], estimates=tuple(seen))
     return simulation.scene, steps
 
 
@@ -105,7 +109,15 @@ def test_the_journal_is_exact(recorded, tmp_path):
             np.testing.assert_array_equal(mine.q, theirs.q)
             np.testing.assert_array_equal(mine.covariance, theirs.covariance)
             assert (mine.status, mine.distance_px) == (theirs.status, theirs.distance_px)
-            for name in ("per_view_px", "per_part_px", "visible_px", "explained_px", "missed_px"):
+            for name in (
+                "per_view_px",
+                "per_part_px",
+                "visible_px",
+                "explained_px",
+                "missed_px",
+                "not_shown",
+                "hidden",
+            ):
                 np.testing.assert_array_equal(getattr(mine.account, name), getattr(theirs.account, name))
 
 
@@ -170,6 +182,7 @@ SPOILT = {
     "no numbers": lambda line: re.sub(
         rb'"q":"[^"]*"', b'"q":"' + b85encode(np.full(22, np.nan).tobytes()) + b'"', line
     ),
+    "hidden elsewhere": lambda line: line.replace(b'"penalty_px"', b'"hidden":[[0,99]],"penalty_px"'),
     "brackets": lambda line: 100_000 * b"[" + b"\n",
     "an endless line": lambda line: b'"' + (1 << 21) * b"x" + b"\n",
 }

@@ -26,8 +26,8 @@ EVIDENCE, SYNTHESIS = RegionEvidence(), CpuSynthesis()
 
 def trusted(scene: Scene, *doubted: int) -> Mask:
     """All parts of a scene but some."""
-    found = np.ones(len(scene.shapes), dtype=np.bool_)
-    found[list(doubted)] = False
+    found = np.ones((len(scene.rig), len(scene.shapes)), dtype=np.bool_)
+    found[:, list(doubted)] = False
     return found
 
 
@@ -125,7 +125,7 @@ def test_memory_is_a_frozen_value(scene: Scene, sight: Sight, memory: Colours) -
 
 
 def test_nothing_is_learnt_from_who_is_doubted(scene: Scene, sight: Sight, memory: Colours) -> None:
-    contours, nothing = SYNTHESIS.contours(scene), np.zeros(len(scene.shapes), dtype=np.bool_)
+    contours, nothing = SYNTHESIS.contours(scene), np.zeros((len(scene.rig), len(scene.shapes)), dtype=np.bool_)
     assert EVIDENCE.learned(None, sight, scene, contours, nothing) is None
     assert EVIDENCE.learned(memory, sight, scene, contours, nothing) is memory
 

@@ -84,7 +84,9 @@ def test_colours_are_compared_beside_the_surface(scene: Scene) -> None:
         image = np.where(mask[..., None], (60, 120, 70), (170, 165, 160))
         images.append(np.asarray(image, dtype=np.uint8))
     sight, evidence, contours = Sight(Frame(0, 0.0, tuple(images))), RegionEvidence(), CPU.contours(scene)
-    memory = evidence.learned(None, sight, scene, contours, np.ones(len(scene.shapes), dtype=np.bool_))
+    memory = evidence.learned(
+        None, sight, scene, contours, np.ones((len(scene.rig), len(scene.shapes)), dtype=np.bool_)
+    )
     asked = Comparison(scene, 0, CPU, evidence.observe(sight, contours, memory))
     question, q = Objective(asked, evidence, collision_px=0.0), scene.persons[0].q
     assert float(question.by_surface()(q[None])[0]) < 0.7 * float(question(q[None])[0])

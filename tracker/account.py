@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,6 +35,15 @@ class Account:
     missed_px: Array
     """(P,) what the images show beside each part and no contour explains."""
 
+    by_view_px: Array | None = None
+    """(3, V, P) what each view has of these three; None for evidence that cannot tell."""
+
+    not_shown: Mask | None = None
+    """(V, P) parts of limbs that a view does not show while others do, see `tracker.hidden`; None for none."""
+
+    hidden: Mask | None = None
+    """(V, P) those of them that were not shown for long, so that all else leaves them out; None for none."""
+
     @property
     def explained(self) -> float:
         """Share of the visible contour that the images show, 0 to 1; 0 where nothing is visible."""
@@ -61,6 +70,23 @@ class Account:
             self.visible_px[parts],
             self.explained_px[parts],
             self.missed_px[parts],
+            None if self.by_view_px is None else self.by_view_px[:, :, parts],
+            None if self.not_shown is None else self.not_shown[:, parts],
+            None if self.hidden is None else self.hidden[:, parts],
+        )
+
+    def without(self, hidden: Mask) -> Account:
+        """The account without what views (V, P) say of parts that something hides from them."""
+        if self.by_view_px is None or not hidden.any():
+            return self
+        visible, explained, missed = np.where(hidden, self.by_view_px, 0.0).sum(axis=1)
+        return replace(
+            self,
+            visible_px=self.visible_px - visible,
+            explained_px=self.explained_px - explained,
+            missed_px=self.missed_px - missed,
+            by_view_px=np.where(hidden, 0.0, self.by_view_px),
+            hidden=hidden,
         )
 
 
@@ -75,6 +101,7 @@ def summed(accounts: Sequence[Account], weights: Sequence[float]) -> Account:
     total = sum(weight for weight, one in pairs if one.visible_px.any()) or 1.0
     known = np.array([np.isfinite(one.per_part_px) for one in accounts])
     parts = np.array([weight * np.nan_to_num(one.per_part_px) for weight, one in pairs])
+    by_view = [weight / total * one.by_view_px for weight, one in pairs if one.by_view_px is not None]
     return Account(
         distance_px=float(sum(weight * one.distance_px for weight, one in pairs)),
         per_view_px=np.sum([weight * one.per_view_px for weight, one in pairs], axis=0),
@@ -82,4 +109,5 @@ def summed(accounts: Sequence[Account], weights: Sequence[float]) -> Account:
         visible_px=np.sum([weight / total * one.visible_px for weight, one in pairs], axis=0),
         explained_px=np.sum([weight / total * one.explained_px for weight, one in pairs], axis=0),
         missed_px=np.sum([weight / total * one.missed_px for weight, one in pairs], axis=0),
+        by_view_px=np.sum(by_view, axis=0) if by_view else None,
     )

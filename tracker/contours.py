@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -73,6 +73,13 @@ class Contours:
         """The samples of one pose."""
         one = slice(b, b + 1)
         return Contours(self.positions[one], self.points[one], self.parts[one], self.between[one], self.counts[one])
+
+    def without(self, hidden: Mask) -> Contours:
+        """The same with samples of length 0 where parts (V, P) do not count in a view."""
+        positions, there = self.positions.copy(), np.arange(self.parts.shape[2]) < self.counts[..., None]
+        views = np.arange(len(hidden))[:, None]
+        positions[there & hidden[views, np.where(there, self.parts, 0)], 4] = 0.0
+        return replace(self, positions=positions)
 
     @cached_property
     def matched(self) -> tuple[Array32, ...]:

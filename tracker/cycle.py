@@ -102,7 +102,7 @@ class State:
             frames_lost.append(lost + 1 if estimate.lost else 0)
             frames_doubted.append(in_doubt + 1 if doubted(estimate) else 0)
         pairs = zip(step.scene.persons, step.estimates, strict=True)
-        trusted = np.concatenate([trusted_parts(person.body, estimate) for person, estimate in pairs])
+        trusted = np.concatenate([trusted_parts(person.body, estimate) for person, estimate in pairs], axis=1)
         memory = evidence.learned(self.memory, sight, step.scene, step.fitted, trusted)
         return State(tuple(histories), tuple(frames_lost), tuple(frames_doubted), memory)
 

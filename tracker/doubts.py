@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from tracker.estimate import Status
+from tracker.hidden import hidden_limbs
 from tracker.trajectory import Step
 
 # More ranges than this in one line are not read.
@@ -72,15 +73,21 @@ class Doubts:
     untrusted: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """View -> frames in which its foreground was not used."""
 
+    hidden: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """Limb, and the view that something hides it from -> frames. Others show it: no doubt, but good to know."""
+
     def after(self, step: Step) -> Doubts:
         """The doubts one frame on."""
         verdicts, frame = {estimate.verdict for estimate in step.estimates}, step.frame.index
-        ambiguous = dict(self.ambiguous)
+        ambiguous, hidden = dict(self.ambiguous), dict(self.hidden)
         for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
             whose = f"{person.name}'s " if len(step.scene.persons) > 1 else ""
             for group in () if estimate.lost else estimate.ambiguous:
                 limb = whose + group.replace("_", " ")
                 ambiguous[limb] = (*ambiguous.get(limb, ()), frame)
+            for v, group in hidden_limbs(person.body, estimate.account):
+                limb = f"{whose}{group.replace('_', ' ')} hidden from {step.scene.rig.names[v]}"
+                hidden[limb] = (*hidden.get(limb, ()), frame)
         untrusted = dict(self.untrusted)
         for name in (step.scene.rig.names[v] for v in step.untrusted):
             untrusted[name] = (*untrusted.get(name, ()), frame)
@@ -91,6 +98,7 @@ class Doubts:
             (*self.doubtful, frame) if doubtful else self.doubtful,
             ambiguous,
             untrusted,
+            hidden,
         )
 
     @property
@@ -101,6 +109,7 @@ class Doubts:
     def sentence(self) -> str:
         """One line for the terminal: how many frames, which limbs, where to look."""
         unused = [f"foreground of {view} not used in {len(f)}{_where(f)}" for view, f in sorted(self.untrusted.items())]
+        unused += [f"{limb} in {len(f)}{_where(f)}" for limb, f in sorted(self.hidden.items())]
         if self.none:
             return "; ".join([f"no frame of {self.n_frames} lost, doubtful or with an ambiguous limb", *unused])
         found = [f"of {self.n_frames} frames {len(self.lost)} lost{_where(self.lost)}"]

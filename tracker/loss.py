@@ -71,10 +71,12 @@ def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = 
 
 
 def trusted_parts(body: BodyModel, estimate: Estimate) -> Mask:
-    """(P,) parts of a person that are where they are taken to be, as far as is known."""
-    trusted: Mask = np.full(len(body.parts), not estimate.lost and not estimate.doubtful)
+    """(V, P) parts of a person that are where they are taken to be, as far as is known, and that the view shows."""
+    hidden, n_views = estimate.account.hidden, len(estimate.account.per_view_px)
+    sure = not estimate.lost and not estimate.doubtful
+    trusted: Mask = np.full((n_views, len(body.parts)), sure) if hidden is None else sure & ~hidden
     for group in estimate.ambiguous:
-        trusted &= ~body.parts_of(group)
+        trusted[:, body.parts_of(group)] = False
     return trusted
 
 

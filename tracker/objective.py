@@ -8,12 +8,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from tracker.account import Account
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.comparison import Comparison
 from tracker.equations import Equations
 from tracker.estimate import Estimate
 from tracker.evidence import Evidence
+from tracker.hidden import LONG, not_shown_by
 from tracker.scene import Scene
 from tracker.synthesis import SurfaceSynthesis, Synthesis
 from tracker.trajectory import History
@@ -99,23 +101,43 @@ class Objective:
         return self._once("equations", q, gate_px, lambda: self._equations(q, gate_px))
 
     def _equations(self, q: Array, gate_px: float) -> Equations:
-        found = self.evidence.equations(self.asked, q, gate_px)
+        found = self.evidence.equations(self._uncovered(q), q, gate_px)
         # so many px more of root mean square are twice that times it in squares
         usual_px2 = 2 * self.rare_px * np.sqrt(found.squares * found.total)
         return found.pulled(usual_px2 / self.body.spreads**2, q - self.body.rest())
+
+    def _uncovered(self, q: Array) -> Comparison:
+        """The question about a pose (dof,) without contours that something hid a frame before."""
+        hidden, asked = None if self.history is None else self.history.hidden, self.asked
+        if hidden is None:
+            return asked
+        of_scene = np.zeros((len(asked.scene.rig), len(asked.scene.shapes)), dtype=np.bool_)
+        of_scene[:, asked.own] = hidden
+        return asked.with_contours(q, asked.fine(q).without(of_scene))
 
     def estimate(self, q: Array, covariance: Array, evaluations: int) -> Estimate:
         """The estimate that a pose (dof,) with covariance (dof, dof) makes; its distance is that of a call."""
         found = Estimate(
             q=np.array(q),
             covariance=covariance,
-            account=self._once("account", q, 0.0, lambda: self.evidence.account(self.asked, q)),
+            account=self._once("account", q, 0.0, lambda: self._account(q)),
             penalty_px=float(self.penalties(q[None])[0]),
             evaluations=evaluations,
         )
         # sums of many poses at once end in other last digits: the number told is the one that a call gives from now on
         self._answers["distance", found.q.tobytes(), 0.0] = found.distance_px
         return found
+
+    def _account(self, q: Array) -> Account:
+        """What the views say of a pose (dof,) but for limbs that something has long hidden from them."""
+        account, asked = self.evidence.account(self.asked, q), self.asked
+        hidden, unseen = (None, None) if self.history is None else (self.history.hidden, self.history.unseen)
+        places = asked.placements(q[None])[0, asked.own, :3, 3]
+        not_shown = not_shown_by(asked.body, asked.scene.rig, places, account, hidden)
+        if not_shown is None:
+            return account
+        account = replace(account, not_shown=not_shown)
+        return account if unseen is None else account.without(not_shown & (unseen >= LONG))
 
     def _once(self, what: str, q: Array, gate_px: float, find: Callable[[], _Found]) -> _Found:
         """What was found of a pose (dof,) before; else it is found now."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tracker.arrays import Array, frozen
+from tracker.arrays import Array, Integers, Mask, frozen
 from tracker.contours import Contours
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
@@ -96,6 +96,12 @@ class History:
     n_frames: int = 0
     """Frames tracked since the start."""
 
+    hidden: Mask | None = None
+    """(V, P) parts that something hid from a view in the last frame; see `tracker.account.Account`."""
+
+    unseen: Integers | None = None
+    """(V, P) for how many frames, up to the last one, a view has not shown a part that others do; None for no part."""
+
     @staticmethod
     def start(time_s: float, q: Array) -> History:
         """The history of a person just found."""
@@ -113,4 +119,17 @@ class History:
         if self.usual_px is not None and estimate.search_s == 0:
             # What a search could not explain is usual from now on: it need not be searched again.
             usual_px = (1 - _NEWS) * self.usual_px + _NEWS * usual_px
-        return History(frozen(times), frozen(poses), frozen(usual_px), self.n_frames + 1)
+        return History(
+            frozen(times),
+            frozen(poses),
+            frozen(usual_px),
+            self.n_frames + 1,
+            estimate.account.hidden,
+            _counted(self.unseen, estimate.account.not_shown),
+        )
+
+
+def _counted(unseen: Integers | None, not_shown: Mask | None) -> Integers | None:
+    if not_shown is None:
+        return None
+    return frozen(not_shown * (1 if unseen is None else unseen + 1), np.int64)

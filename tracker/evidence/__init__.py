@@ -103,6 +103,6 @@ class Evidence(Protocol):
             sight: the frame.
             scene: all persons at their estimated poses.
             fitted: their contours.
-            trusted: (P,) parts of the scene whose places can be learned from.
+            trusted: (V, P) parts of the scene that can be learned from in a view.
         """
         return memory

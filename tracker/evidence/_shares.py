@@ -26,12 +26,12 @@ def shares(
         distances: of the whole and of each view (V,), NaN where it is missing, px.
     """
     distance_px, per_view_px = distances
-    sums, (flat, regions, scene, first, reach) = np.empty((4, n_parts)), observation.packed
+    sums, (flat, regions, scene, first, reach) = np.empty((4, len(contours.counts[0]), n_parts)), observation.packed
     samples = contours.positions[0], contours.parts[0], contours.counts[0]
     edge_shares(*samples, flat, regions, scene, first, reach, near_px, sums)
-    visible, distance, explained, missed = sums
+    visible, distance, explained, missed = sums.sum(axis=1)
     seen = np.where(visible > 0, visible, np.nan)
-    return Account(distance_px, per_view_px, distance / seen, visible, explained, missed)
+    return Account(distance_px, per_view_px, distance / seen, visible, explained, missed, sums[[0, 2, 3]])
 
 
 def over_views(per_view: Array, nothing: float) -> Array:

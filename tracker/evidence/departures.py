@@ -127,7 +127,7 @@ class DeparturesEvidence(Evidence):
         return self._observed(sight, expected, memory)
 
     def _begun(self, sight: Sight, expected: Contours, scene: Scene) -> _Bare:
-        everything = np.ones(len(scene.shapes), dtype=np.bool_)
+        everything = np.ones((len(scene.rig), len(scene.shapes)), dtype=np.bool_)
         return self._observed(sight, expected, self.learned(None, sight, scene, expected, everything))
 
     def _observed(self, sight: Sight, expected: Contours | None, memory: Memory) -> _Bare:
@@ -168,7 +168,7 @@ class DeparturesEvidence(Evidence):
         """What is seen beside the persons, and how they look; a running mean of both."""
         known = memory or (None,) * len(scene.rig)
         return tuple(
-            self._taught(one, sight, v, small, trusted)
+            self._taught(one, sight, v, small, trusted[v])
             for v, (one, small) in enumerate(zip(known, _silhouettes(scene, sight), strict=True))
         )
 

@@ -194,7 +194,7 @@ class MotionEvidence(Evidence):
         blocking = anchors.standing & (squares > self.reach_px**2)
         off = (squares / (2 * found[:, VARIANCE]) > self.outlier_sigmas**2) | blocking
         strikes = np.where(off, anchors.strikes + 1, 0)
-        kept = (strikes < self.patience) & trusted[anchors.parts] & (found[:, FACING] > _FACING)
+        kept = (strikes < self.patience) & trusted[anchors.views, anchors.parts] & (found[:, FACING] > _FACING)
         foreign = blocking & (strikes >= self.patience)
         judged = replace(anchors, strikes=strikes, parts=np.where(foreign, -1, anchors.parts))
         return judged.chosen(kept | foreign)
@@ -203,7 +203,7 @@ class MotionEvidence(Evidence):
         """The places of a view without those that are covered now, and new ones between them."""
         shown = seen_parts(scene, view)
         anchors = anchors.chosen((shown.at(anchors.pixels) == anchors.parts) | (anchors.parts < 0))
-        where = shown.inner(_MARGIN_PX, trusted)
+        where = shown.inner(_MARGIN_PX, trusted[view])
         pixels = corners(image, where, shown.corner, anchors.pixels, self.spacing_px)
         parts = shown.at(pixels)
         fresh = attached(scene, view, pixels, parts, self.facing, (self.surface_m, self.drift_px))

@@ -180,7 +180,7 @@ class PointEvidence(Evidence):
         for k, person in enumerate(scene.persons):
             first = scene.first_part(k)
             own = (attached.part >= first) & (attached.part < first + len(person.body.parts))
-            rows = np.flatnonzero(own & trusted[attached.part])
+            rows = np.flatnonzero(own & _anywhere(trusted)[attached.part])
             held = held_in(attached.chosen(rows), tables, frame, seen, first)
             found = held.residuals(person.body, person.q, scene.rig, self.slide_m)
             shown[rows[held.rows]] = True
@@ -209,7 +209,8 @@ class PointEvidence(Evidence):
             if new.any():
                 rows = points[new], places[new], noise[new]
                 one = self._by_rays(scene, table.view, *rows) if table.view >= 0 else self._in_space(scene, *rows)
-                one = one.chosen((one.part >= 0) & trusted[one.part])
+                known = trusted[table.view] if table.view >= 0 else _anywhere(trusted)
+                one = one.chosen((one.part >= 0) & known[one.part])
                 found = found.joined(replace(one, table=np.full(len(one.part), k)))
         return found
 
@@ -242,3 +243,9 @@ def _attached(points: Integers, part: Integers, place: Array, covariance: Array)
     """Attachments of the first table."""
     whole = np.zeros(len(points), dtype=np.int64)
     return Attachments(whole, points, part, place, covariance, whole)
+
+
+def _anywhere(trusted: Mask) -> Mask:
+    """(P,) parts that are trusted in some view (V, P)."""
+    found: Mask = np.any(trusted, axis=0)
+    return found

@@ -60,7 +60,7 @@ class ObservedRegions:
         same colours on both sides of its contour.
         """
         if self.memory is None and self.expected is not None and not self._first:
-            everything = np.ones(len(scene.shapes), dtype=np.bool_)
+            everything = np.ones((len(scene.rig), len(scene.shapes)), dtype=np.bool_)
             self._first.append(_taught(None, self.picture, scene, self.expected, everything, spans))
         return self._first[0] if self._first else self.memory
 
@@ -137,7 +137,9 @@ class RegionEvidence(Evidence):
         per_view, per_part = (_mean_px(misfits[0].sum(axis=axis)) for axis in (1, 0))
         visible, _, explained = misfits[0].sum(axis=0)[asked.own].T
         distance_px = float(over_views(per_view[None], _NOTHING_PX)[0])
-        return Account(distance_px, per_view, per_part[asked.own], visible, explained, np.zeros(n_parts))
+        by_view = misfits[0][:, asked.own].transpose(2, 0, 1) * np.array([1.0, 0.0, 1.0])[:, None, None]
+        by_view = np.stack([by_view[0], by_view[2], by_view[1]])
+        return Account(distance_px, per_view, per_part[asked.own], visible, explained, np.zeros(n_parts), by_view)
 
     def learned(
         self, memory: Colours | None, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask
@@ -240,12 +242,16 @@ def _taught(
     trusted: Mask,
     spans: tuple[float, float],
 ) -> Colours:
-    """What is known after the contours of the scene at its poses have taught the colours of trusted parts (P,)."""
+    """What is known after the contours of the scene at its poses have taught the colours of trusted parts (V, P)."""
     memory = memory or Colours.none(len(scene.rig), scene.shapes)
     samples = _samples_of(contours)
     beside = _seen_beside(scene, scene.world_from_parts(), _first_of(contours), spans[0])[0]
     there = np.arange(samples.parts.shape[1]) < samples.counts[:, None]
-    useful = there & trusted[np.where(there, samples.parts, 0)] & (samples.positions[..., 4] > 0)
+    useful = (
+        there
+        & trusted[np.arange(len(trusted))[:, None], np.where(there, samples.parts, 0)]
+        & (samples.positions[..., 4] > 0)
+    )
     return memory.after(picture, samples, beside, scene.rig.packed, useful, spans)
 
 

@@ -104,7 +104,7 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (match_keypoints, (_own(_F8, 0, 1, 3), rig[0], detected, 0, (0.1, 0.1), matches)),
         (sum_collisions, (_own(_F8, 0, 1, 4, 4), model[0], _frozen(_I8, 0, 2))),
         (directed_distances, (samples[0], samples[4], *images, *scene, 40.0, False)),
-        (edge_shares, (*first_pose, *images, *scene, _frozen(_F4, 0), (5.0, 10.0), _own(_F8, 4, 1))),
+        (edge_shares, (*first_pose, *images, *scene, _frozen(_F4, 0), (5.0, 10.0), _own(_F8, 4, 2, 1))),
         (strongest_slopes, (_own(_U1, 2, 2, 3), _own(_I2, 2, 2), _own(_I2, 2, 2))),
         (trace_segments, (_own(_U1, 3, 3), slopes, (4, 0.3, 8), grey, found)),
         (expected_distances, (found[0], found[0], _own(_F4, 0, 4), 20.0, 56.0)),

@@ -14,7 +14,7 @@ from tracker.trajectory import Step
 
 # BGR.
 _WHITE, _GREY, _RED, _CYAN = (255, 255, 255), (150, 150, 150), (40, 40, 230), (230, 200, 60)
-_ORANGE = (40, 140, 255)
+_ORANGE, _BLUE = (40, 140, 255), (220, 120, 60)
 # Binary digits after the point in OpenCV's drawing; width of what lies between parts.
 _SUBPIXEL = 4
 _BETWEEN_PX = 4.0
@@ -83,7 +83,7 @@ def _draw_view(step: Step, scene: Scene, v: int, stick_figure: bool) -> Image:
         _label(picture, "no image", (20, camera.size[1] // 2), _GREY, 1.0)
     else:
         picture = image.copy()
-    draw_contours(picture, step.fitted.of(v), doubted=doubted_parts(step))
+    draw_contours(picture, step.fitted.of(v), doubted=doubted_parts(step), hidden=_hidden_parts(step, v))
     if stick_figure:
         _draw_bones(picture, step, scene, v)
     return picture
@@ -113,11 +113,22 @@ def doubted_parts(step: Step) -> Mask:
     return parts
 
 
+def _hidden_parts(step: Step, v: int) -> Mask:
+    """(P,) parts of the scene that something hides from a view."""
+    hidden = []
+    for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+        known = estimate.account.hidden
+        hidden.append(np.zeros(len(person.body.parts), dtype=np.bool_) if known is None else known[v])
+    parts: Mask = np.concatenate(hidden)
+    return parts
+
+
 def draw_contours(
     picture: Image,
     contours: ViewContours,
     colour: tuple[int, int, int] = _WHITE,
     doubted: Mask | None = None,
+    hidden: Mask | None = None,
 ) -> None:
     """Draws each sample as a short piece of its contour; edges between parts in grey (paper, section 5).
 
@@ -126,17 +137,19 @@ def draw_contours(
         contours: of a view.
         colour: of the contours.
         doubted: (P,) parts drawn in orange.
+        hidden: (P,) parts drawn in blue.
     """
-    unsure = np.zeros(len(contours.parts), dtype=np.bool_) if doubted is None else doubted[contours.parts]
+    nothing = np.zeros(len(contours.parts), dtype=np.bool_)
+    unsure, unseen = (nothing if parts is None else parts[contours.parts] for parts in (doubted, hidden))
     along = np.stack([-contours.normals[:, 1], contours.normals[:, 0]], axis=1)
     half = np.where(contours.between, _BETWEEN_PX, contours.weights)[:, None] / 2
     scale = 2**_SUBPIXEL
     starts = np.round((contours.pixels - half * along) * scale).astype(int)
     ends = np.round((contours.pixels + half * along) * scale).astype(int)
     thick = max(1, round(max(picture.shape[:2]) / 700))
-    pieces = zip(starts.tolist(), ends.tolist(), contours.between.tolist(), unsure.tolist(), strict=True)
-    for start, end, between, doubt in pieces:
-        shade = _GREY if between else _ORANGE if doubt else colour
+    states = contours.between.tolist(), unsure.tolist(), unseen.tolist()
+    for start, end, between, doubt, hides in zip(starts.tolist(), ends.tolist(), *states, strict=True):
+        shade = _GREY if between else _ORANGE if doubt else _BLUE if hides else colour
         cv2.line(picture, tuple(start), tuple(end), shade, thick, cv2.LINE_AA, _SUBPIXEL)
 
 

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from tracker.account import Account
-from tracker.arrays import Array
+from tracker.arrays import Array, Mask
 from tracker.errors import SequenceError
 from tracker.estimate import Estimate, Status
 from tracker.recording._kept_covariance import covariance_of, kept, unpacked
 from tracker.trajectory import Replay, Step
 
 _LISTS = "per_view_px", "per_part_px", "visible_px", "explained_px", "missed_px"
+_MASKS = "not_shown", "hidden"
 
 _LARGEST = 2**20
 """Bytes of an account: thousands of parts."""
@@ -74,6 +75,7 @@ def _to_json(estimate: Estimate) -> dict[str, Any]:
         "distance_px": estimate.account.distance_px,
         "views": len(estimate.account.per_view_px),
         "account": _deflated(np.concatenate([getattr(estimate.account, name) for name in _LISTS])),
+        **{name: places for name in _MASKS if (places := _places(getattr(estimate.account, name)))},
         "penalty_px": estimate.penalty_px,
         "evaluations": estimate.evaluations,
         "search_s": estimate.search_s,
@@ -90,12 +92,20 @@ def _estimate(values: dict[str, Any]) -> Estimate:
     covariance = unpacked(b85decode(values["variances"]), b85decode(values["correlations"]))
     if len(covariance.variances) != len(q):
         raise SequenceError(f"{len(covariance.variances)} variances of {len(q)} parameters")
+    per_view_px, per_part_px, visible_px, explained_px, missed_px = _inflated(values["account"], int(values["views"]))
+    not_shown, hidden = (_mask(values.get(name, []), (len(per_view_px), len(per_part_px))) for name in _MASKS)
     return Estimate(
         q=q,
         covariance=covariance_of(covariance),
         account=Account(
-            distance_px=float(values["distance_px"]),
-            **dict(zip(_LISTS, _inflated(values["account"], int(values["views"])), strict=True)),
+            float(values["distance_px"]),
+            per_view_px,
+            per_part_px,
+            visible_px,
+            explained_px,
+            missed_px,
+            not_shown=not_shown,
+            hidden=hidden,
         ),
         penalty_px=float(values["penalty_px"]),
         evaluations=int(values["evaluations"]),
@@ -108,6 +118,28 @@ def _estimate(values: dict[str, Any]) -> Estimate:
 
 def _as_kept(estimate: Estimate) -> Estimate:
     return replace(estimate, covariance=covariance_of(kept(estimate.covariance)))
+
+
+def _places(mask: Mask | None) -> list[list[int]]:
+    """View and part of all that is true."""
+    return [] if mask is None else np.argwhere(mask).tolist()
+
+
+def _mask(places: list[list[int]], shape: tuple[int, int]) -> Mask | None:
+    """A mask (V, P) that is true in some places; None for no place.
+
+    Raises:
+        SequenceError: a place is outside of it.
+    """
+    if not places:
+        return None
+    mask, rows = np.zeros(shape, dtype=np.bool_), np.array(places, dtype=np.int64).reshape(-1, 2)
+    if (rows < 0).any() or (rows >= shape).any():
+        raise SequenceError(
+            f"a part hidden from a view among {shape[1]} parts and {shape[0]} views that is none of them"
+        )
+    mask[tuple(rows.T)] = True
+    return mask
 
 
 def _packed(values: Array) -> str:

@@ -30,7 +30,7 @@ class Journal:
     Arrays are little-endian float64 in base 85, as Python's `base64.b85decode` reads them; `variances` are bfloat16,
     `correlations` are partial ones in small steps, compressed (zlib): see `tracker.recording._kept_covariance`.
     `account` is compressed, too: distances of the views, then four numbers a part, as `tracker.account.Account` has
-    them.
+    them; `not_shown` and `hidden` list view and part.
     """
 
     def begin(self, run: RunContext) -> JournalRecorder:

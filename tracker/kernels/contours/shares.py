@@ -46,8 +46,8 @@ def edge_shares(
         counts: (V,) valid ones.
         flat, regions, scene, first, reach: the observation, from `Observation.packed`.
         near_px: how close to an edge a sample counts as explained, and how far from all samples an edge as missed.
-        sums: (4, P) output, px: visible contour; times its distance to the edges; explained; length of edges far from
-            all samples, by the part of the nearest.
+        sums: (4, V, P) output, px: visible contour; times its distance to the edges; explained; length of edges far
+            from all samples, by the part of the nearest.
     """
     sums[:] = 0.0
     xs, ys = np.empty(parts.shape[1]), np.empty(parts.shape[1])
@@ -58,9 +58,9 @@ def edge_shares(
             xs[m], ys[m] = positions[v, m, sample.U], positions[v, m, sample.V]
             length, p = float(positions[v, m, sample.LENGTH]), parts[v, m]
             gap = nearest_gap(flat, regions, v, xs[m], ys[m], float(reach[v]))
-            sums[0, p] += length
-            sums[1, p] += length * gap
-            sums[2, p] += length if gap <= near_px[0] else 0.0
+            sums[0, v, p] += length
+            sums[1, v, p] += length * gap
+            sums[2, v, p] += length if gap <= near_px[0] else 0.0
         for i in range(first[v], first[v + 1] if counts[v] > 0 else first[v]):
             x, y = float(scene[i, scene_point.X]), float(scene[i, scene_point.Y])
             least, nearest = np.inf, 0
@@ -69,4 +69,4 @@ def edge_shares(
                 if square < least:
                     least, nearest = square, m
             if np.sqrt(least) > near_px[1]:
-                sums[3, parts[v, nearest]] += scene[i, scene_point.WEIGHT]
+                sums[3, v, parts[v, nearest]] += scene[i, scene_point.WEIGHT]
