@@ -171,7 +171,7 @@ def test_one_wrong_arm_of_the_truth_leaves_what_the_markers_err(data, name, wron
     [
         *itertools.product(("R-UpperBody", "R-Turn"), (bent, exchanged), (1,)),
         *itertools.product(("R-UpperBody", "R-Turn"), (held, late), (2,)),
-        ("R-Turn", far_turned, 4),
+        *itertools.product(("R-UpperBody", "R-Turn"), (far_turned,), (4,)),
     ],
 )
 @pytest.mark.parametrize("share", [1.0, 0.4])

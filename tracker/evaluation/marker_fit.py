@@ -27,6 +27,10 @@ _TAILS = 3.0
 _MEDIAN_OF_THREE = 2.366
 """Of the sum of the squares of three normal deviates (chi square)."""
 
+_LOST_M = 0.06
+"""Standard deviation, in each direction, above which a joint says nothing, if three others are three times as steady.
+An arm turned about its shoulder by 30 to 170 degrees still drew the rotation by 0.03 degrees along."""
+
 _BESIDE_TAILS = 2.0
 """The same of how far joints lie beside their markers: where a body's pelvis is, no marker set says (80 mm)."""
 
@@ -208,6 +212,8 @@ def _weights(found: _Samples, residual: Array, variances: Array, n_frames: int) 
     # Samples of one joint err alike for a while: all of a recording weigh as `_INDEPENDENT` moments do.
     alike = min(1.0, _INDEPENDENT / n_frames)
     weight: Array = np.sqrt(alike * _share((residual**2).sum(axis=1), variance) / variance)
+    steady = np.sort(variances[np.unique(found.joint)])[:3].max()
+    weight[variance > max(_LOST_M**2, 9 * steady)] = 0.0
     return weight
 
 
