@@ -123,7 +123,7 @@ def test_a_scanned_recording_is_run_as_its_configuration_says(monkeypatch: pytes
         assert (table["reading"]["start"], table["reading"]["stop"], table["passes"]) == (0, n_frames, 1)
         assert Path(table["persons"][0]["model"]).read_text() == "a model"
         assert Path(table["initialization"]["poses"]).is_file()
-        assert [one["use"] for one in table["evidence"]["of"]] == ["contours", "regions", "departures"]
+        assert [one["use"] for one in table["evidence"]["of"]] == ["contours", "regions", "departures", "motion"]
     assert [Path(arguments[1]).is_file() for arguments in asked] == [True]
     failing = SimpleNamespace(run=lambda arguments, folder: "no such scan")
     assert ways._described(recording, 4, failing, tmp_path / "other") == "no model: no such scan"
