@@ -7,9 +7,9 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from observations import bent, four_views
+from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
-from tests.observations import bent, four_views
-from tests.recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 from tracker.account import Account
 from tracker.arrays import Image, Mask
 from tracker.body import BodyModel

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -96,6 +97,28 @@ def test_what_was_wrong_at_first_is_mended_from_behind(simulation: Simulation) -
     once = list(track(simulation.frames(), simulation.scene, cycle))
     assert min(errors_mm(simulation, once[:2])) > 100
     assert max(errors_mm(simulation, twice(simulation, cycle))) < 10
+
+
+def test_a_limb_that_jumps_is_followed_back_though_no_frame_is_in_doubt(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An arm held up by the first pass until it falls into place: the way back has it right before as well."""
+    forwards, body, until = tracker.two_passes._forwards, simulation.scene.persons[0].body, 4
+
+    def held_up(*asked: Any) -> tuple[list[Step], Any]:
+        steps, reached = forwards(*asked)
+        for n, step in enumerate(steps[:until]):
+            q = step.estimates[0].q.copy()
+            q[body.names.index("left_arm_abduction")] += np.radians(80)
+            estimates = (replace(step.estimates[0], q=q, status=Status.TRACKED),)
+            steps[n] = replace(step, estimates=estimates, scene=step.scene.with_pose(0, q))
+        return steps, reached
+
+    cycle = cycle_for(simulation, TrueStart(simulation))
+    monkeypatch.setattr(tracker.two_passes, "_forwards", held_up)
+    assert max(errors_mm(simulation, twice(simulation, cycle))) < 8
+    monkeypatch.setattr(tracker.two_passes, "with_jumps", list)
+    assert max(errors_mm(simulation, twice(simulation, cycle))[:until]) > 30
 
 
 @pytest.mark.usefixtures("short_windows")

@@ -141,7 +141,9 @@ def _both_ways(
     """
     first, reached = _forwards(window, begin, cycle, reopen)
     found, again = first, False
-    if not reached.state.nobody_found and any(_in_doubt(step, cycle.loss) for step in first):
+    # a limb that jumps was wrong before, or is wrong since, though no frame by itself is in doubt: R-Turn's legs,
+    # exchanged from the start on, fell into place in frame 26
+    if not reached.state.nobody_found and any(_in_doubt(step, cycle.loss) for step in with_jumps(first)):
         more, onwards = _forwards(beyond, reached, cycle, reopen)
         found, again = back([*first, *more], cycle, onwards.state)[: len(first)], True
     if cycle.leaving():
