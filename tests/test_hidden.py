@@ -16,7 +16,7 @@ from tracker.body import BodyModel
 from tracker.doubts import Doubts
 from tracker.estimate import Estimate
 from tracker.evidence.auto import AutoEvidence
-from tracker.hidden import LONG, hidden_limbs, not_shown_by
+from tracker.hidden import LONG_FRAMES, hidden_limbs, not_shown_by
 from tracker.loss import trusted_parts
 from tracker.recording._drawing import draw_step
 from tracker.scene import Person, Scene
@@ -142,9 +142,9 @@ def test_behind_a_board_in_one_view_an_arm_is_followed_and_not_in_doubt(
     body = simulation.scene.persons[0].body
     for k, step in enumerate(steps):
         estimate = step.estimates[0]
-        assert (hidden_limbs(body, estimate.account) == [(VIEW, ARM)]) == (k > LONG), k
+        assert (hidden_limbs(body, estimate.account) == [(VIEW, ARM)]) == (k > LONG_FRAMES), k
         assert joint_errors_mm(simulation, 0, k, estimate.q)[body.landmarks_of(ARM)].max() < 40
-        if k > LONG:
+        if k > LONG_FRAMES:
             assert ARM not in estimate.ambiguous
             np.testing.assert_array_equal(trusted_parts(body, estimate)[VIEW], ~body.parts_of(ARM))
             assert trusted_parts(body, estimate)[[v for v in range(4) if v != VIEW]].all()
@@ -156,7 +156,7 @@ def test_the_run_says_what_was_hidden_from_which_view(simulation: Simulation, st
         doubts = doubts.after(step)
     name = simulation.scene.rig.names[VIEW]
     assert (
-        f"left arm hidden from {name} in {len(steps) - LONG - 1} (frames {LONG + 1}-{len(steps) - 1})"
+        f"left arm hidden from {name} in {len(steps) - LONG_FRAMES - 1} (frames {LONG_FRAMES + 1}-{len(steps) - 1})"
         in doubts.sentence()
     )
     shown, hidden = (draw_step(steps[k], simulation.scene, 1440) for k in (0, -1))

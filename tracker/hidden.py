@@ -29,7 +29,7 @@ bound 89.8 % of those limbs would be in doubt."""
 _APART = math.sin(math.radians(20.0))
 """Of the angle between rays, the sine from which on they meet in a place: not in views that face each other."""
 
-LONG = 4
+LONG_FRAMES = 4
 """Frames for which a view has not shown a limb before something is taken to hide it there. From the first frame on, an
 arm that was wrong from T-Punch-light's frame 16 on was no longer in doubt in two of four frames."""
 
@@ -66,7 +66,7 @@ def not_shown_by(body: BodyModel, rig: Rig, places: Array, account: Account, hid
 
 
 def hidden_limbs(body: BodyModel, account: Account) -> list[tuple[int, str]]:
-    """View and limb of all that something hides."""
+    """Number of the view, and limb, of all that an account has as hidden."""
     if account.hidden is None:
         return []
     groups = [(group, body.parts_of(group)) for group in body.fine_groups]

@@ -15,7 +15,7 @@ from tracker.comparison import Comparison
 from tracker.equations import Equations
 from tracker.estimate import Estimate
 from tracker.evidence import Evidence
-from tracker.hidden import LONG, not_shown_by
+from tracker.hidden import LONG_FRAMES, not_shown_by
 from tracker.scene import Scene
 from tracker.synthesis import SurfaceSynthesis, Synthesis
 from tracker.trajectory import History
@@ -137,7 +137,7 @@ class Objective:
         if not_shown is None:
             return account
         account = replace(account, not_shown=not_shown)
-        return account if unseen is None else account.without(not_shown & (unseen >= LONG))
+        return account if unseen is None else account.without(not_shown & (unseen >= LONG_FRAMES))
 
     def _once(self, what: str, q: Array, gate_px: float, find: Callable[[], _Found]) -> _Found:
         """What was found of a pose (dof,) before; else it is found now."""

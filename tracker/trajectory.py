@@ -12,6 +12,7 @@ from tracker.arrays import Array, Integers, Mask, frozen
 from tracker.contours import Contours
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
+from tracker.hidden import LONG_FRAMES
 from tracker.scene import Scene
 from tracker.start import Start
 
@@ -96,11 +97,14 @@ class History:
     n_frames: int = 0
     """Frames tracked since the start."""
 
-    hidden: Mask | None = None
-    """(V, P) parts that something hid from a view in the last frame; see `tracker.account.Account`."""
-
     unseen: Integers | None = None
     """(V, P) for how many frames, up to the last one, a view has not shown a part that others do; None for no part."""
+
+    @property
+    def hidden(self) -> Mask | None:
+        """(V, P) parts that something hid from a view in the last frame; None for none."""
+        hidden = None if self.unseen is None else self.unseen > LONG_FRAMES
+        return None if hidden is None or not hidden.any() else hidden
 
     @staticmethod
     def start(time_s: float, q: Array) -> History:
@@ -124,7 +128,6 @@ class History:
             frozen(poses),
             frozen(usual_px),
             self.n_frames + 1,
-            estimate.account.hidden,
             _counted(self.unseen, estimate.account.not_shown),
         )
 

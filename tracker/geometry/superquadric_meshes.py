@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -28,22 +28,15 @@ class Meshes:
     """(P,) largest distance of the surface from the part's z axis, metres."""
 
 
-_CACHE: OrderedDict[tuple[bytes, int, int], Meshes] = OrderedDict()
-
-
 def meshes_of(shapes: Array, n_eta: int, n_omega: int) -> Meshes:
     """Meshes of packed superquadrics (P, 7), kept for the shapes last used."""
-    key = (shapes.tobytes(), n_eta, n_omega)
-    if key not in _CACHE:
-        _CACHE[key] = _triangulated(shapes, n_eta, n_omega)
-        while len(_CACHE) > 8:
-            _CACHE.popitem(last=False)
-    return _CACHE[key]
+    return _triangulated(shapes.tobytes(), n_eta, n_omega)
 
 
-def _triangulated(shapes: Array, n_eta: int, n_omega: int) -> Meshes:
+@lru_cache(maxsize=8)
+def _triangulated(shapes: bytes, n_eta: int, n_omega: int) -> Meshes:
     points, normals = [], []
-    for shape in shapes:
+    for shape in np.frombuffer(shapes).reshape(-1, 7):
         eta, omega = spread(shape, n_eta, n_omega)
         found = surface(shape, eta[:, None], omega[None, :])
         points.append(found[0].reshape(-1, 3))

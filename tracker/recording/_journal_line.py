@@ -135,9 +135,7 @@ def _mask(places: list[list[int]], shape: tuple[int, int]) -> Mask | None:
         return None
     mask, rows = np.zeros(shape, dtype=np.bool_), np.array(places, dtype=np.int64).reshape(-1, 2)
     if (rows < 0).any() or (rows >= shape).any():
-        raise SequenceError(
-            f"a part hidden from a view among {shape[1]} parts and {shape[0]} views that is none of them"
-        )
+        raise SequenceError(f"a part hidden from a view that is none of {shape[1]} parts or {shape[0]} views")
     mask[tuple(rows.T)] = True
     return mask
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -56,8 +56,8 @@ class Series:
     explained: list[list[float]] = field(default_factory=list)
     statuses: list[list[str]] = field(default_factory=list)
     ambiguous: list[list[tuple[str, ...]]] = field(default_factory=list)
-    hidden: Counter[tuple[str, str]] = field(default_factory=Counter)
-    """View and limb -> frames in which something hid it there."""
+    hidden: dict[str, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
+    """View -> limb -> frames in which something hid it there."""
 
     overlaps: list[Array] = field(default_factory=list)
     seconds: list[dict[str, float]] = field(default_factory=list)
@@ -75,8 +75,8 @@ class Series:
         self.statuses.append([str(estimate.verdict) for estimate in step.estimates])
         self.ambiguous.append([estimate.ambiguous for estimate in step.estimates])
         for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
-            limbs = hidden_limbs(person.body, estimate.account)
-            self.hidden.update((self.scene.rig.names[v], limb) for v, limb in limbs)
+            for v, limb in hidden_limbs(person.body, estimate.account):
+                self.hidden[self.scene.rig.names[v]][limb] += 1
         missing = np.full(len(self.scene.rig), np.nan)
         self.overlaps.append(missing if step.overlap is None else step.overlap)
         self.seconds.append(step.seconds)
@@ -152,7 +152,7 @@ class Series:
             "by_status": dict(counts),
             "ambiguous_limbs": dict(Counter(limb for frame in self.ambiguous for limbs in frame for limb in limbs)),
             "frames_with_ambiguous_limbs": sum(any(frame) for frame in self.ambiguous),
-            "limbs_hidden_from_views": self._hidden(),
+            "limbs_hidden_from_views": {view: dict(limbs) for view, limbs in self.hidden.items()},
             "mean_distance_px": float(np.mean(self.distances)),
             "mean_explained": float(np.mean(self.explained)),
             "frames_per_second": len(self.frames) / total if total else 0.0,
@@ -161,13 +161,6 @@ class Series:
             "frames_without_image": dict(self.missing),
             "frames_without_trusted_foreground": dict(self.untrusted),
         }
-
-    def _hidden(self) -> dict[str, dict[str, int]]:
-        """View -> limb -> frames in which something hid it there."""
-        found: dict[str, dict[str, int]] = {}
-        for (view, limb), n in self.hidden.items():
-            found.setdefault(view, {})[limb] = n
-        return found
 
 
 def panels(body: BodyModel) -> list[tuple[str, list[int]]]:

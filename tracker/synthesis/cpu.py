@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -215,22 +216,15 @@ def _standing(placements: Array, still: Mask, seen: tuple[Any, ...]) -> _Standin
     return found
 
 
-_CACHE: OrderedDict[tuple[bytes, int, int], tuple[Array32, Array32, Array]] = OrderedDict()
-
-
 def _grids(shapes: Array, n_eta: int, n_omega: int) -> tuple[Array32, Array32, Array]:
     """Surface grids, their tangent planes and bounds of all parts, kept for the shapes last used."""
-    key = (shapes.tobytes(), n_eta, n_omega)
-    if key not in _CACHE:
-        _CACHE[key] = _make_grids(shapes, n_eta, n_omega)
-        while len(_CACHE) > 8:
-            _CACHE.popitem(last=False)
-    return _CACHE[key]
+    return _make_grids(shapes.tobytes(), n_eta, n_omega)
 
 
-def _make_grids(shapes: Array, n_eta: int, n_omega: int) -> tuple[Array32, Array32, Array]:
+@lru_cache(maxsize=8)
+def _make_grids(shapes: bytes, n_eta: int, n_omega: int) -> tuple[Array32, Array32, Array]:
     grids, planes, radii, reaches, widths = [], [], [], [], []
-    for shape in shapes:
+    for shape in np.frombuffer(shapes).reshape(-1, 7):
         eta, omega = spread(shape, 2 * n_eta - 1, 2 * n_omega)
         points, normals = surface(shape, eta[:, None], omega[None, :])
         products = (points * normals).sum(axis=-1, keepdims=True)
