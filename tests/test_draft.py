@@ -8,9 +8,7 @@ from pathlib import Path
 
 import av
 import cv2
-import numpy as np
 import pytest
-from numbered_pictures import write_video
 from typer.testing import CliRunner
 
 from tracker.cli import app
@@ -88,17 +86,6 @@ def test_images_of_another_size_than_calibrated_are_said(study, recording, tmp_p
     save_rig(load_rig(large / "rig.toml"), study / "Calibration" / "Calib.toml")
     found = draft(study / "videos", study / "run.toml")
     assert found.remarks[0] == "trial1_BACK.mp4: 360x288 px, but calibrated at 720x576"
-
-
-@pytest.mark.parametrize(
-    ("size", "factor"), [((360, 288), None), ((1920, 1080), 2), ((1080, 1920), 2), ((3840, 2160), 4)]
-)
-def test_large_images_are_averaged(size, factor, tmp_path):
-    """Nobody need know that persons are followed best where they are some hundred pixels high."""
-    for view in ("left", "right"):
-        write_video(tmp_path / f"{view}.mp4", [np.zeros((size[1], size[0], 3), dtype=np.uint8)])
-    found = tomllib.loads(draft(tmp_path, tmp_path / "run.toml").text)
-    assert found["reading"].get("downscale") == factor
 
 
 def test_a_folder_without_videos_is_one_clear_line(tmp_path):

@@ -20,6 +20,7 @@ from tracker.initialization import Stages
 from tracker.initialization._inverse_kinematics import fitted_pose
 from tracker.initialization.keypoints import KeypointInitialization
 from tracker.keypoints import limbs, meant, swapped_sides
+from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.skeletons import skeletons
 
@@ -149,6 +150,9 @@ def test_keypoints_of_larger_images_are_scaled_or_refused(scene: Scene, stages: 
     pose = KeypointInitialization(path=pattern, downscale=2).start(frame, scene, stages).poses[0]
     gaps = np.linalg.norm(body.landmarks_in_world(pose) - body.landmarks_in_world(scene.persons[0].q), axis=1)
     assert gaps.mean() < 0.015
+    averaged = Rig(tuple(replace(camera, downscale=2) for camera in scene.rig.cameras))
+    same = KeypointInitialization(path=pattern).start(frame, Scene(scene.persons, averaged), stages).poses[0]
+    np.testing.assert_array_equal(pose, same)
     with pytest.raises(InitializationError, match="set downscale"):
         KeypointInitialization(path=pattern).start(frame, scene, stages)
 

@@ -40,6 +40,9 @@ class Camera:
     camera_from_world: Array
     """(4, 4) rigid motion, metres."""
 
+    downscale: int = 1
+    """Pixels of the recorded image, in both directions, that one of these averages."""
+
     def __post_init__(self) -> None:
         if self.name and (unfit := name_fault(self.name)):  # one that is being calibrated may have none yet
             raise CalibrationError(f"camera {unfit}")
@@ -175,7 +178,8 @@ class Camera:
         matrix = np.array(self.matrix)
         matrix[:2] /= factor
         matrix[:2, 2] += (1 / factor - 1) / 2
-        return replace(self, matrix=matrix, size=(self.size[0] // factor, self.size[1] // factor))
+        size = self.size[0] // factor, self.size[1] // factor
+        return replace(self, matrix=matrix, size=size, downscale=self.downscale * factor)
 
     def turned(self, quarters: int) -> Camera:
         """The camera of the images turned clockwise by so many quarter turns."""
@@ -184,7 +188,7 @@ class Camera:
             width, height = camera.size
             clockwise = np.array([[0.0, -1, height - 1], [1, 0, 0], [0, 0, 1]])
             orientation = upper_triangular(clockwise @ camera.matrix, camera.distortion, camera.camera_from_world)
-            camera = Camera(camera.name, (height, width), *orientation)
+            camera = Camera(camera.name, (height, width), *orientation, camera.downscale)
         return camera
 
     @property

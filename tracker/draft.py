@@ -19,9 +19,6 @@ _PLAIN = "images", "frames", "pictures", "raw"
 _PLATE_WORDS = "background", "plate", "empty", "bg"
 _CALIBRATION_WORDS = "calib", "rig", "camera", "intri"
 
-_USUAL_PX = 900
-"""Longer side of images in which persons are followed best, about a third of it high, px; see `inspection/sizes.py`."""
-
 
 @dataclass(frozen=True)
 class Draft:
@@ -61,7 +58,7 @@ def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
     chosen = found[0] if found else None
     near = {"path": pattern, "rig": chosen, "background": plates}
     told = {key: _relative(path, start) for key, path in near.items() if path is not None}
-    text = _text(_name(folder.resolve()), told, max(max(one.size) for one in footage))
+    text = _text(_name(folder.resolve()), told)
     return Draft(footage, chosen, str(plates or ""), remarks, text)
 
 
@@ -134,10 +131,8 @@ def _name(folder: Path) -> str:
     return folder.parent.name if plain and folder.parent.name else folder.name
 
 
-def _text(name: str, paths: dict[str, str], longest_px: int) -> str:
+def _text(name: str, paths: dict[str, str]) -> str:
     """The configuration; `paths` by their keys, those that are missing become comments."""
-    factor = max(1, round(longest_px / _USUAL_PX))
-    smaller = f"{'' if factor > 1 else '# '}downscale = {max(factor, 2)}".ljust(27)
     told = {key: tomli_w.dumps({key: path}).strip() for key, path in paths.items()}
     rig_line = told.get("rig", '# rig = "Calib.toml"                    # missing: the calibration of the cameras')
     images = "{frame}" in paths["path"]
@@ -158,7 +153,7 @@ persons = [{{ name = "person1", model = "human", stature_m = 1.75 }}]
 {rate}{rig_line}
 {plate_line}
 # start = 0                 # first frame: one in which everybody stands apart, arms away from the body
-{smaller} # of 1080p half the size is as good, or better, and quicker
+# downscale = 2             # images are averaged until persons are some 300 px high; 1: as they are
 
 # smoothing = "rts" above the first section takes away jitter at the end.
 

@@ -75,6 +75,16 @@ class Rig:
         axis = int(np.argmax(np.abs(upwards)))
         return ("-" if upwards[axis] < 0 else "") + "xyz"[axis]
 
+    @cached_property
+    def middle(self) -> Array:
+        """(3,) point nearest to all viewing axes, metres; 3 m before the cameras if they are parallel."""
+        axes = np.stack([camera.camera_from_world[2, :3] for camera in self.cameras])
+        centres = np.stack([camera.centre for camera in self.cameras])
+        across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
+        if np.linalg.cond(across.sum(axis=0)) > 1e3:
+            return frozen(centres.mean(axis=0) + 3.0 * axes.mean(axis=0))
+        return frozen(np.linalg.solve(across.sum(axis=0), np.einsum("vij,vj->i", across, centres)))
+
     def with_up(self, up: str, floor_m: float = 0.0) -> Rig:
         """The rig in a world whose z axis is up.
 

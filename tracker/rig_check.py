@@ -68,7 +68,7 @@ class RigCheck:
 
 def check_rig(rig: Rig) -> RigCheck:
     """Judges a rig by its numbers alone."""
-    middle = _middle(rig)
+    middle = rig.middle
     pixels = rig.project(middle[None])
     _, covariance = rig.triangulate(pixels, 0.5)
     sigma = 1000 * float(np.sqrt(np.trace(covariance[0]) / 3)) if np.isfinite(covariance).all() else float("nan")
@@ -78,16 +78,6 @@ def check_rig(rig: Rig) -> RigCheck:
     )
     x, y, z = middle.tolist()
     return RigCheck(cameras, pairs, (x, y, z), sigma, tuple(_doubts(rig, cameras, pairs, sigma)))
-
-
-def _middle(rig: Rig) -> Array:
-    """(3,) point nearest to all viewing axes; 3 m before the cameras if they are parallel."""
-    axes = np.stack([camera.camera_from_world[2, :3] for camera in rig.cameras])
-    centres = np.stack([camera.centre for camera in rig.cameras])
-    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    if np.linalg.cond(across.sum(axis=0)) > 1e3:
-        return np.asarray(centres.mean(axis=0) + 3.0 * axes.mean(axis=0))
-    return np.asarray(np.linalg.solve(across.sum(axis=0), np.einsum("vij,vj->i", across, centres)))
 
 
 def _camera_check(camera: Camera) -> CameraCheck:

@@ -195,21 +195,17 @@ class DetectedRecording:
         """(J, 3) metres; NaN where fewer than two views agree."""
         if frame not in self._found:
             views, body = self._views, self._body
-            found = views.at(frame, self._rig, self._downscale, _LEAST_CONFIDENCE)
+            found = views.at(frame, self._rig, least_confidence=_LEAST_CONFIDENCE)
             orders = swapped_sides(views.names, body.mirror), limbs(views.names, body)
             persons = skeletons(self._rig, found, *orders, most=1)
             order = [views.names.index(name) for name in JOINTS]
             self._found[frame] = persons[0].points[order] if persons else np.full((len(JOINTS), 3), np.nan)
         return self._found[frame]
 
-    @property
-    def _downscale(self) -> int:
-        return int(self.recording.reading.get("downscale", 1))
-
     @cached_property
     def _rig(self) -> Rig:
         path = os.path.expandvars(str(self.recording.reading["rig"]))
-        return load_rig(Path(path)).downscaled(self._downscale)
+        return load_rig(Path(path))
 
     @cached_property
     def _views(self) -> KeypointViews:

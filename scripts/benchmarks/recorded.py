@@ -43,8 +43,7 @@ class Recorded:
 
     def with_keypoints(self) -> tuple[str, ...]:
         """Settings by which detections are evidence beside the default and what a person is found by."""
-        downscale = self.reading.get("downscale", 1)
-        told = f'{{use="keypoints",path="{self.keypoints}",downscale={downscale}}}'
+        told = f'{{use="keypoints",path="{self.keypoints}"}}'
         beside = f'evidence={{use="together",of=["auto",{told}],ranking=[1,1],refining=[1,1]}}'
         return beside, f"initialization={told}"
 

@@ -33,13 +33,13 @@ class Followed:
 
 
 @lru_cache(maxsize=8)
-def open_followed(pattern: str, views: tuple[str, ...], downscale: int) -> tuple[Followed, ...]:
+def open_followed(pattern: str, views: tuple[str, ...], downscales: tuple[int, ...]) -> tuple[Followed, ...]:
     """The tables that a path means, read once.
 
     Args:
         pattern: a table or a result folder of `bodytrack follow`; with `{view}` one for each view that has one.
         views: names of the cameras.
-        downscale: how much larger the images were that points were followed in.
+        downscales: one a view, how much larger the images were that points were followed in.
 
     Raises:
         SequenceError: there is none, or points of an image without a view.
@@ -51,7 +51,7 @@ def open_followed(pattern: str, views: tuple[str, ...], downscale: int) -> tuple
                 f"{pattern}: points in the image of one view, and the recording has {len(views)}: follow each by "
                 "itself, and put {view} for its name into the path"
             )
-        return (_scaled(0 if found.flat else -1, found, downscale),)
+        return (_scaled(0 if found.flat else -1, found, downscales[0]),)
     paths = [Path(pattern.replace("{view}", name)) for name in views]
     present = [k for k, path in enumerate(paths) if path.exists()]
     if not present:
@@ -61,7 +61,7 @@ def open_followed(pattern: str, views: tuple[str, ...], downscale: int) -> tuple
         found = read_trajectories(paths[k])
         if not found.flat:
             raise SequenceError(f"{paths[k]}: points in space, expected those of view {views[k]} in its image")
-        tables.append(_scaled(k, found, downscale))
+        tables.append(_scaled(k, found, downscales[k]))
     return tuple(tables)
 
 

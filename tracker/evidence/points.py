@@ -73,8 +73,8 @@ class PointEvidence(Evidence):
     """`trajectories.csv` of `bodytrack follow`, or its result folder: points in space, or, with `{view}` in the path,
     those that were followed in the images of single views (2-D mode). Frames are numbered as in the recording."""
 
-    downscale: int = pydantic.Field(default=1, ge=1, le=16)
-    """As in [reading]: points in images are in pixels of the recording's own images."""
+    downscale: int | None = pydantic.Field(default=None, ge=1, le=16)
+    """How much larger the images were in which points were followed; where nothing is said: as they were recorded."""
 
     directions: Literal["around", "all"] = "around"
     """What a refinement takes from a point: how far it has turned about the long axis of its part, if the part can turn
@@ -105,7 +105,7 @@ class PointEvidence(Evidence):
 
     def tables(self, rig: Rig) -> tuple[Followed, ...]:
         """The followed points, read once."""
-        return open_followed(self.path, rig.names, self.downscale)
+        return open_followed(self.path, rig.names, tuple(self.downscale or one.downscale for one in rig.cameras))
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> ObservedPoints:
         """Which frame is asked about, and what is attached; see `tracker.evidence.Evidence.observe`."""

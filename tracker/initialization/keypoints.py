@@ -39,8 +39,8 @@ class KeypointInitialization:
     names: tuple[str, ...] = ()
     """Names of the keypoints in JSON files; empty for those of COCO-17, BODY_25 or HALPE_26, told by their number."""
 
-    downscale: int = pydantic.Field(default=1, ge=1, le=16)
-    """As in [reading]: keypoints are in pixels of the recording's own images."""
+    downscale: int | None = pydantic.Field(default=None, ge=1, le=16)
+    """How much larger the images were in which keypoints were found; where nothing is said: as they were recorded."""
 
     least_confidence: float = pydantic.Field(default=0.3, ge=0, le=1)
     """Keypoints of less confidence, a share of 1, are left out."""

@@ -27,6 +27,7 @@ from tracker.files import remove_unfinished
 from tracker.initialization import Initialization
 from tracker.inspection import findings, survey
 from tracker.jobs import ResultFolder, described, versions
+from tracker.jobs._averaging import averaging, sized
 from tracker.jobs._persons import OpenedTrack, description_of, known_before, save_inputs, with_fitted_bodies
 from tracker.jobs._stopping import Stop, stopping
 from tracker.kernels.ahead import Group
@@ -113,7 +114,7 @@ class TrackJob:
     def _is_calibrated(cls, reading: Reading) -> Reading:
         if getattr(reading, "rig", reading) is None:
             raise ValueError('the key "rig" is missing, expected the cameras\' calibration, e.g. rig = "Calib.toml"')
-        return reading
+        return sized(reading)
 
     @pydantic.field_validator("persons")
     @classmethod
@@ -207,6 +208,7 @@ class TrackJob:
         cycle = replace(self.cycle(opened, progress), leaving=stop.heard)
         known = sequence.known if cycle.plates == sequence.plates else cycle.plates
         choices = {
+            "reading": averaging(sequence.rig),
             "synthesis": getattr(self.synthesis, "choice", ""),
             "evidence": self.evidence.told(known),
             "initialization": self.initialization.check(opened.scene, known),

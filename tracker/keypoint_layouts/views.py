@@ -51,13 +51,13 @@ class KeypointViews:
                 )
         return KeypointViews(views, sources[0].names, sources)
 
-    def at(self, frame: int, rig: Rig, downscale: int = 1, least_confidence: float = 0.0) -> list[Array]:
+    def at(self, frame: int, rig: Rig, downscale: int | None = None, least_confidence: float = 0.0) -> list[Array]:
         """What was found in one frame.
 
         Args:
             frame: its number, as the files count.
             rig: the cameras of the images tracked.
-            downscale: how much larger the images were that the detector saw.
+            downscale: how much larger the images were that the detector saw; None: as they were recorded.
             least_confidence: keypoints of less are left out.
 
         Returns:
@@ -70,7 +70,7 @@ class KeypointViews:
         for source, camera in zip(self.sources, rig.cameras, strict=True):
             persons = source.at(frame).found.copy()
             # pixel centres lie at integer coordinates
-            persons[..., :2] = (persons[..., :2] + 0.5) / downscale - 0.5
+            persons[..., :2] = (persons[..., :2] + 0.5) / (downscale or camera.downscale) - 0.5
             persons[persons[..., 2] < least_confidence] = np.nan
             _check_size(persons[..., :2], camera, frame)
             found.append(persons)
@@ -85,5 +85,5 @@ def _check_size(pixels: Array, camera: Camera, frame: int) -> None:
         x, y = np.nanmax(pixels, axis=(0, 1))
         raise SequenceError(
             f'view "{camera.name}", frame {frame}: keypoints lie as far as ({x:.0f}, {y:.0f}) px, the image has '
-            f"{width}x{height} px; expected pixels of the recording's own images: set downscale as in [reading]"
+            f"{width}x{height} px; expected pixels of the images as recorded: for those of larger ones set downscale"
         )

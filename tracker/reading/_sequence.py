@@ -66,7 +66,7 @@ class Settings(Protocol):
     @property
     def stride(self) -> int: ...
     @property
-    def downscale(self) -> int: ...
+    def downscale(self) -> int | None: ...
     @property
     def on_missing(self) -> OnMissing: ...
 
@@ -258,7 +258,7 @@ def opened(settings: Settings, footage: Footage, rig: Rig) -> OpenSequence:
 
     return OpenSequence(
         **vars(views),
-        rig=rig if settings.downscale == 1 else rig.downscaled(settings.downscale),
+        rig=rig if views.downscale == 1 else rig.downscaled(views.downscale),
         given=_opened_plates(settings, footage, views, rig),
         spread=spread,
         masks=None if settings.masks is None else _opened_masks(settings.masks, footage, views),
@@ -269,7 +269,7 @@ def _opened_plates(settings: Settings, footage: Footage, views: OpenViews, rig: 
     pattern = settings.background
     if pattern not in (None, RECORDED, NO_PLATES):
         firsts = _first_images(views) if settings.align_background else None
-        return load_plates(rig, pattern, settings.downscale, footage.plate_of_clip, firsts)
+        return load_plates(rig, pattern, views.downscale, footage.plate_of_clip, firsts)
     if settings.align_background:
         raise SequenceError(
             "align_background: nothing to align, there are no plates but those of these images: unset it"
@@ -323,7 +323,7 @@ def _chosen_views(settings: Settings, footage: Footage, sizes: tuple[tuple[int, 
         fps=footage.fps,
         selection=selected(settings.start, settings.stop, settings.stride, length),
         offsets=offsets,
-        downscale=settings.downscale,
+        downscale=settings.downscale or 1,
         on_missing=settings.on_missing,
         open_views=footage.open_views,
     )

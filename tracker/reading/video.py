@@ -72,8 +72,9 @@ class VideoReading:
     stride: int = pydantic.Field(default=1, ge=1)
     """Deliver every so many frames."""
 
-    downscale: int = pydantic.Field(default=1, ge=1, le=16)
-    """Images are averaged over so many pixels in both directions; the rig follows."""
+    downscale: int | None = pydantic.Field(default=None, ge=1, le=16)
+    """Images are averaged over so many pixels in both directions; the rig follows. Where nothing is said: in
+    tracking so many that the cameras show persons some 300 px high, else 1."""
 
     on_missing: OnMissing = "error"
     """`skip` leaves a view out of the frames that it lacks or that cannot be decoded."""
