@@ -131,6 +131,21 @@ def test_a_scan_of_a_known_body_gives_that_body(tmp_path: Path, model: str, pose
         np.testing.assert_allclose(placed[:3, 3], true[:3, 3], atol=8e-3)
 
 
+def test_limits_are_widened_where_the_scan_exceeds_them_and_nowhere_else(tmp_path: Path) -> None:
+    """Whoever stands with an elbow bent by 3 degrees can't for that bend it backwards by 17."""
+    pose_deg = {**POSE_DEG, "arm_extension": 3.0, "arm_pronation": -95.0}
+    general = load_body(model_path("upper32"))
+    scan = read_scan(scanned(tmp_path, "upper32", pose_deg).files, Mirror())
+    found = rigged(read_description(model_path("upper32")), scan, "rita")
+    body = found.description.model_copy(update={"skin": None}).build()
+    usual, now = np.degrees(general.limits), np.degrees(body.limits)
+    exceeded = [body.index(f"{side}_arm_pronation") for side in ("left", "right")]
+    others = np.setdiff1d(np.arange(body.dof), exceeded)
+    np.testing.assert_allclose(now[others], usual[others], atol=1e-6)
+    np.testing.assert_allclose(now[exceeded, 1], usual[exceeded, 1])
+    np.testing.assert_allclose(now[exceeded, 0], -115.0, atol=0.5)
+
+
 def test_a_superquadric_is_found_in_its_own_points() -> None:
     shape = np.array([0.06, 0.04, 0.15, 0.5, 0.8, -0.2, 0.1])
     eta, omega = np.meshgrid(np.linspace(-1.5, 1.5, 25), np.linspace(-np.pi, np.pi, 33))

@@ -26,7 +26,8 @@ _HINGE = 0.3
 # A parameter turns about that axis of the scan's joint whose direction is this near to its own, as a cosine.
 _SAME = 0.7
 _ACROSS = 0.3
-# What a scan stands in can be done: limits are widened to this far beyond it, degrees.
+# What a scan stands in can be done: limits that it exceeds are widened to this far beyond it, degrees. Those that it
+# keeps stay: elbows that could bend 17 degrees backwards, for the scan has them at 3, did.
 _BEYOND_DEG = 20.0
 
 
@@ -209,9 +210,12 @@ def _axis(general: Array, turned: Array, joint: Joint | None, n: int) -> Array:
 
 
 def _widened(axis: AxisEntry, direction: Array, angle_deg: float) -> AxisEntry:
-    low, high = axis.limits_deg or (0.0, 0.0)
-    limits = min(low, angle_deg - _BEYOND_DEG), max(high, angle_deg + _BEYOND_DEG)
-    changes = {"axis": _triple(direction)} | ({"limits_deg": limits} if angle_deg else {})
+    changes: dict[str, object] = {"axis": _triple(direction)}
+    if axis.limits_deg is not None:
+        low, high = axis.limits_deg
+        low = low if angle_deg >= low else angle_deg - _BEYOND_DEG
+        high = high if angle_deg <= high else angle_deg + _BEYOND_DEG
+        changes["limits_deg"] = low, high
     return axis.model_copy(update=changes)
 
 
