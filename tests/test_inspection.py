@@ -94,6 +94,14 @@ def test_exchanged_videos(known: bool, simulation: Simulation, frames: tuple[Fra
     assert f'"{names[0]}" and "{names[1]}" look exchanged' in line
 
 
+def test_of_what_moves_of_several_persons_nothing_is_told(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    """DO-Two without plates was told that one of its views does not fit the others."""
+    order, (person,) = [1, 0, 2, 3], simulation.scene.persons
+    both = Scene((person, replace(person, name="other")), simulation.scene.rig)
+    assert told(shown_by(frames, order), both, (None,) * 4) == ()
+    assert told(shown_by(frames, order), both, tuple(simulation.plates[v] for v in order))
+
+
 @pytest.mark.parametrize(
     ("views", "words"), [({2}, 'of "{2}" look mirrored'), ({0, 1, 2, 3}, "all images look mirrored")]
 )
