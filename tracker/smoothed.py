@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from tracker.arrays import Array, Mask, frozen
+from tracker.ball_joints import ball_joints, with_angles, with_vectors
 from tracker.config import describe
 from tracker.estimate import Estimate, Status
 from tracker.export import write_recordings
@@ -49,7 +50,7 @@ class SmoothTrack:
 
 
 def smooth_track(track: Track, smoothing: Smoothing, interval_s: float) -> SmoothTrack:
-    """Smooths what was found of one person.
+    """Smooths what was found of one person; joints that turn about three axes as rotations, see `tracker.ball_joints`.
 
     Args:
         track: the person's raw poses.
@@ -61,7 +62,10 @@ def smooth_track(track: Track, smoothing: Smoothing, interval_s: float) -> Smoot
     estimates = list(track.estimates)
     velocities = np.full((len(estimates), track.body.dof), np.nan)
     accelerations = velocities.copy()
-    for piece, stretch, smooth in zip(pieces, stretches, smoothing.smooth(stretches), strict=True):
+    joints = ball_joints(track.body, np.concatenate([one.poses[one.known] for one in stretches])) if stretches else ()
+    smoothed = smoothing.smooth([with_vectors(stretch, joints) for stretch in stretches])
+    for piece, stretch, turned in zip(pieces, stretches, smoothed, strict=True):
+        smooth = with_angles(turned, joints, stretch)
         velocities[piece], accelerations[piece] = smooth.velocities, smooth.accelerations
         estimates[piece] = _smooth_estimates(track, piece, stretch, smooth)
     left = int(np.isnan(velocities).any(axis=1)[~track.lost].sum())
