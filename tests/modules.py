@@ -14,17 +14,17 @@ ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
     "errors arrays plugins components config resources files source_files pages progress geometry imaging kernels",
-    "camera rig rig_layouts frame shape skin skin_files segments mirror point_trajectories body_sections ball_joints "
-    "body body_defaults body_facts body_skin body_description body_files body_surface limbs scene contours expectation "
+    "camera rig rig_layouts frame shape skin skin_files segments mirror point_trajectories body_sections body "
+    "body_defaults body_facts body_skin body_description body_files body_surface limbs scene contours expectation "
     "observation keypoints keypoint_layouts skeletons markers marker_layouts account hidden equations plate sight "
     "estimate loss start subject trajectory doubts triangulation views shown_size",
     "reading calibration prediction synthesis analysis recording smoothing",
-    "comparison outlines correspondences lsm following result",
+    "comparison outlines correspondences lsm following result ball_joints",
     "similarity evidence objective",
     "estimation initialization",
     "rivals cycle bridges jumps rehearsal easier_start recorded_plates tracking two_passes",
     "acquisition recognition evaluation simulation inspection",
-    "jobs rig_check export smoothed smoothed_rotations batching run forecast draft footage viewing",
+    "jobs rig_check export smoothed batching run forecast draft footage viewing",
     "cli commands __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}

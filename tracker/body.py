@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 
 from tracker.arrays import Array, Integers, Mask, frozen
-from tracker.ball_joints import BallJoints
 from tracker.body_sections import Clothes, Joints, Movement, StartMarks
 from tracker.errors import ModelError, nearest
 from tracker.kernels.body.kinematics import chain_transforms, twists_in_world
@@ -102,11 +101,6 @@ class BodyModel:
         points = frozen([parameter.point for parameter in self.parameters]).reshape(-1, 3)
         parents = frozen([parameter.parent for parameter in self.parameters], dtype=np.int64)
         return self.rotates, axes, points, parents
-
-    @cached_property
-    def ball_joints(self) -> BallJoints:
-        """Joints that three angles turn."""
-        return BallJoints.of(self.parameters)
 
     @cached_property
     def moves(self) -> Mask:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from tracker.arrays import Array, Mask, frozen
+from tracker.ball_joints import ball_joints, with_angles, with_vectors
 from tracker.config import describe
 from tracker.estimate import Estimate, Status
 from tracker.export import write_recordings
@@ -22,7 +23,6 @@ from tracker.recording.journal import Journal
 from tracker.recording.run_json import RunJson
 from tracker.result import Result, Track
 from tracker.rig_layouts import save_rig
-from tracker.smoothed_rotations import Turning
 from tracker.smoothing import Smoothed, Smoothing, Stretch, stretches_of
 
 FOLDER = "smoothed"
@@ -50,7 +50,7 @@ class SmoothTrack:
 
 
 def smooth_track(track: Track, smoothing: Smoothing, interval_s: float) -> SmoothTrack:
-    """Smooths what was found of one person; joints that turn about three axes as rotations, see `Turning`.
+    """Smooths what was found of one person; joints that turn about three axes as rotations, see `tracker.ball_joints`.
 
     Args:
         track: the person's raw poses.
@@ -62,11 +62,10 @@ def smooth_track(track: Track, smoothing: Smoothing, interval_s: float) -> Smoot
     estimates = list(track.estimates)
     velocities = np.full((len(estimates), track.body.dof), np.nan)
     accelerations = velocities.copy()
-    known = [np.zeros((0, track.body.dof)), *(stretch.poses[stretch.known] for stretch in stretches)]
-    turning = Turning.of(track.body, np.concatenate(known))
-    smoothed = smoothing.smooth([turning.vectors_of(stretch) for stretch in stretches])
+    joints = ball_joints(track.body, np.concatenate([one.poses[one.known] for one in stretches])) if stretches else ()
+    smoothed = smoothing.smooth([with_vectors(stretch, joints) for stretch in stretches])
     for piece, stretch, turned in zip(pieces, stretches, smoothed, strict=True):
-        smooth = turning.angles_of(turned, stretch)
+        smooth = with_angles(turned, joints, stretch)
         velocities[piece], accelerations[piece] = smooth.velocities, smooth.accelerations
         estimates[piece] = _smooth_estimates(track, piece, stretch, smooth)
     left = int(np.isnan(velocities).any(axis=1)[~track.lost].sum())

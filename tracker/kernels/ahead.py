@@ -12,7 +12,6 @@ from tracker.kernels.adjustment.bundle import reduce_normal, residuals_of
 from tracker.kernels.adjustment.ray_intersection import intersect_rays
 from tracker.kernels.body.anchors import Carried, anchor_equations, gaps_of
 from tracker.kernels.body.anchors import residuals_of as anchor_residuals
-from tracker.kernels.body.ball_joints import angles_near, turned, vectors_from
 from tracker.kernels.body.keypoints import Detected, Matches, match_keypoints
 from tracker.kernels.body.kinematics import chain_transforms, twists_in_world
 from tracker.kernels.body.rays import meet_parts
@@ -81,7 +80,6 @@ def _seen_body() -> tuple[tuple[Any, ...], tuple[Any, ...]]:
 def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     """The kernels of the tracking with arguments of the types used; read-only arrays are types of their own."""
     chain = _frozen(_B1, 1), _frozen(_F8, 1, 3), _frozen(_F8, 1, 3), _frozen(_I8, 1)
-    balls, rotations = (_frozen(_I8, 0, 3), _frozen(_F8, 0, 3, 3)), _own(_F8, 0, 3, 3)
     model, rig = _seen_body()
     samples = _own(_F4, 0, 1, 1, 5), _own(_F4, 0, 1, 1, 3), _own(_I8, 0, 1, 1), _own(_B1, 0, 1, 1), _own(_I8, 0, 1)
     images, scene = (_frozen(_F4, 0), _frozen(_I8, 1, 5)), (_frozen(_F4, 0, 5), _frozen(_I8, 2))
@@ -99,9 +97,6 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     return [
         (chain_transforms, (_own(_F8, 0, 1), *chain)),
         (twists_in_world, (_own(_F8, 0, 2, 4, 4), *chain)),
-        (turned, (_frozen(_F8, 1), *balls, rotations)),
-        (vectors_from, (_own(_F8, 0, 1), *balls, rotations, _own(_F8, 0, 0, 3))),
-        (angles_near, (_own(_F8, 0, 0, 3), *balls, rotations, _own(_F8, 0, 1))),
         (trace_contours, (_own(_F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), True, *samples)),
         (moving_parts, (_own(_F8, 1, 1, 4, 4),)),
         (trace_still, (_own(_F8, 1, 1, 4, 4), _own(_B1, 1), *model, *rig, (8.0, 0.02))),

@@ -15,9 +15,6 @@ from tracker.trajectory import History
 class PolynomialPrediction:
     """Fits a polynomial to each parameter over the last frames (paper, section 4.2).
 
-    Joints of three angles are carried on as rotations from the last pose: the angles of an arm that is raised, or
-    strikes, run against each other (gimbal lock). Arms and legs of eight movements were 1 to 21 % nearer so.
-
     Lower degrees down to holding the last pose are offered as further candidates: constant acceleration
     overshoots where a limb stops, holding lags where it swings.
     """
@@ -38,20 +35,13 @@ class PolynomialPrediction:
         """Candidate poses (C, dof), highest degree first; as many as the history supports."""
         highest = min(self.degree, len(history.times) - 1)
         degrees = range(highest, -1, -1) if self.candidates else [highest]
-        longest = max(self.window, self.velocity_window, highest + 1)
-        times, poses = history.times[-longest:], np.array(history.poses[-longest:])
-        last, joints = history.poses[-1], body.ball_joints
-        rotations = joints.rotations(last)
-        poses[:, joints.columns] = joints.vectors(poses, rotations)
-        found = np.array([self._extrapolate(times, poses, degree, time_s) for degree in degrees])
-        near = found.copy()
-        near[:, joints.columns] = last[joints.columns]
-        return body.clamped(joints.with_angles(found[:, joints.columns], rotations, near))
+        poses = [self._extrapolate(history, degree, time_s) for degree in degrees]
+        return body.clamped(np.array(poses))
 
-    def _extrapolate(self, times: Array, poses: Array, degree: int, time_s: float) -> Array:
+    def _extrapolate(self, history: History, degree: int, time_s: float) -> Array:
         length = {0: 1, 1: self.velocity_window}.get(degree, self.window)
         length = max(length, degree + 1)
-        times, poses = times[-length:], poses[-length:]
+        times, poses = history.times[-length:], history.poses[-length:]
         # Times relative to the last one and in frames keep the normal equations well conditioned.
         frame = (times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else 1.0
         powers = np.vander((times - times[-1]) / frame, degree + 1)
