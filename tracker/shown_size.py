@@ -15,6 +15,7 @@ _LEAST_SIDE_PX = 480
 """Shorter side that images keep: cameras close by show parts of persons."""
 
 _STATURE_M = 1.7
+"""Of somebody: who will be filmed is not known yet, and a child's images are averaged no further."""
 
 
 def shown_px(rig: Rig) -> float:
