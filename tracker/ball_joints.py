@@ -29,7 +29,11 @@ _LEAST_SIGMA = np.radians(0.05)
 _DAMPING = 1e-4
 """Of steps to the angles of a rotation, in rad^2: in gimbal lock they stay as they are."""
 
-_STEPS, _NEAR = 50, 1e-9
+_STEPS = 50
+"""Towards the angles of a rotation at most; far from gimbal lock three to six do."""
+
+_NEAR = 1e-9
+"""Rotation left over that is none, rad."""
 
 
 @dataclass(frozen=True)
