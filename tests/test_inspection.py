@@ -94,6 +94,19 @@ def test_exchanged_videos(known: bool, simulation: Simulation, frames: tuple[Fra
     assert f'"{names[0]}" and "{names[1]}" look exchanged' in line
 
 
+@pytest.mark.parametrize("size", [10, 24])
+def test_shadows_and_cables_are_no_wrong_rig(size: int, simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    """balancing, whose floor is in the foreground of one view, was told for long that its views do not meet."""
+    seen = survey(frames, simulation.scene, simulation.plates)
+    assert findings(seen) == ()
+    masks = [list(row) for row in seen.foregrounds]
+    for row in masks:
+        row[0], floor = np.array(row[0]), np.s_[-size:, :size]
+        row[0][floor] = True
+    shown = replace(seen, foregrounds=tuple(map(tuple, masks)))
+    assert not any("do not meet" in line for line in findings(shown))
+
+
 def test_of_what_moves_of_several_persons_nothing_is_told(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
     """DO-Two without plates was told that one of its views does not fit the others."""
     order, (person,) = [1, 0, 2, 3], simulation.scene.persons

@@ -25,6 +25,8 @@ N_FRAMES = 100
 
 # Less of an image than this is noise.
 _LEAST_SHARE = 0.002
+# Regions of less than this beside the largest one are no person's: shadows, cables.
+_BESIDE = 0.2
 # Grey levels by which neighbouring frames differ where something moves.
 _MOVED = 20
 # Images that the usual look of a view is taken from.
@@ -133,8 +135,12 @@ def _usual(images: list[Image | None]) -> Image | None:
 
 
 def _middle(mask: Mask) -> Array:
-    rows, columns = np.nonzero(mask)
-    return np.array([columns.mean(), rows.mean()])
+    """The middle of a mask but for regions that are small beside its largest one: shadows, cables, screens."""
+    _, _, stats, middles = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    areas = stats[1:, cv2.CC_STAT_AREA]
+    counted = areas >= _BESIDE * areas.max()
+    middle: Array = np.average(middles[1:][counted], axis=0, weights=areas[counted])
+    return middle
 
 
 def _top(mask: Mask) -> Array:
