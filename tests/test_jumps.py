@@ -97,7 +97,6 @@ def test_a_hand_that_turns_at_its_wrist_is_no_limb_elsewhere(steps, before_deg, 
     poses = [ends[int(n >= 7)] for n in range(N)]
     found = [replace(steps[0], scene=scene, estimates=(replace(still, q=q),)) for q in poses]
     assert told(with_jumps(found)) == {}
-    assert bool(told(with_jumps(found, ends=True))) == (elbow_deg > 0)
 
 
 def test_who_was_found_anew_has_not_jumped(steps):

@@ -117,7 +117,7 @@ def test_a_limb_that_jumps_is_followed_back_though_no_frame_is_in_doubt(
     cycle = cycle_for(simulation, TrueStart(simulation))
     monkeypatch.setattr(tracker.two_passes, "_forwards", held_up)
     assert max(errors_mm(simulation, twice(simulation, cycle))) < 8
-    monkeypatch.setattr(tracker.two_passes, "with_jumps", lambda steps, ends=False: list(steps))
+    monkeypatch.setattr(tracker.two_passes, "with_jumps", list)
     assert max(errors_mm(simulation, twice(simulation, cycle))[:until]) > 30
 
 

@@ -8,7 +8,7 @@ percent of the way back in the next (1 cm at most). Of every second frame the fo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,8 +17,6 @@ from tracker.arrays import Array, Mask
 from tracker.estimate import Estimate, Status
 from tracker.limbs import apart_m
 from tracker.trajectory import Step
-
-_Apart = Callable[[Array, Array], Array]
 
 _TIMES = 2.5
 """How much farther a limb goes in one frame than in those beside it where it jumps, a factor."""
@@ -34,13 +32,11 @@ _MOST_FRAMES = 8
 more than 15 cm off were four to eight."""
 
 
-def with_jumps(steps: Sequence[Step], ends: bool = False) -> list[Step]:
+def with_jumps(steps: Sequence[Step]) -> list[Step]:
     """The steps, a limb ambiguous around a jump for as long as it is elsewhere than on the jump's other side.
 
     Args:
         steps: frames that follow one another, tracked.
-        ends: limbs whose hand or foot alone is elsewhere, too: images hardly show how these are bent, but what bent
-            them wrongly may have been wrong before.
 
     Returns:
         Steps without a jump are the same objects.
@@ -53,14 +49,13 @@ def with_jumps(steps: Sequence[Step], ends: bool = False) -> list[Step]:
         body = person.body
         poses = np.array([step.estimates[k].q for step in steps])
         tracked = np.array([step.estimates[k].status is Status.TRACKED for step in steps])
-        places, least_m = body.landmarks_in_world(poses), apart_m(body) if ends else _SHARE * apart_m(body)
-        apart = _mean_of_two if ends else _second
+        places, least_m = body.landmarks_in_world(poses), _SHARE * apart_m(body)
         for group in body.fine_groups:
             if body.partner_of(group):
                 own = places[:, body.landmarks_of(group)]
-                doubted = _around_jumps(own, tracked, least_m, apart)
+                doubted = _around_jumps(own, tracked, least_m)
                 if apart_s <= _LONE_S:
-                    doubted |= _lone(own, tracked, least_m, apart)
+                    doubted |= _lone(own, tracked, least_m)
                 for n in np.flatnonzero(doubted):
                     estimates = list(changed[n].estimates)
                     estimates[k] = _ambiguous(estimates[k], group)
@@ -68,10 +63,10 @@ def with_jumps(steps: Sequence[Step], ends: bool = False) -> list[Step]:
     return changed
 
 
-def _around_jumps(places: Array, tracked: Mask, least_m: float, apart: _Apart) -> Mask:
+def _around_jumps(places: Array, tracked: Mask, least_m: float) -> Mask:
     """(T,) frames in which a limb's landmarks (T, L, 3) are elsewhere than on the other side of a jump."""
     doubted = np.zeros(len(places), dtype=np.bool_)
-    ways = apart(places[1:], places[:-1])
+    ways = _apart(places[1:], places[:-1])
     if len(ways) < 3:
         return doubted
     jumps = (ways[1:-1] > least_m) & (ways[1:-1] > _TIMES * np.maximum(ways[:-2], ways[2:]))
@@ -80,39 +75,31 @@ def _around_jumps(places: Array, tracked: Mask, least_m: float, apart: _Apart) -
             continue
         for held, side in ((n, range(n + 1, n + 1 + _MOST_FRAMES)), (n + 1, range(n, n - _MOST_FRAMES, -1))):
             for t in side:
-                if not 0 <= t < len(places) or apart(places[t], places[held]) <= least_m:
+                if not 0 <= t < len(places) or _apart(places[t], places[held]) <= least_m:
                     break
                 doubted[t] = True
     return doubted
 
 
-def _lone(places: Array, tracked: Mask, least_m: float, apart: _Apart) -> Mask:
+def _lone(places: Array, tracked: Mask, least_m: float) -> Mask:
     """(T,) single frames in which a limb's landmarks (T, L, 3) are elsewhere than in those beside them."""
     doubted = np.zeros(len(places), dtype=np.bool_)
-    ways, over = apart(places[1:], places[:-1]), apart(places[2:], places[:-2])
+    ways, over = _apart(places[1:], places[:-1]), _apart(places[2:], places[:-2])
     least = np.minimum(ways[:-1], ways[1:])
     doubted[1:-1] = (least > least_m) & (least > _TIMES * over) & tracked[:-2] & tracked[1:-1] & tracked[2:]
     return doubted
 
 
-def _second(one: Array, other: Array) -> Array:
+def _apart(one: Array, other: Array) -> Array:
     """(...,) how far landmarks (..., L, 3) of a limb are from others, m: the second farthest.
 
-    A hand that turns at its wrist, which the images hardly show, is one. By 14 cm of `_mean_of_two` it was two: in all
-    results at hand 132 limbs 10 cm and more off were doubted beside jumps, and 248 others; now 131 and 139.
+    A hand that turns at its wrist, which the images hardly show, is one. With 14 cm of the mean of
+    the two farthest it was two: in all results at hand 132 limbs 10 cm and more off were doubted beside jumps, and 248
+    others; now 131 and 139.
     """
-    second: Array = _sorted(one, other)[..., -2:].min(axis=-1)
+    gaps = np.sort(np.linalg.norm(one - other, axis=-1), axis=-1)
+    second: Array = gaps[..., -2:].min(axis=-1)
     return second
-
-
-def _mean_of_two(one: Array, other: Array) -> Array:
-    """(...,) the same as a mean of the two that are farthest."""
-    mean: Array = _sorted(one, other)[..., -2:].mean(axis=-1)
-    return mean
-
-
-def _sorted(one: Array, other: Array) -> Array:
-    return np.sort(np.linalg.norm(one - other, axis=-1), axis=-1)
 
 
 def _ambiguous(estimate: Estimate, group: str) -> Estimate:

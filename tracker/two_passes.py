@@ -142,9 +142,8 @@ def _both_ways(
     first, reached = _forwards(window, begin, cycle, reopen)
     found, again = first, False
     # a limb that jumps was wrong before, or is wrong since, though no frame by itself is in doubt: R-Turn's legs,
-    # exchanged from the start on, fell into place in frame 26. A hand that flips leads back, too: of two movements with
-    # arms before the trunk 15 frames had a joint off without that, none with it
-    if not reached.state.nobody_found and any(_in_doubt(step, cycle.loss) for step in with_jumps(first, ends=True)):
+    # exchanged from the start on, fell into place in frame 26
+    if not reached.state.nobody_found and any(_in_doubt(step, cycle.loss) for step in with_jumps(first)):
         more, onwards = _forwards(beyond, reached, cycle, reopen)
         found, again = back([*first, *more], cycle, onwards.state)[: len(first)], True
     if cycle.leaving():
