@@ -239,7 +239,9 @@ def test_it_is_compared_as_a_foreground_is(truth, seen) -> None:
     np.testing.assert_array_equal(EVIDENCE.distances(question, q[None]), SilhouetteEvidence().distances(given, q[None]))
     mine, theirs = EVIDENCE.equations(question, q, 20.0), SilhouetteEvidence().equations(given, q, 20.0)
     np.testing.assert_array_equal(mine.matrix, theirs.matrix)
-    assert EVIDENCE.account(question, q).explained > 0.9
+    account = EVIDENCE.account(question, q)
+    assert account.explained > 0.9
+    assert account.by_view_px is None  # a contour drawn from the pose hides nothing
 
 
 def test_coupled_rounds_look_again_at_the_pose_found(truth, seen) -> None:
