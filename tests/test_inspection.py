@@ -103,6 +103,14 @@ def test_shadows_and_cables_are_no_wrong_rig(simulation: Simulation, frames: tup
     assert findings(seen) == findings(replace(seen, foregrounds=tuple(map(tuple, masks)))) == ()
 
 
+@pytest.mark.parametrize("known", [{0, 1}, {2, 3}])
+def test_who_moves_before_no_plate_need_not_meet(
+    known: set[int], simulation: Simulation, frames: tuple[Frame, ...]
+) -> None:
+    plates = tuple(plate if v in known else None for v, plate in enumerate(simulation.plates))
+    assert told(frames, simulation.scene, plates) == ()
+
+
 def test_of_what_moves_of_several_persons_nothing_is_told(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
     """DO-Two without plates was told that one of its views does not fit the others."""
     order, (person,) = [1, 0, 2, 3], simulation.scene.persons

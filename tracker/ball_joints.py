@@ -27,7 +27,8 @@ _LEAST_SIGMA = np.radians(0.05)
 """Standard deviation of a rotation at the least: of an axis that no angle turns about, they tell nothing."""
 
 _DAMPING = 1e-4
-"""Of steps to the angles of a rotation, in rad^2: in gimbal lock they stay as they are."""
+"""Of steps to the angles of a rotation, and of the way back of covariances, rad^2: in gimbal lock angles stay as they
+are, and are hardly known."""
 
 _STEPS = 50
 """Towards the angles of a rotation at most; far from gimbal lock three to six do."""
@@ -48,7 +49,7 @@ class BallJoint:
     """(3, 3) rotation that the movement is about."""
 
     def rotations(self, angles: Array) -> Rotation:
-        """The rotations of angles (T, 3)."""
+        """The T rotations of angles (T, 3), rad."""
         first, second, third = self._turns(angles)
         return first * second * third
 
@@ -63,7 +64,7 @@ class BallJoint:
         return np.stack([*within, np.broadcast_to(third_axis, within[0].shape)], axis=-1)
 
     def vectors(self, angles: Array) -> Array:
-        """(T, 3) rotations from the mean, of angles (T, 3)."""
+        """(T, 3) rotations from the mean along their axes, rad, of angles (T, 3)."""
         vectors: Array = (Rotation.from_matrix(np.array(self.mean)).inv() * self.rotations(angles)).as_rotvec()
         return vectors
 

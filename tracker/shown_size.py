@@ -39,5 +39,5 @@ def fitting_downscale(rig: Rig) -> int:
     Args:
         rig: the cameras of the images as recorded.
     """
-    kept_px = min(min(camera.size) for camera in rig.cameras) / _LEAST_SIDE_PX
-    return max(1, int(min(shown_px(rig) / KEPT_PX, kept_px)))
+    shorter_px = min(min(camera.size) for camera in rig.cameras)
+    return max(1, int(min(shown_px(rig) / KEPT_PX, shorter_px / _LEAST_SIDE_PX)))

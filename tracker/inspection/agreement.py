@@ -68,12 +68,13 @@ def _beside(seen: Survey) -> float:
     """How far the places that rays meet in lie beside the foregrounds, as a share of the width, in the worst view.
 
     Shadows and cables move the middle of a foreground; they do not put the place that all views agree on beside it.
+    Views without a plate show who moves, often an arm alone, and have no say.
     """
     places = seen.rig.project(seen.rig.triangulate(seen.middles)[0])
     gaps = np.full(places.shape[:2], np.nan)
     for t, masks in enumerate(seen.foregrounds):
         for v, mask in enumerate(masks):
-            if mask is not None and np.isfinite(seen.middles[v, t]).all():
+            if mask is not None and seen.stands_out(v) and np.isfinite(seen.middles[v, t]).all():
                 gaps[v, t] = _gap_px(mask, places[v, t])
     usual = [usual_share(seen.rig.select((name,)), own[None]) for name, own in zip(seen.rig.names, gaps, strict=True)]
     return float(np.nanmax([*usual, 0.0]))

@@ -27,8 +27,7 @@ def sized(reading: Reading) -> Reading:
 
 def averaging(rig: Rig) -> str:
     """What was done to the images of a rig before they are looked at; empty for nothing."""
-    factor, (width, height) = rig.cameras[0].downscale, rig.cameras[0].size
+    factor = rig.cameras[0].downscale
     if factor == 1:
         return ""
-    high = f"in which persons are some {shown_px(rig):.0f} high"
-    return f"images averaged over {factor} x {factor} pixels to {width} x {height}, {high}"
+    return f"images averaged over {factor} x {factor} pixels, persons are then some {shown_px(rig):.0f} pixels high"

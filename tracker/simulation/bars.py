@@ -150,13 +150,11 @@ def _smooth(times: Array, n: int, rng: np.random.Generator) -> tuple[Array, Arra
 def _volume(rig: Rig) -> tuple[Array, Array]:
     """Centre and half extents (3,) of the space before the cameras."""
     axes = np.stack([camera.camera_from_world[2, :3] for camera in rig.cameras])
-    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    centres = np.stack([camera.centre for camera in rig.cameras])
     if np.linalg.norm(axes.mean(axis=0)) > 0.9:
         # nearly parallel: their axes meet nowhere that could be relied on
-        return centres.mean(axis=0) + 2.5 * axes.mean(axis=0), np.array([0.6, 0.5, 0.45])
-    solution: Array = np.linalg.solve(across.sum(axis=0), (across @ centres[:, :, None]).sum(axis=0))
-    return solution[:, 0], np.array([1.4, 1.4, 0.8])
+        centre = np.mean([camera.centre for camera in rig.cameras], axis=0)
+        return centre + 2.5 * axes.mean(axis=0), np.array([0.6, 0.5, 0.45])
+    return rig.middle, np.array([1.4, 1.4, 0.8])
 
 
 def every(recording: BarRecording, first: int, step: int) -> BarRecording:
