@@ -119,6 +119,52 @@ def test_who_is_in_doubt_all_the_way_there_is_followed_back_first(
     assert [step.estimates[0].doubtful for step in found.steps] == [False] * (N_FRAMES - 1) + [True]
 
 
+@pytest.fixture(scope="module")
+def heavy(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
+    """Somebody whose radii are 40 % larger than those of the general body."""
+    of = space()
+    path = tmp_path_factory.mktemp("models") / "heavy.toml"
+    thick = np.where([name == "girth" for name in of.names], 0.4, 0.0)
+    save_description(of.described(thick), path, decimals=None)
+    return small_simulation("two_elbow_rotation", n_frames=N_FRAMES, model=str(path))
+
+
+@pytest.fixture(scope="module")
+def doubting(heavy: Simulation, as_general: Scene) -> Cycle:
+    """In which every frame is doubtful with the general body, and none with their own."""
+    cycle = cycle_for(heavy, TrueStart(heavy))
+    general, own = (
+        [step.estimates[0].account.left_over for step in there(list(heavy.frames()), scene, cycle)[0]]
+        for scene in (as_general, heavy.scene)
+    )
+    assert max(own) < min(general)
+    between = 0.5 * (max(own) + min(general))
+    return replace(cycle, loss=LossRule(doubtful_above=between, ambiguous_above=9.0, again_after=100))
+
+
+def test_who_was_found_for_sure_is_fitted_in_spite_of_doubts_if_that_ends_them(
+    heavy: Simulation, as_general: Scene, general: BodyDescription, doubting: Cycle
+) -> None:
+    found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, doubting, heavy.frames, N_FRAMES, QUICK)
+    assert found.told == {0: "fitted to 4 of the first 8 frames, which were in doubt before"}
+    fitted = as_general.with_bodies({0: found.fits[0].body})
+    before, after = (np.abs(girths(scene) - girths(heavy.scene)).mean() for scene in (as_general, fitted))
+    assert after < 0.5 * before
+    assert sum(step.estimates[0].doubtful for step in found.steps) <= N_FRAMES // 2
+
+
+def test_who_was_not_found_for_sure_is_not_fitted_in_spite_of_doubts(
+    heavy: Simulation, as_general: Scene, general: BodyDescription, doubting: Cycle
+) -> None:
+    class Unsure(TrueStart):
+        def start(self, *asked: object) -> Start:
+            return replace(super().start(*asked), confidence=(0.5,), hypotheses=((),))  # type: ignore[arg-type]
+
+    cycle = replace(doubting, initialization=Unsure(heavy))
+    found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, heavy.frames, N_FRAMES, QUICK)
+    assert found.told == {0: "as the model has them: 0 of the first 8 frames without doubt"}
+
+
 def test_a_start_is_not_looked_for_again_but_those_of_other_frames_are(filmed: Simulation) -> None:
     cycle = cycle_for(filmed, TrueStart(filmed))
     first, second = itertools.islice(filmed.frames(), 2)

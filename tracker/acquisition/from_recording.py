@@ -8,7 +8,7 @@ mm on average, K-Kick 25 and 17).
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,7 +39,10 @@ real man a body with which an arm was wrong in 98 of 100 frames (scaled, without
 
 _LEAST_SEEN = 4
 """Frames in which a person is seen without doubt, below which its body is not fitted: a pose that is wrong makes a
-body that fits it."""
+body that fits it. Who was found for sure may have a body unlike the model's instead, see `_unlike`."""
+
+_LEAST_CLEARED = 0.5
+"""Share of the frames that a body fitted in spite of doubts must free of them: one that is right frees most."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,8 @@ def fit_bodies(
     against that of the way there; then bodies are fitted anew. A start that was wrong is seldom so on the way back: in
     R-Turn legs were exchanged in the first 14 frames, untold, when both ways went forwards from a start of their own.
     Who is in doubt all the way there is followed back before anything is fitted: a scanned man, rendered crawling from
-    the first frame on, kept the scaled body (28 mm, 11 of 50 frames falsely flagged; fitted 22 mm and none).
+    the first frame on, kept the scaled body (28 mm, 11 of 50 frames falsely flagged; fitted 22 mm and none). Who is so
+    still, though found for sure, is fitted to frames in doubt, and keeps that body if it leaves most without.
 
     Args:
         spaces: place of a person in the scene -> how its body may differ from that in the scene.
@@ -90,12 +94,26 @@ def fit_bodies(
     if any(len(best_seen(steps, k, len(steps), settings.frames)) < _LEAST_SEEN for k in spaces):
         cycle.progress("bodies: tracked back, for hardly a frame is without doubt")
         steps = back(steps, cycle, state)
-    found = _Round({}, scene, steps).fitted(spaces, cycle, settings)
-    if settings.rounds > 1 and found.fits:
+    unlike = _unlike(spaces, steps, cycle)
+    found = _Round({}, scene, steps).fitted(spaces, cycle, settings, unlike)
+    if found.fits and (settings.rounds > 1 or unlike & found.fits.keys()):
         cycle.progress("bodies: tracked back as fitted")
-        found = replace(found, steps=back(found.steps, cycle, state)).fitted(spaces, cycle, settings)
+        found = replace(found, steps=back(found.steps, cycle, state)).cleared(unlike)
+        found = found.fitted(spaces, cycle, settings)
     start = next((step.start for step in found.steps if step.start is not None), None)
-    return Fitting(found.fits, {k: found.told(k) for k in spaces}, found.steps, start)
+    return Fitting(found.fits, {k: found.told(k, k in unlike) for k in spaces}, found.steps, start)
+
+
+def _unlike(persons: Iterable[int], steps: Sequence[Step], cycle: Cycle) -> frozenset[int]:
+    """Those who were found for sure and yet are in doubt in nearly all frames: their bodies differ from the model's."""
+    confidence = next((step.start.confidence for step in steps if step.start is not None), ())
+    sure = (k for k in persons if not confidence or confidence[k] >= cycle.loss.sure)
+    return frozenset(k for k in sure if _n_sure(steps, k) < _LEAST_SEEN)
+
+
+def _n_sure(steps: Iterable[Step], person: int) -> int:
+    """Frames in which a person is seen without doubt."""
+    return sum(not (step.estimates[person].lost or doubted(step.estimates[person])) for step in steps)
 
 
 def _n_known(frame: Frame, cycle: Cycle) -> int:
@@ -123,33 +141,48 @@ class _Round:
     scene: Scene
     steps: Sequence[Step]
 
-    def fitted(self, spaces: Mapping[int, ShapeSpace], cycle: Cycle, settings: ViewSettings) -> _Round:
-        """Bodies fitted to the poses; the steps are then of these bodies."""
+    def fitted(
+        self,
+        spaces: Mapping[int, ShapeSpace],
+        cycle: Cycle,
+        settings: ViewSettings,
+        in_spite: Collection[int] = (),
+    ) -> _Round:
+        """Bodies fitted to the poses, of some in spite of doubts; the steps are then of these bodies."""
         watching = Watching(self.scene.rig, cycle.synthesis, settings.analysis, cycle.plates)
         fits = dict(self.fits)
         for k, space in spaces.items():
-            seen = best_seen(self.steps, k, len(self.steps), settings.frames)
+            seen = best_seen(self.steps, k, len(self.steps), settings.frames, doubted_too=k in in_spite)
             if len(seen) >= _LEAST_SEEN:
                 shape = fits[k].shape if k in fits else np.zeros(len(space.names))
                 fit = fit_to_views(space, (shape, k), seen, watching, settings, cycle.progress)
                 if sum(_n_outlined(look) >= _LEAST_OUTLINED for look in fit.looks) >= _LEAST_SEEN:
                     fits[k] = fit
-        bodies = {k: fit.body for k, fit in fits.items()}
-        scene = self.scene.with_bodies(bodies)
-        steps = [replace(step, scene=scene.with_poses(tuple(one.q for one in step.estimates))) for step in self.steps]
-        return _Round(fits, scene, steps)
+        return self.of(fits)
 
-    def told(self, k: int) -> str:
+    def of(self, fits: Mapping[int, Fit]) -> _Round:
+        """The same poses with these bodies and, of the others, those of the models."""
+        scene = self.scene.with_bodies({k: fit.body for k, fit in fits.items()})
+        steps = [replace(step, scene=scene.with_poses(tuple(one.q for one in step.estimates))) for step in self.steps]
+        return replace(self, fits=fits, steps=steps)
+
+    def cleared(self, unlike: Collection[int]) -> _Round:
+        """Without those bodies, of some that were fitted in spite of doubts, that have not freed the frames of them."""
+        least = _LEAST_CLEARED * len(self.steps)
+        return self.of({k: fit for k, fit in self.fits.items() if k not in unlike or _n_sure(self.steps, k) >= least})
+
+    def told(self, k: int, unlike: bool) -> str:
         """What was done for a person."""
         if k not in self.fits:
-            n_sure = sum(not (step.estimates[k].lost or doubted(step.estimates[k])) for step in self.steps)
+            n_sure = _n_sure(self.steps, k)
             what = (
                 "without doubt"
                 if n_sure < _LEAST_SEEN
                 else f"without doubt, too few outlined in {_LEAST_OUTLINED} views"
             )
             return f"as the model has them: {n_sure} of the first {len(self.steps)} frames {what}"
-        return f"fitted to {len(self.fits[k].looks)} of the first {len(self.steps)} frames"
+        freed = ", which were in doubt before" if unlike else ""
+        return f"fitted to {len(self.fits[k].looks)} of the first {len(self.steps)} frames{freed}"
 
 
 def best_seen(
