@@ -56,10 +56,29 @@ def test_masks_are_as_good_as_plates_even_where_one_is_missing(simulation: Simul
         assert isinstance(second_kind(simulation, Sight(replace(frame, masks=given))), Foregrounds)
 
 
+def test_who_stays_before_plates_is_told_by_colours_and_by_the_foreground(simulation: Simulation, frame: Frame) -> None:
+    plates = tuple(None if plate is None else replace(plate, recorded=True, stays=True) for plate in simulation.plates)
+    contours = cycle_for(simulation).synthesis.contours(simulation.scene)
+    seen = EVIDENCE.observe(Sight(frame, plates), contours)
+    assert seen.by is EVIDENCE.partly
+    assert [isinstance(one, Foregrounds | ObservedRegions) for one in seen.observed[1:3]] == [True, True]
+    masks = tuple(np.ones(image.shape[:2], dtype=np.bool_) for image in frame.images if image is not None)
+    assert EVIDENCE.observe(Sight(replace(frame, masks=masks), plates), contours).by is EVIDENCE.with_plates
+    assert EVIDENCE.told(plates) == (
+        "contours, foreground where nobody stays, colours and motion of the parts, 4 of 4 views have plates or masks, "
+        "made of what the recording shows most of the time"
+    )
+
+
 def test_its_numbers_are_those_of_the_one_chosen(simulation: Simulation, frame: Frame) -> None:
     scene, cycle = simulation.scene, cycle_for(simulation)
     contours, q = cycle.synthesis.contours(scene), scene.persons[0].q
-    for sight, one in ((Sight(frame), EVIDENCE.without), (Sight(frame, simulation.plates), EVIDENCE.with_plates)):
+    partly = tuple(None if plate is None else replace(plate, stays=True) for plate in simulation.plates)
+    for sight, one in (
+        (Sight(frame), EVIDENCE.without),
+        (Sight(frame, simulation.plates), EVIDENCE.with_plates),
+        (Sight(frame, partly), EVIDENCE.partly),
+    ):
         known = one.learned(None, sight, scene, contours, np.ones((len(scene.rig), len(scene.shapes)), dtype=np.bool_))
         mine = Comparison(scene, 0, cycle.synthesis, EVIDENCE.observe(sight, contours, known))
         plain = Comparison(scene, 0, cycle.synthesis, one.observe(sight, contours, known))

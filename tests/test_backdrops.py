@@ -13,29 +13,38 @@ from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 from test_recorded_plate import LEAVING, STILL, WALKING, filmed, room
 from test_silhouettes import asked
 
+import tracker.recorded_plates as recorded_plates
 from tracker.acquisition.calibrated_views import _whole_silhouettes
 from tracker.arrays import Mask
 from tracker.comparison import Comparison
+from tracker.cycle import Cycle, State
+from tracker.easier_start import LedBack
 from tracker.errors import InitializationError
 from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.silhouettes import SilhouetteEvidence
+from tracker.found_before import StartedBefore
 from tracker.frame import Frame
 from tracker.initialization import Backdrops, Stages
 from tracker.initialization._foregrounds import foregrounds, outlined, segmented
 from tracker.initialization._hypotheses import least_left
 from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.stance import StanceInitialization
+from tracker.loss import LossRule
 from tracker.outlines import outline_observation
 from tracker.plate import Plate, changed
 from tracker.reading._plates import backdrop
 from tracker.reading._recorded_plate import recorded_plate
 from tracker.reading.video import VideoReading
-from tracker.recorded_plates import without_persons
+from tracker.recorded_plates import behind_who_stays, without_persons
+from tracker.recording._journal_line import line_of, replay_of
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.start import Hypothesis, Start, confidence
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking import Looking, tracked
+from tracker.trajectory import Step
+from tracker.two_passes import there
 
 BOX = slice(60, 200), slice(140, 180)
 
@@ -286,6 +295,73 @@ def test_plates_of_the_recording_that_show_the_person_are_not_used(
     assert without_persons(replace(cycle, plates=plates), simulation.scene, simulation.frames).plates == plates
 
 
+def staying(simulation: Simulation, **changes: object) -> Cycle:
+    """A cycle without plates, for a recording whose backdrops show the legs of somebody who stands in one place."""
+    plates = showing(simulation, legs, unknown=False)
+    start = TrueStart(simulation, off_deg=0.0, off_m=0.0)
+    cycle = cycle_for(simulation, start, plates=(None,) * 4, evidence=AutoEvidence())
+    return replace(cycle, backdrops=lambda: plates, **changes)  # type: ignore[arg-type]
+
+
+def test_backdrops_know_nothing_where_somebody_stays(simulation: Simulation) -> None:
+    cycle = staying(simulation)
+    found = behind_who_stays(cycle, simulation.scene, simulation.frames)
+    first = simulation.scene.with_poses(tuple(poses[0] for poses in simulation.poses))
+    upper_px = unknown_px = 0
+    for plate, shown, model in zip(found.plates, cycle.backdrops(), CpuSynthesis().silhouettes(first), strict=True):
+        assert plate is not None
+        assert shown is not None
+        assert plate.stays
+        assert plate.unknown is not None
+        np.testing.assert_array_equal(plate.picture, shown.picture)
+        assert plate.unknown[trunk(legs(model))].mean() > 0.98
+        upper = trunk(model & ~cv2.dilate(legs(model).astype(np.uint8), np.ones((41, 41))).astype(bool))
+        upper_px, unknown_px = upper_px + np.count_nonzero(upper), unknown_px + np.count_nonzero(plate.unknown & upper)
+        assert not plate.unknown[cv2.dilate(model.astype(np.uint8), np.ones((25, 25))) == 0].any()
+    # somebody may look like what is behind, as a sleeve does here in one view
+    assert unknown_px < 0.1 * upper_px
+
+
+def test_who_stays_is_found_once_and_never_before_plates_that_are_unknown_behind_them(simulation: Simulation) -> None:
+    cycle = staying(simulation)
+    found = behind_who_stays(cycle, simulation.scene, simulation.frames)
+    assert found.stages.plates == (None,) * 4
+    first = next(iter(simulation.frames()))
+    begun, _ = tracked(Sight(first), simulation.scene, cycle, State.before(simulation.scene), Looking(False, None))
+    start = found.initialization.start(first, simulation.scene, found.stages)
+    np.testing.assert_array_equal(start.poses[0], begun.estimates[0].q)
+    (known,) = found.known.values()
+    np.testing.assert_array_equal(known[0].q, begun.estimates[0].q)
+
+
+def test_who_was_followed_back_from_a_later_frame_starts_in_the_first_one(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cycle = staying(simulation)
+    steps, _ = there(list(simulation.frames()), simulation.scene, cycle)
+    first, last = (replay_of(line_of(step).encode()) for step in steps)
+    sure = Start((steps[1].estimates[0].q,), confidence=(0.9,))
+    led = LedBack(1, sure, {1: last, 0: first})
+
+    def led_back(*_: object) -> tuple[Step, LedBack]:
+        return steps[0], led
+
+    monkeypatch.setattr(recorded_plates, "tracked", led_back)
+    found = behind_who_stays(cycle, simulation.scene, simulation.frames)
+    start = found.initialization
+    assert isinstance(start, StartedBefore)
+    assert (start.frame, start.found.confidence, list(found.known)) == (0, (0.9,), [0, 1])
+    np.testing.assert_array_equal(start.found.poses[0], first.estimates[0].q)
+
+
+def test_plates_are_left_alone_where_they_tell_nothing_or_nobody_was_surely_found(simulation: Simulation) -> None:
+    cycle = staying(simulation)
+    one_view = replace(cycle, backdrops=lambda: (cycle.backdrops()[0], None, None, None))
+    in_doubt = replace(cycle, loss=LossRule(doubtful_above=0.0))
+    for left in (one_view, in_doubt):
+        assert behind_who_stays(left, simulation.scene, simulation.frames) is left
+
+
 @pytest.mark.parametrize(
     ("name", "background", "are_made"),
     [("N-WalkCircle", None, True), ("N-WalkCircle", "none", False), ("D-TwoElbowRot", None, False)],
@@ -297,8 +373,9 @@ def test_plates_are_made_unasked_where_somebody_walks_about(
     reading = VideoReading(
         path=f"{folder}/{{view}}.mp4", rig=folder / "calibration.json", views=("FRONT", "LEFT"), background=background
     )
-    plates = reading.open().plates
-    assert [plate is not None and plate.recorded for plate in plates] == [are_made] * 2
+    opened = reading.open()
+    assert [plate is not None and plate.recorded for plate in opened.plates] == [are_made] * 2
+    assert opened.makes_plates is (background is None)
 
 
 def test_masks_of_ones_own_leave_no_plates_to_be_made(data: Callable[[str], Path], tmp_path: Path) -> None:
@@ -313,4 +390,6 @@ def test_masks_of_ones_own_leave_no_plates_to_be_made(data: Callable[[str], Path
         masks=f"{tmp_path}/{{view}}/{{frame}}.png",
         stop=1,
     )
-    assert reading.open().plates == (None, None)
+    opened = reading.open()
+    assert opened.plates == (None, None)
+    assert not opened.makes_plates

@@ -14,13 +14,14 @@ from test_shape_space import some_shape, space
 import tracker.acquisition.from_recording as from_recording
 from tracker.acquisition.calibrated_views import ViewSettings
 from tracker.acquisition.fitting import FitSettings
-from tracker.acquisition.from_recording import StartedBefore, best_seen, fit_bodies, knowing
+from tracker.acquisition.from_recording import best_seen, fit_bodies
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.body_description import BodyDescription
 from tracker.body_files import read_description, save_description
 from tracker.cycle import Cycle, State
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate
+from tracker.found_before import StartedBefore, knowing
 from tracker.jobs import execute, load_job
 from tracker.jobs.track import TrackJob
 from tracker.loss import LossRule

@@ -60,8 +60,9 @@ class Cycle:
 
     @property
     def stages(self) -> Stages:
-        """What the initialization may use."""
-        return Stages(self.synthesis, self.evidence, self.estimation, self.plates, self.backdrops, self.progress)
+        """What the initialization may use: no plates that somebody stays before, who hardly stands out from them."""
+        plates = tuple(None if one is None or one.stays else one for one in self.plates)
+        return Stages(self.synthesis, self.evidence, self.estimation, plates, self.backdrops, self.progress)
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,9 @@ class Plate:
     recorded: bool = False
     """Whether it was made of a recording with persons."""
 
+    stays: bool = False
+    """Whether somebody stays before it, so that it is unknown behind them: it tells of what they move alone."""
+
     def __post_init__(self) -> None:
         if self.picture.flags.writeable or self.picture.base is not None:
             object.__setattr__(self, "picture", frozen(self.picture, np.uint8))

@@ -40,7 +40,10 @@ class _Seen:
 
 @component
 class AutoEvidence(Evidence):
-    """`with_plates` where two views or more have plates or masks, `without` elsewhere."""
+    """`with_plates` where two views or more have plates or masks, `without` elsewhere.
+
+    `partly` where somebody stays before plates that the recording has made by itself.
+    """
 
     with_plates: Evidence = TogetherEvidence(
         of=(ContourEvidence(), SilhouetteEvidence(), RegionEvidence(from_start=False), MotionEvidence()),
@@ -61,9 +64,17 @@ class AutoEvidence(Evidence):
     )
     """What is looked at where nothing is known. Contours count 0.3: with 1 all of four recordings are worse."""
 
+    partly: Evidence = TogetherEvidence(
+        of=(ContourEvidence(), SilhouetteEvidence(), RegionEvidence(), MotionEvidence()),
+        ranking=(0.3, 0.3, 1.0, 0.0),
+        refining=(0.3, 0.0, 1.0, 0.3),
+        exact_px=(_EXACT_PX, 0.0, 0.0, 0.0),
+    )
+    """What is looked at where it is known what arms and legs move before, and hardly anything of the trunk."""
+
     def check(self, scene: Scene) -> None:
-        """What either of them refuses."""
-        for one in (self.with_plates, self.without):
+        """What any of them refuses."""
+        for one in (self.with_plates, self.without, self.partly):
             one.check(scene)
 
     def told(self, known: Sequence[object | None]) -> str:
@@ -71,7 +82,8 @@ class AutoEvidence(Evidence):
         views = f"{sum(one is not None for one in known)} of {len(known)} views have plates or masks"
         if any(isinstance(one, Plate) and one.recorded for one in known):
             views += ", made of what the recording shows most of the time"
-        foreground = "foreground, " if _enough(known) else ""
+        stays = any(isinstance(one, Plate) and one.stays for one in known)
+        foreground = "" if not _enough(known) else "foreground where nobody stays, " if stays else "foreground, "
         what = f"contours, {foreground}colours and motion of the parts"
         return f"{what}, {views}" if any(one is not None for one in known) else f"{what}, no background plates"
 
@@ -105,7 +117,9 @@ class AutoEvidence(Evidence):
         return self._chosen(sight).learned(memory, sight, scene, fitted, trusted)
 
     def _chosen(self, sight: Sight) -> Evidence:
-        return self.with_plates if sight.frame.masks or _enough(sight.plates) else self.without
+        if sight.frame.masks or not any(plate is not None and plate.stays for plate in sight.plates):
+            return self.with_plates if sight.frame.masks or _enough(sight.plates) else self.without
+        return self.partly
 
 
 def _enough(known: Sequence[object | None]) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from tracker.acquisition.calibrated_views import ViewSettings
-from tracker.acquisition.from_recording import fit_bodies, knowing
+from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.result import model_of
 from tracker.acquisition.shape_space import space_of
 from tracker.body_description import BodyDescription
@@ -16,6 +16,7 @@ from tracker.body_files import read_description, save_description
 from tracker.cycle import Cycle
 from tracker.estimate import Estimate
 from tracker.files import write_whole
+from tracker.found_before import knowing
 from tracker.reading import Sequence as Recording
 from tracker.recording.journal import Expected, OpenJournal, as_kept, line_of, open_journal
 from tracker.rig_layouts import save_rig

@@ -21,7 +21,7 @@ from tracker.acquisition.calibrated_views import (
 )
 from tracker.acquisition.figures import Panel
 from tracker.acquisition.fitting import Fit
-from tracker.acquisition.from_recording import best_seen, knowing
+from tracker.acquisition.from_recording import best_seen
 from tracker.acquisition.shape_space import space_of
 from tracker.arrays import Array
 from tracker.body_files import read_description, save_description
@@ -29,6 +29,7 @@ from tracker.components import component
 from tracker.config import Table
 from tracker.errors import ConfigError, nearest
 from tracker.files import write_json, write_whole
+from tracker.found_before import knowing
 from tracker.jobs import ResultFolder, described, execute, job_from
 from tracker.jobs._acquired import Acquired, AcquireOutcome
 from tracker.jobs.track import OpenedTrack, TrackJob

@@ -15,7 +15,6 @@ from typing import Annotated, ClassVar
 
 import pydantic
 
-from tracker.acquisition.from_recording import knowing
 from tracker.components import ReadBy, component, find, standard
 from tracker.config import component_name
 from tracker.cycle import Cycle
@@ -24,6 +23,7 @@ from tracker.errors import ConfigError, TrackerError, name_fault
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence
 from tracker.files import remove_unfinished
+from tracker.found_before import knowing
 from tracker.initialization import Initialization
 from tracker.inspection import findings, survey
 from tracker.jobs import ResultFolder, described, versions
@@ -36,7 +36,7 @@ from tracker.plate import Plate
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
 from tracker.reading import Reading
-from tracker.recorded_plates import without_persons
+from tracker.recorded_plates import behind_who_stays, without_persons
 from tracker.recording import DEFAULTS, Recorder, Recording, RunContext, chosen_recordings, described_recordings
 from tracker.recording.journal import Expected, OpenJournal, as_kept, open_journal
 from tracker.result import load_result
@@ -196,9 +196,14 @@ class TrackJob:
         Raises:
             InitializationError: nobody was found.
         """
+        sequence = opened.sequence
         if not opened.done:
-            return with_fitted_bodies(opened, self.persons, cycle)
-        return opened, knowing(cycle, opened.known) if opened.known else cycle
+            opened, cycle = with_fitted_bodies(opened, self.persons, cycle)
+        elif opened.known:
+            cycle = knowing(cycle, opened.known)
+        if sequence.makes_plates and all(plate is None for plate in cycle.plates):
+            cycle = behind_who_stays(cycle, opened.scene, sequence.frames)
+        return opened, cycle
 
     def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> TrackOutcome:
         """Tracks, and writes each frame as soon as it is done; see `tracker.jobs.Job.execute`."""
@@ -214,11 +219,12 @@ class TrackJob:
             "initialization": self.initialization.check(opened.scene, known),
         }
         for stage, choice in choices.items():
-            if choice:
-                log.info("%s: %s", stage, choice)
-                progress(f"{stage}: {choice}")
+            _tell(stage, choice, progress)
         found = self._looked_at(opened, cycle.plates, progress)
         opened, cycle = self.fitted(opened, cycle)
+        if any(plate is not None and plate.stays for plate in cycle.plates):
+            choices["evidence"] = self.evidence.told(cycle.plates)
+            _tell("evidence", choices["evidence"], progress)
         save_inputs(opened, folder.path)
         details = {
             "config": described(self),
@@ -242,6 +248,13 @@ class TrackJob:
         steps = way(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
         outcome = _recorded(self.recordings, context, map(as_kept, steps), folder, (progress, stop))
         return outcome if self.smoothing is None or not outcome.n_frames else _smoothed(outcome, self.smoothing)
+
+
+def _tell(stage: str, choice: str, progress: Progress) -> None:
+    """Says what was chosen by itself, if anything was."""
+    if choice:
+        log.info("%s: %s", stage, choice)
+        progress(f"{stage}: {choice}")
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,11 @@ class Sequence(Protocol):
         """
         ...
 
+    @property
+    def makes_plates(self) -> bool:
+        """Whether plates are the recording's own affair: neither plates nor masks are told, nor that there are none."""
+        ...
+
     def frames(self) -> Iterator[Frame]:
         """All frames of the chosen range in order."""
         ...

@@ -224,6 +224,11 @@ class OpenSequence(OpenViews):
         return clean_enough(self._recorded) if self.given is None else self.given
 
     @property
+    def makes_plates(self) -> bool:
+        """Whether plates are its own affair; see `tracker.reading.Sequence.makes_plates`."""
+        return self.given is None
+
+    @property
     def known(self) -> tuple[Plate | None, ...]:
         """What the persons stand out against in each view: the plate, or nothing (h, w, 3) where masks tell."""
         if self.masks is None:

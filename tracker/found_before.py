@@ -1,0 +1,57 @@
+"""Tracking that knows what was found in some frames before: who stands there is not looked for again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from tracker.cycle import Cycle
+from tracker.estimate import Estimate
+from tracker.frame import Frame
+from tracker.initialization import Initialization, Stages
+from tracker.loss import doubted
+from tracker.plate import Plate
+from tracker.scene import Scene
+from tracker.start import Start
+
+
+def knowing(
+    cycle: Cycle, known: Mapping[int, Sequence[Estimate]], start: Start | None = None, whole: bool = False
+) -> Cycle:
+    """The cycle, which weighs what was found before in the first frames, and looks for nobody who was found there.
+
+    Unless somebody is in doubt in the first frame.
+
+    Args:
+        cycle: the components.
+        known: frame -> what was found, in order.
+        start: how persons were found, in the first frame or a later one.
+        whole: only doubts of a whole pose count, not of limbs.
+    """
+    first, estimates = next(iter(known.items()))
+    cycle = replace(cycle, known=known)
+    if any(one.lost or (one.doubtful if whole else doubted(one)) for one in estimates):
+        return cycle
+    ever = cycle.initialization
+    ever = ever.otherwise if isinstance(ever, StartedBefore) else ever
+    found = replace(start or Start(()), poses=tuple(one.q for one in estimates))
+    # However sure: the way back has come to these poses.
+    settled = replace(cycle.loss, rehearse=0, look_ahead_s=())
+    return replace(cycle, initialization=StartedBefore(found, first, ever), loss=settled)
+
+
+@dataclass(frozen=True)
+class StartedBefore:
+    """Starts in one frame with the poses that it was left with before, and in others as ever."""
+
+    found: Start
+    frame: int
+    otherwise: Initialization
+
+    def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
+        """As that which is used elsewhere; see `tracker.initialization.Initialization.check`."""
+        return self.otherwise.check(scene, plates)
+
+    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        """See `tracker.initialization.Initialization.start`."""
+        return self.found if frame.index == self.frame else self.otherwise.start(frame, scene, stages)
