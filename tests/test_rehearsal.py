@@ -55,6 +55,19 @@ def test_what_follows_shows_who_faces_where(simulation: Simulation) -> None:
     assert "next 10 frames" in told[0]
 
 
+def test_a_hypothesis_in_doubt_is_not_rescued_by_a_start_anew(simulation: Simulation) -> None:
+    class Once(WrongFirst):
+        n_asked = 0
+
+        def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+            self.n_asked += 1
+            return super().start(frame, scene, stages)
+
+    initialization, rule = Once(simulation, sure=0.1), LossRule(doubtful_above=0.0, ambiguous_above=0.0, again_after=2)
+    ranked(simulation, cycle_for(simulation, initialization, loss=rule))
+    assert initialization.n_asked == 1
+
+
 @pytest.mark.parametrize(("known", "factor"), [(True, 1.0), (False, 0.5)])
 def test_limbs_lower_the_confidence_without_plates_alone(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch, known: bool, factor: float
