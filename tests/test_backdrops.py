@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,6 +30,8 @@ from tracker.initialization._foregrounds import foregrounds, outlined, segmented
 from tracker.initialization._hypotheses import least_left
 from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.stance import StanceInitialization
+from tracker.jobs import execute, load_job
+from tracker.jobs.track import TrackJob
 from tracker.loss import LossRule
 from tracker.outlines import outline_observation
 from tracker.plate import Plate, changed
@@ -39,7 +42,7 @@ from tracker.recorded_plates import behind_who_stays, without_persons
 from tracker.recording._journal_line import line_of, replay_of
 from tracker.scene import Scene
 from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
+from tracker.simulation.sequence import Recipe, Simulation, write_sequence
 from tracker.start import Hypothesis, Start, confidence
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking import Looking, tracked
@@ -352,6 +355,35 @@ def test_who_was_followed_back_from_a_later_frame_starts_in_the_first_one(
     assert isinstance(start, StartedBefore)
     assert (start.frame, start.found.confidence, list(found.known)) == (0, (0.9,), [0, 1])
     np.testing.assert_array_equal(start.found.poses[0], first.estimates[0].q)
+
+
+@pytest.fixture(scope="module")
+def unplated(tmp_path_factory: pytest.TempPathFactory) -> TrackJob:
+    """Somebody who swings the arms where they stand; nothing is told of the background."""
+    folder = tmp_path_factory.mktemp("run") / "sequence"
+    config = write_sequence(Recipe("arm_swing", seconds=1.2, size=(320, 256)), folder)
+    lines = config.read_text(encoding="utf-8").splitlines()
+    config.write_text("\n".join(line for line in lines if not line.startswith("background")), encoding="utf-8")
+    job = load_job("track", config, ["initialization.use=auto", "initialization.poses=truth_poses.csv", "passes=1"])
+    assert isinstance(job, TrackJob)
+    return job
+
+
+def test_a_run_says_what_it_knows_of_who_stays_and_resumes_with_the_same(unplated: TrackJob, tmp_path: Path) -> None:
+    said: list[str] = []
+    whole = execute(unplated, tmp_path / "whole", progress=lambda what, *_: said.append(what))
+    words = "contours, foreground where nobody stays, colours and motion of the parts, 4 of 4 views"
+    assert any(line.startswith(f"evidence: {words}") for line in said)
+    assert json.loads((whole.folder / "run.json").read_text(encoding="utf-8"))["choices"]["evidence"].startswith(words)
+
+    def interrupted(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
+        if what == "tracking" and done == 10:
+            raise KeyboardInterrupt
+
+    assert execute(unplated, tmp_path / "part", progress=interrupted).interrupted
+    resumed = execute(unplated, tmp_path / "part", resume=True)
+    for name in ("poses.csv", "joints.csv"):
+        assert (resumed.folder / name).read_bytes() == (whole.folder / name).read_bytes()
 
 
 def test_plates_are_left_alone_where_they_tell_nothing_or_nobody_was_surely_found(simulation: Simulation) -> None:
