@@ -59,9 +59,9 @@ def without_persons(cycle: Cycle, scene: Scene, frames: Callable[[], Iterator[Fr
 def behind_who_stays(cycle: Cycle, scene: Scene, reopen: Reopen) -> Cycle:
     """The cycle with what the views show most of the time as plates that know nothing where persons stay.
 
-    Who turns or gestures in one place is partly in the backdrops. Where persons are in the first frame without standing
-    out the backdrop shows them; elsewhere it shows what their arms and legs move before. R-Turn, three views and no
-    plates, was lost without (94 mm, a joint off in 55 of 100 frames).
+    Who turns or gestures in one place is partly in the backdrops. Where persons are in the first frame, or something
+    has come or gone, the backdrops may show them; elsewhere they show what arms and legs move before. R-Turn, three
+    views and no plates, was lost without (94 mm, a joint off in 55 of 100 frames).
 
     Args:
         cycle: the components; returned as it is if it has plates, or persons are not found in the first frame.
@@ -94,12 +94,15 @@ def behind_who_stays(cycle: Cycle, scene: Scene, reopen: Reopen) -> Cycle:
 
 
 def _unknown_behind(plate: Plate, sight: Sight, view: int, model: Mask) -> Plate:
-    """A view's backdrop, not known where a model's silhouette (h, w) does not stand out from it."""
+    """A view's backdrop, known where the first frame shows it and no model's silhouette (h, w) is.
+
+    Of what differs from it there, a part may have come and a part have gone: an arm that rests in one place for most
+    of a recording is in the backdrop. Known where something else hides a person, it shows the person as background.
+    """
     changes = sight.changes(view, (0, 0, model.shape[1], model.shape[0]))
-    shown = model if changes is None else model & ~changes.moving
+    doubted = np.ones_like(model) if changes is None else model | changes.moving
     radius = max(2, round(_AROUND * float(np.sqrt(np.count_nonzero(model)))))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    # a pixel that happens to look like what is behind is no person in the plate
-    opened = cv2.morphologyEx(shown.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    opened = cv2.morphologyEx(doubted.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     unknown: Mask = cv2.dilate(opened, disc) > 0
     return replace(plate, unknown=unknown if plate.unknown is None else unknown | plate.unknown, stays=True)
