@@ -97,10 +97,10 @@ def behind_who_stays(cycle: Cycle, scene: Scene, reopen: Reopen) -> Cycle:
 def _unknown_behind(plate: Plate, sight: Sight, view: int, model: Mask, stand_out: bool) -> Plate:
     """A view's backdrop, not known where it may show a person.
 
-    Of persons who stand out it shows what does not. Of others, something else may hide a part in the first frame, and an
-    arm that rests in one place for most of the recording is in the backdrop: it is known where the first frame shows
-    the same and nobody is. With the first rule for all R-UpperBody had a joint off in 9 of 50 frames, for a board hides
-    her; with the second R-Turn was 33 mm off instead of 24.
+    Of persons who stand out it shows what does not. Of others, something else may hide a part in the first frame, and
+    an arm that rests in one place for most of the recording is in the backdrop: it is known where the first frame
+    shows the same and nobody is. With the first rule for all R-UpperBody had a joint off in 9 of 50 frames, for a
+    board hides her; with the second R-Turn was 33 mm off instead of 24.
 
     Args:
         plate: the backdrop.
