@@ -10,6 +10,7 @@ from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 
 from tracker.comparison import Comparison
 from tracker.evidence.auto import AutoEvidence
+from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.regions import ObservedRegions
 from tracker.evidence.silhouettes import Foregrounds
 from tracker.evidence.together import TogetherEvidence
@@ -96,6 +97,12 @@ def test_it_says_what_it_goes_by() -> None:
     )
     assert EVIDENCE.told((object(), None)).startswith("contours, colours and motion of the parts, 1 of 2")
     assert TogetherEvidence().told((None,)) == ""
+
+
+def test_plates_that_know_a_part_are_for_the_evidence_that_is_made_for_them() -> None:
+    assert EVIDENCE.part_known()
+    assert not TogetherEvidence().part_known()
+    assert TogetherEvidence(of=(EVIDENCE, ContourEvidence()), ranking=(1.0, 1.0), refining=(1.0, 1.0)).part_known()
 
 
 def test_without_plates_colours_track(simulation: Simulation) -> None:

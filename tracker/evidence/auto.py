@@ -77,6 +77,10 @@ class AutoEvidence(Evidence):
         for one in (self.with_plates, self.without, self.partly):
             one.check(scene)
 
+    def part_known(self) -> bool:
+        """They are: `partly` is made for them."""
+        return True
+
     def told(self, known: Sequence[object | None]) -> str:
         """Which of them it is; see `tracker.evidence.Evidence.told`."""
         views = f"{sum(one is not None for one in known)} of {len(known)} views have plates or masks"

@@ -74,6 +74,10 @@ class TogetherEvidence(Evidence):
         """What each of them goes by."""
         return "; ".join(filter(None, (one.told(known) for one in self.of)))
 
+    def part_known(self) -> bool:
+        """If they are to one of them."""
+        return any(one.part_known() for one in self.of)
+
     def look(self, sight: Sight, around: Contours) -> None:
         """What each of them does ahead."""
         for one in self.of:
