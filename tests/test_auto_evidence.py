@@ -100,9 +100,11 @@ def test_it_says_what_it_goes_by() -> None:
 
 
 def test_plates_that_know_a_part_are_for_the_evidence_that_is_made_for_them() -> None:
-    assert EVIDENCE.part_known()
-    assert not TogetherEvidence().part_known()
-    assert TogetherEvidence(of=(EVIDENCE, ContourEvidence()), ranking=(1.0, 1.0), refining=(1.0, 1.0)).part_known()
+    assert EVIDENCE.takes_part_plates()
+    assert not TogetherEvidence().takes_part_plates()
+    assert TogetherEvidence(
+        of=(EVIDENCE, ContourEvidence()), ranking=(1.0, 1.0), refining=(1.0, 1.0)
+    ).takes_part_plates()
 
 
 def test_without_plates_colours_track(simulation: Simulation) -> None:

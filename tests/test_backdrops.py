@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,40 +13,29 @@ from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 from test_recorded_plate import LEAVING, STILL, WALKING, filmed, room
 from test_silhouettes import asked
 
-import tracker.recorded_plates as recorded_plates
 from tracker.acquisition.calibrated_views import _whole_silhouettes
 from tracker.arrays import Mask
 from tracker.comparison import Comparison
-from tracker.cycle import Cycle, State
-from tracker.easier_start import LedBack
 from tracker.errors import InitializationError
 from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.silhouettes import SilhouetteEvidence
-from tracker.found_before import StartedBefore
 from tracker.frame import Frame
 from tracker.initialization import Backdrops, Stages
 from tracker.initialization._foregrounds import foregrounds, outlined, segmented
 from tracker.initialization._hypotheses import least_left
 from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.stance import StanceInitialization
-from tracker.jobs import execute, load_job
-from tracker.jobs.track import TrackJob
-from tracker.loss import LossRule
 from tracker.outlines import outline_observation
 from tracker.plate import Plate, changed
 from tracker.reading._plates import backdrop
 from tracker.reading._recorded_plate import recorded_plate
 from tracker.reading.video import VideoReading
-from tracker.recorded_plates import behind_who_stays, without_persons
-from tracker.recording._journal_line import line_of, replay_of
+from tracker.recorded_plates import without_persons
 from tracker.scene import Scene
 from tracker.sight import Sight
-from tracker.simulation.sequence import Recipe, Simulation, write_sequence
+from tracker.simulation.sequence import Simulation
 from tracker.start import Hypothesis, Start, confidence
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.tracking import Looking, tracked
-from tracker.trajectory import Step
-from tracker.two_passes import there
 
 BOX = slice(60, 200), slice(140, 180)
 
@@ -296,111 +284,6 @@ def test_plates_of_the_recording_that_show_the_person_are_not_used(
     found = without_persons(cycle, simulation.scene, simulation.frames).plates
     assert [plate is not None for plate in found] == [are_used, are_used, True, True]
     assert without_persons(replace(cycle, plates=plates), simulation.scene, simulation.frames).plates == plates
-
-
-def staying(simulation: Simulation, **changes: object) -> Cycle:
-    """A cycle without plates, for a recording whose backdrops show the legs of somebody who stands in one place."""
-    plates = showing(simulation, legs, unknown=False)
-    start = TrueStart(simulation, off_deg=0.0, off_m=0.0)
-    cycle = cycle_for(simulation, start, plates=(None,) * 4, evidence=AutoEvidence())
-    return replace(cycle, backdrops=lambda: plates, **changes)  # type: ignore[arg-type]
-
-
-def test_backdrops_know_what_the_first_frame_shows_where_nobody_is(simulation: Simulation) -> None:
-    cycle, box = staying(simulation), (slice(20, 60), slice(20, 50))
-    backdrops = cycle.backdrops()
-    assert backdrops[0] is not None
-    # something that stands there for most of the recording, but not now
-    gone = backdrops[0].picture.copy()
-    gone[box] = (gone[box] + np.uint8(128)) % 255
-    backdrops = (Plate(gone), *backdrops[1:])
-    found = behind_who_stays(replace(cycle, backdrops=lambda: backdrops), simulation.scene, simulation.frames)
-    first = simulation.scene.with_poses(tuple(poses[0] for poses in simulation.poses))
-    for v, model in enumerate(CpuSynthesis().silhouettes(first)):
-        plate, shown = found.plates[v], backdrops[v]
-        assert plate is not None
-        assert shown is not None
-        assert plate.unknown is not None
-        assert plate.stays
-        np.testing.assert_array_equal(plate.picture, shown.picture)
-        # the pose is refined, by a pixel at most
-        assert plate.unknown[cv2.erode(model.astype(np.uint8), np.ones((3, 3))) > 0].all()
-        beyond = cv2.dilate(model.astype(np.uint8), np.ones((31, 31))) == 0
-        if v == 0:
-            assert plate.unknown[box].all()
-            beyond[10:70, 10:60] = False
-        # the shadow on the floor differs as well
-        beyond[np.flatnonzero(model.any(axis=1))[-1] - 30 :] = False
-        assert not plate.unknown[beyond].any()
-
-
-def test_who_stays_is_found_once_and_never_before_plates_that_are_unknown_behind_them(simulation: Simulation) -> None:
-    cycle = staying(simulation)
-    found = behind_who_stays(cycle, simulation.scene, simulation.frames)
-    assert found.stages.plates == (None,) * 4
-    first = next(iter(simulation.frames()))
-    begun, _ = tracked(Sight(first), simulation.scene, cycle, State.before(simulation.scene), Looking(False, None))
-    start = found.initialization.start(first, simulation.scene, found.stages)
-    np.testing.assert_array_equal(start.poses[0], begun.estimates[0].q)
-    (known,) = found.known.values()
-    np.testing.assert_array_equal(known[0].q, begun.estimates[0].q)
-
-
-def test_who_was_followed_back_from_a_later_frame_starts_in_the_first_one(
-    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    cycle = staying(simulation)
-    steps, _ = there(list(simulation.frames()), simulation.scene, cycle)
-    first, last = (replay_of(line_of(step).encode()) for step in steps)
-    sure = Start((steps[1].estimates[0].q,), confidence=(0.9,))
-    led = LedBack(1, sure, {1: last, 0: first})
-
-    def led_back(*_: object) -> tuple[Step, LedBack]:
-        return steps[0], led
-
-    monkeypatch.setattr(recorded_plates, "tracked", led_back)
-    found = behind_who_stays(cycle, simulation.scene, simulation.frames)
-    start = found.initialization
-    assert isinstance(start, StartedBefore)
-    assert (start.frame, start.found.confidence, list(found.known)) == (0, (0.9,), [0, 1])
-    np.testing.assert_array_equal(start.found.poses[0], first.estimates[0].q)
-
-
-@pytest.fixture(scope="module")
-def unplated(tmp_path_factory: pytest.TempPathFactory) -> TrackJob:
-    """Somebody who swings the arms where they stand; nothing is told of the background."""
-    folder = tmp_path_factory.mktemp("run") / "sequence"
-    config = write_sequence(Recipe("arm_swing", seconds=1.2, size=(320, 256)), folder)
-    lines = config.read_text(encoding="utf-8").splitlines()
-    config.write_text("\n".join(line for line in lines if not line.startswith("background")), encoding="utf-8")
-    job = load_job("track", config, ["initialization.use=auto", "initialization.poses=truth_poses.csv", "passes=1"])
-    assert isinstance(job, TrackJob)
-    return job
-
-
-def test_a_run_says_what_it_knows_of_who_stays_and_resumes_with_the_same(unplated: TrackJob, tmp_path: Path) -> None:
-    said: list[str] = []
-    whole = execute(unplated, tmp_path / "whole", progress=lambda what, *_: said.append(what))
-    words = "contours, foreground where nobody stays, colours and motion of the parts, 4 of 4 views"
-    assert any(line.startswith(f"evidence: {words}") for line in said)
-    assert json.loads((whole.folder / "run.json").read_text(encoding="utf-8"))["choices"]["evidence"].startswith(words)
-
-    def interrupted(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
-        if what == "tracking" and done == 10:
-            raise KeyboardInterrupt
-
-    assert execute(unplated, tmp_path / "part", progress=interrupted).interrupted
-    resumed = execute(unplated, tmp_path / "part", resume=True)
-    for name in ("poses.csv", "joints.csv"):
-        assert (resumed.folder / name).read_bytes() == (whole.folder / name).read_bytes()
-
-
-def test_plates_are_left_alone_where_they_tell_nothing_or_nobody_was_surely_found(simulation: Simulation) -> None:
-    cycle = staying(simulation)
-    one_view = replace(cycle, backdrops=lambda: (cycle.backdrops()[0], None, None, None))
-    in_doubt = replace(cycle, loss=LossRule(doubtful_above=0.0))
-    for left in (one_view, in_doubt):
-        assert behind_who_stays(left, simulation.scene, simulation.frames) is left
 
 
 @pytest.mark.parametrize(

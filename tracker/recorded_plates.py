@@ -67,9 +67,6 @@ def behind_who_stays(cycle: Cycle, scene: Scene, reopen: Reopen) -> Cycle:
         cycle: the components; returned as it is if it has plates, or persons are not found in the first frame.
         scene: the persons and the rig.
         reopen: opens the recording.
-
-    Raises:
-        InitializationError: nobody was found.
     """
     backdrops = cycle.backdrops()
     frame = next(reopen(), None)

@@ -28,7 +28,7 @@ class Evidence(Protocol):
     """A component that answers for one kind of evidence. Search and refinement know none of them by name.
 
     One pose has one number: what `distances` ranks by is what `account` reports. Components derive from this class
-    and inherit the optional methods, `check`, `told`, `part_known`, `look`, `learned` and `observe_again`.
+    and inherit the optional methods, `check`, `told`, `takes_part_plates`, `look`, `learned` and `observe_again`.
     """
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Observed:
@@ -78,8 +78,8 @@ class Evidence(Protocol):
         """
         return
 
-    def part_known(self) -> bool:
-        """Whether plates that know nothing behind those who stay are of use to it; see `tracker.recorded_plates`."""
+    def takes_part_plates(self) -> bool:
+        """Whether it is made for plates that know nothing behind those who stay; see `tracker.recorded_plates`."""
         return False
 
     def told(self, known: Sequence[object | None]) -> str:

@@ -77,8 +77,8 @@ class AutoEvidence(Evidence):
         for one in (self.with_plates, self.without, self.partly):
             one.check(scene)
 
-    def part_known(self) -> bool:
-        """They are: `partly` is made for them."""
+    def takes_part_plates(self) -> bool:
+        """It does: `partly` is made for them."""
         return True
 
     def told(self, known: Sequence[object | None]) -> str:

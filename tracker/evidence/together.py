@@ -74,9 +74,9 @@ class TogetherEvidence(Evidence):
         """What each of them goes by."""
         return "; ".join(filter(None, (one.told(known) for one in self.of)))
 
-    def part_known(self) -> bool:
-        """If they are to one of them."""
-        return any(one.part_known() for one in self.of)
+    def takes_part_plates(self) -> bool:
+        """If one of them does."""
+        return any(one.takes_part_plates() for one in self.of)
 
     def look(self, sight: Sight, around: Contours) -> None:
         """What each of them does ahead."""

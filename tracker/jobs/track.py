@@ -203,7 +203,7 @@ class TrackJob:
             cycle = knowing(cycle, opened.known)
         # R-UpperBody, whose evidence is chosen for her alone, was worse from two of three starts with them
         unplated = sequence.makes_plates and all(plate is None for plate in cycle.plates)
-        if unplated and self.evidence.part_known():
+        if unplated and self.evidence.takes_part_plates():
             cycle = behind_who_stays(cycle, opened.scene, sequence.frames)
         return opened, cycle
 
