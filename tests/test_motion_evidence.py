@@ -62,8 +62,8 @@ def turned(scene: Scene, human: BodyModel) -> Scene:
 def checked(scene: Scene) -> tuple[Image, ...]:
     """A person in checks of 5 cm before a grey wall."""
     mesh = mesh_of(scene.persons[0])
-    checks = np.sign(np.sin(np.pi * mesh.points / 0.05)).prod(axis=2, keepdims=True)
-    mesh = replace(mesh, colours=np.repeat(140.0 + 80.0 * checks, 3, axis=2).astype(np.float32))
+    checks = np.sign(np.sin(np.pi * mesh.points / 0.05)).prod(axis=1, keepdims=True)
+    mesh = replace(mesh, colours=np.repeat(140.0 + 80.0 * checks, 3, axis=1).astype(np.float32))
     wall = np.full((1152, 1440, 3), 160, dtype=np.uint8)
     return tuple(draw_persons(wall, camera, scene, (mesh,))[0] for camera in scene.rig.cameras)
 

@@ -299,7 +299,8 @@ class BodyModel:
     def _marks(self) -> tuple[Array, Integers]:
         """The landmarks (L, 3) in the reference pose, metres, and the last parameter (L,) that moves each."""
         ends: Integers = frozen([mark.parameter for mark in self.landmarks], dtype=np.int64)
-        return frozen([mark.point for mark in self.landmarks]), ends
+        points = np.array([mark.point for mark in self.landmarks], dtype=np.float64)
+        return frozen(points.reshape(-1, 3)), ends
 
     def points_in_world(self, q: Array, points: Array, ends: Integers) -> Array:
         """Points of the body at poses.

@@ -1,4 +1,4 @@
-"""Pictures of clothed, shaded superquadric persons, drawn over background plates."""
+"""Pictures of clothed, shaded persons, drawn over background plates."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from tracker.arrays import Array, Array32, Image, Integers, Mask
+from tracker.body import BodyModel
 from tracker.body_sections import Clothes
 from tracker.camera import Camera
 from tracker.kernels.pictures.rasterization import rasterize
@@ -33,30 +34,79 @@ _SKIN, _HAIR = (132, 160, 205), (30, 34, 44)
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangulated parts of one person, in the parts' frames."""
+    """The triangulated surface of one person and the parts that move it."""
 
     points: Array
-    """(P, N, 3) metres."""
+    """(N, 3) as they were measured, metres."""
 
-    normals: Array
-    """(P, N, 3) unit."""
+    normals: Array | Array32
+    """(N, 3) unit."""
 
     colours: Array32
-    """(P, N, 3) BGR."""
+    """(N, 3) BGR."""
+
+    triangles: Integers
+    """(T, 3) vertex numbers."""
+
+    bones: Integers
+    """(N, K) parts that move a vertex."""
+
+    weights: Array32
+    """(N, K) how much; they add up to 1."""
+
+    part_from_rest: Array
+    """(P, 4, 4) of each part, from where the points were measured."""
+
+    def world(self, world_from_part: Array) -> tuple[Array, Array]:
+        """Points and normals (N, 3) in the world of parts placed at (P, 4, 4)."""
+        motions = (world_from_part @ self.part_from_rest)[self.bones, :3]
+        blended = np.einsum("nk,nkij->nij", self.weights, motions)
+        points = np.einsum("nij,nj->ni", blended[..., :3], self.points) + blended[..., 3]
+        return points, np.einsum("nij,nj->ni", blended[..., :3], self.normals)
 
 
 def mesh_of(person: Person, wardrobe: int = 0) -> Mesh:
-    """The person's surface with clothes."""
+    """The person's surface with clothes: the skin of a body that has one, else its superquadrics."""
+    body = person.body
+    if body.skin is None:
+        return _mesh_of_parts(body, wardrobe)
+    skin = body.skin
+    bones, weights = skin.bones
+    in_parts = np.einsum("nij,nj->ni", skin.part_from_rest[skin.labels][:, :3], np.insert(skin.points, 3, 1.0, axis=1))
+    colours = np.zeros((len(skin.points), 3), dtype=np.float32)
+    for k, part in enumerate(body.parts):
+        worn = skin.labels == k
+        if worn.any():
+            colours[worn] = _dress(body.clothes, part.name, in_parts[worn], wardrobe)
+    return Mesh(skin.points, skin.normals, colours, skin.faces, bones, weights, skin.part_from_rest)
+
+
+def _mesh_of_parts(body: BodyModel, wardrobe: int) -> Mesh:
     eta = np.linspace(-np.pi / 2, np.pi / 2, _N_ETA)[:, None]
     omega = np.linspace(-np.pi, np.pi, _N_OMEGA, endpoint=False)[None, :]
-    surfaces = [part.shape.surface(eta, omega) for part in person.body.parts]
-    points = np.array([found[0].reshape(-1, 3) for found in surfaces])
-    normals = np.array([found[1].reshape(-1, 3) for found in surfaces])
-    body = person.body
-    colours = np.array(
-        [_dress(body.clothes, part.name, p, wardrobe) for part, p in zip(body.parts, points, strict=True)]
+    surfaces = [part.shape.surface(eta, omega) for part in body.parts]
+    points = [found[0].reshape(-1, 3) for found in surfaces]
+    colours = [_dress(body.clothes, part.name, p, wardrobe) for part, p in zip(body.parts, points, strict=True)]
+    n_parts, per_part = len(points), _N_ETA * _N_OMEGA
+    starts = per_part * np.arange(n_parts)
+    return Mesh(
+        np.concatenate(points),
+        np.concatenate([found[1].reshape(-1, 3) for found in surfaces]),
+        np.concatenate(colours).astype(np.float32),
+        (starts[:, None, None] + _grid_triangles()).reshape(-1, 3).astype(np.int64),
+        np.arange(n_parts).repeat(per_part)[:, None],
+        np.ones((n_parts * per_part, 1), dtype=np.float32),
+        np.broadcast_to(np.eye(4), (n_parts, 4, 4)),
     )
-    return Mesh(points, normals, colours.astype(np.float32))
+
+
+def _grid_triangles() -> Integers:
+    """(T, 3) of a part's grid of points."""
+    rows, columns = np.meshgrid(np.arange(_N_ETA - 1), np.arange(_N_OMEGA), indexing="ij")
+    a, b = rows * _N_OMEGA + columns, rows * _N_OMEGA + (columns + 1) % _N_OMEGA
+    halves = (a, b, a + _N_OMEGA), (b, b + _N_OMEGA, a + _N_OMEGA)
+    triangles: Integers = np.concatenate([np.stack(half, -1).reshape(-1, 3) for half in halves])
+    return triangles
 
 
 def _dress(clothes: Clothes, part: str, points: Array, wardrobe: int) -> Array:
@@ -85,7 +135,7 @@ def draw_persons(plate: Image, camera: Camera, scene: Scene, meshes: tuple[Mesh,
         The picture and the mask (h, w) of pixels that the persons cover by half or more.
     """
     placed = [_placed(camera, p, m) for p, m in zip(scene.persons, meshes, strict=True)]
-    pixels, depths, colours, triangles = _joined(placed)
+    pixels, depths, colours, triangles = _joined(placed, meshes)
     picture = _shadowed(plate, camera, scene)
     mask = np.zeros(plate.shape[:2], dtype=np.bool_)
     inside = np.isfinite(pixels).all(axis=1)
@@ -104,32 +154,18 @@ def draw_persons(plate: Image, camera: Camera, scene: Scene, meshes: tuple[Mesh,
 
 
 def _placed(camera: Camera, person: Person, mesh: Mesh) -> tuple[Array, Array, Array]:
-    """Pixels (P N, 2), depths (P N,) and shaded colours (P N, 3) of a person's vertices."""
-    placements = person.body.world_from_part(person.q)
-    world = np.einsum("pij,pnj->pni", placements[:, :3, :3], mesh.points) + placements[:, None, :3, 3]
-    normals = np.einsum("pij,pnj->pni", placements[:, :3, :3], mesh.normals)
+    """Pixels (N, 2), depths (N,) and shaded colours (N, 3) of a person's vertices."""
+    world, normals = mesh.world(person.body.world_from_part(person.q))
     light = 0.55 + 0.45 * np.clip(normals @ _LIGHT, -0.35, 1)
-    world = world.reshape(-1, 3)
-    colours = (mesh.colours * light[..., None]).reshape(-1, 3)
-    return camera.project(world), camera.in_camera(world)[:, 2], colours
+    return camera.project(world), camera.in_camera(world)[:, 2], mesh.colours * light[:, None]
 
 
-def _joined(placed: list[tuple[Array, Array, Array]]) -> tuple[Array, Array, Array, Integers]:
-    """All persons' vertices together, with the triangles of all their parts."""
-    per_part = _N_ETA * _N_OMEGA
-    n_vertices = sum(len(found[0]) for found in placed)
-    rows, columns = np.meshgrid(np.arange(_N_ETA - 1), np.arange(_N_OMEGA), indexing="ij")
-    a, b = rows * _N_OMEGA + columns, rows * _N_OMEGA + (columns + 1) % _N_OMEGA
-    quads = np.concatenate(
-        [
-            np.stack([a, b, a + _N_OMEGA], -1).reshape(-1, 3),
-            np.stack([b, b + _N_OMEGA, a + _N_OMEGA], -1).reshape(-1, 3),
-        ]
-    )
-    starts = np.arange(0, n_vertices, per_part)
-    triangles = (starts[:, None, None] + quads[None]).reshape(-1, 3).astype(np.int64)
+def _joined(placed: list[tuple[Array, Array, Array]], meshes: tuple[Mesh, ...]) -> tuple[Array, Array, Array, Integers]:
+    """All persons' vertices together, with all their triangles."""
+    starts = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
+    triangles = [start + mesh.triangles for start, mesh in zip(starts, meshes, strict=False)]
     pixels, depths, colours = (np.concatenate(parts) for parts in zip(*placed, strict=True))
-    return pixels, depths, colours, triangles
+    return pixels, depths, colours, np.concatenate(triangles)
 
 
 def _shade(

@@ -187,10 +187,11 @@ def fill_folder(simulation: Simulation, folder: Path, config: Path, progress: Pr
     _write_plates(simulation, folder / "background")
     _write_videos(simulation, folder, progress)
     save_rig(simulation.scene.rig, folder / "rig.toml")
-    if simulation.recipe.stature_m is None:
+    description = simulation.recipe.subject.description()
+    if simulation.recipe.stature_m is None and description.skin is None:
         shutil.copyfile(simulation.recipe.model_file, folder / "model.toml")
     else:
-        save_description(simulation.recipe.subject.description(), folder / "model.toml", decimals=None)
+        save_description(description, folder / "model.toml", decimals=None)
     _write_truth(simulation, folder)
     _write_config(simulation, config)
 
