@@ -34,6 +34,7 @@ from tracker.rig_layouts import load_rig
 from tracker.scene import Person, Scene
 from tracker.simulation.sequence import Recipe, Simulation, fill_folder
 
+# As the recordings of BODYTRACK_DATA/room have.
 _FPS = 25.0
 
 
