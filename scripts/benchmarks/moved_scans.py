@@ -9,6 +9,7 @@ from scipy.optimize import least_squares
 from benchmarks.motion_files import MotionFile
 from tracker.arrays import Array
 from tracker.body import BodyModel
+from tracker.errors import SequenceError
 from tracker.recognition.limb_directions import JOINTS
 
 _LIMBS = tuple(
@@ -23,6 +24,8 @@ _USUAL, _STEADY = 0.03, 0.05
 # A point that runs through another part by its full depth turns a limb by some ten degrees.
 _APART = 0.15
 _DELTA = 1e-5
+# No joint of nineteen true movements does that at 25 frames a second, see `tracker.jumps`.
+_JUMP_M, _TIMES = 0.1, 2.5
 # Headings tried for the first frame.
 _HEADINGS = np.radians(np.arange(0, 360, 45))
 
@@ -40,6 +43,9 @@ def poses_like(motion: MotionFile, body: BodyModel, rate_hz: float) -> Array:
 
     Returns:
         (T, dof) rad and m.
+
+    Raises:
+        SequenceError: a joint jumps where the file's does not, past what the body cannot follow; says in which frame.
     """
     times = np.arange(motion.times_s[0], motion.times_s[-1], 1 / rate_hz)
     joints = make_interp_spline(motion.times_s, motion.joints, k=1)(times)
@@ -48,8 +54,12 @@ def poses_like(motion: MotionFile, body: BodyModel, rate_hz: float) -> Array:
     poses = [fit.first(wanted[0])]
     for directions in wanted[1:]:
         poses.append(fit.solved(poses[-1], directions, _STEADY))
-    found = np.array(poses)
-    return _placed(found, joints, body)
+    placed = _placed(np.array(poses), joints, body)
+    ways = np.linalg.norm(np.diff(_joints(body, placed), axis=0), axis=2).max(axis=1)
+    jumps = (ways[1:-1] > _JUMP_M) & (ways[1:-1] > _TIMES * np.maximum(ways[:-2], ways[2:]))
+    if jumps.any():
+        raise SequenceError(f"a joint jumps after {times[1 + int(np.argmax(jumps))]:.2f} s; leave that out")
+    return placed
 
 
 def directions_of(joints: Array) -> Array:
@@ -68,7 +78,6 @@ class _Fit:
     def __init__(self, body: BodyModel) -> None:
         self._body = body
         self._free = np.flatnonzero(body.rotates)
-        self._marks = [body.landmark_names.index(name) for name in JOINTS]
         low, high = body.limits[self._free].T
         self._limits = low, high
         self._spreads = np.where(high - low < 2 * np.pi, high - low, np.inf)
@@ -109,8 +118,7 @@ class _Fit:
 
     def _residuals(self, q: Array, before: Array, wanted: Array, steady: float) -> Array:
         """(B, R) of poses (B, dof)."""
-        joints = self._body.landmarks_in_world(q)[:, self._marks]
-        apart = (directions_of(joints) - wanted).reshape(len(q), -1)
+        apart = (directions_of(_joints(self._body, q)) - wanted).reshape(len(q), -1)
         usual = _USUAL * (q - self._body.rest())[:, self._free] / self._spreads
         change = steady * (q - before)[:, self._free]
         through = _APART * self._body.collisions(q)[:, None]
@@ -120,7 +128,7 @@ class _Fit:
 
 def _placed(poses: Array, joints: Array, body: BodyModel) -> Array:
     """The poses with the way of the hips; the lowest point of all frames lies on the floor."""
-    own = body.landmarks_in_world(poses)[:, [body.landmark_names.index(name) for name in JOINTS]]
+    own = _joints(body, poses)
     way = _hips(joints) * _leg(own) / _leg(joints)
     way[:, :2] -= (way[:, :2].min(axis=0) + way[:, :2].max(axis=0)) / 2
     shifts = way - _hips(own)
@@ -128,6 +136,12 @@ def _placed(poses: Array, joints: Array, body: BodyModel) -> Array:
     placed = poses.copy()
     placed[:, [body.names.index(f"torso_{axis}") for axis in "xyz"]] += shifts
     return placed
+
+
+def _joints(body: BodyModel, poses: Array) -> Array:
+    """(T, 12, 3) in the order of `JOINTS`."""
+    found: Array = body.landmarks_in_world(poses)[:, [body.landmark_names.index(name) for name in JOINTS]]
+    return found
 
 
 def _hips(joints: Array) -> Array:
