@@ -140,3 +140,14 @@ def test_plates_are_left_alone_where_they_tell_nothing_or_nobody_was_surely_foun
     in_doubt = replace(cycle, loss=LossRule(doubtful_above=0.0))
     for left in (one_view, in_doubt):
         assert behind_who_stays(left, simulation.scene, simulation.frames) is left
+
+
+def test_who_stands_out_from_the_backdrops_may_be_in_doubt(simulation: Simulation) -> None:
+    """Edges of clutter doubt what stands out plainly; without these plates an arm was off in 44 of 61 frames."""
+    cycle = replace(staying(simulation), loss=LossRule(doubtful_above=0.0))
+    empty = simulation.plates
+    found = behind_who_stays(replace(cycle, backdrops=lambda: empty), simulation.scene, simulation.frames)
+    assert all(plate is not None and plate.stays for plate in found.plates)
+    # nobody is in them, so nothing of them is unknown
+    unknown = [0.0 if plate is None or plate.unknown is None else float(plate.unknown.mean()) for plate in found.plates]
+    assert max(unknown) < 0.01
