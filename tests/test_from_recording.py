@@ -12,7 +12,7 @@ from recordings import TrueStart, cycle_for, small_simulation
 from test_shape_space import some_shape, space
 
 import tracker.acquisition.from_recording as from_recording
-from tracker.acquisition.calibrated_views import ViewSettings
+from tracker.acquisition.calibrated_views import ViewSettings, Watching, fit_to_views, view_overlaps
 from tracker.acquisition.fitting import FitSettings
 from tracker.acquisition.from_recording import best_seen, fit_bodies
 from tracker.acquisition.shape_space import ShapePrior, space_of
@@ -26,6 +26,7 @@ from tracker.jobs import execute, load_job
 from tracker.jobs.track import TrackJob
 from tracker.loss import LossRule
 from tracker.objective import Objective
+from tracker.plate import Plate
 from tracker.progress import silent
 from tracker.resources import model_path
 from tracker.run import Run
@@ -33,6 +34,7 @@ from tracker.scene import Person, Scene
 from tracker.simulation.sequence import Recipe, Simulation, write_sequence
 from tracker.start import Start
 from tracker.subject import Subject
+from tracker.synthesis.cpu import CpuSynthesis
 from tracker.trajectory import Step
 from tracker.two_passes import back, there
 
@@ -83,6 +85,44 @@ def test_a_body_comes_nearer_to_the_person_who_is_filmed(
         return float(np.linalg.norm(np.array(ours) - true, axis=-1).mean())
 
     assert off_mm(fitted) < 0.8 * off_mm(as_general)
+
+
+def half_known(filmed: Simulation) -> tuple[Plate, ...]:
+    """Plates that do not know what is behind a strip of each view, a quarter to two fifths of the person in it."""
+    person = CpuSynthesis().silhouettes(filmed.scene.with_poses(tuple(poses[0] for poses in filmed.poses)))
+    found = []
+    for k, (plate, mask) in enumerate(zip(filmed.plates, person, strict=True)):
+        rows, unknown = np.flatnonzero(mask.any(axis=1)), np.zeros(mask.shape, dtype=bool)
+        top = rows[0] + (k % 3) * (rows[-1] - rows[0]) // 4
+        unknown[top : top + (rows[-1] - rows[0]) // 3] = True
+        assert plate is not None
+        found.append(replace(plate, unknown=unknown))
+    return tuple(found)
+
+
+def test_plates_that_do_not_know_all_make_a_body_too(
+    filmed: Simulation, as_general: Scene, general: BodyDescription
+) -> None:
+    """Views with more than a fiftieth unknown were left out, which is most before backdrops of the recording's own."""
+    cycle = cycle_for(filmed, TrueStart(filmed), plates=half_known(filmed))
+    found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
+    assert found.told == {0: "fitted to 4 of the first 8 frames"}
+    fitted = as_general.with_bodies({0: found.fits[0].body})
+    before, after = (np.abs(girths(scene) - girths(filmed.scene)).mean() for scene in (as_general, fitted))
+    assert after < 0.7 * before
+
+
+def test_what_is_not_known_counts_neither_for_nor_against_a_model(filmed: Simulation) -> None:
+    cycle = cycle_for(filmed, TrueStart(filmed))
+    steps, _ = there(list(filmed.frames()), filmed.scene, cycle)
+    seen = best_seen(steps, 0, N_FRAMES, 2)
+    herself = space_of(read_description(Path(filmed.recipe.model)), ShapePrior())
+    shares = []
+    for plates in (filmed.plates, half_known(filmed)):
+        watching = Watching(filmed.scene.rig, cycle.synthesis, QUICK.analysis, plates)
+        fit = fit_to_views(herself, (np.zeros(len(herself.names)), 0), seen, watching, QUICK)
+        shares.append(view_overlaps(fit, seen, watching))
+    np.testing.assert_allclose(*shares, atol=0.1)
 
 
 def test_of_each_stretch_the_frame_is_kept_that_leaves_least_over(filmed: Simulation) -> None:
