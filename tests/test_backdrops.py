@@ -13,7 +13,7 @@ from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 from test_recorded_plate import LEAVING, STILL, WALKING, filmed, room
 from test_silhouettes import asked
 
-from tracker.acquisition.calibrated_views import _whole_silhouettes
+from tracker.acquisition.calibrated_views import _known_silhouettes
 from tracker.arrays import Mask
 from tracker.comparison import Comparison
 from tracker.errors import InitializationError
@@ -162,17 +162,17 @@ def test_what_was_drawn_is_a_mask_where_the_plate_does_not_know() -> None:
         np.testing.assert_array_equal(mask, given)
 
 
-def test_an_outline_with_a_hole_does_not_make_a_model(truth: Scene, masks: tuple[Mask, ...]) -> None:
+def test_a_view_that_does_not_know_what_is_behind_the_person_makes_no_model(truth: Scene, masks: tuple[Mask, ...]) -> None:
     images = tuple(np.where(mask[..., None], (60, 90, 160), 190).astype(np.uint8) for mask in masks)
     empty = np.full_like(images[0], 190)
-    hole, beside = masks[1].copy(), np.zeros_like(masks[2])
-    hole[: hole.shape[0] // 2] = False
-    beside[:5, :5] = True
-    known = (Plate(empty), Plate(empty, hole), Plate(empty, beside), Plate(empty))
+    rows = np.flatnonzero(masks[2].any(axis=1))
+    head = masks[2].copy()
+    head[rows[0] + len(rows) // 5 :] = False
+    known = (Plate(empty), Plate(empty, masks[1]), Plate(empty, head), Plate(empty))
     sight = Sight(Frame(0, 0.0, images), known)
     for v, mask in enumerate(masks):
         sight.changes(v, (0, 0, mask.shape[1], mask.shape[0]))
-    found = _whole_silhouettes(sight, masks)
+    found = _known_silhouettes(sight, masks)
     assert [mask is not None for mask in found] == [True, False, True, True]
 
 
