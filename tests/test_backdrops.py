@@ -162,7 +162,7 @@ def test_what_was_drawn_is_a_mask_where_the_plate_does_not_know() -> None:
         np.testing.assert_array_equal(mask, given)
 
 
-def test_a_view_that_does_not_know_what_is_behind_the_person_makes_no_model(truth: Scene, masks: tuple[Mask, ...]) -> None:
+def test_a_view_that_knows_nothing_behind_the_person_makes_no_model(truth: Scene, masks: tuple[Mask, ...]) -> None:
     images = tuple(np.where(mask[..., None], (60, 90, 160), 190).astype(np.uint8) for mask in masks)
     empty = np.full_like(images[0], 190)
     rows = np.flatnonzero(masks[2].any(axis=1))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 from test_backdrops import legs, showing
 
+import tracker.acquisition.calibrated_views as calibrated_views
 import tracker.recorded_plates as recorded_plates
 from tracker.cycle import Cycle, State
 from tracker.easier_start import LedBack
@@ -117,9 +119,16 @@ def unplated(tmp_path_factory: pytest.TempPathFactory) -> TrackJob:
     return job
 
 
-def test_a_run_says_what_it_knows_of_who_stays_and_resumes_with_the_same(unplated: TrackJob, tmp_path: Path) -> None:
+@pytest.mark.parametrize("shape", ["model", "recording"])
+def test_a_run_says_what_it_knows_of_who_stays_and_resumes_with_the_same(
+    unplated: TrackJob, tmp_path: Path, shape: Literal["model", "recording"], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Resumed with a body that is fitted already, it makes the same of the backdrops as before the fit."""
+    monkeypatch.setattr(calibrated_views, "_MOST_HIDDEN", 1.0)  # the trunk does not move, so it is in the backdrops
     said: list[str] = []
+    unplated = replace(unplated, persons=tuple(replace(one, shape=shape) for one in unplated.persons))
     whole = execute(unplated, tmp_path / "whole", progress=lambda what, *_: said.append(what))
+    assert any(line.startswith("person1: lengths and shapes fitted to") for line in said) == (shape == "recording")
     words = "contours, foreground where nobody stays, colours and motion of the parts, 4 of 4 views"
     assert any(line.startswith(f"evidence: {words}") for line in said)
     assert json.loads((whole.folder / "run.json").read_text(encoding="utf-8"))["choices"]["evidence"].startswith(words)

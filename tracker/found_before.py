@@ -16,7 +16,7 @@ from tracker.start import Start
 
 
 def knowing(
-    cycle: Cycle, known: Mapping[int, Sequence[Estimate]], start: Start | None = None, whole: bool = False
+    cycle: Cycle, known: Mapping[int, Sequence[Estimate]], start: Start | None = None, believed: bool = False
 ) -> Cycle:
     """The cycle, which weighs what was found before in the first frames, and looks for nobody who was found there.
 
@@ -26,11 +26,11 @@ def knowing(
         cycle: the components.
         known: frame -> what was found, in order.
         start: how persons were found, in the first frame or a later one.
-        whole: only doubts of a whole pose count, not of limbs.
+        believed: however doubtful.
     """
     first, estimates = next(iter(known.items()))
     cycle = replace(cycle, known=known)
-    if any(one.lost or (one.doubtful if whole else doubted(one)) for one in estimates):
+    if any(one.lost or (not believed and doubted(one)) for one in estimates):
         return cycle
     ever = cycle.initialization
     ever = ever.otherwise if isinstance(ever, StartedBefore) else ever

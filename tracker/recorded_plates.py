@@ -89,8 +89,8 @@ def behind_who_stays(cycle: Cycle, scene: Scene, reopen: Reopen) -> Cycle:
         None if plate is None else _unknown_behind(plate, sight, v, model, stand_out)
         for v, (plate, model) in enumerate(zip(backdrops, models, strict=True))
     )
-    # limbs in doubt, too: before these plates another start could be found than they are made for
-    return knowing(replace(cycle, plates=plates), known, start, whole=True)
+    # in doubt, too: before these plates another start could be found than they are made for
+    return knowing(replace(cycle, plates=plates), known, start, believed=True)
 
 
 def _unknown_behind(plate: Plate, sight: Sight, view: int, model: Mask, stand_out: bool) -> Plate:

@@ -197,14 +197,16 @@ class TrackJob:
             InitializationError: nobody was found.
         """
         sequence = opened.sequence
+        # R-UpperBody, whose evidence is chosen for her alone, was worse from two of three starts with them
+        unplated = sequence.makes_plates and all(plate is None for plate in cycle.plates)
+        if unplated and self.evidence.takes_part_plates():
+            # of an interrupted run, too, as they were before bodies were fitted
+            told = {k: subject.description().build() for k, subject in enumerate(self.persons) if opened.done}
+            cycle = behind_who_stays(cycle, opened.scene.with_bodies(told), sequence.frames)
         if not opened.done:
             opened, cycle = with_fitted_bodies(opened, self.persons, cycle)
         elif opened.known:
             cycle = knowing(cycle, opened.known)
-        # R-UpperBody, whose evidence is chosen for her alone, was worse from two of three starts with them
-        unplated = sequence.makes_plates and all(plate is None for plate in cycle.plates)
-        if unplated and self.evidence.takes_part_plates():
-            cycle = behind_who_stays(cycle, opened.scene, sequence.frames)
         return opened, cycle
 
     def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> TrackOutcome:
