@@ -16,6 +16,7 @@ from tracker.loss import limbs_left_over
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.start import Hypothesis, Start, confidence, limbs_shown
+from tracker.synthesis import side_by_side
 from tracker.trajectory import Step
 
 # Frames closer than this show hardly anything new.
@@ -75,9 +76,17 @@ def _ranked(
     # judged in its place. Without plates five of them took 215 of the 336 s that a start took (D-TwoElbowRot).
     held = replace(cycle.loss, lost_below=0.0, again_after=cycle.loss.rehearse + 2)
     cycle = replace(cycle, loss=held)
-    trials = [_begun(one, start, k, frame, scene, cycle) for one in start.hypotheses[k]]
+
+    def begun(one: Hypothesis) -> _Trial:
+        return _begun(one, start, k, frame, scene, cycle)
+
+    trials = side_by_side(cycle.synthesis, begun, start.hypotheses[k])
     for later in following:
-        trials = [_continued(trial, k, Sight(later, cycle.plates), cycle) for trial in trials]
+
+        def continued(trial: _Trial, later: Frame = later) -> _Trial:
+            return _continued(trial, k, Sight(later, cycle.plates), cycle)
+
+        trials = side_by_side(cycle.synthesis, continued, trials)
     ranking = [_on_average(trial, scene.persons[k].body) for trial in trials]
     return tuple(sorted(ranking, key=lambda one: one.left_over))
 

@@ -37,6 +37,7 @@ from tracker.plate import Plate, in_light_of
 from tracker.rig import Rig
 from tracker.scene import Scene
 from tracker.start import AxisFit, Hypothesis, Start, confidence
+from tracker.synthesis import side_by_side
 
 # Poses at a time: bounds the memory.
 _BATCH = 128
@@ -125,14 +126,19 @@ class PcaInitialization:
         _enough(masks, frame, scene)
         if not any(plate is not None and plate.unknown is not None for plate in stages.plates):
             return self._started(frame, scene, stages, masks)
-        starts, faults, drawn = [], [], segmented(frame, stages.plates)
-        for shown, tried in ((frame, drawn), (frame, masks), (outlined(frame, stages.plates, drawn), drawn)):
+        drawn = segmented(frame, stages.plates)
+        tried = (frame, drawn), (frame, masks), (outlined(frame, stages.plates, drawn), drawn)
+
+        def started(one: tuple[Frame, tuple[Mask | None, ...]]) -> Start | InitializationError:
             try:
-                starts.append(self._started(shown, scene, stages, tried))
+                return self._started(one[0], scene, stages, one[1])
             except InitializationError as fault:
-                faults.append(fault)
+                return fault
+
+        outcomes = side_by_side(stages.synthesis, started, tried)
+        starts = [one for one in outcomes if isinstance(one, Start)]
         if not starts:
-            raise faults[-1]
+            raise next(one for one in reversed(outcomes) if isinstance(one, InitializationError))
         return least_left(starts, scene, self.finalists)
 
     def _started(self, frame: Frame, scene: Scene, stages: Stages, masks: tuple[Mask | None, ...]) -> Start:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 from tracker.arrays import Array, Integers, Mask
 from tracker.contours import Contours
@@ -12,10 +14,16 @@ from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._pictures import distances_of, misfits_of
 
+_One = TypeVar("_One")
+_Made = TypeVar("_Made")
+
 
 @runtime_checkable
 class Synthesis(Protocol):
-    """A component that projects a scene into all views."""
+    """A component that projects a scene into all views.
+
+    One that several threads may ask at once, for no graphics context belongs to one of them, has `threads = True`.
+    """
 
     def contours(
         self, scene: Scene, person: int | None = None, poses: Array | None = None, coarse: bool = False
@@ -80,6 +88,20 @@ class Synthesis(Protocol):
             the wrong side, px; contour whose lines show the part inside and not outside, px.
         """
         ...
+
+
+def side_by_side(synthesis: Synthesis, do: Callable[[_One], _Made], of: Sequence[_One]) -> list[_Made]:
+    """What is made of each, in threads if the synthesis can be asked by several, for kernels hold no lock.
+
+    Args:
+        synthesis: what the work asks.
+        do: changes nothing that it sees of the others, so that the results are those of a loop.
+        of: what it is done with.
+    """
+    if not getattr(synthesis, "threads", False) or len(of) < 2:
+        return [do(one) for one in of]
+    with ThreadPoolExecutor(len(of)) as pool:
+        return list(pool.map(do, of))
 
 
 @dataclass(frozen=True)

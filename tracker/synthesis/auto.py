@@ -43,6 +43,11 @@ class AutoSynthesis:
         """Which component works and why, in one sentence."""
         return _found(self.device)[1]
 
+    @property
+    def threads(self) -> bool:
+        """Whether several threads may ask at once: not where a graphics card answers."""
+        return not _found(self.device)[0]
+
     def contours(
         self, scene: Scene, person: int | None = None, poses: Array | None = None, coarse: bool = False
     ) -> Contours:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pydantic
@@ -34,6 +34,9 @@ _FINE = (13, 24)
 @component
 class CpuSynthesis:
     """Contour tracer of the superquadric model; needs no graphics library."""
+
+    threads: ClassVar[bool] = True
+    """Whether several threads may ask at once."""
 
     step_px: float = pydantic.Field(default=8.0, gt=0)
     """Longest piece of contour that one sample stands for, px."""

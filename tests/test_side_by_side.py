@@ -1,0 +1,57 @@
+"""Work done in threads finds what a loop finds, to the last bit."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import TrueStart, cycle_for, small_simulation
+
+from tracker.initialization.pca import PcaInitialization
+from tracker.rehearsal import rehearsed
+from tracker.start import Start
+from tracker.synthesis import side_by_side
+from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.egl import EglSynthesis
+from tracker.synthesis.osmesa import OsmesaSynthesis
+
+
+@pytest.mark.parametrize("synthesis", [CpuSynthesis(), EglSynthesis(), OsmesaSynthesis()])
+def test_the_order_is_that_of_the_loop_and_a_graphics_context_stays_in_its_thread(synthesis):
+    asked = set()
+
+    def doubled(one: int) -> int:
+        asked.add(threading.get_ident())
+        return 2 * one
+
+    assert side_by_side(synthesis, doubled, range(5)) == [0, 2, 4, 6, 8]
+    assert (threading.get_ident() in asked) == (not isinstance(synthesis, CpuSynthesis))
+
+
+def test_what_one_raises_is_raised():
+    with pytest.raises(ZeroDivisionError):
+        side_by_side(CpuSynthesis(), lambda one: 1 // one, [1, 0])
+
+
+def started(in_threads: bool, monkeypatch: pytest.MonkeyPatch) -> tuple[Start, Start]:
+    """A start before plates that do not know all, as it is found and after a rehearsal."""
+    monkeypatch.setattr(CpuSynthesis, "threads", in_threads)
+    simulation = small_simulation("two_elbow_rotation", n_frames=4)
+    unknown = np.zeros(simulation.plates[0].picture.shape[:2], dtype=bool)
+    unknown[:40, :60] = True
+    plates = tuple(replace(plate, unknown=unknown) for plate in simulation.plates)
+    cycle = cycle_for(simulation, TrueStart(simulation), plates=plates)
+    cycle = replace(cycle, loss=replace(cycle.loss, rehearse=2, sure=1.0))
+    first = next(iter(simulation.frames()))
+    found = PcaInitialization(hypotheses=2, finalists=2).start(first, simulation.scene, cycle.stages)
+    return found, rehearsed(found, first, simulation.scene, cycle, simulation.frames)
+
+
+def test_a_start_in_threads_is_that_of_a_loop(monkeypatch):
+    for one, other in zip(started(True, monkeypatch), started(False, monkeypatch), strict=True):
+        assert one.confidence == other.confidence
+        for mine, its in zip(one.hypotheses[0], other.hypotheses[0], strict=True):
+            np.testing.assert_array_equal(mine.q, its.q)
+            assert (mine.distance_px, mine.left_over) == (its.distance_px, its.left_over)
