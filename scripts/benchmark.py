@@ -22,6 +22,7 @@ from benchmarks import segmentation as level_sets
 from benchmarks import sigma as uncertainty
 from benchmarks import sizes as measured_sizes
 from benchmarks import skins as skinned_meshes
+from benchmarks import starts as found_starts
 from benchmarks import surfaces as measured_surfaces
 from benchmarks import tracking as cycle_times
 from benchmarks import twists as limb_twists
@@ -53,6 +54,12 @@ def tracking(
 ) -> None:
     """Milliseconds a frame by stage, from video files on, beside the floor of decoding and edge detection."""
     cycle_times.compare(console, n_frames, quick)
+
+
+@app.command()
+def starts(quick: Quick = False) -> None:
+    """Seconds that a start takes where part of the background is known, in threads and in a loop."""
+    found_starts.compare(console, quick)
 
 
 @app.command()

@@ -36,6 +36,7 @@ def benchmark(*arguments: str, **variables: str) -> str:
         (("poses",), ("1 thread", "to rasterizing", "to pyrender", "2 threads", "cpu"), 2),
         (("skins",), ("rasterizing it", "contours of it, smooth", "contours of its superquadrics", "CPU ms a pose"), 5),
         (("tracking",), ("decode alone", "observation", "other", "floor", "ratio", "frames/s", "hinge RMS deg"), 4),
+        (("starts",), ("a loop", "threads", "wall s", "same pose", "yes"), 2),
         (("robustness", "--only", "missing"), ("lost", "longest loss", "joints 95 % mm", "verdict", "tracked"), 1),
         (("robustness", "--only", "start 5"), ("< 20 mm in 10 frames", "flagged lost", "silently wrong"), 1),
         (("lsm",), ("inverse-compositional", "findTransformECC", "RMS px", "real error over predicted sigma"), 30),
@@ -50,7 +51,7 @@ def test_benchmarks_print_their_columns(arguments: tuple[str, ...], words: tuple
     for word in words:
         assert word in printed
     assert len(re.findall("^│", printed, re.MULTILINE)) >= n_rows
-    if arguments[0] in ("poses", "skins", "tracking", "lsm", "segmentation"):
+    if arguments[0] in ("poses", "skins", "tracking", "starts", "lsm", "segmentation"):
         # Every speed stands beside its reference.
         assert re.search(r" \d[\d.]*x ", printed)
 
