@@ -13,7 +13,6 @@ import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 from test_backdrops import legs, showing
 
-import tracker.acquisition.calibrated_views as calibrated_views
 import tracker.recorded_plates as recorded_plates
 from tracker.cycle import Cycle, State
 from tracker.easier_start import LedBack
@@ -121,10 +120,9 @@ def unplated(tmp_path_factory: pytest.TempPathFactory) -> TrackJob:
 
 @pytest.mark.parametrize("shape", ["model", "recording"])
 def test_a_run_says_what_it_knows_of_who_stays_and_resumes_with_the_same(
-    unplated: TrackJob, tmp_path: Path, shape: Literal["model", "recording"], monkeypatch: pytest.MonkeyPatch
+    unplated: TrackJob, tmp_path: Path, shape: Literal["model", "recording"]
 ) -> None:
     """Resumed with a body that is fitted already, it makes the same of the backdrops as before the fit."""
-    monkeypatch.setattr(calibrated_views, "_MOST_HIDDEN", 1.0)  # the trunk does not move, so it is in the backdrops
     said: list[str] = []
     unplated = replace(unplated, persons=tuple(replace(one, shape=shape) for one in unplated.persons))
     whole = execute(unplated, tmp_path / "whole", progress=lambda what, *_: said.append(what))
