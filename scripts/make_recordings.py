@@ -22,14 +22,15 @@ from benchmarks.motion_files import MotionFile, read_cmu, read_deepmimic
 from benchmarks.moved_scans import poses_like
 from rich.console import Console
 
-from tracker.arrays import Array, Image
+from tracker.arrays import Image
 from tracker.body_files import load_body, read_description
 from tracker.commands.terminal import ProgressBar
 from tracker.config import read_config
-from tracker.errors import SequenceError, TrackerError
+from tracker.errors import ConfigError, SequenceError, TrackerError, nearest
+from tracker.files import whole_folder
 from tracker.jobs.acquire import acquire_to, acquisition_from
 from tracker.plate import Plate
-from tracker.rig import Rig
+from tracker.progress import Progress
 from tracker.rig_layouts import load_rig
 from tracker.scene import Person, Scene
 from tracker.simulation.sequence import Recipe, Simulation, fill_folder
@@ -79,25 +80,30 @@ def main(
     only: Annotated[str, typer.Option(help="Part of the names of those to make.")] = "",
 ) -> None:
     """Renders the recordings."""
-    data = Path(os.environ["BODYTRACK_DATA"]).resolve()
-    output.mkdir(parents=True, exist_ok=True)
     try:
+        chosen = {name: clip for name, clip in _CLIPS.items() if only in name}
+        if not chosen:
+            raise ConfigError(f"--only {only}: no such recording; {nearest(only, _CLIPS)}")
+        if not os.environ.get("BODYTRACK_DATA"):
+            raise ConfigError("BODYTRACK_DATA is not set: expected the folder with motions, scans and empty rooms")
+        data = Path(os.environ["BODYTRACK_DATA"]).resolve()
         with ProgressBar() as progress:
-            for name, clip in _CLIPS.items():
-                folder = output / name
-                if only in name and not folder.exists():
-                    model = _scanned(clip.person, data, output)
-                    simulation = _simulated(clip, model, data)
-                    unfinished = output / f"{name}.unfinished"
-                    unfinished.mkdir(exist_ok=True)
-                    fill_folder(simulation, unfinished, unfinished / "config.toml", progress)
-                    stature_m = read_description(model).stature_m
-                    told = {"subject": clip.person, "id": clip.person, "height_m": stature_m}
-                    (unfinished / "meta.json").write_text(json.dumps({"people": [told]}))
-                    unfinished.rename(folder)
+            for name, clip in chosen.items():
+                if not (output / name).exists():
+                    _make(clip, data, output / name, progress)
     except TrackerError as error:
         Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
         raise typer.Exit(2) from None
+
+
+def _make(clip: _Clip, data: Path, folder: Path, progress: Progress) -> None:
+    """Writes one recording, complete or not at all."""
+    model = _scanned(clip.person, data, folder.parent)
+    simulation = _simulated(clip, model, data)
+    told = {"subject": clip.person, "id": clip.person, "height_m": read_description(model).stature_m}
+    with whole_folder(folder) as unfinished:
+        fill_folder(simulation, unfinished, unfinished / "config.toml", progress)
+        (unfinished / "meta.json").write_text(json.dumps({"people": [told]}), encoding="utf-8")
 
 
 def _scanned(name: str, data: Path, output: Path) -> Path:
@@ -106,7 +112,7 @@ def _scanned(name: str, data: Path, output: Path) -> Path:
     if not path.exists():
         scan = data / "room" / _SCANS[name] / "surface"
         told = {"surface": scan / "scan.ply", "weights": scan / "rigging.npz", "joints": scan / "joints.json"}
-        path.parent.mkdir(exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         config = path.with_name(f"{name}_scan.toml")
         lines = [f'name = "{name}"', 'model = "human"', "[scan]", *(f'{key} = "{file}"' for key, file in told.items())]
         config.write_text("\n".join(lines) + "\n")
@@ -121,7 +127,7 @@ def _simulated(clip: _Clip, model: Path, data: Path) -> Simulation:
     rig = load_rig(folder / "calibration.json")
     body = load_body(model)
     poses = poses_like(_turned(motion, clip.heading_deg), body, _FPS)
-    poses[:, [body.names.index("torso_x"), body.names.index("torso_y")]] += _looked_at(rig)
+    poses[:, [body.names.index("torso_x"), body.names.index("torso_y")]] += rig.middle[:2]
     recipe = Recipe(model=str(model), rig=rig, seconds=len(poses) / _FPS, fps=_FPS, noise_grey=3.0)
     plates = tuple(Plate(_picture(folder / "background" / f"{name}.jpg")) for name in rig.names)
     return Simulation(recipe, Scene((Person(clip.person, body, poses[0]),), rig), (poses,), plates)
@@ -138,13 +144,6 @@ def _turned(motion: MotionFile, degrees: float) -> MotionFile:
     """Turned about the vertical."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return MotionFile(motion.times_s, motion.joints @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T)
-
-
-def _looked_at(rig: Rig) -> Array:
-    """X and y of the point nearest to all cameras' axes, metres."""
-    across = [np.eye(3) - np.outer(axis, axis) for axis in (camera.camera_from_world[2, :3] for camera in rig.cameras)]
-    right = sum(one @ camera.centre for one, camera in zip(across, rig.cameras, strict=True))
-    return np.asarray(np.linalg.solve(sum(across), right)[:2], dtype=np.float64)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from benchmarks.motion_files import MotionFile
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.errors import SequenceError
-from tracker.recognition.limb_directions import JOINTS
+from tracker.recognition.limb_directions import JOINTS, joint_columns
 
 _LIMBS = tuple(
     (f"{side}_{one}", f"{side}_{other}")
@@ -45,7 +45,8 @@ def poses_like(motion: MotionFile, body: BodyModel, rate_hz: float) -> Array:
         (T, dof) rad and m.
 
     Raises:
-        SequenceError: a joint jumps where the file's does not, past what the body cannot follow; says in which frame.
+        SequenceError: a joint jumps, for the body cannot follow the file there; says at what time.
+        ModelError: the body lacks one of the landmarks.
     """
     times = np.arange(motion.times_s[0], motion.times_s[-1], 1 / rate_hz)
     joints = make_interp_spline(motion.times_s, motion.joints, k=1)(times)
@@ -140,7 +141,7 @@ def _placed(poses: Array, joints: Array, body: BodyModel) -> Array:
 
 def _joints(body: BodyModel, poses: Array) -> Array:
     """(T, 12, 3) in the order of `JOINTS`."""
-    found: Array = body.landmarks_in_world(poses)[:, [body.landmark_names.index(name) for name in JOINTS]]
+    found: Array = body.landmarks_in_world(poses)[:, joint_columns(body)]
     return found
 
 
