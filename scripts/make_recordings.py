@@ -5,13 +5,15 @@ empty rooms of other recordings there, with exact truth:
 
     python scripts/make_recordings.py /tmp/other
     BODYTRACK_DATA=/tmp/other python scripts/benchmark.py recordings --models human --starts 1
+
+`--under` films them in another way: with a slow shutter, in clothes of one colour, by fewer cameras, ...
 """
 
 from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -22,7 +24,8 @@ from benchmarks.motion_files import MotionFile, read_cmu, read_deepmimic
 from benchmarks.moved_scans import poses_like
 from rich.console import Console
 
-from tracker.arrays import Image
+from tracker.arrays import Array, Image
+from tracker.body import BodyModel
 from tracker.body_files import load_body, read_description
 from tracker.commands.terminal import ProgressBar
 from tracker.config import read_config
@@ -31,12 +34,37 @@ from tracker.files import whole_folder
 from tracker.jobs.acquire import acquire_to, acquisition_from
 from tracker.plate import Plate
 from tracker.progress import Progress
+from tracker.rig import Rig
 from tracker.rig_layouts import load_rig
 from tracker.scene import Person, Scene
 from tracker.simulation.sequence import Recipe, Simulation, fill_folder
 
-# As the recordings of BODYTRACK_DATA/room have.
-_FPS = 25.0
+
+@dataclass(frozen=True)
+class _Condition:
+    """How it is filmed; the usual is what the recordings of BODYTRACK_DATA/room have."""
+
+    fps: float = 25.0
+    exposure_s: float = 0.0
+    wardrobe: int = 0
+    n_views: int = 9
+    """Of the rig's cameras, the first ones."""
+
+    downscale: int = 1
+    noise_grey: float = 3.0
+
+
+_CONDITIONS = {
+    "usual": _Condition(),
+    "blurred": _Condition(exposure_s=0.02),
+    "plain": _Condition(wardrobe=2),
+    "three_views": _Condition(n_views=3),
+    "two_views": _Condition(n_views=2),
+    "half_rate": _Condition(fps=12.5),
+    "double_rate": _Condition(fps=50.0),
+    "small": _Condition(downscale=2),
+    "noisy": _Condition(noise_grey=10.0),
+}
 
 
 @dataclass(frozen=True)
@@ -78,28 +106,32 @@ _SCANS = {"theo": "R-Turn", "rita": "R-UpperBody"}
 def main(
     output: Annotated[Path, typer.Argument(help="Folder to fill; recordings that are there already stay.")],
     only: Annotated[str, typer.Option(help="Part of the names of those to make.")] = "",
+    under: Annotated[str, typer.Option(help=f"How they are filmed: {', '.join(_CONDITIONS)}.")] = "usual",
 ) -> None:
     """Renders the recordings."""
     try:
         chosen = {name: clip for name, clip in _CLIPS.items() if only in name}
         if not chosen:
             raise ConfigError(f"--only {only}: no such recording; {nearest(only, _CLIPS)}")
+        if under not in _CONDITIONS:
+            raise ConfigError(f"--under {under}: no such way; {nearest(under, _CONDITIONS)}")
         if not os.environ.get("BODYTRACK_DATA"):
             raise ConfigError("BODYTRACK_DATA is not set: expected the folder with motions, scans and empty rooms")
         data = Path(os.environ["BODYTRACK_DATA"]).resolve()
         with ProgressBar() as progress:
             for name, clip in chosen.items():
-                if not (output / name).exists():
-                    _make(clip, data, output / name, progress)
+                folder = output / (name if under == "usual" else f"{name}_{under}")
+                if not folder.exists():
+                    _make(clip, _CONDITIONS[under], data, folder, progress)
     except TrackerError as error:
         Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
         raise typer.Exit(2) from None
 
 
-def _make(clip: _Clip, data: Path, folder: Path, progress: Progress) -> None:
+def _make(clip: _Clip, condition: _Condition, data: Path, folder: Path, progress: Progress) -> None:
     """Writes one recording, complete or not at all."""
     model = _scanned(clip.person, data, folder.parent)
-    simulation = _simulated(clip, model, data)
+    simulation = _simulated(clip, condition, model, data)
     told = {"subject": clip.person, "id": clip.person, "height_m": read_description(model).stature_m}
     with whole_folder(folder) as unfinished:
         fill_folder(simulation, unfinished, unfinished / "config.toml", progress)
@@ -120,24 +152,40 @@ def _scanned(name: str, data: Path, output: Path) -> Path:
     return path
 
 
-def _simulated(clip: _Clip, model: Path, data: Path) -> Simulation:
-    file = data / "motions" / clip.file
-    motion = (read_cmu if file.suffix == ".amc" else read_deepmimic)(file).part(clip.from_s, clip.to_s)
+def _simulated(clip: _Clip, condition: _Condition, model: Path, data: Path) -> Simulation:
     folder = data / "room" / clip.room
-    rig = load_rig(folder / "calibration.json")
+    room = load_rig(folder / "calibration.json")
+    rig = Rig(tuple(replace(one.downscaled(condition.downscale), downscale=1) for one in room.cameras))
+    rig = rig.select(rig.names[: condition.n_views])
     body = load_body(model)
-    poses = poses_like(_turned(motion, clip.heading_deg), body, _FPS)
-    poses[:, [body.names.index("torso_x"), body.names.index("torso_y")]] += rig.middle[:2]
-    recipe = Recipe(model=str(model), rig=rig, seconds=len(poses) / _FPS, fps=_FPS, noise_grey=3.0)
-    plates = tuple(Plate(_picture(folder / "background" / f"{name}.jpg")) for name in rig.names)
+    poses = _poses(clip, body, condition.fps, data)
+    poses[:, [body.names.index("torso_x"), body.names.index("torso_y")]] += room.middle[:2]
+    recipe = Recipe(
+        model=str(model),
+        rig=rig,
+        seconds=len(poses) / condition.fps,
+        fps=condition.fps,
+        noise_grey=condition.noise_grey,
+        exposure_s=condition.exposure_s,
+        wardrobe=condition.wardrobe,
+    )
+    plates = tuple(Plate(_picture(folder / "background" / f"{one.name}.jpg", one.size)) for one in rig.cameras)
     return Simulation(recipe, Scene((Person(clip.person, body, poses[0]),), rig), (poses,), plates)
 
 
-def _picture(path: Path) -> Image:
+def _poses(clip: _Clip, body: BodyModel, fps: float, data: Path) -> Array:
+    """Solved at the usual rate or more: what a joint may do from a frame to the next is told for that."""
+    file = data / "motions" / clip.file
+    motion = (read_cmu if file.suffix == ".amc" else read_deepmimic)(file).part(clip.from_s, clip.to_s)
+    every = max(1, round(_Condition.fps / fps))
+    return poses_like(_turned(motion, clip.heading_deg), body, fps * every)[::every]
+
+
+def _picture(path: Path, size: tuple[int, int]) -> Image:
     found = cv2.imread(str(path))
     if found is None:
         raise SequenceError(f"{path}: no picture of the empty room")
-    return np.asarray(found, dtype=np.uint8)
+    return np.asarray(cv2.resize(found, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _turned(motion: MotionFile, degrees: float) -> MotionFile:

@@ -22,11 +22,25 @@ def main(
     heading_deg: Annotated[float, typer.Option(help="Direction faced at the start, degrees.")] = -40.0,
     persons: Annotated[int, typer.Option(min=1, max=2, help="Number of persons.")] = 1,
     noise_grey: Annotated[float, typer.Option(min=0, help="Sensor noise, grey levels.")] = 3.0,
+    exposure_ms: Annotated[float, typer.Option(min=0, help="Shutter time: what moves meanwhile is smeared.")] = 0.0,
+    wardrobe: Annotated[int, typer.Option(min=0, max=2, help="Clothes; 2: all of one dark colour.")] = 0,
     model: Annotated[str, typer.Option(help="Bundled body model, or a model file.")] = "gavrila22",
     seed: Annotated[int, typer.Option(min=0, help="Chooses the room and the noise.")] = 0,
 ) -> None:
     """Simulates a clothed person, or an animal, in a cluttered room, seen by four cameras."""
-    recipe = Recipe(movement, model, seconds, fps, size, heading_deg, persons, noise_grey, seed=seed)
+    recipe = Recipe(
+        movement,
+        model,
+        seconds,
+        fps,
+        size,
+        heading_deg,
+        persons,
+        noise_grey,
+        exposure_s=exposure_ms / 1000,
+        wardrobe=wardrobe,
+        seed=seed,
+    )
     try:
         with ProgressBar() as progress:
             config = write_sequence(recipe, output, progress)

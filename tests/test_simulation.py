@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -15,7 +16,7 @@ from tracker.resources import model_path
 from tracker.rig_layouts import load_rig
 from tracker.simulation.movements import poses_of
 from tracker.simulation.rendering import draw_persons, mesh_of
-from tracker.simulation.sequence import Recipe, simulate, write_sequence
+from tracker.simulation.sequence import Recipe, Simulation, simulate, write_sequence
 from tracker.synthesis.cpu import CpuSynthesis
 
 TIMES = np.arange(0, 4, 0.02)
@@ -85,6 +86,30 @@ def test_the_same_seed_gives_the_same_pictures():
     for a, b, c in zip(first, again, other, strict=True):
         np.testing.assert_array_equal(a, b)
         assert (a != c).any()
+
+
+def test_an_open_shutter_gathers_what_happens_meanwhile():
+    """The frames of eight cameras in a row, each an eighth of the exposure long, add up to the picture."""
+    still = {"noise_grey": 0.0, "blur_px": 0.0, "size": (320, 256), "movement": "arm_swing"}
+    fast = simulate(Recipe(seconds=0.8, fps=400.0, **still))
+    every = fast.poses[0][::16]
+    exposed = Simulation(Recipe(seconds=0.8, fps=25.0, exposure_s=0.04, **still), fast.scene, (every,), fast.plates)
+    found = list(exposed.frames())
+    # poses go evenly from one frame to the next
+    moments = 8 + (np.arange(8) + 0.5) / 8 - 0.5
+    between = np.array([np.interp(moments, np.arange(len(every)), values) for values in every.T]).T
+    many = Simulation(Recipe(seconds=8 / 400, fps=400.0, **still), fast.scene, (between,), fast.plates)
+    wanted = np.mean([frame.images for frame in many.frames()], axis=0)
+    assert np.abs(np.array(found[8].images) - wanted).max() <= 0.5
+    sharp = Simulation(replace(exposed.recipe, exposure_s=0.0), fast.scene, (every,), fast.plates)
+    assert np.abs(np.array(found[8].images) - np.array(list(sharp.frames())[8].images, dtype=float)).max() > 50
+
+
+def test_clothes_of_one_colour_have_no_seams():
+    person = simulate(Recipe(seconds=0.04)).scene.persons[0]
+    worn = [{tuple(np.round(colour / colour.max(), 1)) for colour in mesh_of(person, k).colours} for k in (0, 2)]
+    # skin, hair, and what is worn
+    assert len(worn[0]) > len(worn[1]) == 3
 
 
 def test_a_recording_on_disk_holds_its_truth(tmp_path):

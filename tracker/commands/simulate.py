@@ -26,6 +26,7 @@ def simulate(
     fps: Annotated[float, typer.Option(min=1, max=1000, help="Frames per second.")] = 25.0,
     noise_grey: Annotated[float, typer.Option(min=0, help="Sensor noise, grey levels.")] = 3.0,
     blur_px: Annotated[float, typer.Option(min=0, help="Lens blur, px.")] = 0.6,
+    exposure_ms: Annotated[float, typer.Option(min=0, help="Shutter time: what moves meanwhile is smeared.")] = 0.0,
     edge_px: Annotated[float, typer.Option(min=0.05, help="Error of an edge, px: what sigmas are told for.")] = 1.0,
     place: Annotated[tuple[float, float] | None, typer.Option(help="Middle of the way, x and y, metres.")] = None,
     heading_deg: Annotated[float | None, typer.Option(help="Direction faced at the start, from x.")] = None,
@@ -40,7 +41,17 @@ def simulate(
     from tracker.simulation.filming import film, plan
     from tracker.simulation.sequence import Recipe
 
-    recipe = Recipe(movement, model, seconds, fps, noise_grey=noise_grey, blur_px=blur_px, seed=seed, stature_m=person)
+    recipe = Recipe(
+        movement,
+        model,
+        seconds,
+        fps,
+        noise_grey=noise_grey,
+        blur_px=blur_px,
+        exposure_s=exposure_ms / 1000,
+        seed=seed,
+        stature_m=person,
+    )
     planned = plan(recipe, told_rig(rig, size), place, heading_deg)
     folder = output or Path("results") / "simulated" / planned.recipe.movement
     check_empty(folder)

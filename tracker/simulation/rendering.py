@@ -23,10 +23,11 @@ _SUPERSAMPLE = 2
 _LIGHT = np.array([0.35, -0.2, 0.92]) / np.linalg.norm([0.35, -0.2, 0.92])
 
 # BGR of the garments in the order of the model file; a body with more of them wears the first ones again. Sleeves
-# contrast with the torso as in the paper's recordings, so that arms before the body show.
+# contrast with the torso as in the paper's recordings, so that arms before the body show; the last one's do not.
 _WARDROBES: tuple[tuple[tuple[int, int, int], ...], ...] = (
     ((128, 60, 38), (70, 170, 215), (62, 58, 60), (28, 26, 30)),
     ((52, 96, 46), (60, 60, 190), (120, 96, 70), (40, 44, 60)),
+    ((66, 58, 56),),
 )
 # BGR.
 _SKIN, _HAIR = (132, 160, 205), (30, 34, 44)
