@@ -47,3 +47,14 @@ def test_the_gate_calls_the_test_command_of_the_readme():
 def test_columns_are_those_of_the_tables():
     assert f"`{','.join(_JOINT_COLUMNS)}`" in README
     assert f"`{','.join(_POSE_COLUMNS)}`" in README
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))], ids=lambda path: path.name
+)
+def test_tables_are_whole(page):
+    """A row behind an empty line is shown as text."""
+    lines = page.read_text(encoding="utf-8").splitlines()
+    heads = [k for k in range(1, len(lines)) if lines[k].startswith("|") and not lines[k - 1].startswith("|")]
+    assert [lines[k] for k in heads if not re.match(r"\|[\s:|-]+$", lines[k + 1])] == []
+    assert [line for k in heads for line in lines[k - 1 : k] if line] == []
