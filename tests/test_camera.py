@@ -114,6 +114,22 @@ def test_downscaling_follows_the_averaged_image(factor: int) -> None:
         np.testing.assert_allclose(average[0, 0] + smaller.project(points) @ slope, expected, atol=1e-3)
 
 
+def test_enlarging_follows_the_enlarged_image() -> None:
+    """On a ramp the enlarged image holds the ramp's value at the centres of its pixels, but at the border."""
+    camera = replace(camera_with(), size=(720, 570))
+    larger = camera.downscaled(0.5)
+    assert (larger.size, larger.downscale) == ((1440, 1140), 0.5)
+    points = points_in_view(camera)
+    rows, columns = np.mgrid[: camera.size[1], : camera.size[0]].astype(np.float32)
+    for axis, ramp in enumerate((columns, rows)):
+        enlarged = cv2.resize(ramp, larger.size, interpolation=cv2.INTER_CUBIC)
+        pixels = larger.project(points)
+        inside = ((pixels > 4) & (pixels < np.array(larger.size) - 5)).all(axis=1)
+        found = cv2.remap(enlarged, *pixels[inside].astype(np.float32).T, cv2.INTER_LINEAR).ravel()
+        np.testing.assert_allclose(found, camera.project(points[inside])[:, axis], atol=0.05)
+    np.testing.assert_allclose(larger.downscaled(2).matrix, camera.matrix, atol=1e-12)
+
+
 def test_a_camera_that_looks_at_a_point() -> None:
     target = np.array([0.3, -0.2, 1.0])
     camera = Camera.looking_at("door", (640, 480), 500.0, (4.0, 3.0, 2.5), target)

@@ -180,6 +180,25 @@ def test_downscaling_averages_the_images_and_scales_the_rig(
 
 
 @both
+def test_enlarged_images_have_the_recorded_ones_between_their_pixels(
+    numbered: Path, kind: Callable[..., Recording]
+) -> None:
+    full = kind(numbered, stop=3).open()
+    large = kind(numbered, stop=3, downscale=0.5, background=str(numbered / "plate_{view}.png")).open()
+    assert [camera.size for camera in large.rig.cameras] == [(2 * WIDTH, 2 * HEIGHT)] * 3
+    assert large.sizes == ((2 * WIDTH, 2 * HEIGHT),) * 3
+    point = np.array([0.1, -0.2, 1.1])
+    np.testing.assert_allclose(large.rig.project(point), 2 * full.rig.project(point) + 0.5, atol=1e-9)
+    assert [plate.picture.shape for plate in large.plates if plate is not None] == [(2 * HEIGHT, 2 * WIDTH, 3)] * 3
+    for before, after in zip(full.frames(), large.frames(), strict=True):
+        for one, other in zip(before.images, after.images, strict=True):
+            assert one is not None
+            assert other is not None
+            again = other.reshape(HEIGHT, 2, WIDTH, 2, 3).mean(axis=(1, 3), dtype=float)
+            assert np.abs(again - one).mean() < 0.1 * np.abs(one - one.mean(dtype=float)).mean() + 1
+
+
+@both
 def test_backgrounds(copied: Path, kind: Callable[..., Recording]) -> None:
     pictures = kind(copied, background=str(copied / "plate_{view}.png")).open().plates
     assert [seen(plate and plate.picture) for plate in pictures] == [(0, 0), (1, 0), (2, 0)]

@@ -41,6 +41,9 @@ def test_masks_come_with_their_frames(numbered: Path, tmp_path: Path) -> None:
             assert mask is not None
             assert mask.sum() == 100
             assert mask[10:20, 10 + frame.index + shift : 20 + frame.index + shift].all()
+    large = next(dataclasses.replace(reading, downscale=0.5).open().frames()).mask(0)
+    assert large is not None
+    np.testing.assert_array_equal(large[1::2, ::2], next(reading.open().frames()).mask(0))
     small = next(dataclasses.replace(reading, downscale=2).open().frames()).mask(0)
     assert small is not None
     assert small.shape == (HEIGHT // 2, WIDTH // 2)

@@ -50,10 +50,15 @@ def test_a_place_behind_a_camera_has_no_say() -> None:
         ((1080, 1920), 2400.0, 2),
         ((3840, 2160), 4800.0, 4),
         ((1280, 720), 4000.0, 1),
+        ((640, 480), 500.0, 0.5),
+        ((360, 288), 400.0, 0.5),
+        ((1280, 720), 600.0, 0.5),
+        ((1280, 720), 850.0, 1),
+        ((1920, 1080), 600.0, 1),
     ],
 )
-def test_images_are_averaged_until_persons_are_some_300_px_high(
-    size: tuple[int, int], focal_px: float, factor: int
+def test_images_are_averaged_or_enlarged_until_persons_are_some_300_px_high(
+    size: tuple[int, int], focal_px: float, factor: float
 ) -> None:
     rig = ring(size, focal_px)
     assert fitting_downscale(rig) == factor
@@ -77,11 +82,12 @@ def test_tracking_averages_large_images_unless_told_otherwise(tmp_path: Path) ->
     persons = (Subject(name="anna", stature_m=1.7),)
     assert reading.downscale is None
     assert TrackJob(reading=reading, persons=persons).reading.downscale == 4  # type: ignore[attr-defined]
-    for given in (1, 3):
+    for given in (1, 3, 0.5):
         job = TrackJob(reading=replace(reading, downscale=given), persons=persons)
         assert job.reading.downscale == given  # type: ignore[attr-defined]
-    with pytest.raises(ValidationError):
-        replace(reading, downscale=0)
+    for unfit in (0, 0.7, 17):
+        with pytest.raises(ValidationError, match=r"expected 1, 2, \.\.\. 16, or 0\.5"):
+            replace(reading, downscale=unfit)
 
 
 def test_a_rig_that_cannot_be_read_is_told_when_it_is_opened(tmp_path: Path) -> None:

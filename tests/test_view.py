@@ -185,7 +185,7 @@ def test_a_finished_result_is_served_on_this_machine_only(tracked):
             viewer.serve(0.05)
         viewer.serve(0.1)
         assert viewer.shown == result.frames[4]
-        assert viewer.pictures.of(int(result.frames[4]))[0].shape == (288, 360, 3)
+        assert viewer.pictures.of(int(result.frames[4]))[0].shape == (320, 400, 3)
         page = urllib.request.urlopen(f"http://127.0.0.1:{server.get_port()}", timeout=10).read()
         assert b"<html" in page
         viewer.pictures.stop()

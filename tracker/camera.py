@@ -40,8 +40,8 @@ class Camera:
     camera_from_world: Array
     """(4, 4) rigid motion, metres."""
 
-    downscale: int = 1
-    """Pixels of the recorded image, in both directions, that one of these averages."""
+    downscale: float = 1
+    """Pixels of the recorded image, in both directions, that one of these averages; 0.5 of enlarged ones."""
 
     def __post_init__(self) -> None:
         if self.name and (unfit := name_fault(self.name)):  # one that is being calibrated may have none yet
@@ -173,12 +173,12 @@ class Camera:
         directions: Array = local @ self.camera_from_world[:3, :3]
         return directions
 
-    def downscaled(self, factor: int) -> Camera:
-        """The camera of images averaged over `factor` x `factor` pixels."""
+    def downscaled(self, factor: float) -> Camera:
+        """The camera of images averaged over `factor` x `factor` pixels, or enlarged twice, for 0.5."""
         matrix = np.array(self.matrix)
         matrix[:2] /= factor
         matrix[:2, 2] += (1 / factor - 1) / 2
-        size = self.size[0] // factor, self.size[1] // factor
+        size = int(self.size[0] // factor), int(self.size[1] // factor)
         return replace(self, matrix=matrix, size=size, downscale=self.downscale * factor)
 
     def turned(self, quarters: int) -> Camera:

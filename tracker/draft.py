@@ -153,7 +153,7 @@ persons = [{{ name = "person1", model = "human", stature_m = 1.75 }}]
 {rate}{rig_line}
 {plate_line}
 # start = 0                 # first frame: one in which everybody stands apart, arms away from the body
-# downscale = 2             # images are averaged until persons are some 300 px high; 1: as they are
+# downscale = 2             # images are averaged until persons are some 300 px high, or enlarged (0.5); 1: as is
 
 # smoothing = "rts" above the first section takes away jitter at the end.
 

@@ -61,8 +61,8 @@ class Rig:
         """The rig of the named cameras, in the order of `names`."""
         return Rig(tuple(self.cameras[self.index(name)] for name in names))
 
-    def downscaled(self, factor: int) -> Rig:
-        """The rig of images averaged over `factor` x `factor` pixels."""
+    def downscaled(self, factor: float) -> Rig:
+        """The rig of images averaged over `factor` x `factor` pixels, or enlarged twice, for 0.5."""
         return Rig(tuple(camera.downscaled(factor) for camera in self.cameras))
 
     @property

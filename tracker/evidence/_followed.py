@@ -33,7 +33,7 @@ class Followed:
 
 
 @lru_cache(maxsize=8)
-def open_followed(pattern: str, views: tuple[str, ...], downscales: tuple[int, ...]) -> tuple[Followed, ...]:
+def open_followed(pattern: str, views: tuple[str, ...], downscales: tuple[float, ...]) -> tuple[Followed, ...]:
     """The tables that a path means, read once.
 
     Args:
@@ -65,7 +65,7 @@ def open_followed(pattern: str, views: tuple[str, ...], downscales: tuple[int, .
     return tuple(tables)
 
 
-def _scaled(view: int, found: PointTable, downscale: int) -> Followed:
+def _scaled(view: int, found: PointTable, downscale: float) -> Followed:
     """Pixels as they are in the images that are tracked; pixel centres lie at integer coordinates."""
     if not found.flat or downscale == 1:
         return Followed(view, found)

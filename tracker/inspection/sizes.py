@@ -37,7 +37,8 @@ class SizesInspection:
         factor = min(int(smallest / self.person_px), _MOST)
         if factor > 1:
             (width, height), averaged = seen.rig.cameras[0].size, seen.rig.cameras[0].downscale
+            better = min(max(int(factor * averaged), 1), _MOST)
             yield (
                 f"images are {width} x {height} px, persons at least {smallest:.0f} px high in them: "
-                f"reading.downscale = {min(factor * averaged, _MOST)} tracks them at least as exactly, and sooner"
+                f"reading.downscale = {better} tracks them at least as exactly, and sooner"
             )

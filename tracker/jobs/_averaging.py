@@ -1,4 +1,4 @@
-"""Images that are averaged before persons are followed in them, for the cameras show these higher than is needed."""
+"""Images that are made smaller or larger before persons are followed in them, as high as fits the pixels set there."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tracker.shown_size import fitting_downscale, shown_px
 
 
 def sized(reading: Reading) -> Reading:
-    """A reading that averages images as fits how high the cameras show persons, if it does not say how."""
+    """A reading that makes images as large as fits how high the cameras show persons, if it does not say how."""
     if getattr(reading, "downscale", 1) is not None:
         return reading
     settings: Any = reading  # of whatever kind, it has a rig and views
@@ -30,4 +30,5 @@ def averaging(rig: Rig) -> str:
     factor = rig.cameras[0].downscale
     if factor == 1:
         return ""
-    return f"images averaged over {factor} x {factor} pixels, persons are then some {shown_px(rig):.0f} pixels high"
+    done = "enlarged twice" if factor < 1 else f"averaged over {factor:g} x {factor:g} pixels"
+    return f"images {done}, persons are then some {shown_px(rig):.0f} pixels high"

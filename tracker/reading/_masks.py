@@ -27,7 +27,7 @@ class MaskFiles:
     offsets: tuple[int, ...]
     """Number in a view's file names that belongs to frame 0."""
 
-    downscale: int
+    downscale: float
 
     def read(self, view: int, index: int) -> Mask | None:
         """The mask (h, w) of a frame as delivered; None where there is none.
@@ -53,10 +53,14 @@ class MaskFiles:
         return mask
 
 
-def _smaller(mask: Mask, factor: int) -> Mask:
-    """What covers half of so many pixels in both directions, or more."""
+def _smaller(mask: Mask, factor: float) -> Mask:
+    """What covers half of so many pixels in both directions, or more; of enlarged images, every pixel twice."""
     if factor == 1:
         return mask
+    if factor < 1:
+        times = round(1 / factor)
+        return mask.repeat(times, axis=0).repeat(times, axis=1)
+    factor = int(factor)
     height, width = (length // factor for length in mask.shape)
     whole = mask[: height * factor, : width * factor].reshape(height, factor, width, factor)
     most: Mask = whole.mean(axis=(1, 3)) >= 0.5

@@ -1,12 +1,13 @@
-"""Single pictures: read, checked against the calibrated size, made smaller."""
+"""Single pictures: read, checked against the calibrated size, made smaller or larger."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import cv2
 import numpy as np
+import pydantic
 
 from tracker.arrays import Image
 from tracker.errors import CalibrationError, SequenceError
@@ -17,6 +18,8 @@ _JPEG_SCAN, _JPEG_END = 0xDA, 0xD9
 
 _SAMPLE_FORMAT = 339
 """Tag of a TIFF."""
+
+_MOST_AVERAGED = 16
 
 _MOST_PIXELS = 2**28
 """268 million, 0.8 GB: four times the largest camera."""
@@ -41,10 +44,27 @@ def check_size(name: str, image: Image, expected: tuple[int, int]) -> None:
         )
 
 
-def downscaled(image: Image, factor: int) -> Image:
-    """The image averaged over `factor` x `factor` pixels."""
+def _whole_or_half(factor: float) -> float:
+    if factor not in (0.5, *range(1, _MOST_AVERAGED + 1)):
+        raise ValueError(
+            f"{factor:g} is no factor by which images are made smaller; expected 1, 2, ... {_MOST_AVERAGED}, or 0.5, "
+            "which makes them twice as large"
+        )
+    return factor if factor == 0.5 else int(factor)
+
+
+Downscale = Annotated[float, pydantic.AfterValidator(_whole_or_half)]
+"""Pixels, in both directions, that are averaged; 0.5: images are enlarged twice."""
+
+
+def downscaled(image: Image, factor: float) -> Image:
+    """The image averaged over `factor` x `factor` pixels, or enlarged twice, for 0.5."""
     if factor == 1:
         return image
+    if factor < 1:
+        enlarged: Image = cv2.resize(image, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_CUBIC)
+        return enlarged
+    factor = int(factor)
     size = image.shape[1] // factor, image.shape[0] // factor
     cropped = image[: size[1] * factor, : size[0] * factor]
     smaller: Image = cv2.resize(cropped, size, interpolation=cv2.INTER_AREA)

@@ -31,7 +31,7 @@ log = logging.getLogger("tracker")
 def load_plates(
     rig: Rig,
     pattern: str | None,
-    downscale: int,
+    downscale: float,
     clip: Callable[[Path], Image],
     fit_to: tuple[Image | None, ...] | None = None,
 ) -> tuple[Plate | None, ...]:

@@ -66,7 +66,7 @@ class Settings(Protocol):
     @property
     def stride(self) -> int: ...
     @property
-    def downscale(self) -> int | None: ...
+    def downscale(self) -> float | None: ...
     @property
     def on_missing(self) -> OnMissing: ...
 
@@ -127,14 +127,16 @@ class OpenViews:
     fps: float
     selection: Selection
     offsets: tuple[int, ...]
-    downscale: int
+    downscale: float
     on_missing: OnMissing
     open_views: Callable[[], tuple[ImageStream, ...]]
 
     @property
     def sizes(self) -> tuple[tuple[int, int], ...]:
         """Image widths and heights as delivered, px."""
-        return tuple((width // self.downscale, height // self.downscale) for width, height in self.source_sizes)
+        return tuple(
+            (int(width // self.downscale), int(height // self.downscale)) for width, height in self.source_sizes
+        )
 
     @property
     def n_frames(self) -> int:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import pydantic
-
 from tracker.arrays import Image
 from tracker.components import FilePath, PathPattern, component
 from tracker.errors import SequenceError
-from tracker.reading._pictures import read_image
+from tracker.reading._pictures import Downscale, read_image
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
 from tracker.reading._sequence import (
     Footage,
@@ -39,8 +37,8 @@ class StillReading:
     background: PathPattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`."""
 
-    downscale: int = pydantic.Field(default=1, ge=1, le=16)
-    """Images are averaged over so many pixels in both directions; the rig follows."""
+    downscale: Downscale = 1
+    """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice."""
 
     def open(self) -> OpenSequence:
         """Opens all views; see `tracker.reading.Reading.open`."""
@@ -85,7 +83,7 @@ class _OneFrame:
     """Settings that a single frame leaves no choice of."""
 
     background: str | None
-    downscale: int
+    downscale: float
     start: int = 0
     stop: int | None = 1
     stride: int = 1

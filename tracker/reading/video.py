@@ -12,6 +12,7 @@ import pydantic
 from tracker.arrays import Image
 from tracker.components import FilePath, PathPattern, PlatePattern, component
 from tracker.errors import SequenceError
+from tracker.reading._pictures import Downscale
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
 from tracker.reading._sequence import (
     AbsentView,
@@ -72,9 +73,9 @@ class VideoReading:
     stride: int = pydantic.Field(default=1, ge=1)
     """Deliver every so many frames."""
 
-    downscale: int | None = pydantic.Field(default=None, ge=1, le=16)
-    """Images are averaged over so many pixels in both directions; the rig follows. Where nothing is said: in
-    tracking so many that the cameras show persons some 300 px high, else 1."""
+    downscale: Downscale | None = None
+    """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice. Where
+    nothing is said: in tracking what shows persons some 300 px high, else 1."""
 
     on_missing: OnMissing = "error"
     """`skip` leaves a view out of the frames that it lacks or that cannot be decoded."""
