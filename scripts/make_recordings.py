@@ -63,6 +63,7 @@ _CONDITIONS = {
     "half_rate": _Condition(fps=12.5),
     "double_rate": _Condition(fps=50.0),
     "small": _Condition(downscale=2),
+    "grainy": _Condition(noise_grey=6.0),
     "noisy": _Condition(noise_grey=10.0),
 }
 

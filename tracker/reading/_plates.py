@@ -10,7 +10,7 @@ from tracker.arrays import Image
 from tracker.errors import SequenceError
 from tracker.imaging.plate_alignment import LEAST_INLIERS, aligned
 from tracker.plate import MOST_LEVEL, Plate
-from tracker.reading._pictures import check_size, downscaled, read_image
+from tracker.reading._pictures import check_size, read_image
 from tracker.reading._recorded_plate import RecordedPlate, recorded_plate
 from tracker.reading._selection import view_paths
 from tracker.rig import Rig
@@ -31,7 +31,7 @@ log = logging.getLogger("tracker")
 def load_plates(
     rig: Rig,
     pattern: str | None,
-    downscale: float,
+    delivered: Callable[[Image], Image],
     clip: Callable[[Path], Image],
     fit_to: tuple[Image | None, ...] | None = None,
 ) -> tuple[Plate | None, ...]:
@@ -40,7 +40,7 @@ def load_plates(
     Args:
         rig: names the views, and has their image sizes.
         pattern: path with `{view}` to an image or a clip; None for no plates.
-        downscale: as for the images.
+        delivered: makes of a picture as recorded what is compared with the images.
         clip: reads a plate from a video file.
         fit_to: an image of each view that its plate is fitted to; None for plates that fit as they are.
 
@@ -55,7 +55,7 @@ def load_plates(
         if fit_to is not None:
             plate = _fitted_plate(camera.name, plate, path, fit_to[v])
         check_size(camera.name, plate, camera.size)
-        plates.append(Plate(downscaled(plate, downscale)))
+        plates.append(Plate(delivered(plate)))
     return tuple(plates)
 
 

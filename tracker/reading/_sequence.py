@@ -15,6 +15,7 @@ from tracker.arrays import Image
 from tracker.components import NO_PLATES, RECORDED
 from tracker.errors import SequenceError
 from tracker.frame import Frame
+from tracker.imaging.noise import smoothed
 from tracker.plate import Plate
 from tracker.reading._masks import MaskFiles, checked_masks, mask_paths
 from tracker.reading._pictures import check_size, downscaled
@@ -67,6 +68,8 @@ class Settings(Protocol):
     def stride(self) -> int: ...
     @property
     def downscale(self) -> float | None: ...
+    @property
+    def smoothing_px(self) -> float | None: ...
     @property
     def on_missing(self) -> OnMissing: ...
 
@@ -128,6 +131,7 @@ class OpenViews:
     selection: Selection
     offsets: tuple[int, ...]
     downscale: float
+    smoothing_px: float
     on_missing: OnMissing
     open_views: Callable[[], tuple[ImageStream, ...]]
 
@@ -192,7 +196,11 @@ class OpenViews:
                 "of such frames, or a shorter range with start and stop"
             )
         check_size(name, image, self.source_sizes[v])
-        return downscaled(image, self.downscale)
+        return self.delivered(image)
+
+    def delivered(self, image: Image) -> Image:
+        """An image or plate (h, w, 3), as recorded, in the size and as smooth as images are delivered."""
+        return smoothed(downscaled(image, self.downscale), self.smoothing_px)
 
 
 @dataclass(frozen=True)
@@ -276,7 +284,7 @@ def _opened_plates(settings: Settings, footage: Footage, views: OpenViews, rig: 
     pattern = settings.background
     if pattern not in (None, RECORDED, NO_PLATES):
         firsts = _first_images(views) if settings.align_background else None
-        return load_plates(rig, pattern, views.downscale, footage.plate_of_clip, firsts)
+        return load_plates(rig, pattern, views.delivered, footage.plate_of_clip, firsts)
     if settings.align_background:
         raise SequenceError(
             "align_background: nothing to align, there are no plates but those of these images: unset it"
@@ -331,6 +339,7 @@ def _chosen_views(settings: Settings, footage: Footage, sizes: tuple[tuple[int, 
         selection=selected(settings.start, settings.stop, settings.stride, length),
         offsets=offsets,
         downscale=settings.downscale or 1,
+        smoothing_px=settings.smoothing_px or 0.0,
         on_missing=settings.on_missing,
         open_views=footage.open_views,
     )

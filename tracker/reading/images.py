@@ -68,6 +68,10 @@ class ImageReading:
     """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice. Where
     nothing is said: in tracking what shows persons some 300 px high, else 1."""
 
+    smoothing_px: float | None = pydantic.Field(default=None, ge=0, le=5)
+    """Standard deviation of the Gaussian that images and plates are smoothed by, px of them as delivered. Where nothing
+    is said: in tracking 1 where they are noisy, else 0."""
+
     on_missing: OnMissing = "error"
     """`skip` leaves a view out of the frames that it lacks or that cannot be read."""
 

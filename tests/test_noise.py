@@ -1,0 +1,69 @@
+"""Noise of a still camera is measured, and images and plates of a noisy recording are smoothed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tracker.arrays import Image
+from tracker.imaging.noise import noise_grey, smoothed
+from tracker.jobs.track import TrackJob
+from tracker.reading.video import VideoReading
+from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.subject import Subject
+
+
+def shots(sigma: float, flicker: float = 0.0, covered: float = 0.0) -> tuple[Image, Image]:
+    """Two noisy images of one scene, in the second of which a part looks otherwise."""
+    rng = np.random.default_rng(3)
+    scene = cv2.GaussianBlur(rng.uniform(60, 190, (288, 360, 3)), (0, 0), 3)
+    after = scene + flicker
+    after[: int(covered * 288)] += 40
+    first, second = (np.clip(np.round(one + sigma * rng.normal(size=one.shape)), 0, 255) for one in (scene, after))
+    return first.astype(np.uint8), second.astype(np.uint8)
+
+
+@pytest.mark.parametrize("sigma", [1.5, 3.0, 8.0])
+@pytest.mark.parametrize("flicker", [0.0, 12.0])
+def test_noise_is_measured_in_whatever_light(sigma: float, flicker: float) -> None:
+    assert noise_grey(*shots(sigma, flicker)) == pytest.approx(sigma, rel=0.05)
+
+
+def test_a_person_who_moves_is_no_noise() -> None:
+    assert noise_grey(*shots(2.0, covered=0.05)) == pytest.approx(noise_grey(*shots(2.0)), rel=0.15)
+    assert noise_grey(*shots(0.0, covered=0.15)) < 0.5
+
+
+def recording(folder: Path, noise: float) -> VideoReading:
+    recipe = Recipe("arm_swing", seconds=0.12, size=(320, 256), noise_grey=noise)
+    write_sequence(recipe, folder)
+    path, plates = str(folder / "{view}.mp4"), str(folder / "background" / "{view}.png")
+    return VideoReading(path=path, rig=folder / "rig.toml", background=plates, downscale=1)
+
+
+def job(reading: VideoReading) -> TrackJob:
+    return TrackJob(reading=reading, persons=(Subject(name="anna", model=Recipe().model_file),))
+
+
+def test_noisy_recordings_are_smoothed_and_others_are_not(tmp_path: Path) -> None:
+    noisy, usual = recording(tmp_path / "noisy", 10.0), recording(tmp_path / "usual", 3.0)
+    raw, found = noisy.open(), job(noisy).open().sequence
+    for before, after in zip(raw.frames(), found.frames(), strict=True):
+        for one, other in zip(before.images, after.images, strict=True):
+            assert one is not None
+            assert other is not None
+            np.testing.assert_array_equal(smoothed(one, 1.0), other)
+    for plate, smooth in zip(raw.plates, found.plates, strict=True):
+        assert plate is not None
+        assert smooth is not None
+        np.testing.assert_array_equal(smoothed(plate.picture, 1.0), smooth.picture)
+    assert job(usual).open().sequence.smoothing_px == 0  # type: ignore[attr-defined]
+    for given in (0.0, 0.7):
+        told = job(replace(noisy, smoothing_px=given))
+        assert told.open().sequence.smoothing_px == given  # type: ignore[attr-defined]
+    # enlarged pictures have noise as wide as they are enlarged
+    assert job(replace(noisy, downscale=0.5)).open().sequence.smoothing_px == 2  # type: ignore[attr-defined]
