@@ -23,6 +23,7 @@ import typer
 from benchmarks.motion_files import MotionFile, read_cmu, read_deepmimic
 from benchmarks.moved_scans import poses_like
 from rich.console import Console
+from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Image
 from tracker.body import BodyModel
@@ -35,7 +36,7 @@ from tracker.jobs.acquire import acquire_to, acquisition_from
 from tracker.plate import Plate
 from tracker.progress import Progress
 from tracker.rig import Rig
-from tracker.rig_layouts import load_rig
+from tracker.rig_layouts import load_rig, save_rig
 from tracker.scene import Person, Scene
 from tracker.simulation.sequence import Recipe, Simulation, fill_folder
 
@@ -52,6 +53,10 @@ class _Condition:
 
     downscale: int = 1
     noise_grey: float = 3.0
+    delays_s: tuple[float, ...] = (0.0,) * 9
+    constant_rate_factor: int = 14
+    turned_deg: float = 0.0
+    """By how much each camera was turned, some way, after it was calibrated."""
 
 
 _CONDITIONS = {
@@ -65,6 +70,9 @@ _CONDITIONS = {
     "small": _Condition(downscale=2),
     "grainy": _Condition(noise_grey=6.0),
     "noisy": _Condition(noise_grey=10.0),
+    "out_of_step": _Condition(delays_s=(0.0, 0.013, -0.008, 0.019)),
+    "compressed": _Condition(constant_rate_factor=33),
+    "turned_cameras": _Condition(turned_deg=0.2),
 }
 
 
@@ -136,6 +144,7 @@ def _make(clip: _Clip, condition: _Condition, data: Path, folder: Path, progress
     told = {"subject": clip.person, "id": clip.person, "height_m": read_description(model).stature_m}
     with whole_folder(folder) as unfinished:
         fill_folder(simulation, unfinished, unfinished / "config.toml", progress)
+        save_rig(_turned_cameras(simulation.scene.rig, condition.turned_deg), unfinished / "rig.toml")
         (unfinished / "meta.json").write_text(json.dumps({"people": [told]}), encoding="utf-8")
 
 
@@ -169,9 +178,24 @@ def _simulated(clip: _Clip, condition: _Condition, model: Path, data: Path) -> S
         noise_grey=condition.noise_grey,
         exposure_s=condition.exposure_s,
         wardrobe=condition.wardrobe,
+        delays_s=condition.delays_s[: len(rig)],
+        constant_rate_factor=condition.constant_rate_factor,
     )
     plates = tuple(Plate(_picture(folder / "background" / f"{one.name}.jpg", one.size)) for one in rig.cameras)
     return Simulation(recipe, Scene((Person(clip.person, body, poses[0]),), rig), (poses,), plates)
+
+
+def _turned_cameras(rig: Rig, degrees: float) -> Rig:
+    """The rig as if each camera had been turned about an axis across its view since."""
+    ways = np.random.default_rng(0).uniform(0, 2 * np.pi, len(rig))
+    cameras = []
+    for camera, way in zip(rig.cameras, ways, strict=True):
+        motion = np.eye(4)
+        motion[:3, :3] = Rotation.from_rotvec(
+            degrees * np.array([np.cos(way), np.sin(way), 0]), degrees=True
+        ).as_matrix()
+        cameras.append(replace(camera, camera_from_world=motion @ camera.camera_from_world))
+    return Rig(tuple(cameras))
 
 
 def _poses(clip: _Clip, body: BodyModel, fps: float, data: Path) -> Array:

@@ -105,6 +105,16 @@ def test_an_open_shutter_gathers_what_happens_meanwhile():
     assert np.abs(np.array(found[8].images) - np.array(list(sharp.frames())[8].images, dtype=float)).max() > 50
 
 
+def test_a_view_that_is_a_frame_late_shows_the_next_one():
+    in_step = Recipe("arm_swing", seconds=0.16, size=(160, 128), noise_grey=0.0)
+    expected = list(simulate(in_step).frames())
+    for t, frame in enumerate(simulate(replace(in_step, delays_s=(0.0, 0.04, 0.0, 0.02))).frames()):
+        np.testing.assert_array_equal(frame.images[0], expected[t].images[0])
+        np.testing.assert_array_equal(frame.images[1], expected[min(t + 1, 3)].images[1])
+        between = np.array([(one != expected[t].images[3]).any() for one in (frame.images[3], expected[t].images[3])])
+        assert between.tolist() == [t < 3, False]
+
+
 def test_clothes_of_one_colour_have_no_seams():
     person = simulate(Recipe(seconds=0.04)).scene.persons[0]
     worn = [{tuple(np.round(colour / colour.max(), 1)) for colour in mesh_of(person, k).colours} for k in (0, 2)]

@@ -64,6 +64,12 @@ class Recipe:
     exposure_s: float = 0.0
     """How long the shutter is open, around a frame's time; what moves meanwhile is smeared. 0: no time at all."""
 
+    delays_s: tuple[float, ...] = ()
+    """How much later than told each view sees a frame; empty for cameras in step."""
+
+    constant_rate_factor: int = 14
+    """Of the videos' compression, 0 to 51: of 14 nothing is seen, 23 is usual, 35 coarse."""
+
     wardrobe: int = 0
     """Which clothes the first person wears, and the next ones from there on: 2 are of one dark colour."""
 
@@ -118,25 +124,27 @@ class Simulation:
         n_views = len(self.scene.rig)
         with ThreadPoolExecutor(2) as pool:
             for t, time_s in enumerate(self.recipe.times):
-                scenes = self._exposed(t)
 
-                def image(v: int, t: int = t, scenes: tuple[Scene, ...] = scenes) -> Image:
+                def image(v: int, t: int = t) -> Image:
                     plate, camera = self.plates[v].picture, self.scene.rig.cameras[v]
-                    picture = _mean([draw_persons(plate, camera, scene, meshes)[0] for scene in scenes])
+                    picture = _mean([draw_persons(plate, camera, scene, meshes)[0] for scene in self._exposed(t, v)])
                     return _sensed(picture, self.recipe, (t, v))
 
                 yield Frame(t, float(time_s), tuple(pool.map(image, range(n_views))))
 
-    def _exposed(self, t: int) -> tuple[Scene, ...]:
-        """The scene at moments of frame `t`'s exposure; poses change evenly from one frame to the next."""
-        if self.recipe.exposure_s == 0:
+    def _exposed(self, t: int, v: int) -> tuple[Scene, ...]:
+        """The scene at moments of frame `t`'s exposure in view `v`; poses change evenly from one frame to the next."""
+        recipe = self.recipe
+        delay_s = recipe.delays_s[v] if recipe.delays_s else 0.0
+        if recipe.exposure_s == delay_s == 0:
             return (self.scene.with_poses(tuple(poses[t] for poses in self.poses)),)
-        within = (np.arange(_MOMENTS) + 0.5) / _MOMENTS - 0.5
-        moments = np.clip(t + within * self.recipe.exposure_s * self.recipe.fps, 0, len(self.recipe.times) - 1)
-        before = np.minimum(moments.astype(int), max(len(self.recipe.times) - 2, 0))
-        after, part = np.minimum(before + 1, len(self.recipe.times) - 1), (moments - before)[:, None]
+        n_moments = _MOMENTS if recipe.exposure_s else 1
+        within_s = ((np.arange(n_moments) + 0.5) / n_moments - 0.5) * recipe.exposure_s + delay_s
+        moments = np.clip(t + within_s * recipe.fps, 0, len(recipe.times) - 1)
+        before = np.minimum(moments.astype(int), max(len(recipe.times) - 2, 0))
+        after, part = np.minimum(before + 1, len(recipe.times) - 1), (moments - before)[:, None]
         between = [(1 - part) * poses[before] + part * poses[after] for poses in self.poses]
-        return tuple(self.scene.with_poses(tuple(poses[k] for poses in between)) for k in range(_MOMENTS))
+        return tuple(self.scene.with_poses(tuple(poses[k] for poses in between)) for k in range(n_moments))
 
 
 def simulate(recipe: Recipe) -> Simulation:
@@ -234,11 +242,12 @@ def _write_plates(simulation: Simulation, folder: Path) -> None:
 
 def _write_videos(simulation: Simulation, folder: Path, progress: Progress) -> None:
     recipe, total = simulation.recipe, len(simulation.recipe.times)
+    options = {"crf": str(recipe.constant_rate_factor), "preset": "veryfast"}
     containers = [av.open(str(folder / f"{name}.mp4"), "w") for name in simulation.scene.rig.names]
     streams = []
     for container, camera in zip(containers, simulation.scene.rig.cameras, strict=True):
         rate = Fraction(recipe.fps).limit_denominator(1001)
-        stream = container.add_stream("libx264", rate=rate, options={"crf": "14", "preset": "veryfast"})
+        stream = container.add_stream("libx264", rate=rate, options=options)
         # colours at half the resolution need even sides
         even = camera.size[0] % 2 == camera.size[1] % 2 == 0
         stream.width, stream.height, stream.pix_fmt = *camera.size, "yuv420p" if even else "yuv444p"
