@@ -45,6 +45,20 @@ def recording(folder: Path, noise: float) -> VideoReading:
     return VideoReading(path=path, rig=folder / "rig.toml", background=plates, downscale=1)
 
 
+def test_rough_recordings_are_smoothed_where_plates_tell(tmp_path: Path) -> None:
+    """What is compressed coarsely has no noise from frame to frame."""
+    recipe = Recipe("arm_swing", seconds=0.12, size=(720, 576), constant_rate_factor=33)
+    write_sequence(recipe, tmp_path / "coarse")
+    coarse = replace(recording(tmp_path / "other", 3.0), path=str(tmp_path / "coarse" / "{view}.mp4"))
+    coarse = replace(coarse, rig=tmp_path / "coarse" / "rig.toml", background=None)
+    assert job(coarse).open().sequence.smoothing_px == 0  # type: ignore[attr-defined]
+    plated = replace(coarse, background=str(tmp_path / "coarse" / "background" / "{view}.png"))
+    assert job(plated).open().sequence.smoothing_px == 1  # type: ignore[attr-defined]
+    write_sequence(replace(recipe, constant_rate_factor=14), tmp_path / "fine")
+    fine = replace(plated, path=str(tmp_path / "fine" / "{view}.mp4"))
+    assert job(fine).open().sequence.smoothing_px == 0  # type: ignore[attr-defined]
+
+
 def job(reading: VideoReading) -> TrackJob:
     return TrackJob(reading=reading, persons=(Subject(name="anna", model=Recipe().model_file),))
 
