@@ -53,6 +53,7 @@ class _Condition:
 
     downscale: int = 1
     noise_grey: float = 3.0
+    light: float = 1.0
     delays_s: tuple[float, ...] = (0.0,) * 9
     constant_rate_factor: int = 14
     turned_deg: float = 0.0
@@ -70,6 +71,7 @@ _CONDITIONS = {
     "small": _Condition(downscale=2),
     "grainy": _Condition(noise_grey=6.0),
     "noisy": _Condition(noise_grey=10.0),
+    "dark": _Condition(light=0.35),
     "out_of_step": _Condition(delays_s=(0.0, 0.013, -0.008, 0.019)),
     "compressed": _Condition(constant_rate_factor=33),
     "turned_cameras": _Condition(turned_deg=0.2),
@@ -176,6 +178,7 @@ def _simulated(clip: _Clip, condition: _Condition, model: Path, data: Path) -> S
         seconds=len(poses) / condition.fps,
         fps=condition.fps,
         noise_grey=condition.noise_grey,
+        light=condition.light,
         exposure_s=condition.exposure_s,
         wardrobe=condition.wardrobe,
         delays_s=condition.delays_s[: len(rig)],

@@ -1,4 +1,4 @@
-"""Noise of a still camera is measured, and images and plates of a noisy recording are smoothed."""
+"""Noisy and dark recordings: what is measured, and what images and plates are made of it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import pytest
 from tracker.arrays import Image
 from tracker.imaging.noise import noise_grey, smoothed
 from tracker.jobs.track import TrackJob
+from tracker.reading.images import ImageReading
 from tracker.reading.video import VideoReading
 from tracker.simulation.sequence import Recipe, write_sequence
 from tracker.subject import Subject
@@ -59,7 +60,45 @@ def test_rough_recordings_are_smoothed_where_plates_tell(tmp_path: Path) -> None
     assert job(fine).open().sequence.smoothing_px == 0  # type: ignore[attr-defined]
 
 
-def job(reading: VideoReading) -> TrackJob:
+def test_dark_recordings_are_made_brighter(tmp_path: Path) -> None:
+    """Plates with them; what is said stays; a bright recording, and one with a bright part, stays as it is."""
+    usual = recording(tmp_path / "usual", 0.0)
+    bright = usual.open()
+    images = next(bright.frames()).images
+
+    def darkened(folder: Path, light: int) -> VideoReading:
+        """A third as bright, but for a corner."""
+        (folder / "background").mkdir(parents=True)
+        for name, image, plate in zip(bright.names, images, bright.plates, strict=True):
+            assert image is not None
+            assert plate is not None
+            (folder / name).mkdir()
+            for picture, path in ((image, f"{name}/0"), (plate.picture, f"background/{name}")):
+                dark = (picture * 0.33).astype(np.uint8)
+                dark[:40, :120] = np.maximum(dark[:40, :120], light)
+                cv2.imwrite(str(folder / f"{path}.png"), dark)
+        path, plates = str(folder / "{view}" / "{frame}.png"), str(folder / "background" / "{view}.png")
+        return ImageReading(path=path, rig=usual.rig, background=plates, fps=25.0, downscale=1, smoothing_px=0.0)
+
+    dark = darkened(tmp_path / "dark", 0)
+    raw, found = dark.open(), job(dark).open().sequence
+    gain = found.gain  # type: ignore[attr-defined]
+    assert 2 < gain < 4.5
+    for one, other in zip(next(raw.frames()).images, next(found.frames()).images, strict=True):
+        assert one is not None
+        np.testing.assert_array_equal(np.round(np.minimum(one * gain, 255)).astype(np.uint8), other)
+    for plate, brighter in zip(raw.plates, found.plates, strict=True):
+        assert plate is not None
+        assert brighter is not None
+        np.testing.assert_array_equal(
+            np.round(np.minimum(plate.picture * gain, 255)).astype(np.uint8), brighter.picture
+        )
+    assert job(replace(dark, gain=1.5)).open().sequence.gain == 1.5  # type: ignore[attr-defined]
+    assert job(usual).open().sequence.gain == 1  # type: ignore[attr-defined]
+    assert job(darkened(tmp_path / "lit", 220)).open().sequence.gain == 1  # type: ignore[attr-defined]
+
+
+def job(reading: VideoReading | ImageReading) -> TrackJob:
     return TrackJob(reading=reading, persons=(Subject(name="anna", model=Recipe().model_file),))
 
 

@@ -115,6 +115,18 @@ def test_a_view_that_is_a_frame_late_shows_the_next_one():
         assert between.tolist() == [t < 3, False]
 
 
+def test_half_the_light_is_half_as_bright_and_as_noisy():
+    usual = Recipe("arm_swing", seconds=0.04, size=(160, 128), noise_grey=0.0)
+    for noise in (0.0, 5.0):
+        bright, dark = (
+            np.array(next(simulate(replace(usual, noise_grey=noise, light=light)).frames()).images, dtype=float)
+            for light in (1.0, 0.5)
+        )
+        # the same noise, for the seed is the same
+        assert np.abs(dark - bright / 2).mean() < 0.6 + noise / 2
+        assert abs(dark.mean() / bright.mean() - 0.5) < 0.01
+
+
 def test_clothes_of_one_colour_have_no_seams():
     person = simulate(Recipe(seconds=0.04)).scene.persons[0]
     worn = [{tuple(np.round(colour / colour.max(), 1)) for colour in mesh_of(person, k).colours} for k in (0, 2)]

@@ -27,7 +27,7 @@ from tracker.found_before import knowing
 from tracker.initialization import Initialization
 from tracker.inspection import findings, survey
 from tracker.jobs import ResultFolder, described, versions
-from tracker.jobs._delivered import delivered, opened_quiet, sized
+from tracker.jobs._delivered import delivered, opened_even, sized
 from tracker.jobs._persons import OpenedTrack, description_of, known_before, save_inputs, with_fitted_bodies
 from tracker.jobs._stopping import Stop, stopping
 from tracker.kernels.ahead import Group
@@ -131,7 +131,7 @@ class TrackJob:
     def open(self, earlier: Path | None = None) -> OpenedTrack:
         """Opens the recording, reads the models and what an interrupted run has left; see `tracker.jobs.Job.open`."""
         models = {subject.name: description_of(subject, earlier) for subject in self.persons}
-        sequence = opened_quiet(self.reading)
+        sequence = opened_even(self.reading)
         if self.smoothing is not None:
             self._check_smoothing(self.smoothing, sequence.interval_s)
         persons = tuple(Person(name, body, body.rest()) for name, body in ((n, m.build()) for n, m in models.items()))

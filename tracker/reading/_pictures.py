@@ -1,4 +1,4 @@
-"""Single pictures: read, checked against the calibrated size, made smaller or larger."""
+"""Single pictures: read, checked against the calibrated size, made brighter, smaller or larger."""
 
 from __future__ import annotations
 
@@ -55,6 +55,14 @@ def _whole_or_half(factor: float) -> float:
 
 Downscale = Annotated[float, pydantic.AfterValidator(_whole_or_half)]
 """Pixels, in both directions, that are averaged; 0.5: images are enlarged twice."""
+
+
+def brightened(image: Image, gain: float) -> Image:
+    """The image with its grey levels multiplied, 255 at most."""
+    if gain == 1:
+        return image
+    brighter: Image = cv2.convertScaleAbs(image, alpha=gain)
+    return brighter
 
 
 def downscaled(image: Image, factor: float) -> Image:

@@ -18,7 +18,7 @@ from tracker.frame import Frame
 from tracker.imaging.noise import smoothed
 from tracker.plate import Plate
 from tracker.reading._masks import MaskFiles, checked_masks, mask_paths
-from tracker.reading._pictures import check_size, downscaled
+from tracker.reading._pictures import brightened, check_size, downscaled
 from tracker.reading._plates import backdrop, clean_enough, load_plates, recorded_plates
 from tracker.reading._recorded_plate import N_SAMPLES, RecordedPlate
 from tracker.reading._selection import (
@@ -68,6 +68,8 @@ class Settings(Protocol):
     def stride(self) -> int: ...
     @property
     def downscale(self) -> float | None: ...
+    @property
+    def gain(self) -> float | None: ...
     @property
     def smoothing_px(self) -> float | None: ...
     @property
@@ -131,6 +133,7 @@ class OpenViews:
     selection: Selection
     offsets: tuple[int, ...]
     downscale: float
+    gain: float
     smoothing_px: float
     on_missing: OnMissing
     open_views: Callable[[], tuple[ImageStream, ...]]
@@ -199,8 +202,8 @@ class OpenViews:
         return self.delivered(image)
 
     def delivered(self, image: Image) -> Image:
-        """An image or plate (h, w, 3), as recorded, in the size and as smooth as images are delivered."""
-        return smoothed(downscaled(image, self.downscale), self.smoothing_px)
+        """An image or plate (h, w, 3), as recorded, as bright, as large and as smooth as images are delivered."""
+        return smoothed(downscaled(brightened(image, self.gain), self.downscale), self.smoothing_px)
 
 
 @dataclass(frozen=True)
@@ -339,6 +342,7 @@ def _chosen_views(settings: Settings, footage: Footage, sizes: tuple[tuple[int, 
         selection=selected(settings.start, settings.stop, settings.stride, length),
         offsets=offsets,
         downscale=settings.downscale or 1,
+        gain=settings.gain or 1.0,
         smoothing_px=settings.smoothing_px or 0.0,
         on_missing=settings.on_missing,
         open_views=footage.open_views,

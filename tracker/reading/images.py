@@ -68,6 +68,10 @@ class ImageReading:
     """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice. Where
     nothing is said: in tracking what shows persons some 300 px high, else 1."""
 
+    gain: float | None = pydantic.Field(default=None, gt=0, le=10)
+    """Images and plates are multiplied by it. Where nothing is said: in tracking what makes dark ones as bright as
+    usual, else 1."""
+
     smoothing_px: float | None = pydantic.Field(default=None, ge=0, le=5)
     """Standard deviation of the Gaussian that images and plates are smoothed by, px of them as delivered. Where nothing
     is said: in tracking 1 where they are noisy, else 0."""

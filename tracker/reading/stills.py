@@ -84,6 +84,7 @@ class _OneFrame:
 
     background: str | None
     downscale: float
+    gain: float = 1.0
     smoothing_px: float = 0.0
     start: int = 0
     stop: int | None = 1

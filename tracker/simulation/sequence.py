@@ -61,6 +61,9 @@ class Recipe:
     blur_px: float = 0.6
     """Standard deviation of the lens blur, px."""
 
+    light: float = 1.0
+    """How bright it is, usually 1; noise and blur stay."""
+
     exposure_s: float = 0.0
     """How long the shutter is open, around a frame's time; what moves meanwhile is smeared. 0: no time at all."""
 
@@ -180,8 +183,10 @@ def _mean(pictures: list[Image]) -> Image:
 
 
 def _sensed(picture: Image, recipe: Recipe, key: tuple[int, int]) -> Image:
-    """The picture as a camera delivers it: blurred and noisy."""
+    """The picture as a camera delivers it: as dark as it is there, blurred and noisy."""
     rng = np.random.default_rng((recipe.seed, *key))
+    if recipe.light != 1:
+        picture = cv2.convertScaleAbs(picture, alpha=recipe.light)
     if recipe.blur_px > 0:
         picture = cv2.GaussianBlur(picture, (0, 0), recipe.blur_px)
     if recipe.noise_grey > 0:
