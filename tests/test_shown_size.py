@@ -86,7 +86,7 @@ def test_tracking_averages_large_images_unless_told_otherwise(tmp_path: Path) ->
         job = TrackJob(reading=replace(reading, downscale=given), persons=persons)
         assert job.reading.downscale == given  # type: ignore[attr-defined]
     for unfit in (0, 0.7, 17):
-        with pytest.raises(ValidationError, match=r"expected 1, 2, \.\.\. 16, or 0\.5"):
+        with pytest.raises(ValidationError, match="downscale"):
             replace(reading, downscale=unfit)
 
 

@@ -19,8 +19,6 @@ _JPEG_SCAN, _JPEG_END = 0xDA, 0xD9
 _SAMPLE_FORMAT = 339
 """Tag of a TIFF."""
 
-_MOST_AVERAGED = 16
-
 _MOST_PIXELS = 2**28
 """268 million, 0.8 GB: four times the largest camera."""
 
@@ -44,16 +42,7 @@ def check_size(name: str, image: Image, expected: tuple[int, int]) -> None:
         )
 
 
-def _whole_or_half(factor: float) -> float:
-    if factor not in (0.5, *range(1, _MOST_AVERAGED + 1)):
-        raise ValueError(
-            f"{factor:g} is no factor by which images are made smaller; expected 1, 2, ... {_MOST_AVERAGED}, or 0.5, "
-            "which makes them twice as large"
-        )
-    return factor if factor == 0.5 else int(factor)
-
-
-Downscale = Annotated[float, pydantic.AfterValidator(_whole_or_half)]
+Downscale = Annotated[int, pydantic.Field(ge=1, le=16)] | Annotated[float, pydantic.Field(ge=0.5, le=0.5)]
 """Pixels, in both directions, that are averaged; 0.5: images are enlarged twice."""
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import pydantic
+
 from tracker.arrays import Image
 from tracker.components import FilePath, PathPattern, component
 from tracker.errors import SequenceError
-from tracker.reading._pictures import Downscale, read_image
+from tracker.reading._pictures import read_image
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
 from tracker.reading._sequence import (
     Footage,
@@ -37,8 +39,8 @@ class StillReading:
     background: PathPattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`."""
 
-    downscale: Downscale = 1
-    """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice."""
+    downscale: int = pydantic.Field(default=1, ge=1, le=16)
+    """Images are averaged over so many pixels in both directions; the rig follows."""
 
     def open(self) -> OpenSequence:
         """Opens all views; see `tracker.reading.Reading.open`."""
