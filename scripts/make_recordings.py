@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -43,37 +43,36 @@ from tracker.simulation.sequence import Recipe, Simulation, fill_folder
 
 @dataclass(frozen=True)
 class _Condition:
-    """How it is filmed; the usual is what the recordings of BODYTRACK_DATA/room have."""
+    """How it is filmed."""
 
-    fps: float = 25.0
-    exposure_s: float = 0.0
-    wardrobe: int = 0
+    filmed: Recipe = field(default_factory=Recipe)
+    """Whose rate, shutter, clothes, light, noise, delays and compression are taken."""
+
     n_views: int = 9
     """Of the rig's cameras, the first ones."""
 
     downscale: int = 1
-    noise_grey: float = 3.0
-    light: float = 1.0
-    delays_s: tuple[float, ...] = (0.0,) * 9
-    constant_rate_factor: int = 14
+    """Pixels of the room's pictures, in both directions, to one."""
+
     turned_deg: float = 0.0
     """By how much each camera was turned, some way, after it was calibrated."""
 
 
+# The usual one films as the recordings of BODYTRACK_DATA/room are filmed.
 _CONDITIONS = {
     "usual": _Condition(),
-    "blurred": _Condition(exposure_s=0.02),
-    "plain": _Condition(wardrobe=2),
+    "blurred": _Condition(Recipe(exposure_s=0.02)),
+    "plain": _Condition(Recipe(wardrobe=2)),
     "three_views": _Condition(n_views=3),
     "two_views": _Condition(n_views=2),
-    "half_rate": _Condition(fps=12.5),
-    "double_rate": _Condition(fps=50.0),
+    "half_rate": _Condition(Recipe(fps=12.5)),
+    "double_rate": _Condition(Recipe(fps=50.0)),
     "small": _Condition(downscale=2),
-    "grainy": _Condition(noise_grey=6.0),
-    "noisy": _Condition(noise_grey=10.0),
-    "dark": _Condition(light=0.35),
-    "out_of_step": _Condition(delays_s=(0.0, 0.013, -0.008, 0.019)),
-    "compressed": _Condition(constant_rate_factor=33),
+    "grainy": _Condition(Recipe(noise_grey=6.0)),
+    "noisy": _Condition(Recipe(noise_grey=10.0)),
+    "dark": _Condition(Recipe(light=0.35)),
+    "out_of_step": _Condition(Recipe(delays_s=(0.0, 0.013, -0.008, 0.019))),
+    "compressed": _Condition(Recipe(constant_rate_factor=33)),
     "turned_cameras": _Condition(turned_deg=0.2),
 }
 
@@ -170,20 +169,11 @@ def _simulated(clip: _Clip, condition: _Condition, model: Path, data: Path) -> S
     rig = Rig(tuple(replace(one.downscaled(condition.downscale), downscale=1) for one in room.cameras))
     rig = rig.select(rig.names[: condition.n_views])
     body = load_body(model)
-    poses = _poses(clip, body, condition.fps, data)
+    filmed = condition.filmed
+    poses = _poses(clip, body, filmed.fps, data)
     poses[:, [body.names.index("torso_x"), body.names.index("torso_y")]] += room.middle[:2]
-    recipe = Recipe(
-        model=str(model),
-        rig=rig,
-        seconds=len(poses) / condition.fps,
-        fps=condition.fps,
-        noise_grey=condition.noise_grey,
-        light=condition.light,
-        exposure_s=condition.exposure_s,
-        wardrobe=condition.wardrobe,
-        delays_s=condition.delays_s[: len(rig)],
-        constant_rate_factor=condition.constant_rate_factor,
-    )
+    delays_s = filmed.delays_s[: len(rig)]
+    recipe = replace(filmed, model=str(model), rig=rig, seconds=len(poses) / filmed.fps, delays_s=delays_s)
     plates = tuple(Plate(_picture(folder / "background" / f"{one.name}.jpg", one.size)) for one in rig.cameras)
     return Simulation(recipe, Scene((Person(clip.person, body, poses[0]),), rig), (poses,), plates)
 
@@ -205,7 +195,7 @@ def _poses(clip: _Clip, body: BodyModel, fps: float, data: Path) -> Array:
     """Solved at the usual rate or more: what a joint may do from a frame to the next is told for that."""
     file = data / "motions" / clip.file
     motion = (read_cmu if file.suffix == ".amc" else read_deepmimic)(file).part(clip.from_s, clip.to_s)
-    every = max(1, round(_Condition.fps / fps))
+    every = max(1, round(Recipe.fps / fps))
     return poses_like(_turned(motion, clip.heading_deg), body, fps * every)[::every]
 
 
