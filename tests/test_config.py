@@ -78,11 +78,11 @@ def test_overrides_reach_entries_of_lists(written):
         ),
         (
             GOOD + CONTOURS + '[evidence.similarity]\noutlier_px = "far"\n',
-            r"\[evidence\] similarity: outlier_px = 'far': input should be",
+            r"\[evidence\] similarity: outlier_px = 'far': expected",
         ),
         (
             GOOD + CONTOURS + "[evidence.similarity]\noutlier_px = -1\n",
-            r"outlier_px = -1: input should be greater than 0",
+            r"outlier_px = -1: expected greater than 0",
         ),
         (GOOD + "[estimation]\nfirst = 3\n", r"\[estimation\] first: expected a table like"),
         (GOOD + "[loss]\nlost = 1\n", r'\[loss\]: unknown key "lost"; did you mean "lost_below"'),
@@ -95,7 +95,11 @@ def test_overrides_reach_entries_of_lists(written):
         (GOOD.replace("stature_m", "statur_m"), 'unknown key "statur_m"; did you mean "stature_m"'),
         (
             GOOD.replace("= 1.7", "= 170"),
-            "stature_m = 170: input should be less than 5 .height the model",
+            "stature_m = 170: expected less than 5 .height the model",
+        ),
+        (
+            GOOD.replace("rig =", "downscale = 0.7, rig ="),
+            r"downscale = 0\.7: expected a valid integer or expected less than or equal to 0\.5 .* enlarges",
         ),
         ("reading = {", "not a TOML file"),
         (GOOD + 'job = "surface"', 'describes the job "surface", but "track" was asked for'),

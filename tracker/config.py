@@ -134,19 +134,28 @@ def _over_default(value: Any, default: Any) -> Any:
 
 def _first_fault(cls: type[Any], error: pydantic.ValidationError) -> str:
     fault = error.errors()[0]
-    key = ".".join(str(step) for step in fault["loc"])
-    if not key:
+    if not fault["loc"]:
         return fault["msg"].removeprefix("Value error, ")
     field = getattr(cls, "__pydantic_fields__")[str(fault["loc"][0])]  # noqa: B009
+    one_of_several = len(set(_options(field.annotation)) - {types.NoneType}) > 1
+    key = ".".join(str(step) for step in (fault["loc"][:1] if one_of_several else fault["loc"]))
     if fault["type"] in ("missing", "missing_argument", "missing_keyword_only_argument"):
         return f'the key "{key}" is missing' + (
             f", expected e.g. {key} = {field.examples[0]}" if field.examples else ""
         )
     if fault["type"] == "value_error":
         return f"[{key}]: {fault['msg'].removeprefix('Value error, ')}"
-    meaning = (field.description or "").split("\n")[0]
-    message = f"{key} = {fault['input']!r}: {fault['msg'][0].lower()}{fault['msg'][1:]}"
+    told = [other["msg"] for other in error.errors() if one_of_several and other["loc"][:1] == fault["loc"][:1]]
+    expected = " or ".join(dict.fromkeys(_as_expected(text) for text in told or [fault["msg"]]))
+    meaning = " ".join((field.description or "").split())
+    message = f"{key} = {fault['input']!r}: {expected}"
     return f"{message} ({meaning[0].lower()}{meaning[1:].rstrip('.')})" if meaning else message
+
+
+def _as_expected(message: str) -> str:
+    """A validator's sentence in this program's words."""
+    asked = message.removeprefix("Input should be ")
+    return f"expected {asked}" if asked != message else f"{message[0].lower()}{message[1:]}"
 
 
 def _value(kind: Any, value: Any, where: str, folder: Path) -> Any:
