@@ -23,8 +23,8 @@ LAYERS = (
     "similarity evidence objective",
     "estimation initialization",
     "rivals cycle bridges jumps rehearsal easier_start found_before tracking recorded_plates two_passes",
-    "acquisition recognition evaluation simulation inspection",
-    "jobs rig_check export smoothed batching run forecast draft footage viewing",
+    "acquisition alignment recognition evaluation simulation inspection",
+    "jobs rig_check export smoothed aligned batching run forecast draft footage viewing",
     "cli commands __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}

@@ -66,7 +66,7 @@ def performed(body: BodyModel, poses: Array, lost: Mask | None = None) -> Moveme
     scene = Scene((Person("anna", body, body.rest()),), sample_rig("A", "B"))
     steps = []
     for t, q in enumerate(poses):
-        estimate = _estimate(q, len(body.parts), lost is not None and bool(lost[t]))
+        estimate = estimate_of(q, len(body.parts), lost is not None and bool(lost[t]))
         steps.append(Step(Frame(t, INTERVAL_S * t, (None, None)), scene.with_poses((q,)), (estimate,), _blank()))
     return Movement(scene, steps, [poses])
 
@@ -86,7 +86,7 @@ def made_up(*models: str, seed: int = 0) -> Movement:
     steps = []
     for t in range(N_FRAMES):
         lost = [k == 0 and LOST.start <= t < LOST.stop for k in range(len(bodies))]
-        estimates = tuple(_estimate(q[t], len(b.parts), gone) for q, b, gone in zip(poses, bodies, lost, strict=True))
+        estimates = tuple(estimate_of(q[t], len(b.parts), gone) for q, b, gone in zip(poses, bodies, lost, strict=True))
         posed = scene.with_poses(tuple(q[t] for q in poses))
         steps.append(Step(Frame(10 + t, 0.4 + INTERVAL_S * t, (None, None)), posed, estimates, _blank()))
     return Movement(scene, steps, poses)
@@ -102,7 +102,7 @@ def _blank() -> Contours:
     )
 
 
-def _estimate(q: Array, n_parts: int, lost: bool) -> Estimate:
+def estimate_of(q: Array, n_parts: int, lost: bool) -> Estimate:
     visible = np.arange(n_parts) * 10.0  # the first part is hidden
     account = Account(1.0, np.ones(2), np.ones(n_parts), visible, 0.75 * visible, np.zeros(n_parts))
     status = Status.LOST if lost else Status.TRACKED

@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 
 from tracker.commands.acquire import acquire
+from tracker.commands.align import align
 from tracker.commands.batch import batch
 from tracker.commands.calibrate import calibrate_app
 from tracker.commands.compare import compare
@@ -38,7 +39,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Model-based, marker-less motion capture from calibrated views.",
 )
-for _command in (demo, init, run, batch, view, show, evaluate, compare, smooth, export, acquire, warmup):
+for _command in (demo, init, run, batch, view, show, evaluate, compare, align, smooth, export, acquire, warmup):
     app.command()(_command)
 app.command("surface")(measure)
 app.command()(recognize)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 
 from tracker.recording import Recorder, Recording, RunContext
+from tracker.recording.csv_table import CsvTable
+from tracker.recording.journal import Journal
+from tracker.recording.run_json import RunJson
 from tracker.result import Result, load_result
+from tracker.rig_layouts import save_rig
 
-_DETAILS = "config", "choices", "versions", "inputs", "smoothing"
+_DETAILS = "config", "choices", "versions", "inputs", "smoothing", "alignment"
 """What recordings tell of how a result was made."""
 
 
@@ -52,6 +57,18 @@ def write_recordings(result: Result, recordings: Iterable[Recording], folder: Pa
             for recorder in recorders:
                 recorder.write(step)
     return tuple(sorted(files))
+
+
+def write_result(result: Result, folder: Path) -> None:
+    """Writes a result, whose poses were changed after the run, as one that loads, exports and is evaluated like it.
+
+    Args:
+        result: with the poses as they are now; `folder` is that of the run.
+        folder: where to.
+    """
+    write_recordings(result, [CsvTable(), RunJson(), Journal()], folder)
+    save_rig(result.rig, folder / "rig.toml")
+    shutil.copytree(result.folder / "models", folder / "models")
 
 
 def _finish(recorder: Recorder, files: list[Path]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import logging
-import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,13 +15,10 @@ from tracker.arrays import Array, Mask, frozen
 from tracker.ball_joints import ball_joints, with_angles, with_vectors
 from tracker.config import describe
 from tracker.estimate import Estimate, Status
-from tracker.export import write_recordings
+from tracker.export import write_result
 from tracker.files import whole_folder
-from tracker.recording.csv_table import CsvTable, parameter_columns
-from tracker.recording.journal import Journal
-from tracker.recording.run_json import RunJson
+from tracker.recording.csv_table import parameter_columns
 from tracker.result import Result, Track
-from tracker.rig_layouts import save_rig
 from tracker.smoothing import Smoothed, Smoothing, Stretch, stretches_of
 
 FOLDER = "smoothed"
@@ -120,9 +116,7 @@ def write_smoothed(result: Result, smoothing: Smoothing, folder: Path | None = N
         )
         details = {**result.details, "smoothing": describe(smoothing)}
         smooth = replace(result, replays=replays, details=details)
-        write_recordings(smooth, [CsvTable(), RunJson(), Journal()], unfinished)
-        save_rig(result.rig, unfinished / "rig.toml")
-        shutil.copytree(result.folder / "models", unfinished / "models")
+        write_result(smooth, unfinished)
         _write_derivatives(smooth, tracks, unfinished)
     return target
 

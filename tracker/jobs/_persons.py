@@ -17,6 +17,7 @@ from tracker.cycle import Cycle
 from tracker.estimate import Estimate
 from tracker.files import write_whole
 from tracker.found_before import knowing
+from tracker.jobs._views import told_of_views
 from tracker.reading import Sequence as Recording
 from tracker.recording.journal import Expected, OpenJournal, as_kept, line_of, open_journal
 from tracker.rig_layouts import save_rig
@@ -51,6 +52,9 @@ class OpenedTrack:
 
     fitted_at: tuple[str, ...] = ()
     """Lines of these poses, where bodies have just been fitted."""
+
+    findings: tuple[str, ...] = ()
+    """What they tell of the views."""
 
 
 def description_of(subject: Subject, earlier: Path | None) -> BodyDescription:
@@ -92,9 +96,11 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     scene = opened.scene.with_bodies({k: models[persons[k].name].build() for k in found.fits})
     if not found.steps:
         return opened, cycle
+    cycle.progress("views: compared by the persons in them")
+    findings = told_of_views(found.steps, scene, sequence.interval_s)
     steps = [as_kept(step) for step in found.steps]
     known = {step.frame.index: step.estimates for step in steps}
-    opened = replace(opened, models=models, scene=scene, fitted_at=tuple(map(line_of, steps)))
+    opened = replace(opened, models=models, scene=scene, fitted_at=tuple(map(line_of, steps)), findings=findings)
     return opened, knowing(cycle, known, found.start)
 
 

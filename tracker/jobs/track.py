@@ -99,7 +99,8 @@ class TrackJob:
 
     inspection: bool = True
     """Look at the first frames for input that can hardly be right: exchanged or mirrored videos, views out of step,
-    another stature, more bodies than persons, somebody in a plate, a calibration not upright or not in metres."""
+    another stature, more bodies than persons, somebody in a plate, a calibration not upright or not in metres; and, by
+    persons whose bodies are fitted, at delays by parts of a frame and cameras turned since calibration."""
 
     recordings: Annotated[tuple[Recording, ...], ReadBy(chosen_recordings, described_recordings)] = pydantic.Field(
         default_factory=lambda: tuple(find("recording", use)() for use in DEFAULTS)
@@ -163,11 +164,7 @@ class TrackJob:
             return ()
         progress("looking at the first frames")
         sequence, stride = opened.sequence, getattr(self.reading, "stride", 1)
-        found = findings(survey(sequence.frames(), opened.scene, plates, stride))
-        for line in found:
-            log.warning("input: %s", line)
-            progress(f"input: {line}")
-        return found
+        return _warned(findings(survey(sequence.frames(), opened.scene, plates, stride)), progress)
 
     def cycle(self, opened: OpenedTrack, progress: Progress = silent) -> Cycle:
         """The tracking cycle of these components; a field of the cycle is one of the job, called the same.
@@ -226,6 +223,7 @@ class TrackJob:
             _tell(stage, choice, progress)
         found = self._looked_at(opened, cycle.plates, progress)
         opened, cycle = self.fitted(opened, cycle)
+        found += _warned(opened.findings if self.inspection else (), progress)
         if any(plate is not None and plate.stays for plate in cycle.plates):
             choices["evidence"] = self.evidence.told(cycle.plates)
             _tell("evidence", choices["evidence"], progress)
@@ -252,6 +250,14 @@ class TrackJob:
         steps = way(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
         outcome = _recorded(self.recordings, context, map(as_kept, steps), folder, (progress, stop))
         return outcome if self.smoothing is None or not outcome.n_frames else _smoothed(outcome, self.smoothing)
+
+
+def _warned(found: tuple[str, ...], progress: Progress) -> tuple[str, ...]:
+    """What looks wrong in the input, told."""
+    for line in found:
+        log.warning("input: %s", line)
+        progress(f"input: {line}")
+    return found
 
 
 def _tell(stage: str, choice: str, progress: Progress) -> None:

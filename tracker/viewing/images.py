@@ -12,6 +12,9 @@ from tracker.reading import Sequence
 from tracker.result import Result
 from tracker.smoothed import FOLDER as SMOOTHED
 
+IN_STEP = "in_step"
+"""In a result folder: its poses at one moment, see `tracker.aligned`."""
+
 
 def images_of(result: Result) -> Iterator[Frame]:
     """The frames of the recording that the result was made from; plates are not needed, and not made.
@@ -25,5 +28,7 @@ def images_of(result: Result) -> Iterator[Frame]:
 
 
 def config_of(folder: Path) -> Path:
-    """The configuration beside a result; a smoothed one lies in the folder of the raw one."""
-    return (folder.parent if folder.name == SMOOTHED else folder) / "config.toml"
+    """The configuration beside a result; one that was changed afterwards lies in the folder of the raw one."""
+    while folder.name in (SMOOTHED, IN_STEP):
+        folder = folder.parent
+    return folder / "config.toml"

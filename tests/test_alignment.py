@@ -1,0 +1,250 @@
+"""Views against each other: delays by parts of a frame and turned cameras are found, and told where they matter."""
+
+from __future__ import annotations
+
+import functools
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from motions import estimate_of
+from recordings import small_simulation
+from typer.testing import CliRunner
+
+from tracker.alignment import Alignment
+from tracker.alignment._gauge import without_common_motion
+from tracker.alignment._looks import by_turn
+from tracker.alignment.adjustment import FEWEST, align, turned
+from tracker.alignment.in_step import in_step
+from tracker.alignment.moments import MOST_MOMENTS, Tracked, chosen_moments, moments_of, rates_of
+from tracker.cli import app
+from tracker.frame import Frame
+from tracker.result import load_result
+from tracker.rig_layouts import load_rig
+from tracker.scene import Scene
+from tracker.simulation.movements import poses_of
+from tracker.simulation.sequence import Recipe, simulate, write_sequence
+from tracker.viewing.images import config_of
+
+FPS = 12.5
+DELAYS_S = 0.0, 0.024, -0.016, 0.036
+TURNS = np.radians([[0.0, 0.0, 0.0], [0.2, 0.2, 0.0], [0.0, -0.3, 0.1], [-0.2, 0.1, 0.0]])
+
+
+@functools.cache
+def recorded(delays_s=(0.0, 0.0, 0.0, 0.0), n_frames=30):
+    """A person who walks, seen by each view so much later, and the images, once for all tests."""
+    simulation = simulate(Recipe("walking_on_the_spot", seconds=n_frames / FPS, fps=FPS))
+    views = []
+    for v, (name, delay_s) in enumerate(zip(simulation.scene.rig.names, delays_s, strict=True)):
+        alone = Scene(simulation.scene.persons, simulation.scene.rig.select((name,)))
+        seen = replace(
+            simulation, scene=alone, plates=simulation.plates[v : v + 1], poses=(poses_at(delay_s, n_frames),)
+        )
+        views.append([frame.images[0] for frame in seen.frames()])
+    return simulation, tuple(Frame(t, t / FPS, images) for t, images in enumerate(zip(*views, strict=True)))
+
+
+def poses_at(late_s, n_frames=30):
+    """The true poses so much later than the frames."""
+    recipe = Recipe("walking_on_the_spot", seconds=n_frames / FPS, fps=FPS)
+    return poses_of(recipe.movement, recipe.subject.body(), recipe.times + late_s, recipe.heading_deg)
+
+
+def tracked(simulation, off_s=0.0, lost=()):
+    """The true poses, or those of a time so much later, as a run would have found them."""
+    body, times = simulation.scene.persons[0].body, simulation.recipe.times
+    estimates = [estimate_of(q, len(body.parts), t in lost) for t, q in enumerate(poses_at(off_s))]
+    return [Tracked(t, float(times[t]), (one,)) for t, one in enumerate(estimates)]
+
+
+def aligned(simulation, images, frames, rig=None):
+    scene = simulation.scene if rig is None else Scene(simulation.scene.persons, rig)
+    return align(moments_of(scene, frames, chosen_moments(scene, frames), images), 1 / FPS)
+
+
+def test_delays_by_parts_of_a_frame_are_found():
+    simulation, images = recorded(DELAYS_S)
+    found = aligned(simulation, images, tracked(simulation, float(np.mean(DELAYS_S))))
+    assert FEWEST <= found.n_moments <= MOST_MOMENTS
+    assert found.delays_s == pytest.approx(DELAYS_S, abs=0.05 / FPS)
+    assert (found.delay_sigmas_s[1:] > 0).all()
+    assert found.delay_sigmas_s.max() < 0.05 / FPS
+    assert found.out_of_step
+    assert not found.turned
+    assert len(found.findings()) == 1
+    assert "out of step" in found.findings()[0]
+
+
+def test_turned_cameras_are_found_however_the_person_moves():
+    simulation, images = recorded()
+    rig = turned(simulation.scene.rig, -TURNS)
+    found = aligned(simulation, images, tracked(simulation), rig)
+    wanted = without_common_motion(rig, TURNS, found.middle)
+    got = without_common_motion(rig, found.turns, found.middle)
+    assert np.degrees(got) == pytest.approx(np.degrees(wanted), abs=0.06)
+    assert found.late_frames == pytest.approx(np.zeros(4), abs=0.05)
+    assert not found.out_of_step
+
+
+def test_views_in_step_and_calibrated_are_not_suspected():
+    simulation, images = recorded()
+    found = aligned(simulation, images, tracked(simulation))
+    assert found.late_frames == pytest.approx(np.zeros(4), abs=0.03)
+    assert found.findings() == ()
+
+
+def test_poses_are_brought_to_the_first_views_moment():
+    """As well as contours tell poses of views in step; what was tracked lies between the views' moments."""
+    late, in_time = recorded(DELAYS_S), recorded()
+    body, truth, inner = late[0].scene.persons[0].body, late[0].poses[0], slice(2, -2)
+
+    def off_mm(poses):
+        marks = body.landmarks_in_world(np.array(poses)) - body.landmarks_in_world(truth)
+        return 1000 * np.linalg.norm(marks, axis=2)[inner].mean()
+
+    def brought(simulation, images, frames):
+        poses = dict(in_step(simulation.scene, frames, aligned(simulation, images, frames), images))
+        assert sorted(poses) == list(range(len(frames)))
+        return off_mm([poses[t][0].q for t in range(len(frames))])
+
+    frames = tracked(late[0], float(np.mean(DELAYS_S)))
+    before, after = off_mm([one.estimates[0].q for one in frames]), brought(*late, frames)
+    best = brought(*in_time, tracked(in_time[0]))
+    assert after - best < 0.3 * (before - best), (before, after, best)
+
+
+def test_lost_frames_stay_as_they_are_and_missing_views_are_left_out():
+    simulation, images = recorded()
+    frames = tracked(simulation, lost=(0,))
+    found = aligned(simulation, images, frames)
+    blind = [replace(image, images=(None, *image.images[1:])) for image in images[:3]]
+    poses = dict(in_step(simulation.scene, frames, found, blind))
+    assert sorted(poses) == [0, 1, 2]
+    assert poses[0][0] is frames[0].estimates[0]
+    body = simulation.scene.persons[0].body
+    off = body.landmarks_in_world(poses[2][0].q) - body.landmarks_in_world(simulation.poses[0][2])
+    assert np.linalg.norm(off, axis=-1).mean() < 0.02
+
+
+def test_rates_are_those_of_the_frames_around():
+    simulation, _ = recorded()
+    body, truth = simulation.scene.persons[0].body, simulation.poses[0]
+    frames = tracked(simulation, lost=(9,))
+    rates = rates_of(body, frames, 0)
+    assert rates[4, 0] == pytest.approx((8 * (truth[5] - truth[3]) - truth[6] + truth[2]) * FPS / 12, abs=1e-9)
+    assert rates[4, 1] == pytest.approx((truth[5] - 2 * truth[4] + truth[3]) * FPS**2, abs=1e-6)
+    assert rates[1, 0] == pytest.approx((truth[2] - truth[0]) * FPS / 2, abs=1e-9)
+    assert np.isnan(rates[9]).all()
+    for blind in (0, 8, 10, 29):
+        assert (rates[blind] == 0).all()
+
+
+def test_angles_that_jump_have_no_rate():
+    simulation, _ = recorded()
+    body, frames = simulation.scene.persons[0].body, tracked(simulation)
+    angle = int(np.flatnonzero(body.rotates)[0])
+    for off, whole in ((np.pi, False), (2 * np.pi, True)):
+        moved = np.array(frames[5].estimates[0].q)
+        moved[angle] += off
+        jumped = [*frames[:5], replace(frames[5], estimates=(replace(frames[5].estimates[0], q=moved),)), *frames[6:]]
+        usual = rates_of(body, frames, 0)[4, 0, angle]
+        assert rates_of(body, jumped, 0)[4, 0, angle] == pytest.approx(usual if whole else 0.0, abs=1e-9)
+
+
+def test_frames_in_doubt_and_those_beside_them_tell_nothing():
+    simulation, _ = recorded()
+    frames = tracked(simulation)
+    frames[10] = replace(frames[10], estimates=(replace(frames[10].estimates[0], ambiguous=("left_arm",)),))
+    chosen = chosen_moments(simulation.scene, frames)
+    assert not {0, 9, 10, 11, 29} & set(chosen)
+    assert set(chosen) <= set(range(30))
+    assert len(chosen) >= FEWEST
+
+
+def test_too_few_frames_or_one_view_tell_nothing():
+    simulation, images = recorded()
+    frames = tracked(simulation)
+    moments = moments_of(simulation.scene, frames, chosen_moments(simulation.scene, frames), images)
+    assert align(moments[: FEWEST - 1], 1 / FPS) is None
+    alone = Scene(simulation.scene.persons, simulation.scene.rig.select(simulation.scene.rig.names[:1]))
+    assert align([replace(moment, scene=alone) for moment in moments], 1 / FPS) is None
+
+
+def test_turns_derive_as_finite_differences():
+    rig = small_simulation("arm_swing", 1).scene.rig
+    rng = np.random.default_rng(3)
+    points, angles = rng.normal(size=(20, 3)) * 0.3 + [0, 0, 1.0], rng.uniform(0, 6, 20)
+    normals, step = np.column_stack([np.cos(angles), np.sin(angles)]), 1e-6
+    for v, camera in enumerate(rig.cameras):
+        numeric = np.empty((20, 3))
+        for axis in range(3):
+            turns = np.zeros((len(rig), 3))
+            turns[v, axis] = step
+            ends = [turned(rig, sign * turns).cameras[v].project(points) for sign in (1, -1)]
+            numeric[:, axis] = ((ends[0] - ends[1]) * normals).sum(axis=1) / (2 * step)
+        assert by_turn(camera, points, normals) == pytest.approx(numeric, rel=1e-5, abs=1e-3)
+
+
+def test_a_common_motion_of_what_is_seen_is_no_turn():
+    rig = small_simulation("arm_swing", 1).scene.rig
+    middle, moved = np.array([0.1, -0.2, 0.9]), np.array([0.004, -0.003, 0.002])
+    seen = np.array([camera.in_camera(middle + moved) - camera.in_camera(middle) for camera in rig.cameras])
+    depths = np.array([camera.in_camera(middle)[2] for camera in rig.cameras])
+    turns = np.column_stack([-seen[:, 1] / depths, seen[:, 0] / depths, np.zeros(len(rig))])
+    assert without_common_motion(rig, turns, middle) == pytest.approx(np.zeros((len(rig), 3)), abs=1e-12)
+    left = without_common_motion(rig, TURNS, middle)
+    assert without_common_motion(rig, left, middle) == pytest.approx(left, abs=1e-12)
+    assert np.linalg.norm(left) > 0.3 * np.linalg.norm(TURNS)
+
+
+def test_a_delay_is_told_from_five_sigmas_and_what_matters():
+    rig = small_simulation("arm_swing", 1).scene.rig
+
+    def made(delays_s, sigma_s):
+        sigmas = np.array([0.0, *[sigma_s] * 3])
+        return Alignment(rig, 0.04, np.array(delays_s), sigmas, np.zeros((4, 3)), np.full((4, 3), 1e-4), 24, np.ones(3))
+
+    assert made([0, 0.02, 0, 0], 0.001).out_of_step
+    assert not made([0, 0.02, 0, 0], 0.01).out_of_step, "not beyond doubt"
+    assert not made([0, 0.004, 0, 0], 0.0001).out_of_step, "too little to matter"
+
+
+@pytest.fixture(scope="module")
+def run_out_of_step(tmp_path_factory):
+    """A run of a recording whose views are out of step, with its body fitted to it."""
+    folder = tmp_path_factory.mktemp("late")
+    recipe = Recipe("walking_on_the_spot", seconds=2.4, fps=FPS, delays_s=DELAYS_S)
+    config = write_sequence(recipe, folder / "recording")
+    outputs = [
+        "--set",
+        "persons.0.shape=recording",
+        "--set",
+        "recordings=[{use='csv_table'},{use='journal'},{use='run_json'}]",
+    ]
+    done = CliRunner().invoke(app, ["run", str(config), "--output", str(folder / "result"), *outputs])
+    assert done.exit_code == 0, done.output
+    return folder / "result", " ".join(done.output.split())
+
+
+def test_a_run_tells_that_views_are_out_of_step(run_out_of_step):
+    folder, output = run_out_of_step
+    assert "input: views are out of step with" in output
+    assert any("out of step" in line for line in json.loads((folder / "run.json").read_text())["findings"])
+
+
+def test_the_command_writes_poses_at_one_moment_and_a_rig(run_out_of_step, tmp_path):
+    folder, _ = run_out_of_step
+    done = CliRunner().invoke(app, ["align", str(folder), "--rig", str(tmp_path / "turned.toml")])
+    assert done.exit_code == 0, done.output
+    assert "out of step" in done.output
+    assert "poses at the moment of" in done.output
+    result = load_result(folder / "in_step")
+    assert len(result.frames) == 30
+    assert config_of(result.folder) == folder / "config.toml"
+    late = [view["late_ms"] for view in result.details["alignment"].values()]
+    assert late == pytest.approx([1000 * delay for delay in DELAYS_S], abs=4)
+    assert load_rig(tmp_path / "turned.toml").names == result.rig.names
+    again = CliRunner().invoke(app, ["align", str(folder), "--rig", str(tmp_path / "turned.toml")])
+    assert again.exit_code != 0

@@ -1,0 +1,128 @@
+"""A result whose views are compared with each other, and its poses at one moment, in a result folder beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tracker.alignment import Alignment
+from tracker.alignment.adjustment import align, turned
+from tracker.alignment.in_step import in_step
+from tracker.alignment.moments import Tracked, chosen_moments, moments_of
+from tracker.errors import ConfigError
+from tracker.export import write_result
+from tracker.files import whole_folder
+from tracker.jobs import load_job
+from tracker.progress import Progress, silent
+from tracker.result import Result
+from tracker.rig_layouts import load_rig, save_rig
+from tracker.viewing.images import IN_STEP, config_of, images_of
+
+_DECIMALS = 6
+"""Of what is told in files: microseconds and millionths of a degree or px."""
+
+
+def alignment_of(result: Result, progress: Progress = silent) -> Alignment:
+    """How late the views of a finished run are, and how they are turned, by its fastest frames without doubt.
+
+    Args:
+        result: of any body and evidence.
+        progress: told how far it is.
+
+    Raises:
+        ConfigError: the run has too few such frames, or one view.
+        TrackerError: the recording is not there any more.
+    """
+    frames = tracked_in(result)
+    progress("reading the fastest frames")
+    moments = moments_of(result.scene, frames, chosen_moments(result.scene, frames), images_of(result))
+    found = align(moments, result.interval_s, progress)
+    if found is None:
+        views = f"{len(result.rig)} view{'s' if len(result.rig) > 1 else ''}"
+        raise ConfigError(
+            f"{result.folder}: {len(moments)} frames in which somebody moves and nothing is in doubt, in {views}: "
+            "too few to compare views by; expected movement in two views or more"
+        )
+    return found
+
+
+def tracked_in(result: Result) -> list[Tracked]:
+    """The frames of a run as `tracker.alignment` takes them."""
+    return [Tracked(replay.index, replay.time_s, replay.estimates) for replay in result.replays]
+
+
+def write_in_step(result: Result, found: Alignment, folder: Path | None = None, progress: Progress = silent) -> Path:
+    """Writes a result folder of the poses at the first view's moment, which loads and is evaluated as any.
+
+    Args:
+        result: the poses as tracked.
+        found: how late the views are.
+        folder: where to, as a whole or not at all; None for the folder `in_step` in the result's.
+        progress: told how far it is.
+
+    Returns:
+        The folder.
+
+    Raises:
+        ConfigError: the folder holds something.
+        TrackerError: the recording is not there any more.
+    """
+    target = folder or result.folder / IN_STEP
+    with whole_folder(target) as unfinished:
+        changed = dict(_counted(result, found, progress))
+        replays = tuple(
+            replace(replay, estimates=changed.get(replay.index, replay.estimates)) for replay in result.replays
+        )
+        details = {**result.details, "alignment": described(found)}
+        write_result(replace(result, replays=replays, details=details), unfinished)
+    return target
+
+
+def write_turned_rig(result: Result, found: Alignment, path: Path) -> Path:
+    """Writes the rig of the recording with its cameras turned as the persons show them, for another run.
+
+    Args:
+        result: the run.
+        found: how they are turned.
+        path: a TOML file.
+
+    Returns:
+        The file.
+
+    Raises:
+        ConfigError: the file is there already, or its folder is not.
+        TrackerError: the calibration that the run was made with is not there any more.
+    """
+    if path.exists() or not path.absolute().parent.is_dir():
+        raise ConfigError(f"--rig {path}: expected a file that is not there yet, in a folder that is")
+    reading: Any = load_job("track", config_of(result.folder)).reading
+    save_rig(turned(load_rig(reading.rig, result.rig.names), found.turns), path)
+    return path
+
+
+def _counted(result: Result, found: Alignment, progress: Progress) -> Iterator[tuple[int, Any]]:
+    poses = in_step(result.scene, tracked_in(result), found, images_of(result))
+    for done, frame in enumerate(poses, start=1):
+        progress("bringing poses to one moment", done, len(result.replays))
+        yield frame
+
+
+def described(found: Alignment) -> dict[str, dict[str, float]]:
+    """View -> what is told of it, in ms, degrees and px."""
+    told = zip(
+        found.rig.names,
+        1000 * found.delays_s,
+        1000 * found.delay_sigmas_s,
+        np.degrees(np.linalg.norm(found.turns, axis=1)),
+        found.turned_px,
+        strict=True,
+    )
+    keys = "late_ms", "late_sigma_ms", "turned_deg", "turned_px"
+    return {
+        name: {key: round(float(value), _DECIMALS) for key, value in zip(keys, values, strict=True)}
+        for name, *values in told
+    }

@@ -1,0 +1,44 @@
+"""`bodytrack align`: how late the views of a result are, how their cameras are turned, and what to do about it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from tracker.commands.terminal import ProgressBar, console
+
+
+def align(
+    result: Annotated[Path, typer.Argument(help="Result folder of a run; its recording must still be there.")],
+    rig: Annotated[Path | None, typer.Option(help="Write the rig with its cameras turned as the persons show.")] = None,
+    output: Annotated[Path | None, typer.Option(help="Folder of poses at one moment; default RESULT/in_step.")] = None,
+    always: Annotated[bool, typer.Option("--always", help="Write these poses also if no view is late.")] = False,
+) -> None:
+    """Compares the views of a result by the persons tracked: which are late, whose cameras are turned.
+
+    Where views are out of step, poses at the moment of the first one are written into a result folder of their own.
+    """
+    from tracker.aligned import alignment_of, described, write_in_step, write_turned_rig
+    from tracker.result import load_result
+
+    loaded = load_result(result)
+    with ProgressBar() as progress:
+        found = alignment_of(loaded, progress)
+        late = found.out_of_step or always
+        folder = write_in_step(loaded, found, output, progress) if late else None
+    table = Table("view", "late ms", "turned deg", "turned px", title=f"views, by {found.n_moments} frames")
+    for name, told in described(found).items():
+        late_ms = f"{told['late_ms']:+.1f} ± {told['late_sigma_ms']:.1f}"
+        table.add_row(name, late_ms, f"{told['turned_deg']:.2f}", f"{told['turned_px']:.1f}")
+    console.print(table)
+    for line in found.findings():
+        console.print(f"[yellow]look:[/] {line}", highlight=False)
+    if not found.findings():
+        console.print("the views are in step, and their cameras agree with the persons", highlight=False)
+    if rig is not None:
+        console.print(f"rig: {write_turned_rig(loaded, found, rig)}", highlight=False, soft_wrap=True)
+    if folder is not None:
+        console.print(f"poses at the moment of {found.rig.names[0]}: {folder}", highlight=False, soft_wrap=True)
