@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from tracker.alignment.in_step import in_step
 from tracker.alignment.moments import MOST_MOMENTS, Tracked, chosen_moments, moments_of, rates_of
 from tracker.cli import app
 from tracker.frame import Frame
+from tracker.jobs._views import told_of_views
 from tracker.result import load_result
 from tracker.rig_layouts import load_rig
 from tracker.scene import Scene
@@ -232,6 +234,15 @@ def test_a_run_tells_that_views_are_out_of_step(run_out_of_step):
     folder, output = run_out_of_step
     assert "input: views are out of step with" in output
     assert any("out of step" in line for line in json.loads((folder / "run.json").read_text())["findings"])
+
+
+def test_views_in_step_are_said_to_be_so():
+    simulation, images = recorded()
+    frames, told = tracked(simulation), []
+    steps = [SimpleNamespace(frame=frame, estimates=one.estimates) for frame, one in zip(images, frames, strict=True)]
+    assert told_of_views(steps, simulation.scene, 1 / FPS, lambda line, *_: told.append(line)) == ()
+    assert len(told) == 1
+    assert "views: in step to" in told[0]
 
 
 def test_the_command_writes_poses_at_one_moment_and_a_rig(run_out_of_step, tmp_path):

@@ -96,8 +96,7 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     scene = opened.scene.with_bodies({k: models[persons[k].name].build() for k in found.fits})
     if not found.steps:
         return opened, cycle
-    cycle.progress("views: compared by the persons in them")
-    findings = told_of_views(found.steps, scene, sequence.interval_s)
+    findings = told_of_views(found.steps, scene, sequence.interval_s, cycle.progress)
     steps = [as_kept(step) for step in found.steps]
     known = {step.frame.index: step.estimates for step in steps}
     opened = replace(opened, models=models, scene=scene, fitted_at=tuple(map(line_of, steps)), findings=findings)
