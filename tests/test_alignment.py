@@ -21,7 +21,9 @@ from tracker.alignment.in_step import in_step
 from tracker.alignment.moments import MOST_MOMENTS, Tracked, chosen_moments, moments_of, rates_of
 from tracker.cli import app
 from tracker.frame import Frame
-from tracker.jobs._views import told_of_views
+from tracker.jobs import load_job
+from tracker.jobs._views import told_by_result, told_of_views
+from tracker.progress import silent
 from tracker.result import load_result
 from tracker.rig_layouts import load_rig
 from tracker.scene import Scene
@@ -243,6 +245,13 @@ def test_views_in_step_are_said_to_be_so():
     assert told_of_views(steps, simulation.scene, 1 / FPS, lambda line, *_: told.append(line)) == ()
     assert len(told) == 1
     assert "views: in step to" in told[0]
+
+
+def test_a_run_whose_bodies_are_not_fitted_is_asked_at_its_end(run_out_of_step, tmp_path):
+    folder, _ = run_out_of_step
+    sequence = load_job("track", folder / "config.toml").reading.open()
+    assert any("out of step" in line for line in told_by_result(folder, sequence, silent))
+    assert told_by_result(tmp_path, sequence, silent) == ()
 
 
 def test_the_command_writes_poses_at_one_moment_and_a_rig(run_out_of_step, tmp_path):

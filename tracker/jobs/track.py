@@ -30,6 +30,7 @@ from tracker.jobs import ResultFolder, described, versions
 from tracker.jobs._delivered import delivered, opened_even, sized
 from tracker.jobs._persons import OpenedTrack, description_of, known_before, save_inputs, with_fitted_bodies
 from tracker.jobs._stopping import Stop, stopping
+from tracker.jobs._views import told_by_result
 from tracker.kernels.ahead import Group
 from tracker.loss import LossRule
 from tracker.plate import Plate
@@ -100,7 +101,7 @@ class TrackJob:
     inspection: bool = True
     """Look at the first frames for input that can hardly be right: exchanged or mirrored videos, views out of step,
     another stature, more bodies than persons, somebody in a plate, a calibration not upright or not in metres; and, by
-    persons whose bodies are fitted, at delays by parts of a frame and cameras turned since calibration."""
+    the persons tracked, at delays by parts of a frame and cameras turned since calibration."""
 
     recordings: Annotated[tuple[Recording, ...], ReadBy(chosen_recordings, described_recordings)] = pydantic.Field(
         default_factory=lambda: tuple(find("recording", use)() for use in DEFAULTS)
@@ -249,6 +250,8 @@ class TrackJob:
         way = track if self.passes == 1 else track_twice
         steps = way(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
         outcome = _recorded(self.recordings, context, map(as_kept, steps), folder, (progress, stop))
+        if self.inspection and not (opened.fitted_at or opened.known or outcome.interrupted):
+            _warned(told_by_result(outcome.folder, sequence, progress), progress)
         return outcome if self.smoothing is None or not outcome.n_frames else _smoothed(outcome, self.smoothing)
 
 
