@@ -13,7 +13,7 @@ from motions import estimate_of
 from recordings import small_simulation
 from typer.testing import CliRunner
 
-from tracker.alignment import Alignment
+from tracker.alignment import ViewAlignment
 from tracker.alignment._gauge import without_common_motion
 from tracker.alignment._looks import by_turn
 from tracker.alignment.adjustment import FEWEST, align, turned
@@ -208,7 +208,9 @@ def test_a_delay_is_told_from_five_sigmas_and_what_matters():
 
     def made(delays_s, sigma_s):
         sigmas = np.array([0.0, *[sigma_s] * 3])
-        return Alignment(rig, 0.04, np.array(delays_s), sigmas, np.zeros((4, 3)), np.full((4, 3), 1e-4), 24, np.ones(3))
+        return ViewAlignment(
+            rig, 0.04, np.array(delays_s), sigmas, np.zeros((4, 3)), np.full((4, 3), 1e-4), 24, np.ones(3)
+        )
 
     assert made([0, 0.02, 0, 0], 0.001).out_of_step
     assert not made([0, 0.02, 0, 0], 0.01).out_of_step, "not beyond doubt"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tracker.alignment import Alignment
+from tracker.alignment import ViewAlignment
 from tracker.alignment.adjustment import align, turned
 from tracker.alignment.in_step import in_step
 from tracker.alignment.moments import Tracked, chosen_moments, moments_of
@@ -26,7 +26,7 @@ _DECIMALS = 6
 """Of what is told in files: microseconds and millionths of a degree or px."""
 
 
-def alignment_of(result: Result, progress: Progress = silent) -> Alignment:
+def alignment_of(result: Result, progress: Progress = silent) -> ViewAlignment:
     """How late the views of a finished run are, and how they are turned, by its fastest frames without doubt.
 
     Args:
@@ -55,7 +55,9 @@ def tracked_in(result: Result) -> list[Tracked]:
     return [Tracked(replay.index, replay.time_s, replay.estimates) for replay in result.replays]
 
 
-def write_in_step(result: Result, found: Alignment, folder: Path | None = None, progress: Progress = silent) -> Path:
+def write_in_step(
+    result: Result, found: ViewAlignment, folder: Path | None = None, progress: Progress = silent
+) -> Path:
     """Writes a result folder of the poses at the first view's moment, which loads and is evaluated as any.
 
     Args:
@@ -82,7 +84,7 @@ def write_in_step(result: Result, found: Alignment, folder: Path | None = None, 
     return target
 
 
-def write_turned_rig(result: Result, found: Alignment, path: Path) -> Path:
+def write_turned_rig(result: Result, found: ViewAlignment, path: Path) -> Path:
     """Writes the rig of the recording with its cameras turned as the persons show them, for another run.
 
     Args:
@@ -104,14 +106,14 @@ def write_turned_rig(result: Result, found: Alignment, path: Path) -> Path:
     return path
 
 
-def _counted(result: Result, found: Alignment, progress: Progress) -> Iterator[tuple[int, Any]]:
+def _counted(result: Result, found: ViewAlignment, progress: Progress) -> Iterator[tuple[int, Any]]:
     poses = in_step(result.scene, tracked_in(result), found, images_of(result))
     for done, frame in enumerate(poses, start=1):
         progress("bringing poses to one moment", done, len(result.replays))
         yield frame
 
 
-def described(found: Alignment) -> dict[str, dict[str, float]]:
+def described(found: ViewAlignment) -> dict[str, dict[str, float]]:
     """View -> what is told of it, in ms, degrees and px."""
     told = zip(
         found.rig.names,

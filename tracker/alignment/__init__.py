@@ -16,7 +16,7 @@ from tracker.alignment._gauge import without_common_motion
 from tracker.arrays import Array
 from tracker.rig import Rig
 
-__all__ = ["Alignment"]
+__all__ = ["ViewAlignment"]
 
 _LATE_FRAMES = 0.2
 """Delays against the mean of the views from which they are told, frames. Of 90 results of recordings in step one had
@@ -33,7 +33,7 @@ _SURE = 5.0
 
 
 @dataclass(frozen=True)
-class Alignment:
+class ViewAlignment:
     """How late views are, and how their cameras are turned against the rig."""
 
     rig: Rig

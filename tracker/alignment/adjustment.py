@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tracker.alignment import Alignment
+from tracker.alignment import ViewAlignment
 from tracker.alignment._looks import Look, looks_of
 from tracker.alignment.moments import Moment
 from tracker.arrays import Array, frozen
@@ -36,7 +36,7 @@ _DELAY_SPREAD_FRAMES = 2.0
 """Standard deviation of delays: holds that of a view that shows nothing."""
 
 
-def align(moments: Sequence[Moment], interval_s: float, progress: Progress = silent) -> Alignment | None:
+def align(moments: Sequence[Moment], interval_s: float, progress: Progress = silent) -> ViewAlignment | None:
     """Delays and turns of the views; None where too few moments, or one view alone, tell nothing.
 
     Args:
@@ -65,7 +65,7 @@ def align(moments: Sequence[Moment], interval_s: float, progress: Progress = sil
         unknowns = unknowns + step
     progress("comparing the views", len(_GATES_PX), len(_GATES_PX))
     sigmas, n_delays = sums.sigmas(prior, unknowns), len(rig) - 1
-    return Alignment(
+    return ViewAlignment(
         rig,
         interval_s,
         frozen(interval_s * np.r_[0.0, unknowns[:n_delays]]),

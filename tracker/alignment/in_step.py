@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracker.alignment import Alignment
+from tracker.alignment import ViewAlignment
 from tracker.alignment._looks import looks_of
 from tracker.alignment.moments import Moment, Tracked, rates_of
 from tracker.arrays import Array, frozen
@@ -24,7 +24,7 @@ as far apart as persons moved meanwhile. Of 5 degrees and 10 the same came out, 
 
 
 def in_step(
-    scene: Scene, frames: Sequence[Tracked], found: Alignment, images: Iterable[Frame]
+    scene: Scene, frames: Sequence[Tracked], found: ViewAlignment, images: Iterable[Frame]
 ) -> Iterator[tuple[int, tuple[Estimate, ...]]]:
     """The estimates of all persons at the first view's moment.
 

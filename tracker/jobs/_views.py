@@ -21,7 +21,7 @@ _LONGEST = 500
 
 
 def told_of_views(steps: Sequence[Step], scene: Scene, interval_s: float, progress: Progress) -> tuple[str, ...]:
-    """Views that are out of step, and cameras that are turned; see `tracker.alignment.Alignment.findings`.
+    """Views that are out of step, and cameras that are turned; see `tracker.alignment.ViewAlignment.findings`.
 
     Args:
         steps: frames that were tracked, with their images.
