@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from tracker.alignment import ViewAlignment
 from tracker.alignment._looks import Look, looks_of
-from tracker.alignment.moments import Moment
+from tracker.alignment.moments import Moment, speed
 from tracker.arrays import Array, frozen
 from tracker.progress import Progress, silent
 from tracker.rig import Rig
@@ -64,6 +64,7 @@ def align(moments: Sequence[Moment], interval_s: float, progress: Progress = sil
         poses = [part.moved(q, step) for part, q in zip(parts, poses, strict=True)]
         unknowns = unknowns + step
     progress("comparing the views", len(_GATES_PX), len(_GATES_PX))
+    posed = list(zip(moments, poses, strict=True))
     sigmas, n_delays = sums.sigmas(prior, unknowns), len(rig) - 1
     return ViewAlignment(
         rig,
@@ -74,6 +75,7 @@ def align(moments: Sequence[Moment], interval_s: float, progress: Progress = sil
         frozen(sigmas[n_delays:].reshape(-1, 3)),
         len(moments),
         frozen(np.mean([_place(moment) for moment in moments], axis=0)),
+        float(np.mean([speed(moment.scene.persons[moment.person].body, q, moment.rates[0]) for moment, q in posed])),
     )
 
 

@@ -113,18 +113,19 @@ def chosen_moments(scene: Scene, frames: Sequence[Tracked]) -> Mapping[int, tupl
         sure = ~doubtful & ~np.r_[True, doubtful[:-1]] & ~np.r_[doubtful[1:], True]
         if not sure.any():
             continue
-        speeds = np.where(sure, _speeds(person.body, frames, k, np.nan_to_num(rates[:, 0])), 0.0)
+        poses = np.array([one.estimates[k].q for one in frames])
+        speeds = np.where(sure, speed(person.body, poses, np.nan_to_num(rates[:, 0])), 0.0)
         for t in np.argsort(-speeds)[:MOST_MOMENTS]:
             if speeds[t] >= _LEAST_M_PER_S:
                 found.setdefault(frames[t].index, []).append((k, rates[t]))
     return {index: tuple(persons) for index, persons in sorted(found.items())}
 
 
-def _speeds(body: BodyModel, frames: Sequence[Tracked], person: int, rates: Array) -> Array:
-    """(T,) mean speed of the joints, m/s."""
-    poses, instant_s = np.array([one.estimates[person].q for one in frames]), 1e-3
+def speed(body: BodyModel, poses: Array, rates: Array) -> Array:
+    """(...,) mean speed of the joints at poses (..., dof) whose parameters change at such rates (..., dof), m/s."""
+    instant_s = 1e-3
     steps = body.landmarks_in_world(poses + instant_s * rates) - body.landmarks_in_world(poses)
-    speeds: Array = np.linalg.norm(steps, axis=2).mean(axis=1) / instant_s
+    speeds: Array = np.linalg.norm(steps, axis=-1).mean(axis=-1) / instant_s
     return speeds
 
 
