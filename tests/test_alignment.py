@@ -277,5 +277,11 @@ def test_the_command_writes_poses_at_one_moment_and_a_rig(run_out_of_step, tmp_p
     late = [view["late_ms"] for view in result.details["alignment"].values()]
     assert late == pytest.approx([1000 * delay for delay in DELAYS_S], abs=4)
     assert load_rig(tmp_path / "turned.toml").names == result.rig.names
+    rows = (tmp_path / "turned.toml").read_bytes()
     again = CliRunner().invoke(app, ["align", str(folder), "--rig", str(tmp_path / "turned.toml")])
     assert again.exit_code != 0
+    assert "not there yet" in str(again.exception)
+    assert (tmp_path / "turned.toml").read_bytes() == rows
+    told = CliRunner().invoke(app, ["align", str(folder)])
+    assert "views, by" in told.output, "what was found is shown also where the poses are there already"
+    assert told.exit_code != 0

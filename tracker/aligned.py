@@ -14,6 +14,7 @@ from tracker.alignment.adjustment import align, turned
 from tracker.alignment.in_step import in_step
 from tracker.alignment.moments import Tracked, chosen_moments, moments_of
 from tracker.errors import ConfigError
+from tracker.estimate import Estimate
 from tracker.export import write_result
 from tracker.files import whole_folder
 from tracker.jobs import load_job
@@ -99,14 +100,23 @@ def write_turned_rig(result: Result, found: ViewAlignment, path: Path) -> Path:
         ConfigError: the file is there already, or its folder is not.
         TrackerError: the calibration that the run was made with is not there any more.
     """
-    if path.exists() or not path.absolute().parent.is_dir():
-        raise ConfigError(f"--rig {path}: expected a file that is not there yet, in a folder that is")
+    check_new_file(path)
     reading: Any = load_job("track", config_of(result.folder)).reading
     save_rig(turned(load_rig(reading.rig, result.rig.names), found.turns), path)
     return path
 
 
-def _counted(result: Result, found: ViewAlignment, progress: Progress) -> Iterator[tuple[int, Any]]:
+def check_new_file(path: Path) -> None:
+    """Refuses a place where a rig would replace something.
+
+    Raises:
+        ConfigError: the file is there already, or its folder is not.
+    """
+    if path.exists() or not path.absolute().parent.is_dir():
+        raise ConfigError(f"--rig {path}: expected a file that is not there yet, in a folder that is")
+
+
+def _counted(result: Result, found: ViewAlignment, progress: Progress) -> Iterator[tuple[int, tuple[Estimate, ...]]]:
     poses = in_step(result.scene, tracked_in(result), found, images_of(result))
     for done, frame in enumerate(poses, start=1):
         progress("bringing poses to one moment", done, len(result.replays))

@@ -22,6 +22,10 @@ from tracker.synthesis.cpu import CpuSynthesis
 _DIRECTION_DEG = 25.0
 """Largest angle between a contour and the edge it is paired with: a pose that was tracked has the right ones."""
 
+POSE_SPREAD = np.radians(10.0), 0.1
+"""Standard deviation of angles, rad, and translations, m, around the pose that was tracked: a compromise between views
+as far apart as persons moved meanwhile. Of 5 degrees and 10 the same came out, to 0.2 mm."""
+
 
 @dataclass(frozen=True)
 class Look:

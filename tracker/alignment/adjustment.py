@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tracker.alignment import ViewAlignment
-from tracker.alignment._looks import Look, looks_of
+from tracker.alignment._looks import POSE_SPREAD, Look, looks_of
 from tracker.alignment.moments import Moment, speed
 from tracker.arrays import Array, frozen
 from tracker.progress import Progress, silent
@@ -24,9 +24,6 @@ FEWEST = 8
 
 _GATES_PX = (12.0, 8.0, 6.0, 5.0, 5.0)
 """Largest distance of a pair in each round, px."""
-
-_POSE_SPREAD = np.radians(10.0), 0.1
-"""Standard deviation of angles, rad, and translations, m, around the pose that was tracked."""
 
 _TURN_SPREAD_PX = 0.5
 """Standard deviation of turns, px at the middle of an image, so that what moving the world would explain is not
@@ -145,7 +142,7 @@ def _eliminated(
 ) -> _Eliminated:
     """The equations of a moment; unknowns are delays of all views but the first, in frames, and turns of all views."""
     person, n_views = moment.scene.persons[moment.person], len(delays_s)
-    spread = np.where(person.body.rotates, *_POSE_SPREAD)
+    spread = np.where(person.body.rotates, *POSE_SPREAD)
     matrix, vector = np.diag(spread**-2), (q - person.q) / spread**2
     n_unknowns = 4 * n_views - 1
     crossed, own, right = np.zeros((n_unknowns, len(q))), np.zeros((n_unknowns, n_unknowns)), np.zeros(n_unknowns)

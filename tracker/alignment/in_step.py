@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tracker.alignment import ViewAlignment
-from tracker.alignment._looks import looks_of
+from tracker.alignment._looks import POSE_SPREAD, looks_of
 from tracker.alignment.moments import Moment, Tracked, rates_of
 from tracker.arrays import Array, frozen
 from tracker.estimate import Estimate
@@ -17,10 +17,6 @@ from tracker.scene import Scene
 
 _GATES_PX = (10.0, 8.0, 6.0, 6.0)
 """Largest distance of a contour and its edge in each step, px."""
-
-_POSE_SPREAD = np.radians(10.0), 0.1
-"""Standard deviation of angles, rad, and translations, m, around the pose that was tracked: a compromise between views
-as far apart as persons moved meanwhile. Of 5 degrees and 10 the same came out, to 0.2 mm."""
 
 
 def in_step(
@@ -58,7 +54,7 @@ def in_step(
 def _at_one_moment(moment: Moment, delays_s: Array) -> Array:
     """(dof,) the pose of a person when the first view looks."""
     person, looks = moment.scene.persons[moment.person], looks_of(moment)
-    spread = np.where(person.body.rotates, *_POSE_SPREAD)
+    spread = np.where(person.body.rotates, *POSE_SPREAD)
     q = person.q
     for gate_px in _GATES_PX:
         matrix, vector = np.diag(spread**-2), (q - person.q) / spread**2

@@ -21,14 +21,14 @@ def align(
 
     Where views are out of step, poses at the moment of the first one are written into a result folder of their own.
     """
-    from tracker.aligned import alignment_of, described, write_in_step, write_turned_rig
+    from tracker.aligned import alignment_of, check_new_file, described, write_in_step, write_turned_rig
     from tracker.result import load_result
 
     loaded = load_result(result)
+    if rig is not None:
+        check_new_file(rig)
     with ProgressBar() as progress:
         found = alignment_of(loaded, progress)
-        late = found.out_of_step or always
-        folder = write_in_step(loaded, found, output, progress) if late else None
     table = Table("view", "late ms", "turned deg", "turned px", title=f"views, by {found.n_moments} frames")
     for name, told in described(found).items():
         late_ms = f"{told['late_ms']:+.1f} ± {told['late_sigma_ms']:.1f}"
@@ -40,5 +40,7 @@ def align(
         console.print("the views are in step, and their cameras agree with the persons", highlight=False)
     if rig is not None:
         console.print(f"rig: {write_turned_rig(loaded, found, rig)}", highlight=False, soft_wrap=True)
-    if folder is not None:
+    if found.out_of_step or always:
+        with ProgressBar() as progress:
+            folder = write_in_step(loaded, found, output, progress)
         console.print(f"poses at the moment of {found.rig.names[0]}: {folder}", highlight=False, soft_wrap=True)
