@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import html
 import json
 from dataclasses import replace
 from types import SimpleNamespace
@@ -21,9 +22,7 @@ from tracker.alignment.in_step import in_step
 from tracker.alignment.moments import MOST_MOMENTS, Tracked, chosen_moments, moments_of, rates_of
 from tracker.cli import app
 from tracker.frame import Frame
-from tracker.jobs import load_job
-from tracker.jobs._views import told_by_result, told_of_views
-from tracker.progress import silent
+from tracker.jobs._views import told_of_views
 from tracker.result import load_result
 from tracker.rig_layouts import load_rig
 from tracker.scene import Scene
@@ -259,10 +258,18 @@ def test_views_in_step_are_said_to_be_so():
 
 
 def test_a_run_whose_bodies_are_not_fitted_is_asked_at_its_end(run_out_of_step, tmp_path):
+    """Also then its files say so."""
     folder, _ = run_out_of_step
-    sequence = load_job("track", folder / "config.toml").reading.open()
-    assert any("out of step" in line for line in told_by_result(folder, sequence, silent))
-    assert told_by_result(tmp_path, sequence, silent) == ()
+    outputs = "recordings=[{use='csv_table'},{use='report'},{use='run_json'}]"
+    settings = ["--set", "persons.0.shape=model", "--set", "passes=1", "--set", outputs]
+    recording = folder.parent / "recording" / "config.toml"
+    done = CliRunner().invoke(app, ["run", str(recording), "--output", str(tmp_path / "result"), *settings])
+    assert done.exit_code == 0, done.output
+    told = [
+        line for line in json.loads((tmp_path / "result" / "run.json").read_text())["findings"] if "of step" in line
+    ]
+    assert len(told) == 1
+    assert told[0] in html.unescape((tmp_path / "result" / "report.html").read_text())
 
 
 def test_the_command_writes_poses_at_one_moment_and_a_rig(run_out_of_step, tmp_path):

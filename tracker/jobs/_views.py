@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import islice
-from pathlib import Path
+from collections.abc import Iterable, Iterator, Sequence
 
 from tracker.alignment.adjustment import align
 from tracker.alignment.moments import Tracked, chosen_moments, moments_of
 from tracker.frame import Frame
 from tracker.progress import Progress
 from tracker.reading import Sequence as Recording
-from tracker.recording.journal import FILE as JOURNAL
-from tracker.result import load_result
 from tracker.scene import Scene
 from tracker.trajectory import Step
 
@@ -33,19 +29,28 @@ def told_of_views(steps: Sequence[Step], scene: Scene, interval_s: float, progre
     return _told(frames, (step.frame for step in steps), scene, interval_s, progress)
 
 
-def told_by_result(folder: Path, sequence: Recording, progress: Progress) -> tuple[str, ...]:
-    """The same of the first frames of a finished run; nothing of one that has kept no journal.
+class Tracks:
+    """The poses of the first frames of a run, of which the same is asked at its end."""
 
-    Args:
-        folder: the result.
-        sequence: its recording.
-        progress: as of `told_of_views`.
-    """
-    if not (folder / JOURNAL).is_file() or not (folder / "run.json").is_file():
-        return ()
-    result = load_result(folder)
-    frames = [Tracked(one.index, one.time_s, one.estimates) for one in islice(result.replays, _LONGEST)]
-    return _told(frames, sequence.frames(), result.scene, result.interval_s, progress)
+    def __init__(self) -> None:
+        self._frames: list[Tracked] = []
+
+    def kept(self, steps: Iterable[Step]) -> Iterator[Step]:
+        """The frames of a run as they come."""
+        for step in steps:
+            if len(self._frames) < _LONGEST:
+                self._frames.append(Tracked(step.frame.index, step.frame.time_s, step.estimates))
+            yield step
+
+    def told(self, scene: Scene, sequence: Recording, progress: Progress) -> tuple[str, ...]:
+        """See `told_of_views`.
+
+        Args:
+            scene: the persons as they were tracked.
+            sequence: the recording, of which the fastest frames are read again.
+            progress: as of `told_of_views`.
+        """
+        return _told(self._frames, sequence.frames(), scene, sequence.interval_s, progress)
 
 
 def _told(

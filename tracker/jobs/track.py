@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import logging
 import shutil
-import time
-from collections import Counter, deque
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -18,19 +15,18 @@ import pydantic
 from tracker.components import ReadBy, component, find, standard
 from tracker.config import component_name
 from tracker.cycle import Cycle
-from tracker.doubts import Doubts
-from tracker.errors import ConfigError, TrackerError, name_fault
+from tracker.errors import ConfigError, name_fault
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence
-from tracker.files import remove_unfinished
 from tracker.found_before import knowing
 from tracker.initialization import Initialization
 from tracker.inspection import findings, survey
 from tracker.jobs import ResultFolder, described, versions
 from tracker.jobs._delivered import delivered, opened_even, sized
 from tracker.jobs._persons import OpenedTrack, description_of, known_before, save_inputs, with_fitted_bodies
-from tracker.jobs._stopping import Stop, stopping
-from tracker.jobs._views import told_by_result
+from tracker.jobs._recorded import TrackOutcome, recorded
+from tracker.jobs._stopping import Stop
+from tracker.jobs._views import Tracks
 from tracker.kernels.ahead import Group
 from tracker.loss import LossRule
 from tracker.plate import Plate
@@ -38,7 +34,7 @@ from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
 from tracker.reading import Reading
 from tracker.recorded_plates import behind_who_stays, without_persons
-from tracker.recording import DEFAULTS, Recorder, Recording, RunContext, chosen_recordings, described_recordings
+from tracker.recording import DEFAULTS, Recording, RunContext, chosen_recordings, described_recordings
 from tracker.recording.journal import Expected, OpenJournal, as_kept, open_journal
 from tracker.result import load_result
 from tracker.scene import Person, Scene
@@ -48,7 +44,6 @@ from tracker.smoothing import Smoothing
 from tracker.subject import Subject
 from tracker.synthesis import Synthesis
 from tracker.tracking import track
-from tracker.trajectory import Step
 from tracker.two_passes import track_twice
 
 __all__ = ["OpenedTrack", "TrackJob", "TrackOutcome"]
@@ -222,7 +217,7 @@ class TrackJob:
         }
         for stage, choice in choices.items():
             _tell(stage, choice, progress)
-        found = self._looked_at(opened, cycle.plates, progress)
+        found = [*self._looked_at(opened, cycle.plates, progress)]
         opened, cycle = self.fitted(opened, cycle)
         found += _warned(opened.findings if self.inspection else (), progress)
         if any(plate is not None and plate.stays for plate in cycle.plates):
@@ -234,7 +229,7 @@ class TrackJob:
             "choices": {stage: choice for stage, choice in choices.items() if choice},
             "versions": versions(),
             "inputs": dict(folder.inputs),
-            "findings": list(found),
+            "findings": found,
             "bodies": {name: model.about for name, model in opened.models.items()},
         }
         context = RunContext(
@@ -249,9 +244,15 @@ class TrackJob:
         )
         way = track if self.passes == 1 else track_twice
         steps = way(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
-        outcome = _recorded(self.recordings, context, map(as_kept, steps), folder, (progress, stop))
-        if self.inspection and not (opened.fitted_at or opened.known or outcome.interrupted):
-            _warned(told_by_result(outcome.folder, sequence, progress), progress)
+        tracked = Tracks()
+
+        def conclude() -> None:
+            if self.inspection and not (opened.fitted_at or opened.known):
+                found.extend(_warned(tracked.told(opened.scene, sequence, progress), progress))
+
+        outcome = recorded(
+            self.recordings, context, tracked.kept(map(as_kept, steps)), folder, (progress, stop), conclude
+        )
         return outcome if self.smoothing is None or not outcome.n_frames else _smoothed(outcome, self.smoothing)
 
 
@@ -270,122 +271,8 @@ def _tell(stage: str, choice: str, progress: Progress) -> None:
         progress(f"{stage}: {choice}")
 
 
-@dataclass(frozen=True)
-class TrackOutcome:
-    """What a tracking job left."""
-
-    folder: Path
-    n_frames: int
-    doubts: Doubts
-    """Where to look before the result is used."""
-
-    seconds: float
-    interrupted: bool = False
-    files: tuple[Path, ...] = ()
-    """What the recordings have left in the folder."""
-
-
 def _smoothed(outcome: TrackOutcome, smoothing: Smoothing) -> TrackOutcome:
     """The outcome with the smooth result beside the raw one, in place of that of an interrupted run."""
     shutil.rmtree(outcome.folder / SMOOTHED, ignore_errors=True)
     folder = write_smoothed(load_result(outcome.folder), smoothing)
     return replace(outcome, files=(*outcome.files, folder))
-
-
-def _recorded(
-    recordings: Iterable[Recording],
-    context: RunContext,
-    steps: Iterable[Step],
-    folder: ResultFolder,
-    running: tuple[Progress, Stop],
-) -> TrackOutcome:
-    """Feeds every recorder; they are finished whatever happens, once there is more than was there before."""
-    progress, stop = running
-    begin, doubts, n_frames, interrupted, pace = time.perf_counter(), Doubts(), 0, False, _Pace()
-    files: list[Path] = []
-    with stopping(stop), _tidied(context.folder), contextlib.ExitStack() as finishing:
-        recorders: list[Recorder] = []
-        for recording in recordings:
-            recorders.append(recording.begin(context))
-            finishing.callback(_finish, recorders[-1], files)
-        finishing.callback(progress, "writing the results")
-        try:
-            progress("tracking", 0, context.n_frames)
-            for n_frames, step in enumerate(steps, start=1):
-                for recorder in recorders:
-                    recorder.write(step)
-                folder.keep()
-                doubts = doubts.after(step)
-                _log_step(step)
-                progress("tracking", n_frames, context.n_frames, pace.after(step, doubts))
-                stop.patient = n_frames >= len(context.resumed)
-                unfinished = step.provisional or n_frames < context.n_frames
-                if stop.asked and unfinished and not step.ready:
-                    raise KeyboardInterrupt
-        except KeyboardInterrupt:
-            if not folder.kept:
-                raise
-            interrupted = True
-            log.warning("interrupted after %d frames", n_frames)
-        except TrackerError as error:
-            log.error("%s", error)
-            raise
-        finally:
-            if n_frames < len(context.resumed):
-                finishing.pop_all()  # what the interrupted run has left is more
-    seconds = time.perf_counter() - begin
-    return TrackOutcome(context.folder, n_frames, doubts, seconds, interrupted, tuple(files))
-
-
-@contextlib.contextmanager
-def _tidied(folder: Path) -> Iterator[None]:
-    """Removes what recorders began to write in place of other files and did not put there."""
-    remove_unfinished(folder)
-    try:
-        yield
-    finally:
-        remove_unfinished(folder)
-
-
-def _finish(recorder: Recorder, files: list[Path]) -> None:
-    """Closes a recorder and puts its files before those of the recorders finished before it: the last ends first."""
-    files[:0] = recorder.finish()
-
-
-class _Pace:
-    """Frames per second and the stages that take longest, over the last second of a usual recording."""
-
-    def __init__(self) -> None:
-        self._recent: deque[dict[str, float]] = deque(maxlen=25)
-
-    def after(self, step: Step, doubts: Doubts) -> str:
-        """What is shown after a frame."""
-        self._recent.append(step.seconds)
-        total = Counter[str]()
-        for seconds in self._recent:
-            total.update(seconds)
-        n = len(self._recent)
-        stages = " ".join(f"{stage} {1000 * value / n:.0f}" for stage, value in total.most_common(3))
-        lost = f", {len(doubts.lost)} lost" if doubts.lost else ""
-        lost += f", {len(doubts.doubtful)} doubtful" if doubts.doubtful else ""
-        return f"{n / max(sum(total.values()), 1e-9):.1f} frames/s ({stages} ms){lost}"
-
-
-def _log_step(step: Step) -> None:
-    for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
-        log.info(
-            "frame %d %s %s %.2f px, %.0f %% explained, %.0f ms",
-            step.frame.index,
-            person.name,
-            estimate.verdict,
-            estimate.distance_px,
-            100 * estimate.account.explained,
-            1000 * sum(step.seconds.values()),
-        )
-    if step.start is not None:
-        for person, sure in zip(step.scene.persons, step.start.confidence, strict=False):
-            log.info("frame %d %s start pose of confidence %.2f", step.frame.index, person.name, sure)
-    for v, fault in step.untrusted.items():
-        log.info("frame %d: foreground of view %s not used: %s", step.frame.index, step.scene.rig.names[v], fault)
-    if step.frame.missing:
-        log.warning("frame %d: views %s are missing", step.frame.index, step.frame.missing)

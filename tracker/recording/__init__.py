@@ -41,7 +41,8 @@ class RunContext:
     """Frames taken over from an interrupted run."""
 
     details: Mapping[str, Any] = field(default_factory=dict)
-    """The run's description as saved in run.json: resolved config, versions, input hashes."""
+    """The run's description as saved in run.json: resolved config, versions, input hashes. What looks wrong in the
+    input, `findings`, is complete when recorders finish, not before."""
 
 
 @runtime_checkable

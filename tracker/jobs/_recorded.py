@@ -1,0 +1,147 @@
+"""The frames of a tracking run given to its recorders, and what is left when it ends, is stopped or fails."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from tracker.doubts import Doubts
+from tracker.errors import TrackerError
+from tracker.files import remove_unfinished
+from tracker.jobs import ResultFolder
+from tracker.jobs._stopping import Stop, stopping
+from tracker.progress import Progress
+from tracker.recording import Recorder, Recording, RunContext
+from tracker.trajectory import Step
+
+log = logging.getLogger("tracker")
+
+
+@dataclass(frozen=True)
+class TrackOutcome:
+    """What a tracking job left."""
+
+    folder: Path
+    n_frames: int
+    doubts: Doubts
+    """Where to look before the result is used."""
+
+    seconds: float
+    interrupted: bool = False
+    files: tuple[Path, ...] = ()
+    """What the recordings have left in the folder."""
+
+
+def recorded(
+    recordings: Iterable[Recording],
+    context: RunContext,
+    steps: Iterable[Step],
+    folder: ResultFolder,
+    running: tuple[Progress, Stop],
+    conclude: Callable[[], None],
+) -> TrackOutcome:
+    """Feeds every recorder; they are finished whatever happens, once there is more than was there before.
+
+    Args:
+        recordings: what to write.
+        context: the run.
+        steps: its frames, in order.
+        folder: where results go; it is kept from the first frame on.
+        running: told how far it is, and asked whether to stop.
+        conclude: called after the last frame, before the recorders finish; not of an interrupted run.
+    """
+    progress, stop = running
+    begin, doubts, n_frames, interrupted, pace = time.perf_counter(), Doubts(), 0, False, _Pace()
+    files: list[Path] = []
+    with stopping(stop), _tidied(context.folder), contextlib.ExitStack() as finishing:
+        recorders: list[Recorder] = []
+        for recording in recordings:
+            recorders.append(recording.begin(context))
+            finishing.callback(_finish, recorders[-1], files)
+        finishing.callback(progress, "writing the results")
+        try:
+            progress("tracking", 0, context.n_frames)
+            for n_frames, step in enumerate(steps, start=1):
+                for recorder in recorders:
+                    recorder.write(step)
+                folder.keep()
+                doubts = doubts.after(step)
+                _log_step(step)
+                progress("tracking", n_frames, context.n_frames, pace.after(step, doubts))
+                stop.patient = n_frames >= len(context.resumed)
+                unfinished = step.provisional or n_frames < context.n_frames
+                if stop.asked and unfinished and not step.ready:
+                    raise KeyboardInterrupt
+            conclude()
+        except KeyboardInterrupt:
+            if not folder.kept:
+                raise
+            interrupted = True
+            log.warning("interrupted after %d frames", n_frames)
+        except TrackerError as error:
+            log.error("%s", error)
+            raise
+        finally:
+            if n_frames < len(context.resumed):
+                finishing.pop_all()  # what the interrupted run has left is more
+    seconds = time.perf_counter() - begin
+    return TrackOutcome(context.folder, n_frames, doubts, seconds, interrupted, tuple(files))
+
+
+@contextlib.contextmanager
+def _tidied(folder: Path) -> Iterator[None]:
+    """Removes what recorders began to write in place of other files and did not put there."""
+    remove_unfinished(folder)
+    try:
+        yield
+    finally:
+        remove_unfinished(folder)
+
+
+def _finish(recorder: Recorder, files: list[Path]) -> None:
+    """Closes a recorder and puts its files before those of the recorders finished before it: the last ends first."""
+    files[:0] = recorder.finish()
+
+
+class _Pace:
+    """Frames per second and the stages that take longest, over the last second of a usual recording."""
+
+    def __init__(self) -> None:
+        self._recent: deque[dict[str, float]] = deque(maxlen=25)
+
+    def after(self, step: Step, doubts: Doubts) -> str:
+        """What is shown after a frame."""
+        self._recent.append(step.seconds)
+        total = Counter[str]()
+        for seconds in self._recent:
+            total.update(seconds)
+        n = len(self._recent)
+        stages = " ".join(f"{stage} {1000 * value / n:.0f}" for stage, value in total.most_common(3))
+        lost = f", {len(doubts.lost)} lost" if doubts.lost else ""
+        lost += f", {len(doubts.doubtful)} doubtful" if doubts.doubtful else ""
+        return f"{n / max(sum(total.values()), 1e-9):.1f} frames/s ({stages} ms){lost}"
+
+
+def _log_step(step: Step) -> None:
+    for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+        log.info(
+            "frame %d %s %s %.2f px, %.0f %% explained, %.0f ms",
+            step.frame.index,
+            person.name,
+            estimate.verdict,
+            estimate.distance_px,
+            100 * estimate.account.explained,
+            1000 * sum(step.seconds.values()),
+        )
+    if step.start is not None:
+        for person, sure in zip(step.scene.persons, step.start.confidence, strict=False):
+            log.info("frame %d %s start pose of confidence %.2f", step.frame.index, person.name, sure)
+    for v, fault in step.untrusted.items():
+        log.info("frame %d: foreground of view %s not used: %s", step.frame.index, step.scene.rig.names[v], fault)
+    if step.frame.missing:
+        log.warning("frame %d: views %s are missing", step.frame.index, step.frame.missing)
