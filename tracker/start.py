@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from tracker.arrays import Array, Mask
@@ -67,6 +67,15 @@ class Start:
 
     confidence: tuple[float, ...] = ()
     """For each person 0 to 1, see `confidence`; empty if the poses were given."""
+
+    def of(self, order: Sequence[int]) -> Start:
+        """The start of the same persons in another order: for each the place that it has here."""
+        return Start(
+            tuple(self.poses[k] for k in order),
+            tuple(self.evidence[k] for k in order if self.evidence),
+            tuple(self.hypotheses[k] for k in order if self.hypotheses),
+            tuple(self.confidence[k] for k in order if self.confidence),
+        )
 
     @property
     def sureness(self) -> float:

@@ -17,7 +17,11 @@ from tracker.acquisition.calibrated_views import Seen, ViewSettings, Watching, f
 from tracker.acquisition.fitting import Fit
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapeSpace
-from tracker.cycle import Cycle
+from tracker.acquisition.who_is_who import apart_m, whose
+from tracker.body import BodyModel
+from tracker.cycle import Cycle, State
+from tracker.estimate import Estimate
+from tracker.found_before import knowing
 from tracker.frame import Frame
 from tracker.loss import doubted
 from tracker.rehearsal import Reopen
@@ -88,19 +92,51 @@ def fit_bodies(
     if _n_known(frames[0], cycle) < _LEAST_OUTLINED:
         few = f"as the model has them: no background is known in {_LEAST_OUTLINED} views"
         return Fitting({}, dict.fromkeys(spaces, few), (), None)
-    cycle.progress("bodies: tracked as their models have them")
-    steps, state = there(frames, scene, cycle, reopen)
-    if any(len(best_seen(steps, k, len(steps), settings.frames)) < _LEAST_SEEN for k in spaces):
-        cycle.progress("bodies: tracked back, for hardly a frame is without doubt")
-        steps = back(steps, cycle, state)
-    unlike = frozenset(k for k in spaces if _n_sure(steps, k) < _LEAST_SEEN)
-    found = _Round({}, scene, steps).fitted(spaces, cycle, settings, unlike)
+    found, state, unlike = _as_they_are(frames, (scene, spaces), cycle, reopen, settings)
+    if (order := whose(*_bodies(scene, found))) is not None:
+        cycle.progress("bodies: under each other's names, for one is as tall as another is told to be")
+        known = knowing(cycle, *_exchanged(found.steps, order), believed=True)
+        other = _as_they_are(frames, (scene, spaces), known, reopen, settings)
+        whom = found.fits.keys()
+        if apart_m(*_bodies(scene, other[0]), whom) < apart_m(*_bodies(scene, found), whom):
+            cycle.progress("bodies: names are exchanged")
+            found, state, unlike = other
     if found.fits and (settings.rounds > 1 or unlike & found.fits.keys()):
         cycle.progress("bodies: tracked back as fitted")
         found = replace(found, steps=back(found.steps, cycle, state)).cleared(unlike)
         found = found.fitted(spaces, cycle, settings)
     start = next((step.start for step in found.steps if step.start is not None), None)
     return Fitting(found.fits, {k: found.told(k, k in unlike) for k in spaces}, found.steps, start)
+
+
+def _as_they_are(
+    frames: Sequence[Frame],
+    persons: tuple[Scene, Mapping[int, ShapeSpace]],
+    cycle: Cycle,
+    reopen: Reopen,
+    settings: ViewSettings,
+) -> tuple[_Round, State, frozenset[int]]:
+    """Frames tracked with the bodies of a scene and those fitted to them, the state, and who was fitted in doubt."""
+    scene, spaces = persons
+    cycle.progress("bodies: tracked as their models have them")
+    steps, state = there(frames, scene, cycle, reopen)
+    if any(len(best_seen(steps, k, len(steps), settings.frames)) < _LEAST_SEEN for k in spaces):
+        cycle.progress("bodies: tracked back, for hardly a frame is without doubt")
+        steps = back(steps, cycle, state)
+    unlike = frozenset(k for k in spaces if _n_sure(steps, k) < _LEAST_SEEN)
+    return _Round({}, scene, steps).fitted(spaces, cycle, settings, unlike), state, unlike
+
+
+def _bodies(scene: Scene, found: _Round) -> tuple[list[BodyModel], dict[int, BodyModel]]:
+    """Those of all persons as they are told, and those fitted."""
+    return [person.body for person in scene.persons], {k: fit.body for k, fit in found.fits.items()}
+
+
+def _exchanged(steps: Sequence[Step], order: Sequence[int]) -> tuple[dict[int, Sequence[Estimate]], Start | None]:
+    """Frame -> estimates under other names, and how persons were found."""
+    known: dict[int, Sequence[Estimate]] = {step.frame.index: tuple(step.estimates[k] for k in order) for step in steps}
+    start = next((step.start for step in steps if step.start is not None), None)
+    return known, None if start is None else start.of(order)
 
 
 def _n_sure(steps: Iterable[Step], person: int) -> int:
