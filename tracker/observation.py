@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from tracker.arrays import Array32, Integers, Mask, frozen
+
+HIDDEN = -1e6
+"""In a chamfer image: what is there is hidden. So far below any distance that interpolating it leaves it negative."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +41,20 @@ class ViewObservation:
     """Pixel (x, y) of the chamfer image's upper left corner."""
 
     distance: Array32
-    """(h, w) chamfer image: distance to the nearest accepted edge point, px; clamped at its reach."""
+    """(h, w) chamfer image: distance to the nearest accepted edge point, px; clamped at its reach. `HIDDEN` where
+    something stands before the persons."""
 
     reach: float
     """Value of the chamfer image outside its region, px."""
 
     silhouette: Mask | None = None
     """(H, W) the region whose outline the edges are, where they are one."""
+
+    def hidden_by(self, occluder: Mask) -> ViewObservation:
+        """The same where something stands before the persons (H, W): contours there count for nothing."""
+        (x, y), (height, width) = self.origin, self.distance.shape
+        part = occluder[y : y + height, x : x + width]
+        return replace(self, distance=frozen(np.where(part, np.float32(HIDDEN), self.distance), np.float32))
 
 
 class PackedEdges(NamedTuple):

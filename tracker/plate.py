@@ -44,6 +44,10 @@ class Plate:
     """(h, w) where the picture may show a person: nothing is foreground there, and nothing is background for sure. None
     for nowhere."""
 
+    occluder: Mask | None = None
+    """(h, w) where something stands before the persons: it hides them, so nothing is known there either. None for
+    nowhere."""
+
     recorded: bool = False
     """Whether it was made of a recording with persons."""
 
@@ -53,6 +57,10 @@ class Plate:
     def __post_init__(self) -> None:
         if self.picture.flags.writeable or self.picture.base is not None:
             object.__setattr__(self, "picture", frozen(self.picture, np.uint8))
+        if self.occluder is not None:
+            object.__setattr__(self, "occluder", frozen(self.occluder, np.bool_))
+            unknown = self.occluder if self.unknown is None else self.unknown | self.occluder
+            object.__setattr__(self, "unknown", unknown)
         if self.unknown is not None:
             object.__setattr__(self, "unknown", frozen(self.unknown, np.bool_) if self.unknown.any() else None)
 

@@ -137,6 +137,11 @@ class Sight:
         plate = self.plates[view]
         return None if plate is None or self.frame.mask(view) is not None else plate.unknown
 
+    def occluder(self, view: int) -> Mask | None:
+        """Where (H, W) something stands before the persons in a view; None for nowhere."""
+        plate = self.plates[view]
+        return None if plate is None else plate.occluder
+
     def silhouette(self, view: int) -> Mask | None:
         """The moving foreground (H, W) as far as it was looked for; None if it was not, or can't be trusted."""
         kept = self._found.get((Changes, view))

@@ -130,10 +130,12 @@ class ContourAnalysis(Analysis):
         return (0, 0, *size) if expected is None else expected_region(expected, v, size, margin_px)
 
     def _observe_view(self, sight: Sight, v: int, samples: Array32 | None, region: Region) -> ViewObservation:
-        look = self._look_at(sight, v, region)
+        look, occluder = self._look_at(sight, v, region), sight.occluder(v)
         accepted = accepted_segments(look.found, samples, self.accept_px, self.bend_px, look.trusted, look.outline)
         observed = view_observation(look.found, accepted, region, self.reach_px, self.n_scene)
-        return observed if look.outline is None else _with_interior(observed, look.outline, self.interior_weight)
+        if look.outline is not None:
+            observed = _with_interior(observed, look.outline, self.interior_weight)
+        return observed if occluder is None else observed.hidden_by(occluder)
 
     def _look_at(self, sight: Sight, v: int, region: Region) -> _ViewLook:
         def find(where: Region) -> _ViewLook:
@@ -146,7 +148,11 @@ class ContourAnalysis(Analysis):
             # Edges count on or beside pixels that have changed; shadows count, for skin may look like one.
             beside = _filtered(changes.moving, cv2.MORPH_DILATE, (self.grow_px, where))
             found = self._segments(image, where, _reached(beside, where))
-            return _ViewLook(found, _at(found, beside), self._outline(found, changes.silhouette, where))
+            trusted, occluder = _at(found, beside), sight.occluder(v)
+            if occluder is not None:
+                # on its rim as well, where the person is cut off
+                trusted &= ~_at(found, _filtered(occluder, cv2.MORPH_DILATE, (self.outline_px, where)))
+            return _ViewLook(found, trusted, self._outline(found, changes.silhouette, where))
 
         return sight.once(self, v, region, find)
 

@@ -11,13 +11,14 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from tracker.arrays import Image
+from tracker.arrays import Image, Mask
 from tracker.components import NO_PLATES, RECORDED
 from tracker.errors import SequenceError
 from tracker.frame import Frame
 from tracker.imaging.noise import smoothed
 from tracker.plate import Plate
 from tracker.reading._masks import MaskFiles, checked_masks, mask_paths
+from tracker.reading._occluders import load_occluders, with_occluders
 from tracker.reading._pictures import brightened, check_size, downscaled
 from tracker.reading._plates import backdrop, clean_enough, load_plates, recorded_plates
 from tracker.reading._recorded_plate import N_SAMPLES, RecordedPlate
@@ -56,6 +57,8 @@ class Settings(Protocol):
     def background(self) -> str | None: ...
     @property
     def masks(self) -> str | None: ...
+    @property
+    def occluders(self) -> str | None: ...
     @property
     def align_background(self) -> bool: ...
     @property
@@ -222,6 +225,9 @@ class OpenSequence(OpenViews):
     masks: MaskFiles | None = None
     """Silhouettes that the user brings."""
 
+    occluders: tuple[Mask | None, ...] = ()
+    """(h, w) where each view shows what stands before the persons; no views for none at all."""
+
     @cached_property
     def _recorded(self) -> tuple[RecordedPlate | None, ...]:
         return tuple(backdrop(self.spread(v)) for v in range(len(self.names)))
@@ -229,12 +235,15 @@ class OpenSequence(OpenViews):
     @property
     def backdrops(self) -> tuple[Plate | None, ...]:
         """What each view shows most of the time; see `tracker.reading.Sequence.backdrops`."""
-        return tuple(None if one is None else one.plate for one in self._recorded)
+        return self._occluded(tuple(None if one is None else one.plate for one in self._recorded))
 
     @property
     def plates(self) -> tuple[Plate | None, ...]:
         """A clean plate for each view that has one; see `tracker.reading.Sequence.plates`."""
-        return clean_enough(self._recorded) if self.given is None else self.given
+        return self._occluded(clean_enough(self._recorded)) if self.given is None else self.given
+
+    def _occluded(self, plates: tuple[Plate | None, ...]) -> tuple[Plate | None, ...]:
+        return with_occluders(plates, self.occluders) if self.occluders else plates
 
     @property
     def makes_plates(self) -> bool:
@@ -274,13 +283,24 @@ def opened(settings: Settings, footage: Footage, rig: Rig) -> OpenSequence:
     def spread(v: int) -> list[Image]:
         return _spread_images(views, footage.lengths[v], v)
 
+    given, occluders = _opened_plates(settings, footage, views, rig), _opened_occluders(settings, rig, views.downscale)
     return OpenSequence(
         **vars(views),
         rig=rig if views.downscale == 1 else rig.downscaled(views.downscale),
-        given=_opened_plates(settings, footage, views, rig),
+        given=given if given is None or not occluders else with_occluders(given, occluders),
         spread=spread,
         masks=None if settings.masks is None else _opened_masks(settings.masks, footage, views),
+        occluders=occluders,
     )
+
+
+def _opened_occluders(settings: Settings, rig: Rig, factor: float) -> tuple[Mask | None, ...]:
+    if settings.occluders is None:
+        return ()
+    if settings.background == NO_PLATES or settings.masks is not None:
+        other = "masks" if settings.masks is not None else f'background = "{NO_PLATES}"'
+        raise SequenceError(f"occluders and {other}: they say where plates know nothing; leave out one of the two")
+    return load_occluders(rig, settings.occluders, factor)
 
 
 def _opened_plates(settings: Settings, footage: Footage, views: OpenViews, rig: Rig) -> tuple[Plate | None, ...] | None:

@@ -51,6 +51,10 @@ class ImageReading:
     """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered
     as the images; what is not 0 is a person."""
 
+    occluders: PathPattern | None = None
+    """Pictures of what stands before the persons, for instance `occluders/{view}.png`, for those views that have some:
+    what is not black hides them (a table, a treadmill). They serve plates, also those that the recording makes."""
+
     align_background: bool = False
     """Fit each plate to the first frame by its features and its light: for plates taken before the camera was turned
     or zoomed a little, or the pictures were cut otherwise. The camera must not have been carried elsewhere."""

@@ -94,6 +94,7 @@ class _OneFrame:
     on_missing: OnMissing = "error"
     align_background: bool = False
     masks: str | None = None
+    occluders: str | None = None
 
     @property
     def offsets(self) -> dict[str, int]:

@@ -109,7 +109,8 @@ def directed_pair(
     """Normalized directed chamfer distances of one pose in one view: model to scene, scene to model, px.
 
     Args:
-        samples: (M, 5 or more) pixel, image normal, contour length; those of length 0 are not matched.
+        samples: (M, 5 or more) pixel, image normal, contour length; those of length 0 are not matched, and those
+            where the chamfer image is negative, for something hides them, are not measured.
         n_samples: valid ones.
         flat, regions: chamfer images, from `Observation.packed`.
         v: the view.
@@ -126,6 +127,8 @@ def directed_pair(
     for m in range(n_samples):
         if samples[m, 4] > 0.0:
             distances[n] = chamfer_lookup(flat, regions, v, samples[m, 0], samples[m, 1], theta + 1.0)
+            if distances[n] < 0.0:
+                continue
             shares[n] = samples[m, 4]
             n += 1
     to_scene = robust_mean(distances, shares, n, theta, reject)

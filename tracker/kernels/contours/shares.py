@@ -41,7 +41,8 @@ def edge_shares(
     """Adds up over all views what the contours of one pose and the edges leave of each other.
 
     Args:
-        positions: (V, M, 5) contour samples from `Contours`; those of length 0 explain edges and count as none.
+        positions: (V, M, 5) contour samples from `Contours`; those of length 0 explain edges and count as none, as
+            do those where the chamfer image is negative, for something hides them.
         parts: (V, M) part of each.
         counts: (V,) valid ones.
         flat, regions, scene, first, reach: the observation, from `Observation.packed`.
@@ -58,6 +59,8 @@ def edge_shares(
             xs[m], ys[m] = positions[v, m, sample.U], positions[v, m, sample.V]
             length, p = float(positions[v, m, sample.LENGTH]), parts[v, m]
             gap = nearest_gap(flat, regions, v, xs[m], ys[m], float(reach[v]))
+            if gap < 0.0:
+                continue
             sums[0, v, p] += length
             sums[1, v, p] += length * gap
             sums[2, v, p] += length if gap <= near_px[0] else 0.0

@@ -1,0 +1,57 @@
+"""What stands before the persons in a view, painted by the user: a table, a treadmill, a clock in the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tracker.arrays import Image, Mask
+from tracker.errors import SequenceError
+from tracker.plate import Plate
+from tracker.reading._pictures import check_size, downscaled, read_image
+from tracker.reading._selection import view_paths
+from tracker.rig import Rig
+
+
+def load_occluders(rig: Rig, pattern: str, factor: float) -> tuple[Mask | None, ...]:
+    """Where (h, w) each view shows what stands before the persons; None for a view without a picture of it.
+
+    Args:
+        rig: names the views, and has the image sizes as recorded.
+        pattern: path with `{view}` to pictures; what is not black stands before the persons.
+        factor: pixels, in both directions, that one of an image as delivered averages.
+
+    Raises:
+        SequenceError: there is no such picture for any view, one cannot be read, or covers all of its view.
+        CalibrationError: one has not the calibrated size.
+    """
+    paths = view_paths(pattern, rig.names)
+    if not any(path.exists() for path in paths):
+        raise SequenceError(f"occluders: no file {paths[0]}, nor of another view; expected one for each that has some")
+    found: list[Mask | None] = []
+    for camera, path in zip(rig.cameras, paths, strict=True):
+        picture = read_image(path) if path.exists() else None
+        if picture is None and path.exists():
+            raise SequenceError(f'occluders of view "{camera.name}": {path} is not an image that can be read')
+        found.append(None if picture is None else _mask(camera.name, picture, camera.size, factor))
+    return tuple(found)
+
+
+def with_occluders(plates: Sequence[Plate | None], occluders: Sequence[Mask | None]) -> tuple[Plate | None, ...]:
+    """The plates, which know what stands before the persons."""
+    pairs = zip(plates, occluders, strict=True)
+    return tuple(plate if plate is None or mask is None else replace(plate, occluder=mask) for plate, mask in pairs)
+
+
+def _mask(name: str, picture: Image, size: tuple[int, int], factor: float) -> Mask:
+    check_size(name, picture, size)
+    painted = np.where(picture.max(axis=2, keepdims=True) > 0, np.uint8(255), np.uint8(0))
+    # a pixel of which a part is covered shows the person only partly
+    mask: Mask = downscaled(np.repeat(painted, 3, axis=2), factor)[..., 0] > 0
+    if mask.all():
+        raise SequenceError(
+            f'occluders of view "{name}": all of the picture is painted; leave the view out with `views`'
+        )
+    return mask
