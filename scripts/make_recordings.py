@@ -22,15 +22,15 @@ import numpy as np
 import typer
 from benchmarks.motion_files import MotionFile, read_cmu, read_deepmimic
 from benchmarks.moved_scans import poses_like
+from benchmarks.rooms import filmed_with, furnished, picture_of, turned_cameras
 from rich.console import Console
-from scipy.spatial.transform import Rotation
 
-from tracker.arrays import Array, Image
+from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.body_files import load_body, read_description
 from tracker.commands.terminal import ProgressBar
 from tracker.config import read_config
-from tracker.errors import ConfigError, SequenceError, TrackerError, nearest
+from tracker.errors import ConfigError, TrackerError, nearest
 from tracker.files import whole_folder
 from tracker.jobs.acquire import acquire_to, acquisition_from
 from tracker.plate import Plate
@@ -57,6 +57,15 @@ class _Condition:
     turned_deg: float = 0.0
     """By how much each camera was turned, some way, after it was calibrated."""
 
+    zoom: float = 1.0
+    """How many times longer the lenses are than the room's: persons leave the pictures."""
+
+    n_boxes: int = 0
+    """Cupboards, each between the person and one of the first cameras."""
+
+    with_partner: bool = False
+    """Whether the person of another clip is there as well."""
+
 
 # The usual one films as the recordings of BODYTRACK_DATA/room are filmed.
 _CONDITIONS = {
@@ -74,6 +83,10 @@ _CONDITIONS = {
     "out_of_step": _Condition(Recipe(delays_s=(0.0, 0.013, -0.008, 0.019))),
     "compressed": _Condition(Recipe(constant_rate_factor=33)),
     "turned_cameras": _Condition(turned_deg=0.2),
+    "zoomed": _Condition(zoom=1.6),
+    "furnished": _Condition(n_boxes=1),
+    "crammed": _Condition(n_boxes=2),
+    "together": _Condition(with_partner=True),
 }
 
 
@@ -91,25 +104,31 @@ class _Clip:
     from_s: float = 0.0
     to_s: float = 60.0
     heading_deg: float = 0.0
+    partner: str = ""
+    """The clip whose person is there where there are two; empty for the first one of the other person."""
 
 
 # Chosen by their names and lengths, before any was tracked; kick, punch and walks are left out, for recordings of
 # BODYTRACK_DATA/room show some.
 _CLIPS = {
-    "dance": _Clip("deepmimic/humanoid3d_dance_b.txt", "theo", "V-Dance"),
+    "dance": _Clip("deepmimic/humanoid3d_dance_b.txt", "theo", "V-Dance", partner="ballroom_1"),
     "spinkick": _Clip("deepmimic/humanoid3d_spinkick.txt", "rita", "K-Kick", heading_deg=60),
     "cartwheel": _Clip("deepmimic/humanoid3d_cartwheel.txt", "theo", "N-Stride", 0.0, 2.12, 120),
     "jump": _Clip("deepmimic/humanoid3d_jump.txt", "rita", "V-Dance", heading_deg=-30),
     "roll": _Clip("deepmimic/humanoid3d_roll.txt", "theo", "K-Kick", heading_deg=30),
     "get_up_from_back": _Clip("deepmimic/humanoid3d_getup_faceup.txt", "rita", "P-Floor", heading_deg=90),
-    "get_up_from_front": _Clip("deepmimic/humanoid3d_getup_facedown.txt", "theo", "N-Stride", heading_deg=-70),
+    "get_up_from_front": _Clip(
+        "deepmimic/humanoid3d_getup_facedown.txt", "theo", "N-Stride", heading_deg=-70, partner="jump"
+    ),
     "crawl": _Clip("deepmimic/humanoid3d_crawl.txt", "rita", "V-Dance", heading_deg=150),
     "spin": _Clip("deepmimic/humanoid3d_spin.txt", "theo", "R-Turn", 0.0, 2.16),
-    "martial_arts_1": _Clip("cmu/135_06-martialArts.amc", "theo", "K-Kick", 4.0, 6.4),
+    "martial_arts_1": _Clip("cmu/135_06-martialArts.amc", "theo", "K-Kick", 4.0, 6.4, partner="martial_arts_2"),
     "martial_arts_2": _Clip("cmu/135_06-martialArts.amc", "rita", "P-Floor", 12.0, 14.4, 45),
     "ballroom_1": _Clip("cmu/131_04-dance.amc", "rita", "N-Stride", 1.0, 3.4, 90),
     "ballroom_2": _Clip("cmu/131_04-dance.amc", "theo", "V-Dance", 5.0, 7.4, -120),
 }
+# Between the joints of two persons, metres.
+_LEAST_APART_M = 0.3
 _SCANS = {"theo": "R-Turn", "rita": "R-UpperBody"}
 
 
@@ -140,13 +159,30 @@ def main(
 
 def _make(clip: _Clip, condition: _Condition, data: Path, folder: Path, progress: Progress) -> None:
     """Writes one recording, complete or not at all."""
-    model = _scanned(clip.person, data, folder.parent)
-    simulation = _simulated(clip, condition, model, data)
-    told = {"subject": clip.person, "id": clip.person, "height_m": read_description(model).stature_m}
+    other = _CLIPS[clip.partner] if clip.partner else next(one for one in _CLIPS.values() if one.person != clip.person)
+    clips = (clip, other) if condition.with_partner else (clip,)
+    models = tuple(_scanned(one.person, data, folder.parent) for one in clips)
+    simulation = _simulated(clips, condition, models, data)
+    told = [
+        {"subject": one.person, "id": one.person, "height_m": read_description(model).stature_m}
+        for one, model in zip(clips, models, strict=True)
+    ]
     with whole_folder(folder) as unfinished:
         fill_folder(simulation, unfinished, unfinished / "config.toml", progress)
-        save_rig(_turned_cameras(simulation.scene.rig, condition.turned_deg), unfinished / "rig.toml")
-        (unfinished / "meta.json").write_text(json.dumps({"people": [told]}), encoding="utf-8")
+        save_rig(turned_cameras(simulation.scene.rig, condition.turned_deg), unfinished / "rig.toml")
+        (unfinished / "meta.json").write_text(json.dumps({"people": told}), encoding="utf-8")
+        if condition.with_partner:
+            (unfinished / "config.toml").unlink()  # it has the first one's model for both
+        if simulation.fronts:
+            _write_occluders(simulation, unfinished / "occluders")
+
+
+def _write_occluders(simulation: Simulation, folder: Path) -> None:
+    """What stands before the persons as a user paints it, a little larger than it is."""
+    folder.mkdir()
+    for name, front in zip(simulation.scene.rig.names, simulation.fronts, strict=True):
+        grown = cv2.dilate(front.astype(np.uint8), np.ones((5, 5), np.uint8))
+        cv2.imwrite(str(folder / f"{name}.png"), 255 * grown)
 
 
 def _scanned(name: str, data: Path, output: Path) -> Path:
@@ -163,32 +199,48 @@ def _scanned(name: str, data: Path, output: Path) -> Path:
     return path
 
 
-def _simulated(clip: _Clip, condition: _Condition, model: Path, data: Path) -> Simulation:
-    folder = data / "room" / clip.room
+def _simulated(clips: tuple[_Clip, ...], condition: _Condition, models: tuple[Path, ...], data: Path) -> Simulation:
+    folder = data / "room" / clips[0].room
     room = load_rig(folder / "calibration.json")
-    rig = Rig(tuple(replace(one.downscaled(condition.downscale), downscale=1) for one in room.cameras))
-    rig = rig.select(rig.names[: condition.n_views])
-    body = load_body(model)
+    pictures = [picture_of(folder / "background" / f"{one.name}.jpg", one.size) for one in room.cameras]
+    films = [
+        filmed_with(camera, picture, condition.downscale, condition.zoom)
+        for camera, picture in zip(room.cameras[: condition.n_views], pictures, strict=False)
+    ]
+    rig = Rig(tuple(camera for camera, _ in films))
+    bodies = [load_body(model) for model in models]
     filmed = condition.filmed
-    poses = _poses(clip, body, filmed.fps, data)
-    poses[:, [body.names.index("torso_x"), body.names.index("torso_y")]] += room.middle[:2]
-    delays_s = filmed.delays_s[: len(rig)]
-    recipe = replace(filmed, model=str(model), rig=rig, seconds=len(poses) / filmed.fps, delays_s=delays_s)
-    plates = tuple(Plate(_picture(folder / "background" / f"{one.name}.jpg", one.size)) for one in rig.cameras)
-    return Simulation(recipe, Scene((Person(clip.person, body, poses[0]),), rig), (poses,), plates)
+    poses = _side_by_side([_poses(*one, filmed.fps, data) for one in zip(clips, bodies, strict=True)], bodies)
+    for one, body in zip(poses, bodies, strict=True):
+        one[:, _on_floor(body)] += room.middle[:2]
+    pictures, fronts = furnished(
+        [picture for _, picture in films], rig, condition.n_boxes, poses[0][:, _on_floor(bodies[0])]
+    )
+    recipe = replace(
+        filmed, model=str(models[0]), rig=rig, seconds=len(poses[0]) / filmed.fps, delays_s=filmed.delays_s[: len(rig)]
+    )
+    persons = tuple(Person(clip.person, body, one[0]) for clip, body, one in zip(clips, bodies, poses, strict=True))
+    return Simulation(recipe, Scene(persons, rig), tuple(poses), tuple(map(Plate, pictures)), fronts)
 
 
-def _turned_cameras(rig: Rig, degrees: float) -> Rig:
-    """The rig as if each camera had been turned about an axis across its view since."""
-    ways = np.random.default_rng(0).uniform(0, 2 * np.pi, len(rig))
-    cameras = []
-    for camera, way in zip(rig.cameras, ways, strict=True):
-        motion = np.eye(4)
-        motion[:3, :3] = Rotation.from_rotvec(
-            degrees * np.array([np.cos(way), np.sin(way), 0]), degrees=True
-        ).as_matrix()
-        cameras.append(replace(camera, camera_from_world=motion @ camera.camera_from_world))
-    return Rig(tuple(cameras))
+def _side_by_side(poses: list[Array], bodies: list[BodyModel]) -> list[Array]:
+    """The movements as long as the shorter one, side by side as near as no joints meet."""
+    if len(poses) == 1:
+        return poses
+    poses = [one[: min(map(len, poses))].copy() for one in poses]
+    joints = [body.landmarks_in_world(one) for body, one in zip(bodies, poses, strict=True)]
+    for apart_m in np.arange(0.6, 3.0, 0.1):
+        way = joints[0][:, :, None] - joints[1][:, None] + (0, apart_m, 0)
+        if np.linalg.norm(way, axis=-1).min() > _LEAST_APART_M:
+            break
+    for sign, one, body in zip((1, -1), poses, bodies, strict=True):
+        one[:, body.names.index("torso_y")] += sign * apart_m / 2
+    return poses
+
+
+def _on_floor(body: BodyModel) -> list[int]:
+    """Parameters of where it is."""
+    return [body.names.index("torso_x"), body.names.index("torso_y")]
 
 
 def _poses(clip: _Clip, body: BodyModel, fps: float, data: Path) -> Array:
@@ -197,13 +249,6 @@ def _poses(clip: _Clip, body: BodyModel, fps: float, data: Path) -> Array:
     motion = (read_cmu if file.suffix == ".amc" else read_deepmimic)(file).part(clip.from_s, clip.to_s)
     every = max(1, round(Recipe.fps / fps))
     return poses_like(_turned(motion, clip.heading_deg), body, fps * every)[::every]
-
-
-def _picture(path: Path, size: tuple[int, int]) -> Image:
-    found = cv2.imread(str(path))
-    if found is None:
-        raise SequenceError(f"{path}: no picture of the empty room")
-    return np.asarray(cv2.resize(found, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _turned(motion: MotionFile, degrees: float) -> MotionFile:

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import tomli_w
 
-from tracker.arrays import Array, Image
+from tracker.arrays import Array, Image, Mask
 from tracker.body_files import save_description
 from tracker.files import whole_folder
 from tracker.frame import Frame
@@ -121,6 +121,9 @@ class Simulation:
     plates: tuple[Plate, ...]
     """Free of noise."""
 
+    fronts: tuple[Mask, ...] = ()
+    """Of each plate, (h, w) where it shows what stands before the persons; empty for nothing."""
+
     def frames(self) -> Iterator[Frame]:
         """All frames; the same for the same seed."""
         meshes = tuple(mesh_of(person, self.recipe.wardrobe + k) for k, person in enumerate(self.scene.persons))
@@ -131,6 +134,8 @@ class Simulation:
                 def image(v: int, t: int = t) -> Image:
                     plate, camera = self.plates[v].picture, self.scene.rig.cameras[v]
                     picture = _mean([draw_persons(plate, camera, scene, meshes)[0] for scene in self._exposed(t, v)])
+                    if self.fronts:
+                        picture = np.where(self.fronts[v][..., None], plate, picture)
                     return _sensed(picture, self.recipe, (t, v))
 
                 yield Frame(t, float(time_s), tuple(pool.map(image, range(n_views))))
@@ -276,15 +281,15 @@ def _write_truth(simulation: Simulation, folder: Path) -> None:
         (folder / "truth_joints.csv").open("w", newline="") as joints_file,
     ):
         poses, joints = csv.writer(poses_file), csv.writer(joints_file)
-        body = simulation.scene.persons[0].body
-        columns = [parameter.column for parameter in body.parameters]
+        columns = [parameter.column for parameter in simulation.scene.persons[0].body.parameters]
         poses.writerow(["frame", "time_s", "person", "status", "distance_px", *columns])
         joints.writerow(["frame", "time_s", "person", "joint", "x_m", "y_m", "z_m"])
         for t, time_s in enumerate(simulation.recipe.times):
             for person, truth in zip(simulation.scene.persons, simulation.poses, strict=True):
-                shown = np.where(body.rotates, np.degrees(truth[t]), truth[t])
+                shown = np.where(person.body.rotates, np.degrees(truth[t]), truth[t])
                 poses.writerow([t, f"{time_s:.6f}", person.name, "true", 0, *(f"{value:.6f}" for value in shown)])
-                for name, point in zip(body.landmark_names, body.landmarks_in_world(truth[t]), strict=True):
+                placed = person.body.landmarks_in_world(truth[t])
+                for name, point in zip(person.body.landmark_names, placed, strict=True):
                     joints.writerow([t, f"{time_s:.6f}", person.name, name, *(f"{value:.6f}" for value in point)])
 
 

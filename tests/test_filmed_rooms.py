@@ -1,0 +1,68 @@
+"""Rooms filmed with longer lenses, and with furniture before the person."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recordings import small_simulation
+
+from tracker.plate import Plate
+from tracker.simulation.sequence import Simulation
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
+
+from benchmarks.rooms import filmed_with, furnished, turned_cameras
+
+
+@pytest.fixture(scope="module")
+def filmed() -> Simulation:
+    return small_simulation(n_frames=3)
+
+
+def test_a_longer_lens_shows_the_same_larger(filmed):
+    camera, picture = filmed.scene.rig.cameras[0], filmed.plates[0].picture
+    near, larger = filmed_with(camera, picture, 1, 1.6)
+    middle = (np.array(camera.size) - 1) / 2
+    points = np.random.default_rng(0).uniform((-1, -1, 0), (1, 1, 2), (20, 3))
+    np.testing.assert_allclose(near.project(points) - middle, 1.6 * (camera.project(points) - middle), atol=1e-9)
+    assert larger.shape == picture.shape
+    small, half = filmed_with(camera, picture, 2, 1.0)
+    assert half.shape[:2] == (picture.shape[0] // 2, picture.shape[1] // 2)
+    assert small.downscale == 1
+
+
+def test_a_cupboard_stands_before_the_person_in_its_view_and_behind_her_in_the_opposite_one(filmed):
+    rig, places = filmed.scene.rig, np.zeros((3, 2))
+    pictures, fronts = furnished([plate.picture for plate in filmed.plates], rig, 1, places)
+    assert fronts[0].any()
+    assert not fronts[rig.names.index("BACK")].any(), "there it stands behind her"
+    feet = rig.cameras[0].project(np.array([0.0, 0.0, 0.05])).round().astype(int)
+    assert fronts[0][feet[1], feet[0]]
+    head = rig.cameras[0].project(np.array([0.0, 0.0, 1.75])).round().astype(int)
+    assert not fronts[0][head[1], head[0]]
+    changed = [np.any(one != plate.picture) for one, plate in zip(pictures, filmed.plates, strict=True)]
+    assert changed[0]
+    assert furnished([plate.picture for plate in filmed.plates], rig, 0, places)[1] == ()
+
+
+def test_what_stands_in_front_is_seen_in_front(filmed):
+    pictures, fronts = furnished([plate.picture for plate in filmed.plates], filmed.scene.rig, 1, np.zeros((3, 2)))
+
+    hidden = replace(filmed, plates=tuple(map(Plate, pictures)), fronts=fronts)
+    still, open_ = next(iter(hidden.frames())).images[0], next(iter(filmed.frames())).images[0]
+    assert still is not None
+    assert open_ is not None
+    away = np.abs(still.astype(int) - pictures[0].astype(int)).max(axis=2)
+    assert np.percentile(away[fronts[0]], 99) < 30
+    assert np.abs(open_.astype(int) - filmed.plates[0].picture.astype(int)).max(axis=2)[fronts[0]].max() > 60
+
+
+def test_cameras_are_turned_by_as_much_as_is_asked(filmed):
+    for before, after in zip(filmed.scene.rig.cameras, turned_cameras(filmed.scene.rig, 0.2).cameras, strict=True):
+        turn = after.camera_from_world[:3, :3] @ before.camera_from_world[:3, :3].T
+        np.testing.assert_allclose(np.degrees(np.arccos((np.trace(turn) - 1) / 2)), 0.2, rtol=1e-6)
+        np.testing.assert_allclose(after.centre, before.centre, atol=1e-9)
