@@ -100,6 +100,15 @@ def test_ranges_are_the_numbers_in_few_words(numbers: set[int]) -> None:
     assert all(one[1] + 1 < other[0] for one, other in pairwise(found))
 
 
+def test_much_doubt_asks_about_the_input() -> None:
+    """However it comes together; a hard stretch does not."""
+    assert Doubts(10, lost=(0, 1), doubtful=(2, 3), ambiguous={"left arm": (3, 4, 5)}).advice() == ""
+    told = Doubts(10, lost=(0, 1), doubtful=(2, 3), ambiguous={"left arm": (4, 5), "right arm": (6,)}).advice()
+    assert told.startswith("7 of 10 frames in doubt")
+    assert "reading.occluders" in told
+    assert Doubts().advice() == ""
+
+
 def test_doubt_is_written_to_the_tables(truth: Scene, observation: Observation, tmp_path: Path) -> None:
     found = estimate_of(truth, observation, left_arm_abduction=60.0)
     found = replace(found, doubtful=False, ambiguous=("left_arm",))

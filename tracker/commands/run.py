@@ -13,6 +13,7 @@ from tracker.commands.terminal import ProgressBar, console
 from tracker.errors import ConfigError
 
 if TYPE_CHECKING:
+    from tracker.doubts import Doubts
     from tracker.jobs.track import TrackJob, TrackOutcome
 
 
@@ -68,7 +69,7 @@ def _print_forecast(job: TrackJob) -> None:
         f"{1000 * told.frame_s:.0f} ms a frame",
         highlight=False,
     )
-    console.print(told.doubts.sentence(), style="" if told.doubts.none else "yellow", highlight=False)
+    _print_doubts(told.doubts)
     minutes, seconds = divmod(round(told.seconds), 60)
     about = f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
     console.print(f"all of them take about {about} on this machine; nothing was written", highlight=False)
@@ -80,4 +81,10 @@ def _print_tracked(outcome: TrackOutcome) -> None:
     console.print(f"{state} {outcome.n_frames} frames, {rate:.1f} frames/s all included", highlight=False)
     files = ", ".join(path.name for path in outcome.files) or "no recordings chosen"
     console.print(f"results in {outcome.folder}: {files}", highlight=False)
-    console.print(outcome.doubts.sentence(), style="" if outcome.doubts.none else "yellow", highlight=False)
+    _print_doubts(outcome.doubts)
+
+
+def _print_doubts(doubts: Doubts) -> None:
+    if advice := doubts.advice():
+        console.print(advice, style="yellow", highlight=False)
+    console.print(doubts.sentence(), style="" if doubts.none else "yellow", highlight=False)
