@@ -16,7 +16,7 @@ from tracker.alignment._gauge import without_common_motion
 from tracker.arrays import Array
 from tracker.rig import Rig
 
-__all__ = ["ViewAlignment"]
+__all__ = ["DelayChange", "ViewAlignment", "beside_most"]
 
 _LATE_FRAMES = 0.2
 """Delays against the mean of the views from which they are told, frames. Of 90 results of recordings in step one had
@@ -32,8 +32,55 @@ _TURNED_PX = 1.5
 none had more than 0.8 but the real man, whose calibration was estimated twice: 1.6 to 3.0. Tracked with the rig as he
 showed it he leaves 4.3 px of contour over instead of 4.6. Cameras turned by 0.2 degrees had 1.2 to 2.6."""
 
+_CHANGED_FRAMES = 0.5
+"""Change of a view's delay during a recording from which it is told, frames."""
+
 _SURE = 5.0
-"""Standard deviations that both are told from."""
+"""Standard deviations that all are told from."""
+
+
+@dataclass(frozen=True)
+class DelayChange:
+    """Delays that are not the same all along: a view dropped or repeated frames, or its clock runs at another rate."""
+
+    between: tuple[int, int]
+    """Numbers of the frames that it lies between."""
+
+    before_s: Array
+    """(V,) how much later than the first view each one is up to the first of them, seconds."""
+
+    after_s: Array
+    """(V,) the same from the second of them on."""
+
+    sigmas_s: Array
+    """(V,) standard deviations of `steps_s`."""
+
+    @property
+    def steps_s(self) -> Array:
+        """(V,) how much later than before each view is beside most of them, seconds."""
+        return beside_most(self.after_s - self.before_s)
+
+    def likely(self, interval_s: float) -> bool:
+        """Whether a view's delay changes, beyond doubt, by what is no scatter of frames."""
+        return bool((np.abs(self.steps_s) > np.maximum(_CHANGED_FRAMES * interval_s, _SURE * self.sigmas_s)).any())
+
+    def told(self, names: tuple[str, ...]) -> str:
+        """The finding, in one line."""
+        last, first = self.between
+        v = int(np.argmax(np.abs(self.steps_s)))
+        step_ms = 1000 * float(self.steps_s[v])
+        return (
+            f"{names[v]} runs {abs(step_ms):.0f} ms {'later' if step_ms > 0 else 'earlier'} from some frame between "
+            f"{last} and {first} on than before: it dropped or repeated frames, or its clock is another one; "
+            "repair its images, or bring the poses to one moment with `bodytrack align RESULT`"
+        )
+
+
+def beside_most(delays: Array) -> Array:
+    """Delays (..., V) without what most views have in common; of two views without the first one's."""
+    if delays.shape[-1] == 2:
+        return delays - delays[..., :1]
+    return delays - np.median(delays, axis=-1, keepdims=True)
 
 
 @dataclass(frozen=True)
@@ -67,6 +114,9 @@ class ViewAlignment:
     speed_m_per_s: float
     """Mean speed of the joints there."""
 
+    change: DelayChange | None = None
+    """Of delays during the recording, where there is one; `delays_s` is then a compromise."""
+
     @cached_property
     def late_frames(self) -> Array:
         """(V,) delays against the mean of the views, frames."""
@@ -79,6 +129,17 @@ class ViewAlignment:
         sigmas, most = float(self.delay_sigmas_s.max()) / self.interval_s, float(np.abs(self.late_frames).max())
         matters = most * self.interval_s * self.speed_m_per_s > _LATE_M
         return matters and most > max(_LATE_FRAMES, _SURE * sigmas)
+
+    @property
+    def late(self) -> bool:
+        """Whether poses are not those of one moment: views are out of step, all along or from some frame on."""
+        return self.out_of_step or self.change is not None
+
+    def delays_at(self, frame: int) -> Array:
+        """(V,) delays of the views in a frame of some number, seconds."""
+        if self.change is None:
+            return self.delays_s
+        return self.change.before_s if frame <= self.change.between[0] else self.change.after_s
 
     @cached_property
     def turned_px(self) -> Array:
@@ -97,7 +158,9 @@ class ViewAlignment:
     def findings(self) -> tuple[str, ...]:
         """What can hardly be right, in one line each, and what to do; none where all is as it should be."""
         told = []
-        if self.out_of_step:
+        if self.change is not None:
+            told.append(self.change.told(self.rig.names))
+        elif self.out_of_step:
             first, *others = self.rig.names
             late = ", ".join(f"{n} {1000 * s:+.0f} ms" for n, s in zip(others, self.delays_s[1:], strict=True))
             told.append(

@@ -1,7 +1,7 @@
 """Least squares: delays and turns of views that bring contours and edges of tracked persons together.
 
 An adjustment as in photogrammetry, with the pose of each person in each frame among the unknowns, so that what a
-displaced pose would explain is not taken for a delay: they are eliminated frame by frame (Schur complement).
+displaced pose would explain is not taken for a delay.
 """
 
 from __future__ import annotations
@@ -12,67 +12,55 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tracker.alignment import ViewAlignment
-from tracker.alignment._looks import POSE_SPREAD, Look, looks_of
+from tracker.alignment import DelayChange, ViewAlignment, beside_most
+from tracker.alignment._equations import Eliminated, Sums, Unknowns, eliminated, jackknife
+from tracker.alignment._looks import Look, looks_of
 from tracker.alignment.moments import Moment, speed
-from tracker.arrays import Array, frozen
+from tracker.arrays import Array, Integers, frozen
 from tracker.progress import Progress, silent
 from tracker.rig import Rig
 
 FEWEST = 8
 """Moments below which nothing is said."""
 
+_FEWEST_BESIDE = 5
+"""Moments on each side of a change of delays."""
+
+_SEEMS = 0.2
+"""Share of a change that is told from which one is adjusted: pairs made with common delays show less of it."""
+
 _GATES_PX = (12.0, 8.0, 6.0, 5.0, 5.0)
 """Largest distance of a pair in each round, px."""
-
-_TURN_SPREAD_PX = 0.5
-"""Standard deviation of turns, px at the middle of an image, so that what moving the world would explain is not
-ascribed to the cameras; far more pairs speak for a turn that is one."""
-
-_DELAY_SPREAD_FRAMES = 2.0
-"""Standard deviation of delays: holds that of a view that shows nothing."""
 
 
 def align(moments: Sequence[Moment], interval_s: float, progress: Progress = silent) -> ViewAlignment | None:
     """Delays and turns of the views; None where too few moments, or one view alone, tell nothing.
 
     Args:
-        moments: of one rig.
+        moments: of one rig, in the order of time.
         interval_s: from one frame to the next, seconds.
         progress: told how far it is.
     """
     if len(moments) < FEWEST or len(moments[0].scene.rig) < 2:
         return None
     rig = moments[0].scene.rig
-    looks = [looks_of(moment) for moment in moments]
+    task = _Task(moments, [looks_of(moment) for moment in moments], rig, interval_s, progress)
     poses = [moment.scene.persons[moment.person].q for moment in moments]
-    prior, unknowns = _prior(rig), np.zeros(4 * len(rig) - 1)
-    sums = _Sums.nothing(len(unknowns))
-    for done, gate_px in enumerate(_GATES_PX):
-        progress("comparing the views", done, len(_GATES_PX))
-        by_now = turned(rig, unknowns[len(rig) - 1 :].reshape(-1, 3))
-        delays_s = interval_s * np.r_[0.0, unknowns[: len(rig) - 1]]
-        parts = [
-            _eliminated(moment, [look.by(by_now) for look in seen], q, delays_s, interval_s, gate_px)
-            for moment, seen, q in zip(moments, looks, poses, strict=True)
-        ]
-        sums = _Sums(np.array([part.matrix for part in parts]), np.array([part.vector for part in parts]))
-        step = sums.step(prior, unknowns)
-        poses = [part.moved(q, step) for part, q in zip(parts, poses, strict=True)]
-        unknowns = unknowns + step
-    progress("comparing the views", len(_GATES_PX), len(_GATES_PX))
-    posed = list(zip(moments, poses, strict=True))
-    sigmas, n_delays = sums.sigmas(prior, unknowns), len(rig) - 1
+    whole = task.solved(_State(Unknowns.nothing(1, len(rig)), poses, ()), np.zeros(len(moments), np.int64))
+    sigmas = jackknife(task.sums(whole, np.zeros(len(moments), np.int64)).without_each())
+    n_delays = len(rig) - 1
+    posed = list(zip(moments, whole.poses, strict=True))
     return ViewAlignment(
         rig,
         interval_s,
-        frozen(interval_s * np.r_[0.0, unknowns[:n_delays]]),
+        frozen(interval_s * whole.unknowns.late_frames(0)),
         frozen(interval_s * np.r_[0.0, sigmas[:n_delays]]),
-        frozen(unknowns[n_delays:].reshape(-1, 3)),
+        frozen(whole.unknowns.turns),
         frozen(sigmas[n_delays:].reshape(-1, 3)),
         len(moments),
         frozen(np.mean([_place(moment) for moment in moments], axis=0)),
         float(np.mean([speed(moment.scene.persons[moment.person].body, q, moment.rates[0]) for moment, q in posed])),
+        _change(task, whole),
     )
 
 
@@ -87,86 +75,119 @@ def turned(rig: Rig, turns: Array) -> Rig:
 
 
 @dataclass(frozen=True)
-class _Sums:
-    """The equations of the unknowns of all moments, whose poses are eliminated."""
+class _State:
+    """Where the adjustment is."""
 
-    matrices: Array
-    """(M, G, G)"""
-
-    vectors: Array
-    """(M, G)"""
-
-    @staticmethod
-    def nothing(n_unknowns: int) -> _Sums:
-        """Of no moment."""
-        return _Sums(np.zeros((0, n_unknowns, n_unknowns)), np.zeros((0, n_unknowns)))
-
-    def step(self, prior: Array, at: Array) -> Array:
-        """(G,) from unknowns to better ones."""
-        step: Array = -np.linalg.solve(self.matrices.sum(axis=0) + prior, self.vectors.sum(axis=0) + prior @ at)
-        return step
-
-    def sigmas(self, prior: Array, at: Array) -> Array:
-        """(G,) standard deviations of the unknowns, by leaving out each moment in turn (jackknife)."""
-        n, every = len(self.vectors), np.arange(len(self.vectors))
-        without = [replace(self, matrices=self.matrices[every != k], vectors=self.vectors[every != k]) for k in every]
-        steps = np.array([sums.step(prior, at) for sums in without])
-        sigmas: Array = np.sqrt((n - 1) / n * ((steps - steps.mean(axis=0)) ** 2).sum(axis=0))
-        return sigmas
+    unknowns: Unknowns
+    poses: Sequence[Array]
+    told: Sequence[Eliminated]
+    """Of the round before, one a moment."""
 
 
 @dataclass(frozen=True)
-class _Eliminated:
-    """What a moment says of delays and turns, whatever its pose."""
+class _Task:
+    """What is adjusted."""
 
-    matrix: Array
-    """(G, G)"""
+    moments: Sequence[Moment]
+    looks: Sequence[Sequence[Look]]
+    rig: Rig
+    interval_s: float
+    progress: Progress
 
-    vector: Array
-    """(G,)"""
+    def solved(self, state: _State, parts: Integers) -> _State:
+        """After all rounds, with each moment in a part (M,) of the recording whose delays are its own."""
+        for done, gate_px in enumerate(_GATES_PX):
+            self.progress("comparing the views", done, len(_GATES_PX))
+            state = self._round(state, parts, gate_px)
+        self.progress("comparing the views", len(_GATES_PX), len(_GATES_PX))
+        return state
 
-    still: Array
-    """(dof,) step of the pose if delays and turns stay."""
+    def sums(self, state: _State, parts: Integers) -> Sums:
+        """The equations of a state's round before, its moments in other parts."""
+        unknowns = state.unknowns
+        if parts.max() >= len(unknowns.delays):
+            unknowns = Unknowns(np.repeat(unknowns.delays, parts.max() + 1, axis=0), unknowns.turns)
+        return Sums.of(state.told, parts, unknowns, np.array([camera.matrix[0, 0] for camera in self.rig.cameras]))
 
-    per_unknown: Array
-    """(dof, G) its change with these."""
-
-    def moved(self, q: Array, step: Array) -> Array:
-        """The pose (dof,) that goes with a step of the unknowns (G,)."""
-        pose: Array = q + self.still + self.per_unknown @ step
-        return pose
-
-
-def _eliminated(
-    moment: Moment, looks: Sequence[Look], q: Array, delays_s: Array, interval_s: float, gate_px: float
-) -> _Eliminated:
-    """The equations of a moment; unknowns are delays of all views but the first, in frames, and turns of all views."""
-    person, n_views = moment.scene.persons[moment.person], len(delays_s)
-    spread = np.where(person.body.rotates, *POSE_SPREAD)
-    matrix, vector = np.diag(spread**-2), (q - person.q) / spread**2
-    n_unknowns = 4 * n_views - 1
-    crossed, own, right = np.zeros((n_unknowns, len(q))), np.zeros((n_unknowns, n_unknowns)), np.zeros(n_unknowns)
-    for look in looks:
-        residuals, jacobian, by_turn, weights = look.rows(moment.later(q, delays_s[look.view]), gate_px)
-        columns = np.zeros((len(residuals), n_unknowns))
-        if look.view:
-            columns[:, look.view - 1] = jacobian @ (interval_s * moment.rates[0])
-        first = n_views - 1 + 3 * look.view
-        columns[:, first : first + 3] = by_turn
-        weighted, weighted_columns = weights[:, None] * jacobian, weights[:, None] * columns
-        matrix = matrix + jacobian.T @ weighted
-        vector = vector + weighted.T @ residuals
-        crossed += columns.T @ weighted
-        own += columns.T @ weighted_columns
-        right += weighted_columns.T @ residuals
-    solved = np.linalg.solve(matrix, np.column_stack([vector, crossed.T]))
-    return _Eliminated(own - crossed @ solved[:, 1:], right - crossed @ solved[:, 0], -solved[:, 0], -solved[:, 1:])
+    def _round(self, state: _State, parts: Integers, gate_px: float) -> _State:
+        by_now = turned(self.rig, state.unknowns.turns)
+        told = [
+            eliminated(
+                moment,
+                [look.by(by_now) for look in looks],
+                q,
+                state.unknowns.late_frames(part),
+                self.interval_s,
+                gate_px,
+            )
+            for moment, looks, q, part in zip(self.moments, self.looks, state.poses, parts, strict=True)
+        ]
+        step = self.sums(replace(state, told=told), parts).step()
+        poses = [
+            one.moved(q, step[state.unknowns.columns(part)])
+            for one, q, part in zip(told, state.poses, parts, strict=True)
+        ]
+        return _State(state.unknowns.moved(step), poses, told)
 
 
-def _prior(rig: Rig) -> Array:
-    """(G, G) how firmly delays and turns are held at nothing."""
-    turns = [camera.matrix[0, 0] / _TURN_SPREAD_PX for camera in rig.cameras]
-    return np.diag(np.r_[np.full(len(rig) - 1, 1 / _DELAY_SPREAD_FRAMES), np.repeat(turns, 3)] ** 2)
+def _change(task: _Task, whole: _State) -> DelayChange | None:
+    """The most likely change of delays between two moments; None where there is hardly one.
+
+    Where it may be is told by the equations of the whole, of which each split is a solution of small systems; only
+    what seems a change there is adjusted as one, and then again where its moments would have it.
+    """
+    at = [moment.frame.index for moment in task.moments]
+    n, every = len(at), np.arange(len(at))
+    splits = [k for k in range(_FEWEST_BESIDE, n - _FEWEST_BESIDE + 1) if at[k - 1] < at[k]]
+    if not splits:
+        return None
+    best = max(splits, key=lambda k: task.sums(whole, _after(every, k)).gain)
+    if not _told_change(task, whole, _after(every, best)).likely(_SEEMS * task.interval_s):
+        return None
+    both = Unknowns(np.repeat(whole.unknowns.delays, 2, axis=0), whole.unknowns.turns)
+    tried: dict[int, _State] = {}
+    while best not in tried:
+        first = task.solved(_State(both, whole.poses, ()), _after(every, best))
+        tried[best] = task.solved(replace(first, told=()), _after(every, best))
+        better_before = np.cumsum(_dearer_after(tried[best], best))
+        best = max(splits, key=lambda k: better_before[k - 1])
+    found = _told_change(task, tried[best], _after(every, best))
+    return found if found.likely(task.interval_s) else None
+
+
+def _after(every: Integers, split: int) -> Integers:
+    """(M,) part of each moment: 1 from the split on."""
+    return (every >= split).astype(np.int64)
+
+
+def _dearer_after(state: _State, split: int) -> Array:
+    """(M,) by how much a moment costs more with the delays after the split than with those before it."""
+    step = np.zeros(len(state.told[0].vector))
+    n_delays = state.unknowns.delays.shape[1]
+    step[:n_delays] = state.unknowns.delays[1] - state.unknowns.delays[0]
+    costs = []
+    for k, one in enumerate(state.told):
+        there = step if k < split else -step
+        cost = one.vector @ there + 0.5 * there @ one.matrix @ there
+        costs.append(cost if k < split else -cost)
+    return np.array(costs)
+
+
+def _told_change(task: _Task, state: _State, parts: Integers) -> DelayChange:
+    """What the equations of a state say of delays in two parts of the recording."""
+    sums = task.sums(state, parts)
+    first = int(parts.argmax())
+    delays = [
+        np.array([sums.at.moved(step).late_frames(part) for step in (sums.step(), *sums.without_each())])
+        for part in (0, 1)
+    ]
+    before, after = (task.interval_s * one for one in delays)
+    return DelayChange(
+        (task.moments[first - 1].frame.index, task.moments[first].frame.index),
+        frozen(before[0]),
+        frozen(after[0]),
+        frozen(jackknife(beside_most(after[1:] - before[1:]))),
+    )
 
 
 def _place(moment: Moment) -> Array:

@@ -46,7 +46,7 @@ def in_step(
         posed = scene.with_poses(tuple(estimate.q for estimate in estimates))
         for k, estimate in enumerate(estimates):
             if not estimate.lost:
-                q = _at_one_moment(Moment(frame, posed, k, rates[k][t]), found.delays_s)
+                q = _at_one_moment(Moment(frame, posed, k, rates[k][t]), found.delays_at(frame.index))
                 estimates[k] = replace(estimate, q=q)
         yield frame.index, tuple(estimates)
 

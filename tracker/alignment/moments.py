@@ -15,7 +15,11 @@ from tracker.loss import doubted
 from tracker.scene import Scene
 
 MOST_MOMENTS = 24
-"""Frames of each person that are compared: delays are known to a hundredth of a frame by as many."""
+"""Frames of each person, the fastest ones, that are compared: delays are known to a hundredth of a frame by as many."""
+
+_STRETCHES = 3
+"""Of a recording, from each of which the fastest third of as many frames is compared in any case: what changes on the
+way shows in frames before and after."""
 
 _LEAST_M_PER_S = 0.2
 """Mean speed of the joints below which a frame tells nothing of delays: views of somebody who hardly moved at 3 mm a
@@ -115,10 +119,21 @@ def chosen_moments(scene: Scene, frames: Sequence[Tracked]) -> Mapping[int, tupl
             continue
         poses = np.array([one.estimates[k].q for one in frames])
         speeds = np.where(sure, speed(person.body, poses, np.nan_to_num(rates[:, 0])), 0.0)
-        for t in np.argsort(-speeds)[:MOST_MOMENTS]:
+        for t in _fastest(speeds):
             if speeds[t] >= _LEAST_M_PER_S:
                 found.setdefault(frames[t].index, []).append((k, rates[t]))
     return {index: tuple(persons) for index, persons in sorted(found.items())}
+
+
+def _fastest(speeds: Array) -> list[int]:
+    """The fastest frames of all, and of each stretch, by the speeds (T,) in all of them."""
+    places, n_each = np.arange(len(speeds)), MOST_MOMENTS // _STRETCHES
+    stretches = [places, *np.array_split(places, _STRETCHES)]
+    fastest = [
+        stretch[np.argsort(-speeds[stretch])][:most]
+        for stretch, most in zip(stretches, (MOST_MOMENTS, *[n_each] * _STRETCHES), strict=True)
+    ]
+    return sorted({int(t) for one in fastest for t in one})
 
 
 def speed(body: BodyModel, poses: Array, rates: Array) -> Array:

@@ -40,7 +40,7 @@ def align(
         console.print("the views are in step, and their cameras agree with the persons", highlight=False)
     if rig is not None:
         console.print(f"rig: {write_turned_rig(loaded, found, rig)}", highlight=False, soft_wrap=True)
-    if found.out_of_step or always:
+    if found.late or always:
         with ProgressBar() as progress:
             folder = write_in_step(loaded, found, output, progress)
         console.print(f"poses at the moment of {found.rig.names[0]}: {folder}", highlight=False, soft_wrap=True)
