@@ -63,6 +63,9 @@ class _Condition:
     n_boxes: int = 0
     """Cupboards, each between the person and one of the first cameras."""
 
+    repeats: bool = False
+    """Whether the first view shows a frame twice, half-way, and is a frame behind from there on."""
+
     with_partner: bool = False
     """Whether the person of another clip is there as well."""
 
@@ -83,6 +86,7 @@ _CONDITIONS = {
     "out_of_step": _Condition(Recipe(delays_s=(0.0, 0.013, -0.008, 0.019))),
     "compressed": _Condition(Recipe(constant_rate_factor=33)),
     "turned_cameras": _Condition(turned_deg=0.2),
+    "repeated": _Condition(repeats=True),
     "zoomed": _Condition(zoom=1.6),
     "furnished": _Condition(n_boxes=1),
     "crammed": _Condition(n_boxes=2),
@@ -217,7 +221,12 @@ def _simulated(clips: tuple[_Clip, ...], condition: _Condition, models: tuple[Pa
         [picture for _, picture in films], rig, condition.n_boxes, poses[0][:, _on_floor(bodies[0])]
     )
     recipe = replace(
-        filmed, model=str(models[0]), rig=rig, seconds=len(poses[0]) / filmed.fps, delays_s=filmed.delays_s[: len(rig)]
+        filmed,
+        model=str(models[0]),
+        rig=rig,
+        seconds=len(poses[0]) / filmed.fps,
+        delays_s=filmed.delays_s[: len(rig)],
+        repeats_from=(len(poses[0]) // 2, *[None] * (len(rig) - 1)) if condition.repeats else (),
     )
     persons = tuple(Person(clip.person, body, one[0]) for clip, body, one in zip(clips, bodies, poses, strict=True))
     return Simulation(recipe, Scene(persons, rig), tuple(poses), tuple(map(Plate, pictures)), fronts)

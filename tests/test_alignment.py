@@ -14,7 +14,8 @@ from motions import estimate_of
 from recordings import small_simulation
 from typer.testing import CliRunner
 
-from tracker.alignment import ViewAlignment
+from tracker.aligned import described
+from tracker.alignment import ViewAlignment, beside_most
 from tracker.alignment._gauge import without_common_motion
 from tracker.alignment._looks import by_turn
 from tracker.alignment.adjustment import FEWEST, align, turned
@@ -100,6 +101,9 @@ def test_a_view_that_repeats_a_frame_is_told_and_brought_in_step(view):
     assert " earlier from some frame between " in found.findings()[0]
     assert found.delays_at(0) is found.change.before_s
     assert found.delays_at(29) is found.change.after_s
+    told = described(found)
+    step_ms = [one["late_after_ms"] - one["late_before_ms"] for one in told.values()]
+    assert beside_most(np.array(step_ms)) == pytest.approx(1000 * found.change.steps_s, abs=1e-5)
 
 
 def test_turned_cameras_are_found_however_the_person_moves():
@@ -120,6 +124,7 @@ def test_views_in_step_and_calibrated_are_not_suspected():
     assert found.change is None
     assert (found.delays_at(0) == found.delays_s).all()
     assert found.findings() == ()
+    assert not any("late_before_ms" in told for told in described(found).values())
 
 
 def test_poses_are_brought_to_the_first_views_moment():

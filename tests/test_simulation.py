@@ -115,6 +115,16 @@ def test_a_view_that_is_a_frame_late_shows_the_next_one():
         assert between.tolist() == [t < 3, False]
 
 
+def test_a_view_that_repeats_a_frame_is_one_behind_from_there_on():
+    in_step = Recipe("arm_swing", seconds=0.2, size=(160, 128), noise_grey=0.0)
+    expected = list(simulate(in_step).frames())
+    behind = replace(in_step, repeats_from=(None, 2, None, None))
+    for t, frame in enumerate(simulate(behind).frames()):
+        for v in range(4):
+            shown = expected[t - (v == 1 and t >= 2)]
+            np.testing.assert_array_equal(frame.images[v], shown.images[v])
+
+
 def test_half_the_light_is_half_as_bright_and_as_noisy():
     usual = Recipe("arm_swing", seconds=0.04, size=(160, 128), noise_grey=0.0)
     for noise in (0.0, 5.0):

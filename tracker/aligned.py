@@ -81,6 +81,8 @@ def write_in_step(
             replace(replay, estimates=changed.get(replay.index, replay.estimates)) for replay in result.replays
         )
         details = {**result.details, "alignment": described(found)}
+        if found.change is not None:
+            details["alignment_change"] = dict(zip(("after_frame", "before_frame"), found.change.between, strict=True))
         write_result(replace(result, replays=replays, details=details), unfinished)
     return target
 
@@ -124,17 +126,16 @@ def _counted(result: Result, found: ViewAlignment, progress: Progress) -> Iterat
 
 
 def described(found: ViewAlignment) -> dict[str, dict[str, float]]:
-    """View -> what is told of it, in ms, degrees and px."""
-    told = zip(
-        found.rig.names,
-        1000 * found.delays_s,
-        1000 * found.delay_sigmas_s,
-        np.degrees(np.linalg.norm(found.turns, axis=1)),
-        found.turned_px,
-        strict=True,
-    )
-    keys = "late_ms", "late_sigma_ms", "turned_deg", "turned_px"
+    """View -> what is told of it, in ms, degrees and px; `late_before_ms` and `late_after_ms` where delays change."""
+    told = {
+        "late_ms": 1000 * found.delays_s,
+        "late_sigma_ms": 1000 * found.delay_sigmas_s,
+        "turned_deg": np.degrees(np.linalg.norm(found.turns, axis=1)),
+        "turned_px": found.turned_px,
+    }
+    if found.change is not None:
+        told["late_before_ms"], told["late_after_ms"] = 1000 * found.change.before_s, 1000 * found.change.after_s
     return {
-        name: {key: round(float(value), _DECIMALS) for key, value in zip(keys, values, strict=True)}
-        for name, *values in told
+        name: {key: round(float(values[view]), _DECIMALS) for key, values in told.items()}
+        for view, name in enumerate(found.rig.names)
     }

@@ -29,11 +29,7 @@ def align(
         check_new_file(rig)
     with ProgressBar() as progress:
         found = alignment_of(loaded, progress)
-    table = Table("view", "late ms", "turned deg", "turned px", title=f"views, by {found.n_moments} frames")
-    for name, told in described(found).items():
-        late_ms = f"{told['late_ms']:+.1f} ± {told['late_sigma_ms']:.1f}"
-        table.add_row(name, late_ms, f"{told['turned_deg']:.2f}", f"{told['turned_px']:.1f}")
-    console.print(table)
+    console.print(_table(described(found), found.n_moments))
     for line in found.findings():
         console.print(f"[yellow]look:[/] {line}", highlight=False)
     if not found.findings():
@@ -44,3 +40,17 @@ def align(
         with ProgressBar() as progress:
             folder = write_in_step(loaded, found, output, progress)
         console.print(f"poses at the moment of {found.rig.names[0]}: {folder}", highlight=False, soft_wrap=True)
+
+
+def _table(views: dict[str, dict[str, float]], n_moments: int) -> Table:
+    """What is told of the views; of delays that change, those before and after."""
+    changes = any("late_before_ms" in told for told in views.values())
+    late = ["late before ms", "after ms"] if changes else ["late ms"]
+    table = Table("view", *late, "turned deg", "turned px", title=f"views, by {n_moments} frames")
+    for name, told in views.items():
+        if changes:
+            cells = [f"{told['late_before_ms']:+.1f}", f"{told['late_after_ms']:+.1f}"]
+        else:
+            cells = [f"{told['late_ms']:+.1f} ± {told['late_sigma_ms']:.1f}"]
+        table.add_row(name, *cells, f"{told['turned_deg']:.2f}", f"{told['turned_px']:.1f}")
+    return table

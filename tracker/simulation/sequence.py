@@ -70,6 +70,9 @@ class Recipe:
     delays_s: tuple[float, ...] = ()
     """How much later than told each view sees a frame; empty for cameras in step."""
 
+    repeats_from: tuple[int | None, ...] = ()
+    """Number of the frame from which on each view shows the frame before; None for none, empty for no view."""
+
     constant_rate_factor: int = 14
     """Of the videos' compression, 0 to 51: of 14 nothing is seen, 23 is usual, 35 coarse."""
 
@@ -144,6 +147,9 @@ class Simulation:
         """The scene at moments of frame `t`'s exposure in view `v`; poses change evenly from one frame to the next."""
         recipe = self.recipe
         delay_s = recipe.delays_s[v] if recipe.delays_s else 0.0
+        repeats_from = recipe.repeats_from[v] if recipe.repeats_from else None
+        if repeats_from is not None and t >= repeats_from:
+            delay_s -= 1 / recipe.fps
         if recipe.exposure_s == delay_s == 0:
             return (self.scene.with_poses(tuple(poses[t] for poses in self.poses)),)
         n_moments = _MOMENTS if recipe.exposure_s else 1
