@@ -16,6 +16,7 @@ from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence, Memory, Observed
+from tracker.in_view import judged_in_view
 from tracker.initialization import Backdrops, Initialization, Stages, no_backdrops
 from tracker.loss import LossRule, doubted, judged, sought_anew, trusted_parts
 from tracker.objective import Objective
@@ -54,6 +55,9 @@ class Cycle:
     progress: Progress = silent
     leaving: Callable[[], bool] = _never
     """Whether what takes several frames is to be ended."""
+
+    nobody_before: int = 0
+    """Number of the first frame in which somebody is looked for."""
 
     known: Mapping[int, Sequence[Estimate]] = field(default_factory=dict)
     """Frame -> what was found there for each person in another way; poses tracked forwards are weighed against it."""
@@ -185,7 +189,7 @@ def bootstrap(
         expected = None if start is None else cycle.synthesis.contours(scene)
         observed = cycle.evidence.observe(sight, expected)
     if start is None:
-        return finished(sight, scene, cycle, _unfound(scene, cycle, observed), observed, clock)
+        return finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), observed, clock)
     with clock("refinement"):
         estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
@@ -197,6 +201,14 @@ def bootstrap(
             'size, or give a pose with initialization = { use = "given", poses = "start.csv" }'
         )
     return replace(finished(sight, scene, cycle, estimates, observed, clock), start=start)
+
+
+def unfound(sight: Sight, scene: Scene, cycle: Cycle) -> Step:
+    """A frame in which nobody is looked for."""
+    clock = Clock()
+    with clock("observation"):
+        observed = cycle.evidence.observe(sight, None)
+    return finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), observed, clock)
 
 
 def settled(scene: Scene, cycle: Cycle, observed: Observed, found: Status) -> tuple[tuple[Estimate, ...], Scene]:
@@ -215,7 +227,7 @@ def objective_of(scene: Scene, k: int, cycle: Cycle, observed: Observed, history
     return Objective(Comparison(scene, k, cycle.synthesis, observed), cycle.evidence, history).by_surface()
 
 
-def _unfound(scene: Scene, cycle: Cycle, observed: Observed) -> tuple[Estimate, ...]:
+def _of_nobody(scene: Scene, cycle: Cycle, observed: Observed) -> tuple[Estimate, ...]:
     """Estimates of persons of whom nothing is known."""
     estimates = []
     for k, person in enumerate(scene.persons):
@@ -277,9 +289,17 @@ def finished(
         foregrounds = [sight.silhouette(v) for v in range(len(scene.rig))]
         looked = bool(sight.untrusted) or any(mask is not None for mask in foregrounds)
         models = cycle.synthesis.silhouettes(scene) if looked else ()
+        estimates = judged_in_view(sight, scene, estimates, _own(scene, cycle, models), cycle.loss.least_views)
     overlap = _overlap(models, foregrounds, [sight.unknown(v) for v in range(len(foregrounds))])
     step = Step(sight.frame, scene, estimates, fitted, clock.seconds, overlap, observed=observed)
     return replace(step, model_px=covered_px(models, estimates), untrusted=sight.untrusted)
+
+
+def _own(scene: Scene, cycle: Cycle, models: tuple[Mask, ...]) -> Sequence[tuple[Mask, ...]]:
+    """The silhouettes of each person; none where none are asked for."""
+    if not models or len(scene.persons) == 1:
+        return (models,) if models else ()
+    return [cycle.synthesis.silhouettes(replace(scene, persons=(person,))) for person in scene.persons]
 
 
 def covered_px(models: Sequence[Mask], estimates: Sequence[Estimate]) -> Array | None:

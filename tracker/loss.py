@@ -24,6 +24,9 @@ class LossRule:
     lost_below: float = pydantic.Field(default=0.4, ge=0, le=1)
     """Share of the visible contour on scene edges under which a person is lost."""
 
+    least_views: int = pydantic.Field(default=2, ge=0)
+    """Views that must show a person, or might, or who is there is lost; all of a rig that has fewer."""
+
     doubtful_above: float = pydantic.Field(default=0.25, ge=0)
     """What model and images leave over of each other's contour, as a share of the model's, above which a frame is
     doubtful. In twelve frames of four recordings (K-Kick, V-Dance, D-TwoElbowRot, balancing; `human`, scaled) the
@@ -39,7 +42,7 @@ class LossRule:
     """A lost person is initialized anew in the frame of the loss and then every so many frames."""
 
     start_within: int = pydantic.Field(default=25, ge=1)
-    """Frames in which the first initialization must succeed."""
+    """Frames, from the first one on that shows somebody, in which the first initialization must succeed."""
 
     rehearse: int = pydantic.Field(default=10, ge=0)
     """Frames into which the likeliest start poses of an uncertain person are tracked before one is chosen, 0 for none.

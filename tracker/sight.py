@@ -41,6 +41,9 @@ class Changes:
     fault: str = ""
     """Why it is not to be used; empty if it is."""
 
+    in_its_light: bool = True
+    """Whether the plate shows what the view would without persons; else everything differs from it."""
+
 
 class Sight:
     """The images of one frame with the clean plates. Whatever is found in a region of a view is found once.
@@ -116,9 +119,8 @@ class Sight:
             sure_px = int(np.count_nonzero(found.foreground))
             most_px = sure_px if plate.unknown is None else sure_px + int(np.count_nonzero(plate.unknown))
             model_px = None if self._model_px is None else float(self._model_px[view])
-            return Changes(
-                found.moving, found.foreground, _fault(found.level, (sure_px, most_px), model_px, image.shape)
-            )
+            fault = _fault(found.level, (sure_px, most_px), model_px, image.shape)
+            return Changes(found.moving, found.foreground, fault, found.level <= MOST_LEVEL)
 
         found = self.once(Changes, view, region, find)
         return None if found.fault else found
@@ -131,6 +133,20 @@ class Sight:
             if changes is not None and model.any():
                 shares.append(np.count_nonzero(model & changes.moving) / np.count_nonzero(model))
         return float(np.mean(shares)) if shares else 0.0
+
+    def changed_behind(self, view: int, model: Mask) -> float | None:
+        """Of a model's silhouette (H, W) the share before what has changed, is not known or hides it.
+
+        None where that cannot be told: nothing was compared with a plate, or everything differs from it, or it is one
+        that somebody stays before, or the silhouette is empty.
+        """
+        kept, plate = self._found.get((Changes, view)), self.plates[view]
+        if kept is None or not kept[1].in_its_light or (plate is not None and plate.stays) or not model.any():
+            return None
+        shown = kept[1].moving
+        for other in (self.unknown(view), self.occluder(view)):
+            shown = shown if other is None else shown | other
+        return float(np.count_nonzero(model & shown) / np.count_nonzero(model))
 
     def unknown(self, view: int) -> Mask | None:
         """Where (H, W) the plate of a view does not know what is background; None for nowhere."""

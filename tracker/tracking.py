@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -11,7 +10,7 @@ from types import MappingProxyType
 
 import cv2
 
-from tracker.cycle import Clock, Cycle, State, advance, bootstrap, covered_px
+from tracker.cycle import Clock, Cycle, State, advance, bootstrap, covered_px, unfound
 from tracker.easier_start import LedBack, led_back
 from tracker.estimate import Status
 from tracker.frame import Frame
@@ -50,13 +49,15 @@ def track(
     state, step = State.before(scene), None
     back: LedBack | None = None
     with Ahead(frames, cycle, done) as ahead:
-        for n_frames in itertools.count(1):
+        n_frames = 0
+        while True:
             clock = Clock()
             with clock("waiting"):
                 sight = ahead.next(step)
             if sight is None:
                 return
             frame = sight.frame
+            n_frames += frame.index >= cycle.nobody_before
             looking = Looking(n_frames >= cycle.loss.start_within, reopen, back)
             if frame.index in done:
                 if state.nobody_found and _was_led_back(done[frame.index]):
@@ -110,6 +111,8 @@ def tracked(
 
 def _begun(sight: Sight, scene: Scene, cycle: Cycle, looking: Looking) -> tuple[Step, LedBack | None]:
     """The first frame, and what a surer start in a later one makes of it."""
+    if sight.frame.index < cycle.nobody_before:
+        return unfound(sight, scene, cycle), None
     if looking.reopen is None:
         return bootstrap(sight, scene, cycle, looking.give_up), None
     choose = partial(rehearsed, frame=sight.frame, scene=scene, cycle=cycle, reopen=looking.reopen)

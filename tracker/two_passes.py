@@ -90,7 +90,8 @@ def _after(begin: _Pass, steps: Sequence[Step], cycle: Cycle) -> _Pass:
     for step in steps:
         sight = Sight(step.frame, cycle.plates, None if before is None else before.model_px)
         state, before = state.after(sight, step, cycle.evidence), step
-    return _Pass(steps[-1].scene, state, steps[-1], begin.n_frames + len(steps))
+    n_looked_in = sum(step.frame.index >= cycle.nobody_before for step in steps)
+    return _Pass(steps[-1].scene, state, steps[-1], begin.n_frames + n_looked_in)
 
 
 def there(
@@ -126,6 +127,8 @@ class _Pass:
     state: State
     before: Step | None
     n_frames: int
+    """In which somebody was looked for."""
+
     back: LedBack | None = None
 
 
@@ -161,13 +164,14 @@ def _forwards(frames: Sequence[Frame], begin: _Pass, cycle: Cycle, reopen: Reope
     """Some frames tracked on from where the first pass is, and where it is then."""
     at, steps = begin, list[Step]()
     with Ahead(frames, cycle) as ahead:
-        for n, frame in enumerate(frames, start=begin.n_frames + 1):
+        for frame in frames:
             if steps and cycle.leaving():
                 break
             cycle.progress(f"first pass, frame {frame.index}")
             clock = Clock()
             with clock("waiting"):
                 sight = ahead.next(at.before) or Sight(frame, cycle.plates)
+            n = at.n_frames + (frame.index >= cycle.nobody_before)
             looking = Looking(n >= cycle.loss.start_within, reopen, at.back)
             step, back = tracked(sight, at.scene, cycle, at.state, looking, clock)
             at = _Pass(step.scene, at.state.after(sight, step, cycle.evidence), step, n, back)

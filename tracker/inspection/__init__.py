@@ -10,9 +10,10 @@ from collections.abc import Iterator
 from typing import Protocol, runtime_checkable
 
 from tracker.components import available, find
+from tracker.inspection._arrival import first_in_view
 from tracker.inspection._survey import Survey, survey
 
-__all__ = ["Inspection", "Survey", "findings", "survey"]
+__all__ = ["Inspection", "Survey", "findings", "first_in_view", "survey"]
 
 
 @runtime_checkable

@@ -23,8 +23,9 @@ FACTOR = 4
 N_FRAMES = 100
 """Frames looked at: four seconds of a usual recording, a second of decoding."""
 
-# Less of an image than this is noise.
-_LEAST_SHARE = 0.002
+LEAST_SHARE = 0.002
+"""Less of an image than this is noise."""
+
 # Regions of less than this beside the largest one are no person's: shadows, cables.
 _BESIDE = 0.2
 # Grey levels by which neighbouring frames differ where something moves.
@@ -67,6 +68,15 @@ class Survey:
         return self._marks(_middle)
 
     @cached_property
+    def cut(self) -> Mask:
+        """(V, T) where the border of the image cuts what `middles` are of: they are not those of the whole."""
+        found = np.zeros((len(self.rig), len(self.foregrounds)), dtype=np.bool_)
+        for t, masks in enumerate(self.foregrounds):
+            for v, mask in enumerate(masks):
+                found[v, t] = mask is not None and mask.any() and is_cut(_counted(mask)[0])
+        return found
+
+    @cached_property
     def tops(self) -> Array:
         """(V, T, 2) upper ends of the foregrounds; NaN where there is none or the border cuts it."""
         return self._marks(_top)
@@ -80,7 +90,7 @@ class Survey:
         marks = np.full((len(self.rig), len(self.foregrounds), 2), np.nan)
         for t, masks in enumerate(self.foregrounds):
             for v, mask in enumerate(masks):
-                if mask is not None and np.count_nonzero(mask) > _LEAST_SHARE * mask.size:
+                if mask is not None and np.count_nonzero(mask) > LEAST_SHARE * mask.size:
                     marks[v, t] = mark(mask)
         return frozen(FACTOR * marks + (FACTOR - 1) / 2)
 
@@ -94,33 +104,39 @@ def survey(frames: Iterable[Frame], scene: Scene, plates: tuple[Plate | None, ..
         plates: the clean plates of the views.
         stride: images from one frame to the next.
     """
-    small = tuple(None if plate is None else _small_plate(plate) for plate in plates)
+    backgrounds = small_plates(plates)
     before: list[Image | None] = [None] * len(plates)
     masks, kept = [], []
     for t, frame in enumerate(islice(frames, N_FRAMES)):
-        images = [None if image is None else _small(image) for image in frame.images]
-        masks.append(tuple(_foreground(frame, v, images[v], small[v], before[v]) for v in range(len(plates))))
+        images = [None if image is None else small(image) for image in frame.images]
+        masks.append(tuple(_foreground(frame, v, images[v], backgrounds[v], before[v]) for v in range(len(plates))))
         if t % (N_FRAMES // _N_KEPT) == 0:
             kept.append(images)
         before = images
     pictures = tuple(_usual([images[v] for images in kept]) for v in range(len(plates)))
-    return Survey(scene, small, stride, pictures, tuple(masks))
+    return Survey(scene, backgrounds, stride, pictures, tuple(masks))
 
 
-def _small(image: Image) -> Image:
+def small(image: Image) -> Image:
+    """An image as small as it is looked at."""
     size = image.shape[1] // FACTOR, image.shape[0] // FACTOR
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
 
 
+def small_plates(plates: tuple[Plate | None, ...]) -> tuple[Plate | None, ...]:
+    """Plates as small as images are looked at."""
+    return tuple(None if plate is None else _small_plate(plate) for plate in plates)
+
+
 def _small_plate(plate: Plate) -> Plate:
-    unknown = None if plate.unknown is None else _small(plate.unknown.astype(np.float32)) > 0
-    return Plate(_small(plate.picture), unknown)
+    unknown = None if plate.unknown is None else small(plate.unknown.astype(np.float32)) > 0
+    return Plate(small(plate.picture), unknown)
 
 
 def _foreground(frame: Frame, v: int, image: Image | None, plate: Plate | None, before: Image | None) -> Mask | None:
     given = frame.mask(v)
     if given is not None:
-        return _small(given.astype(np.uint8)) > 0
+        return small(given.astype(np.uint8)) > 0
     if image is None or (plate is None and before is None):
         return None
     if plate is not None:
@@ -134,13 +150,22 @@ def _usual(images: list[Image | None]) -> Image | None:
     return None if not there else np.median(np.stack(there), axis=0).astype(np.uint8)
 
 
+def is_cut(region: Mask) -> bool:
+    """Whether the border of the image cuts a region (H, W)."""
+    return bool(region[0].any() or region[-1].any() or region[:, 0].any() or region[:, -1].any())
+
+
 def _middle(mask: Mask) -> Array:
-    """The middle of a mask but for regions that are small beside its largest one: shadows, cables, screens."""
-    _, _, stats, middles = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    return _counted(mask)[1]
+
+
+def _counted(mask: Mask) -> tuple[Mask, Array]:
+    """A mask without regions that are small beside its largest one, as shadows, cables, screens; and its middle."""
+    _, labels, stats, middles = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     areas = stats[1:, cv2.CC_STAT_AREA]
     counted = areas >= _BESIDE * areas.max()
     middle: Array = np.average(middles[1:][counted], axis=0, weights=areas[counted])
-    return middle
+    return np.append(False, counted)[labels], middle
 
 
 def _top(mask: Mask) -> Array:

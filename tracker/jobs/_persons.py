@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 from tracker.acquisition.calibrated_views import ViewSettings
@@ -17,9 +19,11 @@ from tracker.cycle import Cycle
 from tracker.estimate import Estimate
 from tracker.files import write_whole
 from tracker.found_before import knowing
+from tracker.frame import Frame
 from tracker.jobs._views import told_of_views
 from tracker.reading import Sequence as Recording
 from tracker.recording.journal import Expected, OpenJournal, as_kept, line_of, open_journal
+from tracker.rehearsal import Reopen
 from tracker.rig_layouts import save_rig
 from tracker.scene import Scene
 from tracker.subject import Subject
@@ -86,7 +90,8 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     if not spaces:
         return opened, cycle
     sequence, models = opened.sequence, dict(opened.models)
-    found = fit_bodies(spaces, opened.scene, cycle, sequence.frames, sequence.n_frames, settings)
+    reopen = partial(in_view, sequence.frames, cycle)
+    found = fit_bodies(spaces, opened.scene, cycle, reopen, sequence.n_frames, settings)
     for k, words in found.told.items():
         name = persons[k].name
         log.info("%s: lengths and shapes %s", name, words)
@@ -101,6 +106,11 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     known = {step.frame.index: step.estimates for step in steps}
     opened = replace(opened, models=models, scene=scene, fitted_at=tuple(map(line_of, steps)), findings=findings)
     return opened, knowing(cycle, known, found.start)
+
+
+def in_view(frames: Reopen, cycle: Cycle) -> Iterator[Frame]:
+    """The frames of a recording from the first one on in which somebody is looked for."""
+    return itertools.dropwhile(lambda frame: frame.index < cycle.nobody_before, frames())
 
 
 def known_before(folder: Path, scene: Scene) -> Mapping[int, Sequence[Estimate]]:

@@ -20,10 +20,10 @@ from tracker.estimation import Estimation
 from tracker.evidence import Evidence
 from tracker.found_before import knowing
 from tracker.initialization import Initialization
-from tracker.inspection import findings, survey
+from tracker.inspection import findings, first_in_view, survey
 from tracker.jobs import ResultFolder, described, versions
 from tracker.jobs._delivered import delivered, opened_even, sized
-from tracker.jobs._persons import OpenedTrack, description_of, known_before, save_inputs, with_fitted_bodies
+from tracker.jobs._persons import OpenedTrack, description_of, in_view, known_before, save_inputs, with_fitted_bodies
 from tracker.jobs._recorded import TrackOutcome, recorded
 from tracker.jobs._stopping import Stop
 from tracker.jobs._views import Tracks
@@ -154,13 +154,14 @@ class TrackJob:
         if missing := {"journal", "run_json"} - uses:
             raise ConfigError(f"smoothing needs the recordings journal and run_json; add {', '.join(sorted(missing))}")
 
-    def _looked_at(self, opened: OpenedTrack, plates: tuple[Plate | None, ...], progress: Progress) -> tuple[str, ...]:
+    def _looked_at(self, opened: OpenedTrack, cycle: Cycle, progress: Progress) -> tuple[str, ...]:
         """What looks wrong in the input, told before the first frame; an interrupted run was told already."""
         if not self.inspection or opened.done:
             return ()
         progress("looking at the first frames")
         sequence, stride = opened.sequence, getattr(self.reading, "stride", 1)
-        return _warned(findings(survey(sequence.frames(), opened.scene, plates, stride)), progress)
+        frames = in_view(sequence.frames, cycle)
+        return _warned(findings(survey(frames, opened.scene, cycle.plates, stride)), progress)
 
     def cycle(self, opened: OpenedTrack, progress: Progress = silent) -> Cycle:
         """The tracking cycle of these components; a field of the cycle is one of the job, called the same.
@@ -177,7 +178,19 @@ class TrackJob:
         names = {field.name for field in dataclasses.fields(self)} & {field.name for field in dataclasses.fields(Cycle)}
         parts = {name: getattr(self, name) for name in names}
         cycle = Cycle(**parts, plates=sequence.plates, backdrops=backdrops, progress=progress)
-        return without_persons(cycle, opened.scene, sequence.frames)
+        cycle = without_persons(cycle, opened.scene, sequence.frames)
+        return replace(cycle, nobody_before=self._first_in_view(opened, cycle))
+
+    def _first_in_view(self, opened: OpenedTrack, cycle: Cycle) -> int:
+        """Number of the frame from which on persons are looked for: not before they come in."""
+        if getattr(self.initialization, "poses", None) is not None:
+            return 0
+        found = first_in_view(opened.sequence.frames(), cycle.plates, cycle.progress)
+        if found is None:
+            return 0
+        if found > getattr(self.reading, "start", 0):
+            cycle.progress(f"nobody is seen whole before frame {found}: looked for from there on, and followed back")
+        return found
 
     def fitted(self, opened: OpenedTrack, cycle: Cycle) -> tuple[OpenedTrack, Cycle]:
         """The persons with bodies fitted to the recording, and a cycle that does not look again for what is known.
@@ -217,7 +230,7 @@ class TrackJob:
         }
         for stage, choice in choices.items():
             _tell(stage, choice, progress)
-        found = [*self._looked_at(opened, cycle.plates, progress)]
+        found = [*self._looked_at(opened, cycle, progress)]
         opened, cycle = self.fitted(opened, cycle)
         found += _warned(opened.findings if self.inspection else (), progress)
         if any(plate is not None and plate.stays for plate in cycle.plates):
