@@ -69,11 +69,11 @@ class Survey:
 
     @cached_property
     def cut(self) -> Mask:
-        """(V, T) where the border of the image cuts what `middles` are of: they are not those of the whole."""
+        """(V, T) where the border of the image cuts off most of what `middles` are of: who enters, or leaves."""
         found = np.zeros((len(self.rig), len(self.foregrounds)), dtype=np.bool_)
         for t, masks in enumerate(self.foregrounds):
             for v, mask in enumerate(masks):
-                found[v, t] = mask is not None and mask.any() and is_cut(_counted(mask)[0])
+                found[v, t] = mask is not None and mask.any() and _cut_off(_counted(mask)[0])
         return found
 
     @cached_property
@@ -152,7 +152,17 @@ def _usual(images: list[Image | None]) -> Image | None:
 
 def is_cut(region: Mask) -> bool:
     """Whether the border of the image cuts a region (H, W)."""
-    return bool(region[0].any() or region[-1].any() or region[:, 0].any() or region[:, -1].any())
+    return _n_cut(region) > 0
+
+
+def _cut_off(region: Mask) -> bool:
+    """Whether the border cuts more than feet from a region: along more of it than a square of its area is wide."""
+    return _n_cut(region) > np.sqrt(np.count_nonzero(region))
+
+
+def _n_cut(region: Mask) -> int:
+    """Pixels of a region (H, W) at the border of the image."""
+    return sum(map(np.count_nonzero, (region[0], region[-1], region[:, 0], region[:, -1])))
 
 
 def _middle(mask: Mask) -> Array:

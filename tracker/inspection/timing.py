@@ -11,8 +11,8 @@ from tracker.arrays import Array
 from tracker.components import component
 from tracker.inspection import Survey
 
-# A view in which the border of the image cuts somebody as often as this always shows the same of him; else it is one
-# that he enters or leaves: walking out of four views a man seemed 7 frames late in one of them.
+# A view in which the border of the image cuts somebody off as often as this always shows the same of him; else it is
+# one that he enters or leaves: walking out of four views a man seemed 7 frames late in one of them.
 _ALWAYS_CUT = 0.9
 # Frames that have to show somebody whatever a view is tried to be late by.
 _LEAST_FRAMES = 15
