@@ -108,6 +108,9 @@ class _Clip:
     from_s: float = 0.0
     to_s: float = 60.0
     heading_deg: float = 0.0
+    ahead_m: float = 0.0
+    """How far the middle of the way lies behind that of the room, metres; before it is where somebody comes in from."""
+
     partner: str = ""
     """The clip whose person is there where there are two; empty for the first one of the other person."""
 
@@ -130,6 +133,9 @@ _CLIPS = {
     "martial_arts_2": _Clip("cmu/135_06-martialArts.amc", "rita", "P-Floor", 12.0, 14.4, 45),
     "ballroom_1": _Clip("cmu/131_04-dance.amc", "rita", "N-Stride", 1.0, 3.4, 90),
     "ballroom_2": _Clip("cmu/131_04-dance.amc", "theo", "V-Dance", 5.0, 7.4, -120),
+    # These two are not by chance: nobody is in the pictures at first, or at last.
+    "walking_in": _Clip("cmu/07_08-walk.amc", "rita", "V-Dance", heading_deg=30, ahead_m=-2.6),
+    "walking_out": _Clip("cmu/07_05-walk.amc", "theo", "K-Kick", heading_deg=-70, ahead_m=2.6),
 }
 # Between the joints of two persons, metres.
 _LEAST_APART_M = 0.3
@@ -257,7 +263,12 @@ def _poses(clip: _Clip, body: BodyModel, fps: float, data: Path) -> Array:
     file = data / "motions" / clip.file
     motion = (read_cmu if file.suffix == ".amc" else read_deepmimic)(file).part(clip.from_s, clip.to_s)
     every = max(1, round(Recipe.fps / fps))
-    return poses_like(_turned(motion, clip.heading_deg), body, fps * every)[::every]
+    poses = poses_like(_turned(motion, clip.heading_deg), body, fps * every)[::every]
+    if clip.ahead_m:
+        place = poses[:, _on_floor(body)]
+        way = place[-1] - place[0]
+        poses[:, _on_floor(body)] += clip.ahead_m * way / np.linalg.norm(way) - place.mean(axis=0)
+    return poses
 
 
 def _turned(motion: MotionFile, degrees: float) -> MotionFile:

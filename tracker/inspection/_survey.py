@@ -157,7 +157,7 @@ def is_cut(region: Mask) -> bool:
 
 def _cut_off(region: Mask) -> bool:
     """Whether the border cuts more than feet from a region: along more of it than a square of its area is wide."""
-    return _n_cut(region) > np.sqrt(np.count_nonzero(region))
+    return bool(_n_cut(region) > np.sqrt(np.count_nonzero(region)))
 
 
 def _n_cut(region: Mask) -> int:

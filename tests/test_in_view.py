@@ -1,0 +1,213 @@
+"""Persons who walk in are waited for and followed back; who is seen by one view alone is lost, and limbs ambiguous."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
+
+from tracker.arrays import Image
+from tracker.cycle import objective_of
+from tracker.errors import InitializationError
+from tracker.estimate import Estimate, Status
+from tracker.evidence.auto import AutoEvidence
+from tracker.frame import Frame
+from tracker.in_view import judged_in_view
+from tracker.inspection import first_in_view
+from tracker.loss import LossRule
+from tracker.plate import Plate
+from tracker.rig import Rig
+from tracker.scene import Scene
+from tracker.sight import Sight
+from tracker.simulation.sequence import Simulation
+from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking import track
+from tracker.two_passes import track_twice
+
+NOBODY_BEFORE = 6
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    return small_simulation("walking_on_the_spot", n_frames=24)
+
+
+@pytest.fixture(scope="module")
+def frames(simulation: Simulation) -> tuple[Frame, ...]:
+    return tuple(simulation.frames())
+
+
+def entering(simulation: Simulation, n_views: tuple[int, ...]) -> tuple[Frame, ...]:
+    """Frames in which only so many views show the person; in the last ones all."""
+
+    def shown(t: int, v: int, image: Image | None) -> Image | None:
+        return simulation.plates[v].picture.copy() if t < len(n_views) and v >= n_views[t] else image
+
+    return tuple(with_images(simulation, shown))
+
+
+def judged(
+    frame: Frame, scene: Scene, plates: tuple[Plate | None, ...], looked: bool = True, least_views: int = 2
+) -> Estimate:
+    """What is made of an estimate at the poses of a scene."""
+    simulation = replace(small_simulation(n_frames=1), scene=scene)
+    cycle, sight = cycle_for(simulation, plates=plates), Sight(frame, plates)
+    contours = CpuSynthesis().contours(scene)
+    objective = objective_of(scene, 0, cycle, cycle.evidence.observe(Sight(frame), contours))
+    estimate = replace(objective.estimate(scene.persons[0].q, np.eye(scene.persons[0].body.dof), 0), ambiguous=())
+    silhouettes: list[tuple[np.ndarray, ...]] = []
+    if looked:
+        for v, image in enumerate(frame.images):
+            if image is not None:
+                sight.changes(v, (0, 0, image.shape[1], image.shape[0]))
+        silhouettes = [CpuSynthesis().silhouettes(scene)]
+    (found,) = judged_in_view(sight, scene, (estimate,), silhouettes, least_views)
+    return found
+
+
+def pictures(frame: Frame) -> tuple[Image, ...]:
+    return tuple(image for image in frame.images if image is not None)
+
+
+def cropped(rig: Rig, views: tuple[int, ...], size: tuple[int, int]) -> Rig:
+    """The rig with smaller images of some views, cut at the right and at the bottom."""
+    return Rig(tuple(replace(one, size=size) if v in views else one for v, one in enumerate(rig.cameras)))
+
+
+def test_who_is_whole_in_view_stays_as_estimated(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    found = judged(frames[0], simulation.scene, simulation.plates)
+    assert found.status is Status.TRACKED
+    assert found.ambiguous == ()
+
+
+@pytest.mark.parametrize(("n_shown", "status"), [(0, Status.LOST), (1, Status.LOST), (2, Status.TRACKED)])
+def test_who_is_before_plates_of_all_views_but_one_is_lost(
+    simulation: Simulation, frames: tuple[Frame, ...], n_shown: int, status: Status
+) -> None:
+    images = tuple(image if v < n_shown else simulation.plates[v].picture for v, image in enumerate(frames[0].images))
+    frame = replace(frames[0], images=images)
+    assert judged(frame, simulation.scene, simulation.plates).status is status
+    assert judged(frame, simulation.scene, simulation.plates, least_views=0).status is Status.TRACKED
+
+
+def test_views_that_cannot_tell_do_not_speak_against_a_person(
+    simulation: Simulation, frames: tuple[Frame, ...]
+) -> None:
+    """One has no plate, one no image; a third one shows nobody."""
+    images = (frames[0].images[0], simulation.plates[1].picture, simulation.plates[2].picture, None)
+    plates = (None, None, *simulation.plates[2:])
+    frame = replace(frames[0], images=images)
+    assert judged(frame, simulation.scene, plates).status is Status.TRACKED
+    everything = tuple(255 - plate.picture for plate in simulation.plates)
+    assert judged(replace(frame, images=everything), simulation.scene, simulation.plates).status is Status.TRACKED
+
+
+def test_limbs_outside_all_images_but_one_are_ambiguous(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    """However edges lie; also without any plate."""
+    person = simulation.scene.persons[0]
+    marks = simulation.scene.rig.project(person.body.landmarks_in_world(person.q))
+    knees = [person.body.landmark_names.index(f"{side}_knee") for side in ("left", "right")]
+    views = (0, 1, 2)
+    height = int(min(marks[v, knees, 1].min() for v in views))
+    scene = Scene(simulation.scene.persons, cropped(simulation.scene.rig, views, (360, height)))
+    images = tuple(image[:height] if v in views else image for v, image in enumerate(pictures(frames[0])))
+    found = judged(replace(frames[0], images=images), scene, (None,) * 4, looked=False)
+    assert found.status is Status.TRACKED
+    assert found.ambiguous == ("left_leg", "right_leg")
+
+
+def test_who_is_outside_all_images_but_one_is_lost_without_plates(
+    simulation: Simulation, frames: tuple[Frame, ...]
+) -> None:
+    views = (1, 2, 3)
+    scene = Scene(simulation.scene.persons, cropped(simulation.scene.rig, views, (150, 150)))
+    images = tuple(
+        None if image is None else image[:150, :150] if v in views else image
+        for v, image in enumerate(frames[0].images)
+    )
+    assert judged(replace(frames[0], images=images), scene, (None,) * 4, looked=False).status is Status.LOST
+
+
+def test_the_first_frame_in_view_is_that_in_which_two_views_show_somebody(
+    simulation: Simulation, frames: tuple[Frame, ...]
+) -> None:
+    assert first_in_view(frames, simulation.plates) == 0
+    assert first_in_view(entering(simulation, (0, 0, 1, 1, 2, 2)), simulation.plates) == 4
+    assert first_in_view(frames[3:], simulation.plates) == 3
+    assert first_in_view(entering(simulation, (1,) * 24), simulation.plates) is None
+    told: list[str] = []
+    first_in_view(entering(simulation, (0, 0)), simulation.plates, lambda line, *_: told.append(line))
+    assert set(told) == {"looking for the first frame that shows somebody"}
+
+
+def test_where_too_few_views_can_tell_nobody_is_waited_for(simulation: Simulation) -> None:
+    empty = entering(simulation, (0,) * 24)
+    asked = iter(empty)
+    assert first_in_view(asked, (simulation.plates[0], None, None, None)) is None
+    assert next(asked).index == 1, "the recording is not read to its end"
+    somewhere = np.zeros(simulation.plates[0].picture.shape[:2], np.bool_)
+    somewhere[:9] = True
+    in_doubt = tuple(replace(one, unknown=somewhere) for one in simulation.plates)
+    assert first_in_view(empty, in_doubt) == 0
+
+
+def test_who_is_cut_by_images_at_first_is_looked_for_where_most_show_all(simulation: Simulation) -> None:
+    """A view after the other shows all of her."""
+
+    def shown(t: int, v: int, image: Image | None) -> Image | None:
+        cut = simulation.plates[v].picture.copy()
+        assert image is not None
+        if t >= 2 * v:
+            return image
+        cut[:, -180:] = image[:, 90:270]
+        return cut
+
+    assert first_in_view(with_images(simulation, shown), simulation.plates) == 4
+
+
+def test_a_run_waits_for_who_walks_in_and_follows_back(simulation: Simulation) -> None:
+    frames = entering(simulation, (0, 0, 0, 3, 4, 4))
+    start = TrueStart(simulation)
+    loss = LossRule(rehearse=0, start_within=1)
+    cycle = cycle_for(simulation, start, evidence=AutoEvidence(), nobody_before=NOBODY_BEFORE, loss=loss)
+    there = list(track(iter(frames[NOBODY_BEFORE:]), simulation.scene, cycle, {}, lambda: iter(frames)))
+    for way in (track, track_twice):
+        start.asked.clear()
+        steps = list(way(iter(frames), simulation.scene, cycle, {}, lambda: iter(frames)))
+        statuses = [step.estimates[0].status for step in steps]
+        assert start.asked[0] == NOBODY_BEFORE
+        assert statuses[:3] == [Status.LOST] * 3
+        assert (Status.LOST in statuses[3:]) == (way is track)
+        if way is track:
+            begun, alone = steps[NOBODY_BEFORE].estimates[0], there[0].estimates[0]
+            np.testing.assert_allclose(begun.q, alone.q, atol=1e-5)
+        errors = [joint_errors_mm(simulation, 0, step.frame.index, step.estimates[0].q).mean() for step in steps]
+        assert max(errors[4 if way is track_twice else NOBODY_BEFORE : 12]) < 15
+
+
+def test_frames_before_somebody_is_in_view_do_not_count(simulation: Simulation) -> None:
+    class Nobody(TrueStart):
+        def start(self, frame: Frame, *given: object) -> object:  # type: ignore[override]
+            self.asked.append(frame.index)
+            raise InitializationError("nobody there")
+
+    for way in (track, track_twice):
+        nobody = Nobody(simulation)
+        cycle = cycle_for(simulation, nobody, nobody_before=NOBODY_BEFORE, loss=LossRule(start_within=3))
+        with pytest.raises(InitializationError, match="nobody there"):
+            list(way(simulation.frames(), simulation.scene, cycle, {}, simulation.frames))
+        assert nobody.asked == list(itertools.islice(itertools.count(NOBODY_BEFORE), 3))
+
+
+def test_who_leaves_is_lost_and_nobody_is_made_of_the_last_view(simulation: Simulation) -> None:
+    def shown(t: int, v: int, image: Image | None) -> Image | None:
+        return simulation.plates[v].picture.copy() if t >= 12 and v > 0 else image
+
+    cycle = cycle_for(simulation, TrueStart(simulation), evidence=AutoEvidence())
+    steps = list(track(with_images(simulation, shown), simulation.scene, cycle))
+    statuses = [step.estimates[0].status for step in steps]
+    assert Status.LOST not in statuses[:12]
+    assert set(statuses[12:]) == {Status.LOST}
