@@ -13,6 +13,7 @@ from tracker.doubts import Doubts
 from tracker.errors import ConfigError, TrackerError
 from tracker.forecast import Forecast, forecast
 from tracker.jobs import load_job
+from tracker.jobs.track import TrackJob
 from tracker.simulation.sequence import Recipe, write_sequence
 
 GIVEN = ["initialization.use=given", "initialization.poses=truth_poses.csv", "reading.stride=2", "smoothing=rts"]
@@ -37,6 +38,17 @@ def test_a_few_frames_tell_of_all_and_nothing_is_left(config, tmp_path, monkeypa
     assert told.start_s > 0
     assert 0 < told.frame_s < told.seconds
     assert list(tmp_path.iterdir()) == []
+
+
+def test_frames_in_which_nobody_is_in_view_are_left_out(config, monkeypatch):
+    """Of frames 0, 2, ... 8 those from 4 on, with the true start of frame 4."""
+    monkeypatch.setattr(TrackJob, "_first_in_view", lambda *_: 4)
+    seen = []
+    told = forecast(
+        load_job("track", config, GIVEN), 5, lambda what, done=0, total=0, detail="": seen.append((what, total))
+    )
+    assert (told.n_frames, told.doubts.n_frames) == (5, 3)
+    assert ("tracking", 3) in seen
 
 
 def test_the_time_is_that_of_the_start_and_of_the_other_frames():

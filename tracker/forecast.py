@@ -48,6 +48,8 @@ class Forecast:
 def forecast(job: TrackJob, n_frames: int = 12, progress: Progress = silent) -> Forecast:
     """Does all that a run does, with its first frames and bodies as the models have them, in a folder that is removed.
 
+    Of a recording that begins before its persons come in, with the first frames in view.
+
     Args:
         job: what would be run.
         n_frames: frames to be tracked.
@@ -56,10 +58,12 @@ def forecast(job: TrackJob, n_frames: int = 12, progress: Progress = silent) -> 
     Raises:
         TrackerError: what the run would end with, if its first frames show it.
     """
-    sequence = job.open().sequence
-    tracked = min(n_frames, sequence.n_frames)
+    opened = job.open()
+    sequence = opened.sequence
     reading: Any = job.reading  # of whatever kind, it selects frames by start, stop and stride
-    short = replace(reading, stop=reading.start + tracked * reading.stride)
+    begin = max(reading.start, job.cycle(opened, progress).nobody_before)
+    tracked = min(n_frames, sequence.n_frames - (begin - reading.start) // reading.stride)
+    short = replace(reading, start=begin, stop=begin + tracked * reading.stride)
     clock = _Clock(progress)
     as_modelled: Any = tuple(replace(one, shape="model") for one in job.persons)
     with tempfile.TemporaryDirectory(prefix="bodytrack-") as folder:
@@ -67,10 +71,10 @@ def forecast(job: TrackJob, n_frames: int = 12, progress: Progress = silent) -> 
         outcome: TrackOutcome = execute(asked, Path(folder) / "out", progress=clock)
     if outcome.interrupted:
         raise KeyboardInterrupt
-    begin, *ends = clock.stamps
+    began_s, *ends = clock.stamps
     n_fitted = sum(one.is_fitted for one in job.persons)
-    frame_s = (ends[-1] - ends[0]) / (len(ends) - 1) if len(ends) > 1 else ends[0] - begin
-    return Forecast(sequence.n_frames, len(sequence.rig), ends[0] - begin, frame_s, outcome.doubts, n_fitted)
+    frame_s = (ends[-1] - ends[0]) / (len(ends) - 1) if len(ends) > 1 else ends[0] - began_s
+    return Forecast(sequence.n_frames, len(sequence.rig), ends[0] - began_s, frame_s, outcome.doubts, n_fitted)
 
 
 @dataclass
