@@ -57,8 +57,8 @@ class DelayChange:
 
     @property
     def steps_s(self) -> Array:
-        """(V,) how much later than before each view is beside most of them, seconds."""
-        return beside_most(self.after_s - self.before_s)
+        """(V,) how much later than before each view is, seconds."""
+        return self.after_s - self.before_s
 
     def likely(self, interval_s: float) -> bool:
         """Whether a view's delay changes, beyond doubt, by what is no scatter of frames."""

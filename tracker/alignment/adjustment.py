@@ -182,11 +182,12 @@ def _told_change(task: _Task, state: _State, parts: Integers) -> DelayChange:
         for part in (0, 1)
     ]
     before, after = (task.interval_s * one for one in delays)
+    steps = beside_most(after - before)
     return DelayChange(
         (task.moments[first - 1].frame.index, task.moments[first].frame.index),
         frozen(before[0]),
-        frozen(after[0]),
-        frozen(jackknife(beside_most(after[1:] - before[1:]))),
+        frozen(before[0] + steps[0]),
+        frozen(jackknife(steps[1:])),
     )
 
 

@@ -39,7 +39,8 @@ def align(
     if found.late or always:
         with ProgressBar() as progress:
             folder = write_in_step(loaded, found, output, progress)
-        console.print(f"poses at the moment of {found.rig.names[0]}: {folder}", highlight=False, soft_wrap=True)
+        whose = found.rig.names[0] + ("" if found.change is None else ", had no view changed")
+        console.print(f"poses at the moment of {whose}: {folder}", highlight=False, soft_wrap=True)
 
 
 def _table(views: dict[str, dict[str, float]], n_moments: int) -> Table:
