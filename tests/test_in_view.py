@@ -140,7 +140,7 @@ def test_the_first_frame_in_view_is_that_in_which_two_views_show_somebody(
     assert first_in_view(entering(simulation, (1,) * 24), simulation.plates) is None
     told: list[str] = []
     first_in_view(entering(simulation, (0, 0)), simulation.plates, lambda line, *_: told.append(line))
-    assert set(told) == {"looking for the first frame that shows somebody"}
+    assert told == ["looking for the first frame that shows somebody"]
 
 
 def test_where_too_few_views_can_tell_nobody_is_waited_for(simulation: Simulation) -> None:

@@ -47,13 +47,13 @@ def first_in_view(frames: Iterable[Frame], plates: tuple[Plate | None, ...], pro
     backgrounds = small_plates(plates)
     coming: dict[int, _Seen] = {}
     end_s = np.inf
-    for frame in frames:
+    for n, frame in enumerate(frames):
         if frame.time_s > end_s or _n_telling(frame, plates) < _LEAST_VIEWS:
             break
         seen = _seen(frame, backgrounds)
         if not coming and seen.whole >= _LEAST_VIEWS:
             return frame.index
-        if np.isinf(end_s):
+        if n == 0:
             progress("looking for the first frame that shows somebody")
         if coming or seen.views >= _LEAST_VIEWS:
             end_s = min(end_s, frame.time_s + _ENTERING_S)
