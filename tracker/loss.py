@@ -25,7 +25,8 @@ class LossRule:
     """Share of the visible contour on scene edges under which a person is lost."""
 
     least_views: int = pydantic.Field(default=2, ge=0)
-    """Views that must show a person, or might, or who is there is lost; all of a rig that has fewer."""
+    """Views that must show a person, or might: whom fewer show is lost, a limb inside fewer images ambiguous; all of a
+    rig that has fewer."""
 
     doubtful_above: float = pydantic.Field(default=0.25, ge=0)
     """What model and images leave over of each other's contour, as a share of the model's, above which a frame is

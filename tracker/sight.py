@@ -131,7 +131,7 @@ class Sight:
         for v, model in enumerate(models):
             changes = self.changes(v, (0, 0, model.shape[1], model.shape[0]))
             if changes is not None and model.any():
-                shares.append(np.count_nonzero(model & changes.moving) / np.count_nonzero(model))
+                shares.append(_share_of(model, changes.moving))
         return float(np.mean(shares)) if shares else 0.0
 
     def changed_behind(self, view: int, model: Mask) -> float | None:
@@ -143,10 +143,8 @@ class Sight:
         kept, plate = self._found.get((Changes, view)), self.plates[view]
         if kept is None or not kept[1].in_its_light or (plate is not None and plate.stays) or not model.any():
             return None
-        shown = kept[1].moving
-        for other in (self.unknown(view), self.occluder(view)):
-            shown = shown if other is None else shown | other
-        return float(np.count_nonzero(model & shown) / np.count_nonzero(model))
+        moving, occluder = kept[1].moving, self.occluder(view)
+        return _share_of(model, moving if occluder is None else moving | occluder)
 
     def unknown(self, view: int) -> Mask | None:
         """Where (H, W) the plate of a view does not know what is background; None for nowhere."""
@@ -168,6 +166,10 @@ class Sight:
         """View -> why its foreground was not used."""
         found = {view: kept[1].fault for (key, view), kept in self._found.items() if key is Changes}
         return {view: fault for view, fault in sorted(found.items()) if fault}
+
+
+def _share_of(model: Mask, shown: Mask) -> float:
+    return float(np.count_nonzero(model & shown) / np.count_nonzero(model))
 
 
 def _given(mask: Mask, region: Region) -> Changes:

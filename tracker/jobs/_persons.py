@@ -90,7 +90,7 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     if not spaces:
         return opened, cycle
     sequence, models = opened.sequence, dict(opened.models)
-    reopen = partial(in_view, sequence.frames, cycle)
+    reopen = partial(frames_in_view, sequence.frames, cycle)
     found = fit_bodies(spaces, opened.scene, cycle, reopen, sequence.n_frames, settings)
     for k, words in found.told.items():
         name = persons[k].name
@@ -108,7 +108,7 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     return opened, knowing(cycle, known, found.start)
 
 
-def in_view(frames: Reopen, cycle: Cycle) -> Iterator[Frame]:
+def frames_in_view(frames: Reopen, cycle: Cycle) -> Iterator[Frame]:
     """The frames of a recording from the first one on in which somebody is looked for."""
     return itertools.dropwhile(lambda frame: frame.index < cycle.nobody_before, frames())
 

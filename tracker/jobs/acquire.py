@@ -32,7 +32,7 @@ from tracker.files import write_json, write_whole
 from tracker.found_before import knowing
 from tracker.jobs import ResultFolder, described, execute, job_from
 from tracker.jobs._acquired import Acquired, AcquireOutcome
-from tracker.jobs._persons import in_view
+from tracker.jobs._persons import frames_in_view
 from tracker.jobs.track import OpenedTrack, TrackJob
 from tracker.progress import Progress, silent
 from tracker.tracking import track
@@ -62,7 +62,7 @@ class AcquireJob(TrackJob):
         for _ in range(settings.rounds):
             shape = np.zeros(len(space.names)) if found is None else found.shape
             scene, sequence = opened.scene.with_bodies({person: space.body(shape)}), opened.sequence
-            frames = in_view(sequence.frames, cycle)
+            frames = frames_in_view(sequence.frames, cycle)
             steps = _told(track(frames, scene, cycle, reopen=sequence.frames), sequence.n_frames, progress)
             first = next(steps)
             steps = itertools.chain([first], steps)

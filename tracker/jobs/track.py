@@ -23,7 +23,14 @@ from tracker.initialization import Initialization
 from tracker.inspection import findings, first_in_view, survey
 from tracker.jobs import ResultFolder, described, versions
 from tracker.jobs._delivered import delivered, opened_even, sized
-from tracker.jobs._persons import OpenedTrack, description_of, in_view, known_before, save_inputs, with_fitted_bodies
+from tracker.jobs._persons import (
+    OpenedTrack,
+    description_of,
+    frames_in_view,
+    known_before,
+    save_inputs,
+    with_fitted_bodies,
+)
 from tracker.jobs._recorded import TrackOutcome, recorded
 from tracker.jobs._stopping import Stop
 from tracker.jobs._views import Tracks
@@ -160,7 +167,7 @@ class TrackJob:
             return ()
         progress("looking at the first frames")
         sequence, stride = opened.sequence, getattr(self.reading, "stride", 1)
-        frames = in_view(sequence.frames, cycle)
+        frames = frames_in_view(sequence.frames, cycle)
         return _warned(findings(survey(frames, opened.scene, cycle.plates, stride)), progress)
 
     def cycle(self, opened: OpenedTrack, progress: Progress = silent) -> Cycle:
