@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,12 +16,16 @@ from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
+from tracker.in_space import judged_in_space, shared
 from tracker.in_view import judged_in_view
 from tracker.inspection import first_in_view
+from tracker.jobs import track as track_job
+from tracker.jobs.track import TrackJob
 from tracker.loss import LossRule
 from tracker.plate import Plate
+from tracker.progress import Progress
 from tracker.rig import Rig
-from tracker.scene import Scene
+from tracker.scene import Person, Scene
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.synthesis.cpu import CpuSynthesis
@@ -139,7 +144,7 @@ def test_the_first_frame_in_view_is_that_in_which_two_views_show_somebody(
     assert first_in_view(frames[3:], simulation.plates) == 3
     assert first_in_view(entering(simulation, (1,) * 24), simulation.plates) is None
     told: list[str] = []
-    first_in_view(entering(simulation, (0, 0)), simulation.plates, lambda line, *_: told.append(line))
+    first_in_view(entering(simulation, (0, 0)), simulation.plates, progress=lambda line, *_: told.append(line))
     assert told == ["looking for the first frame that shows somebody"]
 
 
@@ -166,6 +171,84 @@ def test_who_is_cut_by_images_at_first_is_looked_for_where_most_show_all(simulat
         return cut
 
     assert first_in_view(with_images(simulation, shown), simulation.plates) == 4
+
+
+@pytest.fixture(scope="module")
+def joined_later() -> Simulation:
+    """Two persons; see `second_from`."""
+    return small_simulation("arm_swing", n_frames=10, persons=2)
+
+
+def second_from(simulation: Simulation, t: int) -> list[Frame]:
+    """Frames of two persons, of whom the second is there from frame `t` on."""
+    scene = simulation.scene
+    alone = replace(simulation, scene=Scene(scene.persons[:1], scene.rig), poses=simulation.poses[:1])
+    pairs = zip(alone.frames(), simulation.frames(), strict=True)
+    return [both if both.index >= t else one for one, both in pairs]
+
+
+def test_several_are_waited_for_until_two_views_show_them_all(joined_later: Simulation) -> None:
+    frames, plates = second_from(joined_later, 6), joined_later.plates
+    told: list[str] = []
+    assert first_in_view(frames, plates, 2, lambda line, *_: told.append(line)) == 6
+    assert told == ["looking for the first frame that shows all 2 persons"]
+    assert first_in_view(frames, plates) == 0
+    assert first_in_view(joined_later.frames(), plates, 2) == 0
+    assert first_in_view(frames, plates, 3) is None
+    one_view = [replace(frame, images=(frame.images[0], *frames[0].images[1:])) for frame in frames]
+    assert first_in_view(one_view, plates, 2) is None, "both are apart in a single view alone"
+
+
+def test_who_joins_later_is_lost_before_and_the_other_one_is_tracked_throughout(joined_later: Simulation) -> None:
+    frames = second_from(joined_later, 6)
+    cycle = cycle_for(joined_later, TrueStart(joined_later), evidence=AutoEvidence(), nobody_before=6)
+    cycle = replace(cycle, loss=LossRule(rehearse=0))
+    steps = list(track_twice(iter(frames), joined_later.scene, cycle, {}, lambda: iter(frames)))
+    for step in steps:
+        there, later = step.estimates
+        assert not there.lost
+        assert joint_errors_mm(joined_later, 0, step.frame.index, there.q).mean() < 15
+        assert later.lost == (step.frame.index < 6)
+
+
+@pytest.mark.parametrize(("apart_m", "lost"), [(0.0, True), (0.05, True), (0.35, False), (1.0, False)])
+def test_of_two_persons_in_one_place_the_one_who_leaves_more_over_is_lost(
+    simulation: Simulation, frames: tuple[Frame, ...], apart_m: float, lost: bool
+) -> None:
+    person = simulation.scene.persons[0]
+    q = person.q.copy()
+    q[person.body.root.shifts[0]] += apart_m
+    scene = Scene((Person("beside", person.body, q), person), simulation.scene.rig)
+    cycle = cycle_for(simulation)
+    observed = cycle.evidence.observe(Sight(frames[0], simulation.plates), CpuSynthesis().contours(simulation.scene))
+    nothing = np.eye(person.body.dof)
+    one, other = (objective_of(Scene((who,), scene.rig), 0, cycle, observed) for who in scene.persons)
+    right = other.estimate(person.q, nothing, 0)
+    wrong = replace(one.estimate(q, nothing, 0), account=replace(right.account, missed_px=right.account.missed_px + 50))
+    assert shared(scene, 0, 1) == pytest.approx(shared(scene, 1, 0))
+    found = judged_in_space(scene, (wrong, right))
+    assert [estimate.lost for estimate in found] == [lost, False]
+    before = replace(wrong, status=Status.LOST)
+    assert judged_in_space(scene, (before, right)) == (before, right), "who is lost is in nobody's place"
+
+
+def test_a_run_of_persons_who_are_never_apart_waits_for_the_first_one(
+    joined_later: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+
+    def first(frames: object, plates: object, n_persons: int, progress: Progress) -> int | None:
+        asked.append(n_persons)
+        return 3 if n_persons == 1 else None
+
+    monkeypatch.setattr(track_job, "first_in_view", first)
+    told: list[str] = []
+    cycle = cycle_for(joined_later, progress=lambda line, *_: told.append(line))
+    opened = SimpleNamespace(scene=joined_later.scene, sequence=SimpleNamespace(frames=joined_later.frames))
+    job = SimpleNamespace(initialization=None, reading=SimpleNamespace(start=0))
+    assert TrackJob._first_in_view(job, opened, cycle) == 3  # type: ignore[arg-type]
+    assert asked == [2, 1]
+    assert told == ["nobody is seen whole before frame 3: looked for from there on, and followed back"]
 
 
 def test_a_run_waits_for_who_walks_in_and_follows_back(simulation: Simulation) -> None:

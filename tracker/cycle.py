@@ -16,6 +16,7 @@ from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence, Memory, Observed
+from tracker.in_space import judged_in_space
 from tracker.in_view import judged_in_view
 from tracker.initialization import Backdrops, Initialization, Stages, no_backdrops
 from tracker.loss import LossRule, doubted, judged, sought_anew, trusted_parts
@@ -290,6 +291,7 @@ def finished(
         looked = bool(sight.untrusted) or any(mask is not None for mask in foregrounds)
         models = cycle.synthesis.silhouettes(scene) if looked else ()
         estimates = judged_in_view(sight, scene, estimates, _own(scene, cycle, models), cycle.loss.least_views)
+        estimates = judged_in_space(scene, estimates)
     overlap = _overlap(models, foregrounds, [sight.unknown(v) for v in range(len(foregrounds))])
     step = Step(sight.frame, scene, estimates, fitted, clock.seconds, overlap, observed=observed)
     return replace(step, model_px=covered_px(models, estimates), untrusted=sight.untrusted)

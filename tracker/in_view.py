@@ -19,6 +19,9 @@ _LEAST_COVERED = 0.25
 """Share of a model's silhouette before what has changed in a view that shows the person. Right poses have 0.9 and
 more, half of a person behind a cupboard 0.5; of a man who had left three of four views poses had 0 to 0.1 there."""
 
+_LEAST_OWN = 0.25
+"""Share of a model's silhouette outside those of the others: with less a view does not tell whose a change is."""
+
 
 def judged_in_view(
     sight: Sight, scene: Scene, estimates: tuple[Estimate, ...], silhouettes: Sequence[Sequence[Mask]], least_views: int
@@ -36,17 +39,29 @@ def judged_in_view(
         silhouettes: of each person in each view (H, W); none where nothing is known of backgrounds.
         least_views: fewer are too few; of rigs with fewer all have to.
     """
-    least, judged = min(least_views, len(scene.rig)), []
+    least, judged = min(least_views, len(scene.rig)), list(estimates)
     placed = scene.world_from_parts()[0, :, :3, 3]
     for k, (person, estimate) in enumerate(zip(scene.persons, estimates, strict=True)):
         if not estimate.lost:
             first = scene.first_part(k)
             parts = placed[first : first + len(person.body.parts)]
-            shown = _shown(sight, scene, person, silhouettes[k] if silhouettes else ())
+            others = [
+                own for one, own in zip(judged, silhouettes, strict=False) if not one.lost and one is not estimate
+            ]
+            shown = _shown(sight, scene, person, _outside(silhouettes[k], others) if silhouettes else ())
             n_views = (shown[:, None] & _inside(scene, parts)).sum(axis=0)
-            estimate = _judged(person, estimate, int(shown.sum()) < least, n_views < least)
-        judged.append(estimate)
+            judged[k] = _judged(person, estimate, int(shown.sum()) < least, n_views < least)
     return tuple(judged)
+
+
+def _outside(silhouettes: Sequence[Mask], others: Sequence[Sequence[Mask]]) -> list[Mask]:
+    """Of a person's silhouettes (H, W) what is outside those of others; nothing where that is little."""
+    found = []
+    for v, silhouette in enumerate(silhouettes):
+        own: Mask = silhouette & ~np.any([other[v] for other in others], axis=0) if others else silhouette
+        enough = np.count_nonzero(own) >= _LEAST_OWN * np.count_nonzero(silhouette)
+        found.append(own if enough else np.zeros_like(silhouette))
+    return found
 
 
 def _judged(person: Person, estimate: Estimate, unseen: bool, outside: Mask) -> Estimate:

@@ -1,4 +1,4 @@
-"""From which frame on somebody is there: many recordings begin before who is filmed walks in."""
+"""From which frame on everybody is there: many recordings begin before who is filmed walks in."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 
 from tracker.arrays import Mask
 from tracker.frame import Frame
-from tracker.inspection._survey import LEAST_SHARE, is_cut, small, small_plates
+from tracker.inspection._survey import BESIDE, LEAST_SHARE, is_cut, small, small_plates
 from tracker.plate import MOST_LEVEL, Plate, changed
 from tracker.progress import Progress, silent
 
 _LEAST_VIEWS = 2
-"""In which somebody has to be seen, whole, by a start that has them and need not wait for more."""
+"""In which everybody has to be seen, whole, by a start that has them and need not wait for more."""
 
 _ENTERING_S = 2.0
 """How long somebody takes from the edge of two images to where most cameras see all of him, walking."""
@@ -23,26 +23,30 @@ _ENTERING_S = 2.0
 
 @dataclass(frozen=True, order=True)
 class _Seen:
-    """In how many views somebody is seen: whole, that is not cut by the border of the image, and at all."""
+    """In how many views everybody is seen: whole, that is not cut by the border of the image, and at all."""
 
     whole: int
     views: int
 
 
-def first_in_view(frames: Iterable[Frame], plates: tuple[Plate | None, ...], progress: Progress = silent) -> int | None:
-    """The number of the first frame that shows somebody well enough for a start.
+def first_in_view(
+    frames: Iterable[Frame], plates: tuple[Plate | None, ...], n_persons: int = 1, progress: Progress = silent
+) -> int | None:
+    """The number of the first frame that shows everybody well enough for a start.
 
-    The first one in which two views show somebody whole. Where that is not so at once, one of the two seconds from the
-    first frame on in which two views show somebody at all: the first one in which all but one of those views do so that
-    show all of him at once in any.
+    The first one in which two views show everybody whole. Where that is not so at once, one of the two seconds from the
+    first frame on in which two views show everybody at all: the first one in which all but one of those views do so
+    that show all of them at once in any. A view shows as many persons as regions stand out in it: who stands before
+    another one is one with him there, so that it may be a later frame than it need be, never an earlier one.
 
     Args:
         frames: from the first one on.
         plates: the clean plates of the views.
+        n_persons: how many there are.
         progress: told if it is not the first one.
 
     Returns:
-        None if none shows anybody, or fewer than two views have a plate, or masks, to tell.
+        None if none shows so many, or fewer than two views have a plate, or masks, to tell.
     """
     backgrounds = small_plates(plates)
     coming: dict[int, _Seen] = {}
@@ -50,11 +54,11 @@ def first_in_view(frames: Iterable[Frame], plates: tuple[Plate | None, ...], pro
     for n, frame in enumerate(frames):
         if frame.time_s > end_s or _n_telling(frame, plates) < _LEAST_VIEWS:
             break
-        seen = _seen(frame, backgrounds)
+        seen = _seen(frame, backgrounds, n_persons)
         if not coming and seen.whole >= _LEAST_VIEWS:
             return frame.index
         if n == 0:
-            progress("looking for the first frame that shows somebody")
+            progress(f"looking for the first frame that shows {_told(n_persons)}")
         if coming or seen.views >= _LEAST_VIEWS:
             end_s = min(end_s, frame.time_s + _ENTERING_S)
             coming[frame.index] = seen
@@ -65,17 +69,21 @@ def first_in_view(frames: Iterable[Frame], plates: tuple[Plate | None, ...], pro
     return next(index for index, seen in coming.items() if seen >= enough)
 
 
+def _told(n_persons: int) -> str:
+    return "somebody" if n_persons == 1 else f"all {n_persons} persons"
+
+
 def _n_telling(frame: Frame, plates: tuple[Plate | None, ...]) -> int:
     return sum(plate is not None or frame.mask(v) is not None for v, plate in enumerate(plates))
 
 
-def _seen(frame: Frame, plates: tuple[Plate | None, ...]) -> _Seen:
-    views = [_shown(frame, v, plate) for v, plate in enumerate(plates)]
-    return _Seen(sum(whole for _, whole in views), sum(somebody for somebody, _ in views))
+def _seen(frame: Frame, plates: tuple[Plate | None, ...], n_persons: int) -> _Seen:
+    views = [_shown(frame, v, plate, n_persons) for v, plate in enumerate(plates)]
+    return _Seen(sum(whole for _, whole in views), sum(everybody for everybody, _ in views))
 
 
-def _shown(frame: Frame, v: int, plate: Plate | None) -> tuple[bool, bool]:
-    """Whether a view shows somebody, and whole; one that cannot tell, in another light, may show anybody."""
+def _shown(frame: Frame, v: int, plate: Plate | None, n_persons: int) -> tuple[bool, bool]:
+    """Whether a view shows everybody, and whole; one that cannot tell, in another light, may do so."""
     image, mask = frame.images[v], frame.mask(v)
     if mask is not None:
         foreground = small(mask.astype(np.uint8)) > 0
@@ -86,15 +94,14 @@ def _shown(frame: Frame, v: int, plate: Plate | None) -> tuple[bool, bool]:
         if found.level > MOST_LEVEL or plate.unknown is not None:
             return True, True
         foreground = found.foreground
-    region = _largest(foreground)
-    return region is not None, region is not None and not is_cut(region)
+    regions = _regions(foreground)[:n_persons]
+    everybody = len(regions) == n_persons
+    return everybody, everybody and not any(is_cut(region) for region in regions)
 
 
-def _largest(mask: Mask) -> Mask | None:
-    """The largest region of a mask; None where it is no person's for its size."""
+def _regions(mask: Mask) -> list[Mask]:
+    """The regions of a mask that can be persons for their size, beside the largest one as well; the largest first."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     areas = stats[1:, cv2.CC_STAT_AREA]
-    if not len(areas) or areas.max() < LEAST_SHARE * mask.size:
-        return None
-    region: Mask = labels == 1 + int(areas.argmax())
-    return region
+    least = max(LEAST_SHARE * mask.size, BESIDE * areas.max(initial=0))
+    return [labels == 1 + n for n in np.argsort(-areas, kind="stable") if areas[n] >= least]

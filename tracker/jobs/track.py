@@ -192,11 +192,16 @@ class TrackJob:
         """Number of the frame from which on persons are looked for: not before they come in."""
         if getattr(self.initialization, "poses", None) is not None:
             return 0
-        found = first_in_view(opened.sequence.frames(), cycle.plates, cycle.progress)
+        n_persons = len(opened.scene.persons)
+        for n in dict.fromkeys((n_persons, 1)):  # those who are never seen apart may be in view all the same
+            found = first_in_view(opened.sequence.frames(), cycle.plates, n, cycle.progress)
+            if found is not None:
+                break
         if found is None:
             return 0
         if found > getattr(self.reading, "start", 0):
-            cycle.progress(f"nobody is seen whole before frame {found}: looked for from there on, and followed back")
+            who = "nobody is" if n == 1 else f"not all {n} persons are"
+            cycle.progress(f"{who} seen whole before frame {found}: looked for from there on, and followed back")
         return found
 
     def fitted(self, opened: OpenedTrack, cycle: Cycle) -> tuple[OpenedTrack, Cycle]:

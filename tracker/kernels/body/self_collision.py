@@ -11,8 +11,8 @@ from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.occlusion import in_part, inside_value, place_solids
 from tracker.kernels.rows import solid, superquadric
 
-# Along the middle 80 % of an axis: joints overlap by design.
-_N_POINTS = 5
+POINTS_A_PART = 5
+"""Along the middle 80 % of an axis: joints overlap by design."""
 
 # Of a part's radius: flesh and clothes give way, and shapes are good to a centimetre or two. With every point counting
 # in full a hand on the hip cost 0.4 px, and the forearm was put behind the back (T-Punch-light, 18 frames of 80).
@@ -45,8 +45,8 @@ def sum_collisions(placements: Array, shapes: Array, pairs: Integers) -> Array:
             for k in range(2):
                 p, q = pairs[i, k], pairs[i, 1 - k]
                 half = shapes[p, superquadric.A3]
-                for n in range(_N_POINTS):
-                    t = half * (1.6 * n / (_N_POINTS - 1) - 0.8)
+                for n in range(POINTS_A_PART):
+                    t = half * (1.6 * n / (POINTS_A_PART - 1) - 0.8)
                     x = solids[p, solid.X] + t * solids[p, solid.R13]
                     y = solids[p, solid.Y] + t * solids[p, solid.R23]
                     z = solids[p, solid.Z] + t * solids[p, solid.R33]
