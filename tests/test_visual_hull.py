@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -11,7 +12,8 @@ from tests.observations import four_views
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.errors import InitializationError
-from tracker.initialization._persons import find_persons, in_order
+from tracker.initialization._likeness import size_of
+from tracker.initialization._persons import _pieces, find_persons, in_order
 from tracker.initialization._torso_axis import hull_axis
 from tracker.initialization._visual_hull import STEP_M, Hull, connected, shadow, visual_hull
 from tracker.rig import Rig
@@ -135,3 +137,37 @@ def test_a_shadow_covers_its_points_by_the_margin(body: BodyModel) -> None:
 
 def _shorter(body: BodyModel) -> BodyModel:
     return replace(body, stature_m=body.stature_m - 0.25)
+
+
+def ring(radius_m: float, height_m: float = 1.8, thick_m: float = 0.3) -> Hull:
+    """Voxels around an upright axis, none of them near it."""
+    n = round(2 * (radius_m + thick_m) / STEP_M)
+    cells = np.argwhere(np.ones((n, n, round(height_m / STEP_M)), np.bool_))
+    points = STEP_M * (cells - [n / 2, n / 2, 0])
+    kept = np.abs(np.linalg.norm(points[:, :2], axis=1) - radius_m) < thick_m / 2
+    n_kept = int(kept.sum())
+    return Hull(cells[kept], points[kept], np.zeros(n_kept, np.int64), np.ones(n_kept))
+
+
+@pytest.mark.parametrize("radius_m", [0.5, 0.9, 1.4])
+def test_a_ring_around_somebody_is_nobody(body: BodyModel, radius_m: float) -> None:
+    """Of a lost woman, hull around the man who was known ended runs with a fault."""
+    assert _pieces(ring(radius_m), 0, [size_of(standing(body, "one", 0.0, 0.0))], 1.05) == []
+
+
+def test_what_has_nothing_around_its_axis_has_none() -> None:
+    with pytest.raises(InitializationError, match="around its own axis"):
+        hull_axis(ring(0.5).points)
+
+
+def test_what_hangs_on_a_known_person_is_nobody_else(body: BodyModel) -> None:
+    """Shadows, and hands that are farther from the bones than a body is thick."""
+    known = standing(body, "known", 0.0, 0.0)
+    grown = tuple(cv2.dilate(mask.astype(np.uint8), np.ones((21, 21))) > 0 for mask in silhouettes(known))
+    assert len(find_persons(grown, RIG, (known,), ())) == 1
+    with pytest.raises(InitializationError, match="shows 0 person"):
+        find_persons(grown, RIG, (standing(body, "lost", 0.0, 0.0),), (known,))
+    beside = standing(body, "beside", 1.7, 0.4)
+    both = tuple(one | other for one, other in zip(grown, silhouettes(beside), strict=True))
+    (found,) = find_persons(both, RIG, (beside,), (known,))
+    assert np.linalg.norm(found.points.mean(axis=0)[:2] - [1.7, 0.4]) < 0.15

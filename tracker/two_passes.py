@@ -175,7 +175,7 @@ def _forwards(frames: Sequence[Frame], begin: _Pass, cycle: Cycle, reopen: Reope
             looking = Looking(n >= cycle.loss.start_within, reopen, at.back)
             step, back = tracked(sight, at.scene, cycle, at.state, looking, clock)
             at = _Pass(step.scene, at.state.after(sight, step, cycle.evidence), step, n, back)
-            steps.append(step)
+            steps.append(replace(step, observed=None))
     return steps, at
 
 
@@ -200,5 +200,5 @@ def back(first: Sequence[Step], cycle: Cycle, state: State) -> list[Step]:
         sight = Sight(mirrored, cycle.plates, step.model_px)
         step = advance(sight, step.scene, cycle, state, Clock(one.seconds), one.estimates)
         state = state.after(sight, step, cycle.evidence)
-        found.append(replace(step, frame=one.frame, start=one.start))
+        found.append(replace(step, frame=one.frame, start=one.start, observed=None))
     return found[::-1]

@@ -67,10 +67,11 @@ def find_persons(
     most = 1 if sum(mask is not None for mask in masks) > 2 else 0
     masks = tuple(None if mask is None else cleaned(mask) for mask in masks)
     hull = visual_hull(rig, masks, most)
-    hull = hull.part(~_taken(hull.points, held))
+    taken = _taken(hull.points, held)
+    theirs, hull = hull.points[taken], hull.part(~taken)
     erosions = range(_EROSIONS + 1 if len(persons) + len(held) > 1 else 1)
     trials = [_pieces(hull.part(hull.lacking <= n), m, sizes, reach_m) for n in range(most + 1) for m in erosions]
-    trials = [_showing(pieces, masks, rig) for pieces in trials]
+    trials = [_showing(pieces, masks, rig, theirs) for pieces in trials]
     enough = [pieces[: len(persons)] for pieces in trials if len(pieces) >= len(persons)]
     if enough:
         best = min(enough, key=lambda pieces: misfit(pieces, statures) - 0.5 * _covered(pieces, masks, rig))
@@ -88,6 +89,8 @@ def _pieces(hull: Hull, erosions: int, sizes: list[Size], reach_m: float) -> lis
     for whole in connected(hull, erosions):
         if len(whole.points) > _FEW:
             piece = _within_reach(whole, reach_m)
+            if _hollow(piece):
+                continue
             if not tall(piece.points, min(statures)):
                 piece = whole  # what lies has no upright axis, and a length that counts
             if like_a_person(piece, smallest(sizes)):
@@ -95,10 +98,21 @@ def _pieces(hull: Hull, erosions: int, sizes: list[Size], reach_m: float) -> lis
     return sorted(pieces, key=lambda piece: misfit([piece], [float(np.mean(statures))]))
 
 
-def _showing(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) -> list[Hull]:
-    """The pieces of whose foreground a fair share is not that of those before them in the list."""
+def _hollow(piece: Hull) -> bool:
+    """Whether nothing is in the middle, as in what is left of a hull around a known person."""
+    if not len(piece.points):
+        return True
+    lateral = np.linalg.norm(piece.points[:, :2] - np.median(piece.points[:, :2], axis=0), axis=1)
+    return int((lateral < _HELD_M).sum()) <= _FEW
+
+
+def _showing(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig, theirs: Array) -> list[Hull]:
+    """The pieces of whose foreground a fair share is not that of those before them, nor of voxels (N, 3) of others.
+
+    Of a woman who had left the room, hands and shadow of the man who danced there were searched in every third frame.
+    """
     views = [(v, mask) for v, mask in enumerate(masks) if mask is not None]
-    unexplained = {v: mask.copy() for v, mask in views}
+    unexplained = {v: mask & ~shadow(rig, v, theirs, _MARGIN_M) for v, mask in views}
     kept = []
     for piece in pieces:
         regions = {v: mask & shadow(rig, v, piece.points, _MARGIN_M) for v, mask in views}

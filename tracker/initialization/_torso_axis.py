@@ -85,20 +85,37 @@ def hull_axis(points: Array) -> TorsoAxis:
     """The major axis of a person's voxels (N, 3) metres, after removing what lies lateral to it turn by turn.
 
     It needs no axis in any view, so that it also holds where shadows and objects hang on the regions.
+
+    Raises:
+        InitializationError: nothing lies around it, as in a ring.
     """
+    centre, direction = _hull_line(points)
+    near = _beside(points, centre, direction) < _LATERAL_M
+    if not near.any():
+        raise InitializationError("the foreground does not lie around its own axis: it is no person")
+    along = (points - centre) @ direction
+    return TorsoAxis(centre + _head_position(along[near]) * direction, direction)
+
+
+def _hull_line(points: Array) -> tuple[Array, Array]:
+    """Point and upward direction (3,) of the major axis of voxels (N, 3)."""
     kept = points
     for _ in range(10):
         centre = kept.mean(axis=0)
         _, vectors = np.linalg.eigh((kept - centre).T @ (kept - centre))
-        direction = vectors[:, 2] if vectors[2, 2] > 0 else -vectors[:, 2]
-        lateral = np.linalg.norm(np.cross(kept - centre, direction), axis=1)
+        direction: Array = vectors[:, 2] if vectors[2, 2] > 0 else -vectors[:, 2]
+        lateral = _beside(kept, centre, direction)
         near = lateral <= 2.0 * np.sqrt((lateral**2).mean())
         if near.all() or near.sum() < 10:
             break
         kept = kept[near]
-    beside = np.linalg.norm(np.cross(points - centre, direction), axis=1)
-    along = (points - centre) @ direction
-    return TorsoAxis(centre + _head_position(along[beside < _LATERAL_M]) * direction, direction)
+    return centre, direction
+
+
+def _beside(points: Array, centre: Array, direction: Array) -> Array:
+    """Distances (N,) of points (N, 3) from a line, metres."""
+    distances: Array = np.linalg.norm(np.cross(points - centre, direction), axis=1)
+    return distances
 
 
 def _line(rig: Rig, axes: list[tuple[PrincipalAxis, ...]], views: tuple[int, ...]) -> tuple[Array, Array] | None:

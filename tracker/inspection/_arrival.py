@@ -10,12 +10,16 @@ import numpy as np
 
 from tracker.arrays import Mask
 from tracker.frame import Frame
-from tracker.inspection._survey import BESIDE, LEAST_SHARE, is_cut, small, small_plates
+from tracker.inspection._survey import LEAST_SHARE, is_cut, small, small_plates
 from tracker.plate import MOST_LEVEL, Plate, changed
 from tracker.progress import Progress, silent
 
 _LEAST_VIEWS = 2
 """In which everybody has to be seen, whole, by a start that has them and need not wait for more."""
+
+_LEAST_AS_LARGE = 0.4
+"""Share of the largest region from which on another one is another person: of a dancer in four views shadows and what
+limbs cut off were 0.2 to 0.33, a woman who walked in before him 0.46 and more once three views had most of her."""
 
 _ENTERING_S = 2.0
 """How long somebody takes from the edge of two images to where most cameras see all of him, walking."""
@@ -100,8 +104,8 @@ def _shown(frame: Frame, v: int, plate: Plate | None, n_persons: int) -> tuple[b
 
 
 def _regions(mask: Mask) -> list[Mask]:
-    """The regions of a mask that can be persons for their size, beside the largest one as well; the largest first."""
+    """The regions of a mask that can be persons for their size, absolute and beside the largest one, which is first."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     areas = stats[1:, cv2.CC_STAT_AREA]
-    least = max(LEAST_SHARE * mask.size, BESIDE * areas.max(initial=0))
+    least = max(LEAST_SHARE * mask.size, _LEAST_AS_LARGE * areas.max(initial=0))
     return [labels == 1 + n for n in np.argsort(-areas, kind="stable") if areas[n] >= least]

@@ -26,9 +26,8 @@ N_FRAMES = 100
 LEAST_SHARE = 0.002
 """Less of an image than this is noise."""
 
-BESIDE = 0.2
-"""Regions of less than this share of the largest one are no person's: shadows, cables."""
-
+# Regions of less than this beside the largest one are no person's: shadows, cables.
+_BESIDE = 0.2
 # Grey levels by which neighbouring frames differ where something moves.
 _MOVED = 20
 # Images that the usual look of a view is taken from.
@@ -174,7 +173,7 @@ def _counted(mask: Mask) -> tuple[Mask, Array]:
     """A mask without regions that are small beside its largest one, as shadows, cables, screens; and its middle."""
     _, labels, stats, middles = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     areas = stats[1:, cv2.CC_STAT_AREA]
-    counted = areas >= BESIDE * areas.max()
+    counted = areas >= _BESIDE * areas.max()
     middle: Array = np.average(middles[1:][counted], axis=0, weights=areas[counted])
     return np.append(False, counted)[labels], middle
 
