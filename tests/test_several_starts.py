@@ -13,10 +13,12 @@ from recordings import cycle_for, small_simulation
 from tracker.arrays import Array
 from tracker.errors import InitializationError
 from tracker.frame import Frame
+from tracker.initialization import stance
 from tracker.initialization._covering import NOTHING, moved
 from tracker.initialization._directions import direction_images
 from tracker.initialization._edge_ranking import Clues
 from tracker.initialization.auto import AutoInitialization
+from tracker.initialization.stance import StanceInitialization
 from tracker.jobs.track import TrackJob
 from tracker.reading.video import VideoReading
 from tracker.resources import model_path
@@ -93,22 +95,27 @@ def test_a_score_has_the_share_of_what_is_covered(truth: Scene) -> None:
 
 
 def found_in(folder: Path, frame: int) -> tuple[Scene, Start]:
-    """The start of two rendered men without plates, who gesture where they stand."""
+    """The start of two rendered men without plates, who gesture where they stand; of few hypotheses, to take less."""
     reading = VideoReading(path=f"{folder}/{{view}}.mp4", rig=folder / "calibration.json", start=frame)
     persons = tuple(
         Subject(name=name, model=model_path("human"), stature_m=height)
         for name, height in (("dan", 1.8), ("omar", 1.74))
     )
-    job = TrackJob(reading=reading, persons=persons)
+    few = AutoInitialization(stance=StanceInitialization(hypotheses=2, finalists=1))
+    job = TrackJob(reading=reading, persons=persons, initialization=few)
     opened = job.open()
     cycle = job.cycle(opened)
     start = cycle.initialization.start(next(opened.sequence.frames()), opened.scene, cycle.stages)
     return opened.scene.with_poses(start.poses), start
 
 
-def test_two_men_who_stand_in_one_place_are_found(data: Callable[[str], Path]) -> None:
+def test_two_men_who_stand_in_one_place_are_found(
+    data: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Backdrops show most of them: before, two persons without plates were refused."""
     folder = data("room/DO-Two")
+    # a third of the time, and arms are not judged below
+    monkeypatch.setattr(stance, "limbs_anew", lambda *_: [])
     scene, start = found_in(folder, 0)
     with (folder / "gt_joints.csv").open(newline="", encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["frame"] == "0"]
