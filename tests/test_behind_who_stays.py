@@ -110,10 +110,12 @@ def test_who_was_followed_back_from_a_later_frame_starts_in_the_first_one(
 def unplated(tmp_path_factory: pytest.TempPathFactory) -> TrackJob:
     """Somebody who swings the arms where they stand; nothing is told of the background."""
     folder = tmp_path_factory.mktemp("run") / "sequence"
-    config = write_sequence(Recipe("arm_swing", seconds=1.2, size=(320, 256)), folder)
+    config = write_sequence(Recipe("arm_swing", seconds=0.6, size=(320, 256)), folder)
     lines = config.read_text(encoding="utf-8").splitlines()
     config.write_text("\n".join(line for line in lines if not line.startswith("background")), encoding="utf-8")
-    job = load_job("track", config, ["initialization.use=auto", "initialization.poses=truth_poses.csv", "passes=1"])
+    start = ["initialization.use=auto", "initialization.poses=truth_poses.csv"]
+    less = ["passes=1", "reading.downscale=1", "recordings=[{use='csv_table'},{use='journal'},{use='run_json'}]"]
+    job = load_job("track", config, [*start, *less])
     assert isinstance(job, TrackJob)
     return job
 
