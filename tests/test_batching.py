@@ -25,7 +25,12 @@ from tracker.errors import ConfigError
 from tracker.jobs import execute, load_job
 from tracker.simulation.sequence import Recipe, write_sequence
 
-GIVEN = ["initialization.use=given", "initialization.poses=truth_poses.csv", "recordings.overlay=false"]
+GIVEN = [
+    "initialization.use=given",
+    "initialization.poses=truth_poses.csv",
+    "recordings=[{use='csv_table'},{use='journal'},{use='run_json'}]",
+    "reading.downscale=1",
+]
 
 
 @pytest.fixture(scope="module")
