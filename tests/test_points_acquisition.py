@@ -13,6 +13,7 @@ import tomli_w
 from followed import on_body, outer, written
 from test_cli import bodytrack
 from test_shape_space import some_shape, space
+from typer.testing import CliRunner
 
 from tracker.acquisition._surface_rows import outside, surface_rows
 from tracker.acquisition._tied import Tied, Tracks, tied
@@ -22,7 +23,8 @@ from tracker.acquisition.result import bone_lengths
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.camera import Camera
-from tracker.errors import ConfigError, SequenceError
+from tracker.cli import app
+from tracker.errors import ConfigError, SequenceError, TrackerError
 from tracker.following.read_tables import read_trajectories
 from tracker.jobs.acquire import acquire_to, acquisition_from
 from tracker.lsm.points import SurfacePoints
@@ -247,9 +249,13 @@ def test_the_command_makes_a_model_and_refuses_bad_inputs(tmp_path: Path) -> Non
     }
     for name, words in faults.items():
         config.write_text(tomli_w.dumps(table | {"moments": [{"cloud": name}]}), encoding="utf-8")
-        done = bodytrack("acquire", str(config), "--output", str(tmp_path / "no.toml"))
-        assert done.returncode == 2
-        assert words in " ".join((done.stdout + done.stderr).split())
+        # of these the command makes one line and exit code 2, as of the last one below
+        refused = CliRunner().invoke(app, ["acquire", str(config), "--output", str(tmp_path / "no.toml")]).exception
+        assert isinstance(refused, TrackerError)
+        assert words in str(refused)
+    done = bodytrack("acquire", str(config), "--output", str(tmp_path / "no.toml"))
+    assert done.returncode == 2
+    assert words in " ".join((done.stdout + done.stderr).split())
     read = read_cloud(tmp_path / "points.ply", SPACING_M)
     same = cloud(0)
     np.testing.assert_allclose(read.points, same.points, atol=1e-6)
