@@ -109,9 +109,7 @@ def found_in(folder: Path, frame: int) -> tuple[Scene, Start]:
     return opened.scene.with_poses(start.poses), start
 
 
-def test_two_men_who_stand_in_one_place_are_found(
-    data: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_two_men_who_stand_in_one_place_are_found(data: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> None:
     """Backdrops show most of them: before, two persons without plates were refused."""
     folder = data("room/DO-Two")
     # a third of the time, and arms are not judged below
