@@ -13,8 +13,6 @@ from observations import bent, four_views
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.errors import ConfigError
-from tracker.frame import Frame
-from tracker.initialization import Stages
 from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.given import GivenInitialization
 from tracker.rig import Rig
@@ -43,8 +41,7 @@ def joint_file(path: Path, frames: dict[int, dict[str, Array]], axes: str = "x y
 
 
 def started(path: Path, scene: Scene, index: int = 0) -> Array:
-    stages = Stages(None, None, None, (None,) * 4)  # type: ignore[arg-type]
-    return GivenInitialization(poses=path).start(Frame(index, 0.0, (None,) * 4), scene, stages).poses[0]
+    return GivenInitialization(poses=path).poses_of(scene, index)[0]
 
 
 @pytest.fixture

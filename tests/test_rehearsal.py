@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from recordings import cycle_for, joint_errors_mm, small_simulation
 
+from tracker.arrays import Array
 from tracker.cycle import Cycle
+from tracker.doubts import Doubts
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._hypotheses import turned_round
+from tracker.initialization.given import GivenInitialization
+from tracker.jobs._starts import told_of_start
 from tracker.loss import LossRule
 from tracker.rehearsal import _following, rehearsed
 from tracker.scene import Scene
@@ -100,3 +105,52 @@ def test_the_frames_that_follow_are_few_and_far_apart(simulation: Simulation) ->
     assert [frame.index for frame in chosen] == [5, 7, 9, 11]
     assert [frame.index for frame in _following(frames[15], lambda: iter(frames), 4)] == [17, 19]
     assert list(_following(frames[3], lambda: iter(frames), 0)) == []
+
+
+def given_by(simulation: Simulation, folder: Path, q: Array) -> GivenInitialization:
+    """A start from a table with a pose (dof,)."""
+    person = simulation.scene.persons[0]
+    body = person.body
+    values = np.where(body.rotates, np.degrees(q), q).tolist()
+    rows = [
+        ("frame", "person", *(one.column for one in body.parameters)),
+        (0, simulation.scene.persons[0].name, *values),
+    ]
+    path = folder / "start.csv"
+    path.write_text("\n".join(",".join(map(str, row)) for row in rows) + "\n", encoding="utf-8")
+    return GivenInitialization(poses=path)
+
+
+def test_a_given_pose_stays_and_is_told_to_be_turned_round(simulation: Simulation, tmp_path: Path) -> None:
+    body, truth = simulation.scene.persons[0].body, simulation.poses[0][0]
+    wrong = turned_round(body, truth)
+    cycle = cycle_for(simulation, given_by(simulation, tmp_path, wrong))
+    start = ranked(simulation, cycle)
+    np.testing.assert_allclose(start.poses[0], wrong, atol=1e-9)
+    assert [one.given for one in start.hypotheses[0]] == [False, True]
+    assert start.sureness == 0
+    left_over = start.turned_round[0]
+    assert left_over[1] < 0.8 * left_over[0]
+    (line,) = told_of_start(start, simulation.scene)
+    assert "may be turned round" in line
+    (step, *_) = track(simulation.frames(), simulation.scene, cycle, {}, simulation.frames)
+    assert joint_errors_mm(simulation, 0, 0, step.estimates[0].q).max() > 300, "nobody turns it back in silence"
+    doubts = Doubts().after(step)
+    assert not doubts.none
+    assert "may be turned round from the given start on" in doubts.sentence()
+
+
+def test_of_a_given_pose_that_is_right_nothing_is_told(simulation: Simulation, tmp_path: Path) -> None:
+    cycle = cycle_for(simulation, given_by(simulation, tmp_path, simulation.poses[0][0]))
+    start = ranked(simulation, cycle)
+    np.testing.assert_allclose(start.poses[0], simulation.poses[0][0], atol=1e-9)
+    assert start.hypotheses[0][0].given
+    assert start.sureness > 0.7
+    assert told_of_start(start, simulation.scene) == ()
+
+
+def test_who_is_lost_later_is_not_compared_with_a_given_pose(simulation: Simulation, tmp_path: Path) -> None:
+    given = given_by(simulation, tmp_path, simulation.poses[0][0])
+    stages = replace(cycle_for(simulation).stages, seen_before=True)
+    start = given.start(next(iter(simulation.frames())), simulation.scene, stages)
+    assert (start.hypotheses, start.confidence) == ((), ())

@@ -81,6 +81,9 @@ class Doubts:
     hidden: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """Limb, and the view that something hides it from -> frames. Others show it: no doubt, but good to know."""
 
+    turned_round: tuple[str, ...] = ()
+    """Persons whose given start pose fits less well than the same turned round."""
+
     def after(self, step: Step) -> Doubts:
         """The doubts one frame on."""
         verdicts, frame = {estimate.verdict for estimate in step.estimates}, step.frame.index
@@ -96,6 +99,7 @@ class Doubts:
         untrusted = dict(self.untrusted)
         for name in (step.scene.rig.names[v] for v in step.untrusted):
             untrusted[name] = (*untrusted.get(name, ()), frame)
+        turned = () if step.start is None else step.start.turned_round
         lost, doubtful = Status.LOST in verdicts, Status.DOUBTFUL in verdicts and Status.LOST not in verdicts
         return Doubts(
             self.n_frames + 1,
@@ -104,12 +108,13 @@ class Doubts:
             ambiguous,
             untrusted,
             hidden,
+            (*self.turned_round, *(step.scene.persons[k].name for k in turned)),
         )
 
     @property
     def none(self) -> bool:
         """Whether there is nothing to look at."""
-        return not (self.lost or self.doubtful or self.ambiguous)
+        return not (self.lost or self.doubtful or self.ambiguous or self.turned_round)
 
     def advice(self) -> str:
         """What to do where so much is in doubt that it is no single limb's affair; empty where it is not."""
@@ -128,7 +133,8 @@ class Doubts:
         unused += [f"{limb} in {len(f)}{_where(f)}" for limb, f in sorted(self.hidden.items())]
         if self.none:
             return "; ".join([f"no frame of {self.n_frames} lost, doubtful or with an ambiguous limb", *unused])
-        found = [f"of {self.n_frames} frames {len(self.lost)} lost{_where(self.lost)}"]
+        found = [f"{name} may be turned round from the given start on" for name in self.turned_round]
+        found.append(f"of {self.n_frames} frames {len(self.lost)} lost{_where(self.lost)}")
         if self.doubtful:
             found.append(f"{len(self.doubtful)} doubtful{_where(self.doubtful)}")
         for limb, frames in sorted(self.ambiguous.items(), key=lambda item: -len(item[1])):

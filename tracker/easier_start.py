@@ -49,9 +49,9 @@ def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack 
         reopen: opens the sequence anew.
 
     Returns:
-        None if the start is sure, no later one is surer, or the images of the first frame speak for its own.
+        None if the start is sure or given, no later one is surer, or the images of the first frame speak for its own.
     """
-    if step.start is None or step.start.sureness >= cycle.loss.sure:
+    if step.start is None or step.start.given or step.start.sureness >= cycle.loss.sure:
         return None
     found = _surest(step.frame, scene, cycle, reopen)
     if found is None:

@@ -32,7 +32,8 @@ def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Re
     """The start with the hypotheses of uncertain persons ranked by how well they can be tracked on.
 
     A silhouette seen from the front looks as from behind; elbows and knees bend one way only. Someone who
-    stands still gives nothing away, however long one looks.
+    stands still gives nothing away, however long one looks. A pose that was given stays; that another one can be
+    tracked better makes it unsure.
 
     Args:
         start: what the initialization found.
@@ -48,9 +49,10 @@ def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Re
         cycle.progress(f"bootstrapping: {scene.persons[k].name} in the next {cycle.loss.rehearse} frames")
         ranking = _ranked(start, k, frame, scene, cycle, _following(frame, reopen, cycle.loss.rehearse))
         found = confidence(ranking) * (1.0 if known else limbs_shown(ranking[0]))
+        pose = next((one.q for one in ranking if one.given), ranking[0].q)
         start = replace(
             start,
-            poses=_with(start.poses, k, ranking[0].q),
+            poses=_with(start.poses, k, pose),
             hypotheses=_with(start.hypotheses, k, ranking),
             confidence=_with(start.confidence, k, found),
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,12 @@ from tracker.components import FilePath, component
 from tracker.errors import ConfigError, nearest, shortened
 from tracker.frame import Frame
 from tracker.initialization import Stages
+from tracker.initialization._hypotheses import hypothesis, ranked, turned_round
 from tracker.initialization._joint_tables import is_joint_table, pose_from_joints
 from tracker.plate import Plate
 from tracker.scene import Person, Scene
 from tracker.source_files import number_in, rows_of
-from tracker.start import Start
+from tracker.start import Hypothesis, Start, confidence
 
 
 @component
@@ -45,8 +47,17 @@ class GivenInitialization:
         return f"given, poses in {self.poses}"
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """The row of each person with the frame's number, or the nearest earlier one, or the first."""
-        return Start(self.poses_of(scene, frame.index))
+        """The row of each person with the frame's number, or the nearest earlier one, or the first.
+
+        With how well it fits beside the same pose turned round: tables of other programs may have left and right, or
+        front and back, exchanged.
+        """
+        scene = scene.with_poses(self.poses_of(scene, frame.index))
+        poses = tuple(person.q for person in scene.persons)
+        if stages.seen_before:
+            return Start(poses)
+        hypotheses = tuple(_beside_turned(frame, scene, k, stages) for k in range(len(poses)))
+        return Start(poses, (), hypotheses, tuple(map(confidence, hypotheses)))
 
     def poses_of(self, scene: Scene, index: int) -> tuple[Array, ...]:
         """The start poses (dof,) of all persons in a frame.
@@ -68,6 +79,17 @@ class GivenInitialization:
         mine = _rows_of(rows, person, self.poses)
         earlier = [row for row in mine if _number(row, "frame", self.poses) <= index]
         return _parameters(earlier[-1] if earlier else mine[0], person.body, self.poses)
+
+
+def _beside_turned(frame: Frame, scene: Scene, k: int, stages: Stages) -> tuple[Hypothesis, ...]:
+    """The pose of a scene's person, and turned round, by what either leaves over once it is refined."""
+    body, q = scene.persons[k].body, scene.persons[k].q
+    tried = np.array([q, turned_round(body, q)])
+    objective = stages.objective(frame, scene, k, stages.synthesis.contours(scene, k, tried))
+    refined = [hypothesis(body, stages.estimation.estimate(objective, one[None])) for one in tried]
+    mine = replace(refined[0], q=q, given=True)
+    both = ranked(body, [mine, refined[1]])
+    return both if any(one.given for one in both) else (mine,)  # turned round it was led back to where it is
 
 
 def _rows_of(rows: list[dict[str, str]], person: Person, path: Path) -> list[dict[str, str]]:

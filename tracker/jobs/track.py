@@ -32,6 +32,7 @@ from tracker.jobs._persons import (
     with_fitted_bodies,
 )
 from tracker.jobs._recorded import TrackOutcome, recorded
+from tracker.jobs._starts import telling
 from tracker.jobs._stopping import Stop
 from tracker.jobs._views import Tracks
 from tracker.kernels.ahead import Group
@@ -271,13 +272,15 @@ class TrackJob:
         steps = way(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
         tracked = Tracks()
 
+        def of_start(lines: tuple[str, ...]) -> None:
+            found.extend(_warned(lines if self.inspection else (), progress))
+
         def conclude() -> None:
             if self.inspection and not (opened.fitted_at or opened.known):
                 found.extend(_warned(tracked.told(opened.scene, sequence, progress), progress))
 
-        outcome = recorded(
-            self.recordings, context, tracked.kept(map(as_kept, steps)), folder, (progress, stop), conclude
-        )
+        steps = tracked.kept(telling(map(as_kept, steps), of_start))
+        outcome = recorded(self.recordings, context, steps, folder, (progress, stop), conclude)
         return outcome if self.smoothing is None or not outcome.n_frames else _smoothed(outcome, self.smoothing)
 
 
