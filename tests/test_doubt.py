@@ -17,7 +17,7 @@ from recordings import TrueStart, cycle_for, small_simulation
 from tracker.doubts import Doubts, ranges
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
-from tracker.loss import LossRule, judged, trusted_parts
+from tracker.loss import LossRule, judged, sought_anew, trusted_parts
 from tracker.observation import Observation
 from tracker.recording import RunContext
 from tracker.recording.csv_table import CsvTable
@@ -136,3 +136,10 @@ def test_an_ambiguous_limb_is_not_learned_from(truth: Scene, observation: Observ
         np.testing.assert_array_equal(view, ~body.parts_of("left_arm"))
     for doubtful in (replace(found, doubtful=True), replace(found, status=Status.LOST)):
         assert not trusted_parts(body, doubtful).any()
+
+
+def test_who_is_lost_for_long_is_looked_for_more_seldom(truth: Scene, observation: Observation) -> None:
+    lost = replace(estimate_of(truth, observation), status=Status.LOST)
+    looked = [n for n in range(100) if sought_anew(lost, n, 0, LossRule())]
+    assert looked == [0, 3, 6, 12, 24, 48, 72, 96]
+    assert [n for n in range(7) if sought_anew(lost, n, 0, LossRule(restart_every=1))] == [0, 1, 2, 4]

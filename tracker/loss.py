@@ -13,6 +13,8 @@ from tracker.body import BodyModel
 from tracker.components import component
 from tracker.estimate import Estimate, Status
 
+# In so many times of `restart_every` somebody who is lost is looked for once at least.
+_SELDOM = 8
 # A limb that shows less contour than this over all views is judged as if it showed so much, px.
 _LEAST_LIMB_PX = 100.0
 
@@ -40,7 +42,10 @@ class LossRule:
     recordings it finds 41 of 75 frames with a limb 150 mm off, and doubts 12 of 348 without."""
 
     restart_every: int = pydantic.Field(default=3, ge=1)
-    """A lost person is initialized anew in the frame of the loss and then every so many frames."""
+    """A lost person is initialized anew in the frame of the loss, so many frames later, and again whenever it has been
+    lost for twice as long, or for eight times so many frames more: of who has left the room for long every search is in
+    vain, and beside somebody else's shadow it takes seconds. A second pass finds who comes back from the first frame
+    on."""
 
     start_within: int = pydantic.Field(default=25, ge=1)
     """Frames, from the first one on that shows somebody, in which the first initialization must succeed."""
@@ -109,7 +114,8 @@ def sought_anew(estimate: Estimate, frames_lost: int, frames_doubted: int, loss:
         loss: the rule.
     """
     if estimate.lost:
-        return frames_lost % loss.restart_every == 0
+        times, rest = divmod(frames_lost, loss.restart_every)
+        return rest == 0 and (times.bit_count() <= 1 or times % _SELDOM == 0)
     times, rest = divmod(frames_doubted + 1, loss.again_after)
     return frames_lost > 0 or (doubted(estimate) and rest == 0 and times.bit_count() == 1)
 

@@ -12,7 +12,7 @@ from tracker.arrays import Array, Mask
 from tracker.errors import InitializationError
 from tracker.initialization._likeness import Size, like_a_person, misfit, size_of, smallest, tall
 from tracker.initialization._torso_axis import hull_axis, region_axes, torso_axis
-from tracker.initialization._visual_hull import Hull, connected, shadow, visual_hull
+from tracker.initialization._visual_hull import Hull, connected, shadow, visual_hull, within_all
 from tracker.rig import Rig
 from tracker.scene import Person
 
@@ -20,7 +20,8 @@ from tracker.scene import Person
 _OWN = 0.25
 # A view in which so much of a person's region may belong to another one does not show its axis.
 _CONTESTED = 0.2
-_HELD_M = 0.2
+# Around the bones of known persons, metres, and how many points of each bone stand for it.
+_HELD_M, _ALONG = 0.2, 12
 _REACH, _FEW = 0.6, 50
 # Of a body that lies in its reference pose, in lengths from its middle to its farthest landmark.
 _LYING_REACH = 1.2
@@ -67,8 +68,8 @@ def find_persons(
     most = 1 if sum(mask is not None for mask in masks) > 2 else 0
     masks = tuple(None if mask is None else cleaned(mask) for mask in masks)
     hull = visual_hull(rig, masks, most)
-    taken = _taken(hull.points, held)
-    theirs, hull = hull.points[taken], hull.part(~taken)
+    theirs = _taken(held, rig)
+    hull = hull.part(~within_all(rig, theirs, hull.points))
     erosions = range(_EROSIONS + 1 if len(persons) + len(held) > 1 else 1)
     trials = [_pieces(hull.part(hull.lacking <= n), m, sizes, reach_m) for n in range(most + 1) for m in erosions]
     trials = [_showing(pieces, masks, rig, theirs) for pieces in trials]
@@ -106,13 +107,13 @@ def _hollow(piece: Hull) -> bool:
     return int((lateral < _HELD_M).sum()) <= _FEW
 
 
-def _showing(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig, theirs: Array) -> list[Hull]:
-    """The pieces of whose foreground a fair share is not that of those before them, nor of voxels (N, 3) of others.
+def _showing(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig, theirs: tuple[Mask, ...]) -> list[Hull]:
+    """The pieces of whose foreground a fair share is not that of those before them, nor around others (H, W).
 
     Of a woman who had left the room, hands and shadow of the man who danced there were searched in every third frame.
     """
     views = [(v, mask) for v, mask in enumerate(masks) if mask is not None]
-    unexplained = {v: mask & ~shadow(rig, v, theirs, _MARGIN_M) for v, mask in views}
+    unexplained = {v: mask & ~theirs[v] for v, mask in views}
     kept = []
     for piece in pieces:
         regions = {v: mask & shadow(rig, v, piece.points, _MARGIN_M) for v, mask in views}
@@ -176,17 +177,17 @@ def _reach(person: Person) -> float:
     return max(_REACH * size_of(person).stature_m, _LYING_REACH * length)
 
 
-def _taken(points: Array, held: tuple[Person, ...]) -> Mask:
-    """Which points (N, 3) belong to persons whose poses are known: those near their bones."""
-    taken = np.zeros(len(points), dtype=np.bool_)
+def _taken(held: tuple[Person, ...], rig: Rig) -> tuple[Mask, ...]:
+    """The pixels (H, W) of each view around the bones of persons whose poses are known."""
+    bones = [np.zeros((0, 3))]
     for person in held:
         marks = person.body.landmarks_in_world(person.q)
         names = person.body.landmark_names
         for one, other in person.body.links:
             start, end = marks[names.index(one)], marks[names.index(other)]
-            along = np.clip((points - start) @ (end - start) / max(float((end - start) @ (end - start)), 1e-9), 0, 1)
-            taken |= np.linalg.norm(points - start - along[:, None] * (end - start), axis=1) < _HELD_M
-    return taken
+            bones.append(start + np.linspace(0, 1, _ALONG)[:, None] * (end - start))
+    points = np.concatenate(bones)
+    return tuple(shadow(rig, v, points, _HELD_M) for v in range(len(rig)))
 
 
 def _with_regions(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) -> list[Found]:

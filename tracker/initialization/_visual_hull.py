@@ -108,6 +108,15 @@ def shadow(rig: Rig, v: int, points: Array, margin_m: float) -> Mask:
     return covered
 
 
+def within_all(rig: Rig, masks: tuple[Mask, ...], points: Array) -> Mask:
+    """Which of points (N, 3) lie in the mask (H, W) of every view that sees them."""
+    within = np.ones(len(points), dtype=np.bool_)
+    for camera, mask in zip(rig.cameras, masks, strict=True):
+        rounded, _, seen = _pixels(camera, points)
+        within[seen] &= mask[rounded[seen, 1], rounded[seen, 0]]
+    return within
+
+
 def _common_field(rig: Rig) -> tuple[Array, float]:
     """The point that all cameras look at, and how far around it persons are sought, metres."""
     centres = np.array([camera.centre for camera in rig.cameras])
