@@ -1,4 +1,4 @@
-"""Filled parts against all lines of their grids, drawn one by one."""
+"""Filled parts against all lines of their grids."""
 
 from __future__ import annotations
 
@@ -23,12 +23,15 @@ def outermost(points: Array, size: tuple[int, int]) -> Mask:
     extents = np.stack([np.full(size[1], np.inf), np.full(size[1], -np.inf)])
     around = np.stack([points, np.roll(points, -1, axis=1)], axis=2).reshape(-1, 2, 2)
     up = np.stack([points[:-1], points[1:]], axis=2).reshape(-1, 2, 2)
-    for (u0, v0), (u1, v1) in np.concatenate([around, up]):
-        if v1 < v0:
-            u0, v0, u1, v1 = u1, v1, u0, v0
-        rows = np.arange(max(int(np.ceil(v0)), 0), min(int(np.floor(v1)), size[1] - 1) + 1)
-        us = u0 + (u1 - u0) / (v1 - v0 if v1 > v0 else 1.0) * (rows - v0)
-        extents[0, rows], extents[1, rows] = np.minimum(extents[0, rows], us), np.maximum(extents[1, rows], us)
+    lines = np.concatenate([around, up])
+    lines = np.where(lines[:, 1:, 1:] < lines[:, :1, 1:], lines[:, ::-1], lines)  # downwards
+    first = np.maximum(np.ceil(lines[:, 0, 1]), 0).astype(int)
+    counts = np.maximum(np.minimum(np.floor(lines[:, 1, 1]), size[1] - 1).astype(int) + 1 - first, 0)
+    rows = np.arange(counts.sum()) + np.repeat(first - (np.cumsum(counts) - counts), counts)
+    (u0, v0), (u1, v1) = np.repeat(lines, counts, axis=0).transpose(1, 2, 0)
+    us = u0 + (u1 - u0) / np.where(v1 > v0, v1 - v0, 1.0) * (rows - v0)
+    np.minimum.at(extents[0], rows, us)
+    np.maximum.at(extents[1], rows, us)
     columns = np.arange(size[0])
     filled: Mask = (columns >= extents[0][:, None] - 1e-9) & (columns <= extents[1][:, None] + 1e-9)
     return filled
