@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -77,8 +78,14 @@ LOW = {
 """Poses that no stance of the body's file has."""
 
 
+@lru_cache(maxsize=1)
+def before_plates() -> Simulation:
+    """One frame; the pictures of the empty room are drawn once."""
+    return small_simulation(n_frames=1)
+
+
 def simulated(stance: dict[str, float], heading: float) -> Simulation:
-    simulation = small_simulation(n_frames=1)
+    simulation = before_plates()
     body = simulation.scene.persons[0].body
     (q,) = on_floor(body, turned(body, posed(body, stance), np.array([heading])), np.array([[0.2, -0.3]]), 0.0)
     return replace(simulation, scene=simulation.scene.with_poses((q,)), poses=(q[None],))
@@ -99,7 +106,8 @@ def test_somebody_who_lies_is_found_on_edges_alone(name: str) -> None:
     """Whether the face is up or down, edges of one frame may leave to those that follow."""
     simulation = simulated(LOW[name], 0.7)
     (frame,), body = simulation.frames(), simulation.scene.persons[0].body
-    cycle = cycle_for(simulation, AutoInitialization(), evidence=find("evidence", "together")(), plates=(None,) * 4)
+    auto = AutoInitialization(stance=StanceInitialization(farthest_m=6.0))
+    cycle = cycle_for(simulation, auto, evidence=find("evidence", "together")(), plates=(None,) * 4)
     start = cycle.initialization.start(frame, simulation.scene.with_poses((body.rest(),)), cycle.stages)
     marks = body.landmarks_in_world(np.array([one.q for one in start.hypotheses[0]]))
     errors = np.linalg.norm(marks - body.landmarks_in_world(simulation.poses[0][0]), axis=2).mean(axis=1)
@@ -145,7 +153,9 @@ def test_plates_in_another_light_are_done_without(body: BodyModel) -> None:
     rng = np.random.default_rng(0)
     plates = tuple(Plate(rng.integers(0, 255, image.shape, dtype=np.uint8)) for image in images)
     stages = Stages(CpuSynthesis(), ContourEvidence(), HybridEstimation(), plates)
-    auto = AutoInitialization(stance=StanceInitialization(stances_deg=body.start.stances_deg[:3], hypotheses=3))
+    auto = AutoInitialization(
+        stance=StanceInitialization(stances_deg=body.start.stances_deg[:3], hypotheses=3, farthest_m=6.0)
+    )
     start = auto.start(Frame(0, 0.0, images), scene, stages)
     marks = body.landmarks_in_world(np.array([one.q for one in start.hypotheses[0]]))
     assert np.linalg.norm(marks - body.landmarks_in_world(q), axis=2).mean(axis=1).min() < 0.03
@@ -254,7 +264,11 @@ def test_a_rendered_man_who_gets_up_from_the_floor_is_found(data: Callable[[str]
         background=str(folder / "background/{view}.jpg"),
         start=50,
     )
-    job = TrackJob(reading=reading, persons=(Subject(model=model_path("human"), stature_m=1.78),))
+    job = TrackJob(
+        reading=reading,
+        persons=(Subject(model=model_path("human"), stature_m=1.78),),
+        initialization=AutoInitialization(pca=PcaInitialization(finalists=2)),
+    )
     opened = job.open()
     sequence, cycle = opened.sequence, job.cycle(opened)
     start = cycle.initialization.start(next(sequence.frames()), opened.scene, cycle.stages)
