@@ -75,6 +75,16 @@ def points(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Iterator[N
     del sections.GIVEN["evidence", "points"]
 
 
+@pytest.fixture(scope="module", autouse=True)
+def stances(scene: Scene) -> Iterator[None]:
+    """Persons are looked for in few stances, not far away: `test_low_persons.py` tries all of them."""
+    few = {"stances_deg": scene.persons[0].body.start.stances_deg[:2], "farthest_m": 6.0, "hypotheses": 3}
+    sections.GIVEN["initialization", "stance"] = few
+    sections.GIVEN["initialization", "auto"] = {"stance": few}
+    yield
+    del sections.GIVEN["initialization", "stance"], sections.GIVEN["initialization", "auto"]
+
+
 @pytest.fixture(scope="module")
 def frame(simulation: Simulation) -> Frame:
     """Frame 0, its images read-only."""
@@ -195,9 +205,8 @@ def test_what_was_looked_at_ahead_is_what_is_seen(use, scene, frame, cycle):
 def test_the_service_of_searches_says_what_the_contours_say(use, scene, observation):
     """One pose, one number: batched and compiled, or contour by contour."""
     synthesis, poses = working(use, scene), around(scene, 3, 8.0, 0.05)
-    edges = observation.packed
+    edges, drawn = observation.packed, synthesis.contours(scene, 0, poses, coarse=True)
     for reject in (False, True):
-        drawn = synthesis.contours(scene, 0, poses, coarse=True)
         plain = directed_distances(drawn.positions, drawn.counts, *edges[:4], 40.0, reject)
         found = synthesis.directed_distances(scene, 0, poses, observation, 40.0, reject)
         np.testing.assert_allclose(found, plain, rtol=0.02 if use == "egl" else 1e-5)
