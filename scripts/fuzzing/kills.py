@@ -77,6 +77,32 @@ def killed(config: Path, output: Path, n_kills: int, rng: random.Random, seconds
     return found
 
 
+def killed_behind(config: Path, output: Path, n_frames: int, most_s: float) -> int:
+    """A run, begun or resumed, that is killed as soon as its journal has so many frames.
+
+    Args:
+        config: of the run; it has to write every frame at once (`passes = 1`).
+        output: result folder.
+        n_frames: that are kept at the least.
+        most_s: how long that may take.
+
+    Returns:
+        Frames that the journal has then; fewer only of a run that ended before.
+    """
+    resumed = ("--resume",) if output.exists() else ()
+    process = subprocess.Popen(run_of(config, output, *resumed), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    end, journal = time.monotonic() + most_s, output / "steps.jsonl"
+    while process.poll() is None and _n_lines(journal) < n_frames and time.monotonic() < end:
+        time.sleep(0.002)
+    process.kill()
+    process.communicate()
+    return _n_lines(journal)
+
+
+def _n_lines(path: Path) -> int:
+    return path.read_bytes().count(b"\n") if path.is_file() else 0
+
+
 def difference(one: Path, other: Path) -> str:
     """The first result that differs; empty if none does."""
     for name in TABLES:

@@ -1,19 +1,24 @@
-"""Runs that are killed at any instant are resumed to the same bytes (`scripts/fuzz.py kills` for fifty of them)."""
+"""Runs that are killed are resumed to the same bytes (`scripts/fuzz.py kills` for fifty of them, at any instant)."""
 
 from __future__ import annotations
 
-import random
+import subprocess
 from pathlib import Path
 
-from fuzzing.kills import difference, killed, left_alone
+from fuzzing.kills import difference, killed_behind, left_alone, run_of
 
 from tracker.simulation.sequence import Recipe, write_sequence
 
+N_FRAMES = 8
 
-def test_five_kills_change_nothing(tmp_path: Path) -> None:
-    config = write_sequence(Recipe("arm_swing", seconds=0.32, size=(256, 208)), tmp_path / "sequence")
+
+def test_kills_between_frames_change_nothing(tmp_path: Path) -> None:
+    """Each when some frames are kept, so that what is resumed must go on with what is there."""
+    config = write_sequence(Recipe("arm_swing", seconds=N_FRAMES / 25, size=(256, 208)), tmp_path / "sequence")
+    config.write_text(f"passes = 1\n{config.read_text(encoding='utf-8')}", encoding="utf-8")
     seconds = left_alone(config, tmp_path / "whole")
-    found = killed(config, tmp_path / "killed", 5, random.Random(4), seconds)
-    assert found.fault == ""
-    assert found.n_kills == 5
-    assert difference(tmp_path / "whole", tmp_path / "killed") == ""
+    output = tmp_path / "killed"
+    for n_frames in (2, 5):
+        assert killed_behind(config, output, n_frames, 20 * seconds + 60) >= n_frames
+    subprocess.run(run_of(config, output, "--resume"), check=True, capture_output=True)
+    assert difference(tmp_path / "whole", output) == ""
