@@ -17,7 +17,7 @@ from recordings import TrueStart, cycle_for, small_simulation
 from tracker.doubts import Doubts, ranges
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
-from tracker.loss import LossRule, judged, sought_anew, trusted_parts
+from tracker.loss import LossRule, doubted, judged, limb_spreads_m, sought_anew, trusted_parts
 from tracker.observation import Observation
 from tracker.recording import RunContext
 from tracker.recording.csv_table import CsvTable
@@ -143,3 +143,27 @@ def test_who_is_lost_for_long_is_looked_for_more_seldom(truth: Scene, observatio
     looked = [n for n in range(100) if sought_anew(lost, n, 0, LossRule())]
     assert looked == [0, 3, 6, 12, 24, 48, 72, 96]
     assert [n for n in range(7) if sought_anew(lost, n, 0, LossRule(restart_every=1))] == [0, 1, 2, 4]
+
+
+def test_a_limb_whose_place_nothing_tells_is_told_and_not_searched(truth: Scene, observation: Observation) -> None:
+    """A joint known to 10 cm along one direction; half of that is no reason."""
+    body = truth.persons[0].body
+    right = estimate_of(truth, observation)
+    turning = body.index("left_arm_abduction")
+    marks = body.landmarks_in_world(right.q)
+    ends = np.array([mark.parameter for mark in body.landmarks])
+    metres = np.linalg.norm(body.point_jacobian(right.q, marks, ends)[:, :, turning], axis=1).max()
+    for off_m, vague in ((0.1, ("left_arm",)), (0.05, ())):
+        covariance = 1e-8 * np.eye(body.dof)
+        covariance[turning, turning] = (off_m / metres) ** 2
+        found = judged(body, replace(right, covariance=covariance), LossRule())
+        assert limb_spreads_m(body, found)["left_arm"] == pytest.approx(off_m, rel=1e-3)
+        assert (found.ambiguous, found.vague, found.limbs_in_doubt) == (vague, vague, ())
+        assert not doubted(found)
+        assert trusted_parts(body, found).all()
+    again = judged(body, replace(right, covariance=np.eye(body.dof)), LossRule()).doubting(["left_arm", "left_leg"])
+    assert set(again.ambiguous) == {"left_arm", "right_arm", "left_leg", "right_leg"}
+    assert set(again.limbs_in_doubt) == {"left_arm", "left_leg"}
+    assert doubted(again)
+    nothing = judged(body, replace(right, covariance=np.full((body.dof, body.dof), np.nan)), LossRule())
+    assert nothing.ambiguous == ()

@@ -268,5 +268,4 @@ def _moved(objective: Objective, cycle: Cycle, estimate: Estimate, bridges: Iter
     half = (q - estimate.q) / 2
     found = objective.estimate(q, estimate.covariance + np.outer(half, half), estimate.evaluations)
     found = judged(body, replace(found, search_s=estimate.search_s), cycle.loss, estimate.status)
-    names = (*found.ambiguous, *(group for group in elsewhere if group not in found.ambiguous))
-    return replace(found, ambiguous=names)
+    return found.doubting(elsewhere)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from tracker.account import Account
@@ -62,10 +63,25 @@ class Estimate:
     ambiguous: tuple[str, ...] = ()
     """Parameter groups of limbs that may be elsewhere, for instance `left_arm`."""
 
+    vague: tuple[str, ...] = ()
+    """Those of them that nothing speaks against, but of whose place the images tell little. They are told to users and
+    no cause to search: with two cameras, where they are many, searches made of 25 frames with a joint off 36."""
+
     @property
     def verdict(self) -> Status:
         """What users are told: how the pose came about, unless it is doubtful."""
         return Status.DOUBTFUL if self.doubtful and not self.lost else self.status
+
+    @property
+    def limbs_in_doubt(self) -> tuple[str, ...]:
+        """The ambiguous limbs that something speaks against."""
+        return tuple(limb for limb in self.ambiguous if limb not in self.vague)
+
+    def doubting(self, limbs: Iterable[str]) -> Estimate:
+        """The same with further limbs in doubt."""
+        doubted = tuple(limbs)
+        names = (*self.ambiguous, *(limb for limb in doubted if limb not in self.ambiguous))
+        return replace(self, ambiguous=names, vague=tuple(limb for limb in self.vague if limb not in doubted))
 
     @property
     def distance_px(self) -> float:

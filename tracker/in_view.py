@@ -69,7 +69,7 @@ def _judged(person: Person, estimate: Estimate, unseen: bool, outside: Mask) -> 
         return replace(estimate, status=Status.LOST)
     body = person.body
     limbs = [group for group in body.fine_groups if body.partner_of(group) and outside[body.parts_of(group)].any()]
-    return replace(estimate, ambiguous=(*estimate.ambiguous, *(one for one in limbs if one not in estimate.ambiguous)))
+    return estimate.doubting(limbs)
 
 
 def _shown(sight: Sight, scene: Scene, person: Person, silhouettes: Sequence[Mask]) -> Mask:

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from tracker.arrays import Array, Mask
-from tracker.estimate import Estimate, Status
+from tracker.estimate import Status
 from tracker.limbs import apart_m
 from tracker.trajectory import Step
 
@@ -58,7 +58,7 @@ def with_jumps(steps: Sequence[Step]) -> list[Step]:
                     doubted |= _lone(own, tracked, least_m)
                 for n in np.flatnonzero(doubted):
                     estimates = list(changed[n].estimates)
-                    estimates[k] = _ambiguous(estimates[k], group)
+                    estimates[k] = estimates[k].doubting([group])
                     changed[n] = replace(changed[n], estimates=tuple(estimates))
     return changed
 
@@ -100,7 +100,3 @@ def _apart(one: Array, other: Array) -> Array:
     gaps = np.sort(np.linalg.norm(one - other, axis=-1), axis=-1)
     second: Array = gaps[..., -2:].min(axis=-1)
     return second
-
-
-def _ambiguous(estimate: Estimate, group: str) -> Estimate:
-    return estimate if group in estimate.ambiguous else replace(estimate, ambiguous=(*estimate.ambiguous, group))

@@ -45,7 +45,7 @@ class LossRule:
     """Standard deviation of a joint, in the direction in which it is known least, above which its limb is ambiguous,
     metres. With two cameras an arm was silently 0.3 m off in 17 frames of one recording; this names it in 9 of them,
     and in four such recordings 9 other limbs of 936, half of them 100 mm off and more. With four cameras it names no
-    limb of K-Kick and T-Punch-light that nothing else names."""
+    limb of K-Kick and T-Punch-light that nothing else names. See `Estimate.vague`."""
 
     restart_every: int = pydantic.Field(default=3, ge=1)
     """A lost person is initialized anew in the frame of the loss, so many frames later, and again whenever it has been
@@ -77,15 +77,14 @@ def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = 
     """The estimate with its status and all that is in doubt about it."""
     account = estimate.account
     limbs, spreads_m = limbs_left_over(body, account), limb_spreads_m(body, estimate)
+    in_doubt = [limb for limb, left_over in limbs.items() if left_over > loss.ambiguous_above]
+    vague = tuple(limb for limb in limbs if spreads_m[limb] > loss.vague_above_m and limb not in in_doubt)
     return replace(
         estimate,
         status=Status.LOST if account.explained < loss.lost_below else found,
         doubtful=account.left_over > loss.doubtful_above,
-        ambiguous=tuple(
-            limb
-            for limb, left_over in limbs.items()
-            if left_over > loss.ambiguous_above or spreads_m[limb] > loss.vague_above_m
-        ),
+        ambiguous=(*in_doubt, *vague),
+        vague=vague,
     )
 
 
@@ -94,7 +93,7 @@ def trusted_parts(body: BodyModel, estimate: Estimate) -> Mask:
     hidden, n_views = estimate.account.hidden, len(estimate.account.per_view_px)
     sure = not estimate.lost and not estimate.doubtful
     trusted: Mask = np.full((n_views, len(body.parts)), sure) if hidden is None else sure & ~hidden
-    for group in estimate.ambiguous:
+    for group in estimate.limbs_in_doubt:
         trusted[:, body.parts_of(group)] = False
     return trusted
 
@@ -148,4 +147,4 @@ def sought_anew(estimate: Estimate, frames_lost: int, frames_doubted: int, loss:
 
 def doubted(estimate: Estimate) -> bool:
     """Whether a pose that is not lost, or one of its limbs, may be wrong."""
-    return not estimate.lost and (estimate.doubtful or bool(estimate.ambiguous))
+    return not estimate.lost and (estimate.doubtful or bool(estimate.limbs_in_doubt))

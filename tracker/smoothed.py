@@ -85,7 +85,7 @@ def _smooth_estimates(track: Track, piece: slice, stretch: Stretch, smooth: Smoo
     poses = smooth.poses - np.where(track.body.rotates, 2 * np.pi * turns[last], 0.0)
     rows = zip(track.estimates[piece], track.body.clamped(poses), smooth.covariances, strict=True)
     return [
-        replace(estimate, q=q, covariance=covariance, status=Status.FILLED, doubtful=False, ambiguous=())
+        replace(estimate, q=q, covariance=covariance, status=Status.FILLED, doubtful=False, ambiguous=(), vague=())
         if estimate.lost
         else replace(estimate, q=q, covariance=covariance)
         for estimate, q, covariance in rows

@@ -82,6 +82,7 @@ def _to_json(estimate: Estimate) -> dict[str, Any]:
         "status": str(estimate.status),
         "doubtful": estimate.doubtful,
         "ambiguous": list(estimate.ambiguous),
+        **({"vague": list(estimate.vague)} if estimate.vague else {}),
     }
 
 
@@ -113,6 +114,7 @@ def _estimate(values: dict[str, Any]) -> Estimate:
         status=Status(values["status"]),
         doubtful=bool(values["doubtful"]),
         ambiguous=tuple(str(group) for group in values["ambiguous"]),
+        vague=tuple(str(group) for group in values.get("vague", ())),
     )
 
 
