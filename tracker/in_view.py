@@ -45,9 +45,7 @@ def judged_in_view(
         if not estimate.lost:
             first = scene.first_part(k)
             parts = placed[first : first + len(person.body.parts)]
-            others = [
-                own for one, own in zip(judged, silhouettes, strict=False) if not one.lost and one is not estimate
-            ]
+            others = [own for n, own in enumerate(silhouettes) if n != k and not judged[n].lost]
             shown = _shown(sight, scene, person, _outside(silhouettes[k], others) if silhouettes else ())
             n_views = (shown[:, None] & _inside(scene, parts)).sum(axis=0)
             judged[k] = _judged(person, estimate, int(shown.sum()) < least, n_views < least)
