@@ -211,6 +211,20 @@ def test_who_joins_later_is_lost_before_and_the_other_one_is_tracked_throughout(
         assert later.lost == (step.frame.index < 6)
 
 
+def test_who_leaves_and_comes_back_is_looked_for_now_and_then(joined_later: Simulation) -> None:
+    """Not in every frame, though his model explains the contours of the one who stayed."""
+    frames = second_from(joined_later, 8)
+    frames[0] = next(iter(joined_later.frames()))
+    start = TrueStart(joined_later)
+    cycle = cycle_for(joined_later, start, evidence=AutoEvidence(), loss=LossRule(rehearse=0))
+    steps = list(track(iter(frames), joined_later.scene, cycle))
+    assert [step.estimates[1].lost for step in steps] == [False, *[True] * 7, False, False]
+    assert start.asked == [0, 1, 4, 7, 8]
+    assert not any(step.estimates[0].lost for step in steps)
+    errors = [joint_errors_mm(joined_later, k, 9, steps[9].estimates[k].q).mean() for k in (0, 1)]
+    assert max(errors) < 15
+
+
 @pytest.mark.parametrize(("apart_m", "lost"), [(0.0, True), (0.05, True), (0.35, False), (1.0, False)])
 def test_of_two_persons_in_one_place_the_one_who_leaves_more_over_is_lost(
     simulation: Simulation, frames: tuple[Frame, ...], apart_m: float, lost: bool

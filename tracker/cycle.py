@@ -152,6 +152,8 @@ def advance(
             current = current.with_pose(k, estimate.q)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     start = None
+    # who sits in somebody else's contours is lost, or would be looked for anew in every frame, as if just found
+    estimates = list(judged_in_space(current, tuple(estimates)))
     waits = enumerate(zip(estimates, state.frames_lost, state.frames_doubted, strict=True))
     sought = [k for k, since in waits if sought_anew(*since, cycle.loss)]
     if sought:
