@@ -79,8 +79,7 @@ def points(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Iterator[N
 def stances(scene: Scene) -> Iterator[None]:
     """Persons are looked for in few stances, not far away: `test_low_persons.py` tries all of them."""
     few = {"stances_deg": scene.persons[0].body.start.stances_deg[:2], "farthest_m": 6.0, "hypotheses": 3}
-    sections.GIVEN["initialization", "stance"] = few
-    sections.GIVEN["initialization", "auto"] = {"stance": few}
+    sections.GIVEN.update({("initialization", "stance"): few, ("initialization", "auto"): {"stance": few}})
     yield
     del sections.GIVEN["initialization", "stance"], sections.GIVEN["initialization", "auto"]
 
