@@ -19,7 +19,7 @@ LAYERS = (
     "observation keypoints keypoint_layouts skeletons markers marker_layouts account hidden equations plate sight "
     "estimate in_view in_space loss start subject trajectory doubts triangulation views shown_size",
     "reading calibration prediction synthesis analysis recording smoothing",
-    "comparison outlines correspondences lsm following result ball_joints",
+    "comparison outlines correspondences strangers lsm following result ball_joints",
     "similarity evidence objective",
     "estimation initialization",
     "rivals cycle bridges jumps rehearsal easier_start found_before tracking recorded_plates two_passes",

@@ -22,6 +22,7 @@ from tracker.limbs import apart_m
 from tracker.loss import judged
 from tracker.objective import Objective
 from tracker.sight import Sight
+from tracker.strangers import hide_strangers
 from tracker.trajectory import Step
 
 _SPANS = 2, 3, 4, 5, 6, 8, 10, 12, 16
@@ -171,6 +172,7 @@ def _asked(
     for n, step in enumerate(steps[: max(farthest) + 1]):
         sight = Sight(step.frame, cycle.plates, None if before is None else before.model_px)
         if n in farthest:
+            hide_strangers(sight, step.scene, cycle.synthesis)
             poses = {k: np.array([step.estimates[k].q, *own]) for k, own in farthest[n].items()}
             around = joined([cycle.synthesis.contours(step.scene, k, own) for k, own in poses.items()])
             observed = cycle.evidence.observe(sight, around, state.memory)

@@ -28,6 +28,7 @@ from tracker.rivals import weighed
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.start import Start
+from tracker.strangers import hide_strangers
 from tracker.synthesis import Synthesis
 from tracker.trajectory import History, Step
 
@@ -139,6 +140,8 @@ def advance(
         around = [np.vstack([poses, *(one.q for one in rivals[k : k + 1])]) for k, poses in enumerate(candidates)]
         expected = joined([cycle.synthesis.contours(predicted, k, poses) for k, poses in enumerate(around)])
     with clock("observation"):
+        if not any(state.frames_lost):  # or they may be whom we look for
+            hide_strangers(sight, predicted, cycle.synthesis)
         observed = cycle.evidence.observe(sight, expected, state.memory)
     estimates, current = [], predicted
     with clock("refinement"):
@@ -190,6 +193,8 @@ def bootstrap(
                 raise
     with clock("observation"):
         expected = None if start is None else cycle.synthesis.contours(scene)
+        if start is not None:
+            hide_strangers(sight, scene, cycle.synthesis)
         observed = cycle.evidence.observe(sight, expected)
     if start is None:
         return finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), observed, clock)
@@ -296,7 +301,7 @@ def finished(
         estimates = judged_in_space(scene, estimates)
     overlap = _overlap(models, foregrounds, [sight.unknown(v) for v in range(len(foregrounds))])
     step = Step(sight.frame, scene, estimates, fitted, clock.seconds, overlap, observed=observed)
-    return replace(step, model_px=covered_px(models, estimates), untrusted=sight.untrusted)
+    return replace(step, model_px=covered_px(models, estimates), untrusted=sight.untrusted, strangers=sight.strangers)
 
 
 def _own(scene: Scene, cycle: Cycle, models: tuple[Mask, ...]) -> Sequence[tuple[Mask, ...]]:

@@ -81,6 +81,9 @@ class Doubts:
     hidden: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """Limb, and the view that something hides it from -> frames. Others show it: no doubt, but good to know."""
 
+    strangers: tuple[int, ...] = ()
+    """Frames in which somebody who is none of the persons is beside them. No doubt, but good to know."""
+
     turned_round: tuple[str, ...] = ()
     """Persons whose given start pose fits less well than the same turned round."""
 
@@ -108,6 +111,7 @@ class Doubts:
             ambiguous,
             untrusted,
             hidden,
+            (*self.strangers, frame) if step.strangers else self.strangers,
             (*self.turned_round, *(step.scene.persons[k].name for k in turned)),
         )
 
@@ -131,6 +135,8 @@ class Doubts:
         """One line for the terminal: how many frames, which limbs, where to look."""
         unused = [f"foreground of {view} not used in {len(f)}{_where(f)}" for view, f in sorted(self.untrusted.items())]
         unused += [f"{limb} in {len(f)}{_where(f)}" for limb, f in sorted(self.hidden.items())]
+        if self.strangers:
+            unused.append(f"somebody else beside in {len(self.strangers)}{_where(self.strangers)}")
         if self.none:
             return "; ".join([f"no frame of {self.n_frames} lost, doubtful or with an ambiguous limb", *unused])
         found = [f"{name} may be turned round from the given start on" for name in self.turned_round]

@@ -13,6 +13,7 @@ from tracker.rehearsal import Reopen, rehearsed
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.start import Start
+from tracker.strangers import hide_strangers
 from tracker.trajectory import Replay, Step
 
 _MOST_BYTES = 2**28
@@ -97,6 +98,7 @@ def _later(first: Frame, reopen: Reopen, delays_s: tuple[float, ...]) -> Iterato
 def _followed_back(first: int, last: Frame, scene: Scene, cycle: Cycle, reopen: Reopen) -> dict[int, Replay]:
     """The frames from `last` back to the number `first`, as estimates; the start is that of the scene."""
     sight = Sight(last, cycle.plates)
+    hide_strangers(sight, scene, cycle.synthesis)
     observed = cycle.evidence.observe(sight, cycle.synthesis.contours(scene))
     estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED)
     step = Step(last, scene, estimates, cycle.synthesis.contours(scene))
@@ -114,9 +116,8 @@ def _followed_back(first: int, last: Frame, scene: Scene, cycle: Cycle, reopen: 
 
 
 def _kept(step: Step) -> Replay:
-    return Replay(
-        step.frame.index, step.frame.time_s, step.estimates, dict(step.seconds), step.overlap, dict(step.untrusted)
-    )
+    frame, told = step.frame, (dict(step.seconds), step.overlap, dict(step.untrusted), step.strangers)
+    return Replay(frame.index, frame.time_s, step.estimates, *told)
 
 
 def _backwards(first: int, last: Frame, reopen: Reopen) -> Iterator[Frame]:

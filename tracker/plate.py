@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -64,6 +64,14 @@ class Plate:
         if self.unknown is not None:
             object.__setattr__(self, "unknown", frozen(self.unknown, np.bool_) if self.unknown.any() else None)
 
+    def hidden_by(self, occluder: Mask) -> Plate:
+        """The same with something (h, w) more before the persons."""
+        hidden = replace(self, occluder=occluder if self.occluder is None else self.occluder | occluder)
+        hidden.__dict__.update(
+            {name: self.__dict__[name] for name in ("fine", "coarse", "sparse") if name in self.__dict__}
+        )
+        return hidden
+
     @cached_property
     def fine(self) -> Image:
         """(h, w, 3) as lightly smoothed as the image that is compared with it."""
@@ -112,14 +120,46 @@ def threshold_level(image: Image, plate: Plate, sigmas: float = 6.0, least: floa
     The median of the differences to the plate in the image's light is the noise of the background, which covers most
     of the image; a sixteenth of the pixels is enough to find it.
     """
-    return _light_and_level(image, plate, sigmas, least)[1]
+    return lit_by(image, plate, sigmas, least).level
 
 
-def _light_and_level(image: Image, plate: Plate, sigmas: float, least: float) -> tuple[Light | None, float]:
+class Lit(NamedTuple):
+    """How an image is compared with its plate."""
+
+    light: Light | None
+    """Of the image against that of the plate; None for pictures too small to tell."""
+
+    level: float
+    """Threshold of their difference from the noise of the whole image, grey levels."""
+
+
+def lit_by(image: Image, plate: Plate, sigmas: float = 6.0, least: float = 14.0) -> Lit:
+    """The light of an image (h, w, 3) against its plate's, and the threshold of their difference.
+
+    The median of the differences to the plate in the image's light is the noise of the background, which covers most
+    of the image; a sixteenth of the pixels is enough to find it.
+    """
     now = sparse(image)
     light = light_of(now, plate.sparse)
     expected = plate.sparse if light is None else light.on(plate.sparse, spacing=SAMPLING)
-    return light, max(least, sigmas * median_change(now, expected, 1) / 0.954)
+    return Lit(light, max(least, sigmas * median_change(now, expected, 1) / 0.954))
+
+
+def sparse_changes(image: Image, plate: Plate, lit: Lit) -> Mask | None:
+    """Every fourth pixel (h / 4, w / 4) that differs from the plate, shadows included; None where everything does.
+
+    Args:
+        image: BGR (h, w, 3), of the plate's size.
+        plate: what the view shows without persons.
+        lit: of the image, see `lit_by`.
+    """
+    if lit.level > MOST_LEVEL:
+        return None
+    expected = plate.sparse if lit.light is None else lit.light.on(plate.sparse, spacing=SAMPLING)
+    blue, green, red = cv2.split(cv2.absdiff(sparse(image), expected))
+    differing = (cv2.max(cv2.max(blue, green), red) > lit.level).view(np.uint8)
+    opened: Mask = cv2.morphologyEx(differing, cv2.MORPH_OPEN, _SQUARE) > 0
+    return opened
 
 
 class Changed(NamedTuple):
@@ -135,7 +175,7 @@ class Changed(NamedTuple):
     """Threshold from the noise of the whole image, grey levels."""
 
 
-def changed(image: Image, plate: Plate, region: Region | None = None, least: float = 14.0) -> Changed:
+def changed(image: Image, plate: Plate, region: Region | None = None, lit: Lit | None = None) -> Changed:
     """Pixels (h, w) that differ from the plate, and those of them that are not its shadow: the moving foreground.
 
     The plate is compared in the light of the image, where it differs slowly over the picture.
@@ -144,10 +184,10 @@ def changed(image: Image, plate: Plate, region: Region | None = None, least: flo
         image: BGR (h, w, 3), of the plate's size.
         plate: what the view shows without persons.
         region: x, y, width, height to look in, px; None for the whole image.
-        least: smallest threshold, grey levels.
+        lit: of the image, where it is known.
     """
     region = region or (0, 0, image.shape[1], image.shape[0])
-    light, level = _light_and_level(image, plate, 6.0, least)
+    light, level = lit or lit_by(image, plate)
     moving = _moving(image, _lit(plate.fine, light, region), region, level)
     anything, mask = np.zeros(image.shape[:2], dtype=np.bool_), np.zeros(image.shape[:2], dtype=np.bool_)
     anything[_slices(region)] = moving

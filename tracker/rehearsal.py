@@ -16,6 +16,7 @@ from tracker.loss import limbs_left_over
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.start import Hypothesis, Start, confidence, limbs_shown
+from tracker.strangers import hide_strangers
 from tracker.synthesis import side_by_side
 from tracker.trajectory import Step
 
@@ -109,6 +110,7 @@ def _on_average(trial: _Trial, body: BodyModel) -> Hypothesis:
 def _begun(one: Hypothesis, start: Start, k: int, frame: Frame, scene: Scene, cycle: Cycle) -> _Trial:
     scene = scene.with_poses(start.poses).with_pose(k, one.q)
     sight = Sight(frame, cycle.plates)
+    hide_strangers(sight, scene, cycle.synthesis)
     observed = cycle.evidence.observe(sight, cycle.synthesis.contours(scene), GUESSED)
     estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED)
     step = Step(frame, scene, estimates, cycle.synthesis.contours(scene))

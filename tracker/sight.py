@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from tracker.arrays import Array, Mask, Region
 from tracker.frame import Frame
-from tracker.plate import MOST_LEVEL, Plate, changed
+from tracker.plate import MOST_LEVEL, Lit, Plate, changed, lit_by, sparse_changes
 
 _Found = TypeVar("_Found")
 _Part = TypeVar("_Part")
@@ -63,8 +63,24 @@ class Sight:
         self.frame = frame
         self.plates = plates or (None,) * len(frame.images)
         self._model_px = model_px
+        self.strangers = False
+        self._lit: dict[int, Lit] = {}
         self._found: dict[tuple[Hashable, int], tuple[Region, Any]] = {}
         self._joined: dict[Hashable, tuple[Sequence[Any], Any]] = {}
+
+    def hide(self, strangers: Mapping[int, Mask]) -> None:
+        """From now on somebody is before the persons; what was found before is forgotten.
+
+        Args:
+            strangers: view with a plate -> where (H, W).
+        """
+        self.strangers = True
+        self.plates = tuple(
+            plate if plate is None or v not in strangers else plate.hidden_by(strangers[v])
+            for v, plate in enumerate(self.plates)
+        )
+        self._found.clear()
+        self._joined.clear()
 
     def once(self, key: Hashable, view: int, region: Region, find: Callable[[Region], _Found]) -> _Found:
         """What was found in a region of a view, or in a larger one before; else it is found now.
@@ -115,7 +131,7 @@ class Sight:
             return None
 
         def find(where: Region) -> Changes:
-            found = changed(image, plate, where)
+            found = changed(image, plate, where, self.lit(view))
             sure_px = int(np.count_nonzero(found.foreground))
             most_px = sure_px if plate.unknown is None else sure_px + int(np.count_nonzero(plate.unknown))
             model_px = None if self._model_px is None else float(self._model_px[view])
@@ -124,6 +140,20 @@ class Sight:
 
         found = self.once(Changes, view, region, find)
         return None if found.fault else found
+
+    def lit(self, view: int) -> Lit | None:
+        """How the image of a view is compared with its plate; None where one is missing."""
+        image, plate = self.frame.images[view], self.plates[view]
+        if image is None or plate is None:
+            return None
+        if view not in self._lit:
+            self._lit[view] = lit_by(image, plate)
+        return self._lit[view]
+
+    def sparse_changes(self, view: int) -> Mask | None:
+        """Every fourth pixel (h / 4, w / 4) of a view that differs from the plate; None where that is not known."""
+        image, plate, lit = self.frame.images[view], self.plates[view], self.lit(view)
+        return None if image is None or plate is None or lit is None else sparse_changes(image, plate, lit)
 
     def covered(self, models: Sequence[Mask]) -> float:
         """Of models' silhouettes (H, W) the share before what has changed or is not known, mean of the views."""

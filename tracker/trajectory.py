@@ -43,6 +43,9 @@ class Step:
     untrusted: Mapping[int, str] = field(default_factory=dict)
     """View -> why its foreground was not used."""
 
+    strangers: bool = False
+    """Whether somebody who is none of the persons was beside them, and taken for what hides them."""
+
     start: Start | None = None
     """Evidence of the bootstrapping, in the frame in which it happened."""
 
@@ -74,6 +77,9 @@ class Replay:
     """(V,) as in `Step`."""
 
     untrusted: Mapping[int, str] = field(default_factory=dict)
+    """As in `Step`."""
+
+    strangers: bool = False
     """As in `Step`."""
 
 

@@ -26,6 +26,7 @@ from tracker.progress import Progress, silent
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
+from tracker.strangers import hide_strangers
 from tracker.synthesis import Synthesis
 
 # Foreground farther from where the person was tracked is furniture, a shadow or a passer-by.
@@ -121,6 +122,7 @@ def _look(seen: Seen, person: int, columns: Integers, watching: Watching) -> Loo
     analysis, frame = watching.analysis, seen.frame
     around = watching.synthesis.contours(seen.scene)
     sight = Sight(frame, watching.plates)
+    hide_strangers(sight, seen.scene, watching.synthesis)
     analysis.look(sight, around)
     analysis.observe(sight, around)
     views = range(len(watching.rig))
@@ -170,6 +172,7 @@ def view_overlaps(found: Fit, seen: Sequence[Seen], watching: Watching) -> Array
     shares = np.full((len(seen), len(watching.rig)), np.nan)
     for k, one in enumerate(seen):
         sight = Sight(one.frame, watching.plates)
+        hide_strangers(sight, one.scene, watching.synthesis)
         scene = Scene((Person("subject", found.body, found.pose(k)),), watching.rig)
         outlines = found.looks[k].outlines
         if outlines is None:

@@ -119,13 +119,21 @@ def least_left(starts: list[Start], scene: Scene, n: int) -> Start:
     if len(sought) > 1:
         pairs = zip(best.confidence, best.hypotheses, strict=True)
         return replace(best, confidence=tuple(sure * limbs_shown(own[0]) if own else sure for sure, own in pairs))
-    every = [one for start in starts for one in start.hypotheses[sought[0]]]
-    ranking = ranked(scene.persons[sought[0]].body, every)[:n]
-    own = [k == sought[0] for k in range(len(best.poses))]
+    best = likeliest(starts, scene, n)
+    sure = confidence(best.hypotheses[sought[0]]) * limbs_shown(best.hypotheses[sought[0]][0])
+    return replace(best, confidence=tuple(sure if k == sought[0] else 1.0 for k in range(len(best.poses))))
+
+
+def likeliest(starts: list[Start], scene: Scene, n: int) -> Start:
+    """Of starts of one person, in several ways, that which leaves least over, with the best n of all hypotheses."""
+    best = min(starts, key=lambda one: sum(ranking[0].left_over for ranking in one.hypotheses if ranking))
+    (sought,) = (k for k, ranking in enumerate(best.hypotheses) if ranking)
+    ranking = ranked(scene.persons[sought].body, [one for start in starts for one in start.hypotheses[sought]])[:n]
+    own = [k == sought for k in range(len(best.poses))]
     return replace(
         best,
         hypotheses=tuple(ranking if mine else () for mine in own),
-        confidence=tuple(confidence(ranking) * limbs_shown(ranking[0]) if mine else 1.0 for mine in own),
+        confidence=tuple(confidence(ranking) if mine else 1.0 for mine in own),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -27,6 +27,11 @@ _REACH, _FEW = 0.6, 50
 _LYING_REACH = 1.2
 _MARGIN_M = 0.03
 _EROSIONS = 4
+# Share of the likeliest piece's volume from which on another one may be the person as well, and how many may.
+_ALIKE, _MOST_ALIKE = 0.5, 3
+# Height, in statures, of those who are told apart where they are one piece, and how far apart their middles are: the
+# legs and the trunk of one person are lower, what stands to the left and right in his hull is nearer.
+_UPRIGHT, _BESIDE_M = 0.75, 0.4
 # Gaps of this share of the image's longer side are closed.
 _GAP = 0.006
 
@@ -41,14 +46,24 @@ class Found:
     regions: tuple[Mask | None, ...]
     """(H, W) its pixels in each view; None without a foreground, and where it overlaps with another person."""
 
+    others: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    """(M, 3) voxels of others who may be the person as well, metres."""
+
 
 def find_persons(
     masks: tuple[Mask | None, ...], rig: Rig, persons: tuple[Person, ...], held: tuple[Person, ...]
 ) -> list[Found]:
+    """The likeliest of `ways_to_find`: K persons, the largest first."""
+    return ways_to_find(masks, rig, persons, held)[0]
+
+
+def ways_to_find(
+    masks: tuple[Mask | None, ...], rig: Rig, persons: tuple[Person, ...], held: tuple[Person, ...]
+) -> list[list[Found]]:
     """The regions of K persons that do not overlap in space; in an image they may.
 
     What is foreground in a single view, such as a moved chair, is foreground nowhere in space. A hole in one mask is
-    forgiven where no other way shows all persons.
+    forgiven where no other way shows all persons. Where one person is sought and more are there, each may be that one.
 
     Args:
         masks: (H, W) foreground of each view, None where there is none.
@@ -57,7 +72,7 @@ def find_persons(
         held: persons whose poses are known: their places are taken.
 
     Returns:
-        K persons, the largest first.
+        K persons, the largest first; of one person each that may be it, the likeliest first.
 
     Raises:
         InitializationError: fewer than K.
@@ -70,13 +85,28 @@ def find_persons(
     hull = visual_hull(rig, masks, most)
     theirs = _taken(held, rig)
     hull = hull.part(~within_all(rig, theirs, hull.points))
+
+    def parted(most_lacking: int, erosions: int) -> list[Hull]:
+        pieces = _pieces(hull.part(hull.lacking <= most_lacking), erosions, sizes, reach_m)
+        return _showing(pieces, masks, rig, theirs)
+
     erosions = range(_EROSIONS + 1 if len(persons) + len(held) > 1 else 1)
-    trials = [_pieces(hull.part(hull.lacking <= n), m, sizes, reach_m) for n in range(most + 1) for m in erosions]
-    trials = [_showing(pieces, masks, rig, theirs) for pieces in trials]
-    enough = [pieces[: len(persons)] for pieces in trials if len(pieces) >= len(persons)]
+    trials = [parted(n, m) for n in range(most + 1) for m in erosions]
+    enough = [pieces for pieces in trials if len(pieces) >= len(persons)]
     if enough:
-        best = min(enough, key=lambda pieces: misfit(pieces, statures) - 0.5 * _covered(pieces, masks, rig))
-        return _with_regions(best, masks, rig)
+
+        def cost(pieces: list[Hull]) -> float:
+            return misfit(pieces[: len(persons)], statures) - 0.5 * _covered(pieces[: len(persons)], masks, rig)
+
+        best = min(enough, key=cost)
+        if len(persons) > 1:
+            return [_with_regions(best[: len(persons)], masks, rig)]
+        alike = _alike(best)
+        found = _each(alike, masks, rig)
+        # somebody close by is one piece with the person
+        erosions = range(1, _EROSIONS + 1 if len(alike) == 1 and not held else 1)
+        apart = (_alike(_side_by_side(parted(0, m), min(statures))) for m in erosions)
+        return found + _each(next((pieces for pieces in apart if len(pieces) > 1), []), masks, rig)
     n_pieces = max(len(pieces) for pieces in trials)
     raise InitializationError(
         f"the foreground of all views shows {n_pieces} person(s), expected {len(persons)}: check the "
@@ -123,6 +153,32 @@ def _showing(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig, their
             for v, region in regions.items():
                 unexplained[v] &= ~region
     return kept
+
+
+def _alike(pieces: list[Hull]) -> list[Hull]:
+    """Those of pieces that may be the person as well as the first one, some at most."""
+    least = _ALIKE * max((len(piece.points) for piece in pieces[:_MOST_ALIKE]), default=0)
+    return [piece for piece in pieces[:_MOST_ALIKE] if len(piece.points) >= least]
+
+
+def _side_by_side(pieces: list[Hull], stature_m: float) -> list[Hull]:
+    """Those of pieces that are as high as persons who stand, and apart from the one before."""
+    kept: list[Hull] = []
+    for piece in pieces:
+        middle = np.median(piece.points[:, :2], axis=0)
+        gaps = [np.linalg.norm(middle - np.median(other.points[:, :2], axis=0)) for other in kept]
+        if np.ptp(piece.points[:, 2]) > _UPRIGHT * stature_m and min(gaps, default=np.inf) > _BESIDE_M:
+            kept.append(piece)
+    return kept
+
+
+def _each(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) -> list[list[Found]]:
+    """Each of some pieces as the person, who is not the others."""
+    found = []
+    for n, piece in enumerate(pieces):
+        others = np.concatenate([np.zeros((0, 3)), *(other.points for k, other in enumerate(pieces) if k != n)])
+        found.append([replace(one, others=others) for one in _with_regions([piece], masks, rig)])
+    return found
 
 
 def _within_reach(piece: Hull, reach_m: float) -> Hull:

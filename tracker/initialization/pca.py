@@ -23,15 +23,16 @@ from tracker.initialization._hypotheses import (
     different,
     hypothesis,
     least_left,
+    likeliest,
     ranked,
     turned_round,
     with_held,
 )
 from tracker.initialization._likeness import size_of, standing
-from tracker.initialization._persons import Found, find_persons, in_order
+from tracker.initialization._persons import Found, in_order, ways_to_find
 from tracker.initialization._placement import laid_in, placements, stands_upright, without_legs
 from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
-from tracker.initialization._visual_hull import shadow
+from tracker.initialization._visual_hull import STEP_M, shadow
 from tracker.objective import Objective
 from tracker.plate import Plate, in_light_of
 from tracker.rig import Rig
@@ -147,7 +148,15 @@ class PcaInitialization:
         """The start from the foregrounds (H, W) of all views."""
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
         persons = tuple(scene.persons[k] for k in sought)
-        found = find_persons(masks, scene.rig, persons, tuple(scene.persons[k] for k in stages.held))
+        ways = ways_to_find(masks, scene.rig, persons, tuple(scene.persons[k] for k in stages.held))
+        # who is looked for again is looked for often
+        ways = ways[:1] if stages.seen_before else ways
+        starts = [self._start_of(found, sought, frame, scene, stages) for found in ways]
+        return starts[0] if len(starts) == 1 else likeliest(starts, scene, self.finalists)
+
+    def _start_of(self, found: list[Found], sought: list[int], frame: Frame, scene: Scene, stages: Stages) -> Start:
+        """The start of the persons sought who are those found."""
+        persons = tuple(scene.persons[k] for k in sought)
         evidence: list[tuple[AxisFit | None, ...]] = [()] * len(scene.persons)
         hypotheses: list[tuple[Hypothesis, ...]] = [()] * len(scene.persons)
         ordered = in_order(found, persons, scene.rig, stages.seen_before)
@@ -264,7 +273,7 @@ def _enough(masks: tuple[Mask | None, ...], frame: Frame, scene: Scene) -> None:
 def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> Frame:
     """The frame with the plates in place of all that is far from the persons found and the known ones.
 
-    Furniture that was moved, passers-by and persons yet to be found are gone.
+    Furniture that was moved, passers-by and persons yet to be found are gone, and who may be the person as well.
     """
     first = scene.persons[: len(stages.held)] if len(found) == 1 else scene.persons
     held = [person.body.landmarks_in_world(person.q) for person in first]
@@ -278,6 +287,8 @@ def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> 
             masks.append(None)
             continue
         near = np.any([shadow(scene.rig, v, places, _AROUND_M) for places in points], axis=0)
+        for one in found:
+            near &= shadow(scene.rig, v, one.points, STEP_M) | ~shadow(scene.rig, v, one.others, STEP_M)
         images.append(image if plate is None else np.where(near[..., None], image, in_light_of(image, plate)))
         masks.append(None if given is None else given & near)
     return replace(frame, images=tuple(images), masks=tuple(masks))

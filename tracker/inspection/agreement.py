@@ -13,6 +13,7 @@ from tracker.components import component
 from tracker.inspection import Survey
 from tracker.inspection._rays import misses, usual_share
 from tracker.inspection._survey import FACTOR
+from tracker.inspection.bodies import n_bodies
 
 # Frames in which something has to be seen before anything is told.
 _LEAST_FRAMES = 10
@@ -25,7 +26,7 @@ class AgreementInspection:
     In nine recordings before plates they miss by 0.004 to 0.011 of the width, by 0.017 with two persons; exchanged or
     mirrored, most miss by 0.03 to 0.11. Somebody in the very middle of the rig may be seen by exchanged
     cameras too: nothing is said then, nor of several persons where a view has no plate: who moves there and who does
-    elsewhere need not be the same.
+    elsewhere need not be the same. Where more bodies stand out than are persons, middles are of all of them.
     """
 
     most_share: float = pydantic.Field(default=0.03, gt=0, lt=1)
@@ -52,7 +53,7 @@ class AgreementInspection:
         told = min(tried, key=lambda one: tried[one], default="")
         if told and tried[told] * self.better < share and tried[told] < self.most_share:
             yield f"{told}: rays to the foregrounds miss by {share:.1%} of the width as given, {tried[told]:.1%} so"
-        elif len(seen.scene.persons) == 1 and self._meet_nowhere(seen):
+        elif len(seen.scene.persons) == 1 and n_bodies(seen) <= 1 and self._meet_nowhere(seen):
             yield (
                 f"the foregrounds of the views do not meet in space: rays to them miss by {share:.1%} of the image "
                 f"width, expected {self.most_share:.1%} at most; is it the rig of this recording, with its units "

@@ -52,6 +52,7 @@ def replay_of(line: bytes) -> Replay:
         seconds={str(stage): float(value) for stage, value in entry["seconds"].items()},
         overlap=None if overlap is None else _unpacked(overlap),
         untrusted={int(v): str(fault) for v, fault in entry["untrusted"].items()},
+        strangers=bool(entry.get("strangers", False)),
     )
 
 
@@ -62,6 +63,7 @@ def _line(step: Step) -> dict[str, Any]:
         "seconds": {stage: round(value, 6) for stage, value in step.seconds.items()},
         "overlap": None if step.overlap is None else _packed(step.overlap),
         "untrusted": {str(v): fault for v, fault in step.untrusted.items()},
+        **({"strangers": True} if step.strangers else {}),
         "estimates": [_to_json(estimate) for estimate in step.estimates],
     }
 

@@ -63,6 +63,8 @@ class Series:
     seconds: list[dict[str, float]] = field(default_factory=list)
     missing: Counter[str] = field(default_factory=Counter)
     untrusted: Counter[str] = field(default_factory=Counter)
+    strangers: int = 0
+    """Frames in which somebody who is none of the persons was beside them."""
 
     def add(self, step: Step) -> None:
         """Takes the numbers of one frame."""
@@ -82,6 +84,7 @@ class Series:
         self.seconds.append(step.seconds)
         self.missing.update(self.scene.rig.names[v] for v in step.frame.missing)
         self.untrusted.update(self.scene.rig.names[v] for v in step.untrusted)
+        self.strangers += step.strangers
 
     def spans(self) -> Array:
         """(T, 2) begin and end of the time that each frame stands for, seconds: half-way to its neighbours."""
@@ -160,6 +163,7 @@ class Series:
             "silhouette_iou": self.mean_overlap(),
             "frames_without_image": dict(self.missing),
             "frames_without_trusted_foreground": dict(self.untrusted),
+            "frames_with_strangers": self.strangers,
         }
 
 
