@@ -69,6 +69,9 @@ class _Condition:
     with_partner: bool = False
     """Whether the person of another clip is there as well."""
 
+    tells_of_all: bool = True
+    """Whether all who are there are to be followed, not the first one alone."""
+
 
 # The usual one films as the recordings of BODYTRACK_DATA/room are filmed.
 _CONDITIONS = {
@@ -91,6 +94,7 @@ _CONDITIONS = {
     "furnished": _Condition(n_boxes=1),
     "crammed": _Condition(n_boxes=2),
     "together": _Condition(with_partner=True),
+    "bystander": _Condition(with_partner=True, tells_of_all=False),
 }
 
 
@@ -177,6 +181,7 @@ def _make(clip: _Clip, condition: _Condition, data: Path, folder: Path, progress
         {"subject": one.person, "id": one.person, "height_m": read_description(model).stature_m}
         for one, model in zip(clips, models, strict=True)
     ]
+    told = told if condition.tells_of_all else told[:1]
     with whole_folder(folder) as unfinished:
         fill_folder(simulation, unfinished, unfinished / "config.toml", progress)
         save_rig(turned_cameras(simulation.scene.rig, condition.turned_deg), unfinished / "rig.toml")

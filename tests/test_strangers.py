@@ -138,7 +138,9 @@ def test_what_is_hidden_is_nobodys(both: Simulation, frame: Frame) -> None:
     assert occluder is not None
     assert unknown is not None
     assert (unknown & other).sum() > 0.75 * other.sum()
-    assert both.plates[0] is not None and both.plates[0].occluder is None, "the plate of other frames stays as it is"
+    plate = both.plates[0]
+    assert plate is not None
+    assert plate.occluder is None, "that of other frames"
 
 
 def test_one_of_two_is_tracked_and_the_other_is_told(both: Simulation) -> None:
@@ -156,9 +158,8 @@ def test_one_of_two_is_tracked_and_the_other_is_told(both: Simulation) -> None:
     assert doubts.sentence().endswith("; somebody else beside in 6 (frames 0-5)")
 
 
-@pytest.mark.parametrize("k", [0, 1])
-def test_of_two_bodies_a_start_takes_the_one_that_the_model_fits(both: Simulation, frame: Frame, k: int) -> None:
-    """Both are high enough for either; sought by size alone both models were found in the same one."""
-    scene = alone(both, k)
+def test_of_two_bodies_a_start_takes_the_one_that_the_model_fits(both: Simulation, frame: Frame) -> None:
+    """They are one piece of the hull; taken for one person they were found in a pose of nobody, 0.5 m off."""
+    scene = alone(both, 1)
     start = PcaInitialization().start(frame, scene, cycle_for(both).stages)
-    assert joint_errors_mm(both, k, 0, start.poses[0]).mean() < 60
+    assert joint_errors_mm(both, 1, 0, start.poses[0]).mean() < 60
