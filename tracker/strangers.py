@@ -62,8 +62,8 @@ def hide_strangers(sight: Sight, scene: Scene, synthesis: Synthesis) -> None:
     """Takes whoever is none of the persons for what hides them in a sight, from now on.
 
     What stands out there in an image is nobody's, and contours that the model has there count for nothing, as before
-    furniture that is painted. Of a dancer with somebody beside him 16 of 60 frames had a joint off, and 29 mm on average;
-    so none has, and 18 mm, as with a model of both.
+    furniture that is painted. Of a dancer with somebody beside him 16 of 60 frames had a joint off, 29 mm on average;
+    so none has, 18 mm, as with a model of both.
 
     Args:
         sight: the images, and the plates to compare them with.
