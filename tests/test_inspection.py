@@ -170,7 +170,8 @@ def test_a_world_that_is_not_upright_or_not_in_metres(simulation: Simulation, fr
 
 
 def test_more_bodies_than_persons() -> None:
-    two = small_simulation("arm_swing", n_frames=6, persons=2)
+    """Which is all that is said: the middles of foregrounds with two bodies need not meet in space."""
+    two = small_simulation("walking_on_the_spot", n_frames=12, persons=2)
     shown = tuple(two.frames())
     assert told(shown, two.scene, two.plates) == ()
     (line,) = told(shown, Scene(two.scene.persons[:1], two.scene.rig), two.plates)
