@@ -96,11 +96,12 @@ def strangers(sight: Sight, scene: Scene, synthesis: Synthesis) -> dict[int, Mas
 
 
 def _bones(scene: Scene) -> Array:
-    """Points (N, 3) along the bones of all persons, metres."""
+    """Points (N, 3) along the bones of all persons, with their landmarks and the middles of their parts, metres."""
     share = np.linspace(0, 1, 8)[:, None]
-    bones = []
+    bones = [scene.world_from_parts()[0, :, :3, 3]]
     for person in scene.persons:
         marks, names = person.body.landmarks_in_world(person.q), person.body.landmark_names
+        bones.append(marks)
         for one, other in person.body.links:
             start, end = marks[names.index(one)], marks[names.index(other)]
             bones.append(start + share * (end - start))
