@@ -137,6 +137,13 @@ _CLIPS = {
     "martial_arts_2": _Clip("cmu/135_06-martialArts.amc", "rita", "P-Floor", 12.0, 14.4, 45),
     "ballroom_1": _Clip("cmu/131_04-dance.amc", "rita", "N-Stride", 1.0, 3.4, 90),
     "ballroom_2": _Clip("cmu/131_04-dance.amc", "theo", "V-Dance", 5.0, 7.4, -120),
+    # Chosen after the others, when there was nothing left to choose by them.
+    "backflip": _Clip("deepmimic/humanoid3d_backflip.txt", "theo", "V-Dance", heading_deg=40),
+    "dancing": _Clip("deepmimic/humanoid3d_dance_a.txt", "rita", "P-Floor", heading_deg=-30),
+    "martial_arts_3": _Clip("cmu/135_06-martialArts.amc", "rita", "V-Dance", 8.0, 10.4, 110),
+    "martial_arts_4": _Clip("cmu/135_06-martialArts.amc", "theo", "P-Floor", 18.0, 20.4, -60),
+    "martial_arts_5": _Clip("cmu/135_06-martialArts.amc", "theo", "N-Stride", 22.0, 24.4, 200),
+    "ballroom_3": _Clip("cmu/131_04-dance.amc", "theo", "K-Kick", 3.0, 5.4, 30),
     # These two are not by chance: nobody is in the pictures at first, or at last.
     "walking_in": _Clip("cmu/07_08-walk.amc", "rita", "V-Dance", heading_deg=30, ahead_m=-2.6),
     "walking_out": _Clip("cmu/07_05-walk.amc", "theo", "K-Kick", heading_deg=-70, ahead_m=2.6),
