@@ -22,6 +22,7 @@ import numpy as np
 import typer
 from benchmarks.motion_files import MotionFile, read_cmu, read_deepmimic
 from benchmarks.moved_scans import poses_like
+from benchmarks.refilmed import Change, adapting, grey, grey_plates, refilmed, shaken, switched
 from benchmarks.rooms import filmed_with, furnished, picture_of, turned_cameras
 from rich.console import Console
 
@@ -66,6 +67,9 @@ class _Condition:
     repeats: bool = False
     """Whether the first view shows a frame twice, half-way, and is a frame behind from there on."""
 
+    change: Change | None = None
+    """What the cameras make of the images."""
+
     with_partner: bool = False
     """Whether the person of another clip is there as well."""
 
@@ -93,6 +97,10 @@ _CONDITIONS = {
     "zoomed": _Condition(zoom=1.6),
     "furnished": _Condition(n_boxes=1),
     "crammed": _Condition(n_boxes=2),
+    "grey": _Condition(change=grey),
+    "adapting": _Condition(change=adapting),
+    "switched": _Condition(change=switched),
+    "shaken": _Condition(change=shaken),
     "together": _Condition(with_partner=True),
     "bystander": _Condition(with_partner=True, tells_of_all=False),
 }
@@ -191,6 +199,8 @@ def _make(clip: _Clip, condition: _Condition, data: Path, folder: Path, progress
     told = told if condition.tells_of_all else told[:1]
     with whole_folder(folder) as unfinished:
         fill_folder(simulation, unfinished, unfinished / "config.toml", progress)
+        if condition.change is grey:
+            grey_plates(unfinished / "background")
         save_rig(turned_cameras(simulation.scene.rig, condition.turned_deg), unfinished / "rig.toml")
         (unfinished / "meta.json").write_text(json.dumps({"people": told}), encoding="utf-8")
         if condition.with_partner:
@@ -247,7 +257,8 @@ def _simulated(clips: tuple[_Clip, ...], condition: _Condition, models: tuple[Pa
         repeats_from=(len(poses[0]) // 2, *[None] * (len(rig) - 1)) if condition.repeats else (),
     )
     persons = tuple(Person(clip.person, body, one[0]) for clip, body, one in zip(clips, bodies, poses, strict=True))
-    return Simulation(recipe, Scene(persons, rig), tuple(poses), tuple(map(Plate, pictures)), fronts)
+    simulation = Simulation(recipe, Scene(persons, rig), tuple(poses), tuple(map(Plate, pictures)), fronts)
+    return simulation if condition.change is None else refilmed(simulation, condition.change)
 
 
 def _side_by_side(poses: list[Array], bodies: list[BodyModel]) -> list[Array]:
