@@ -13,13 +13,16 @@ from tracker.body_files import load_body
 from tracker.doubts import Doubts
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
+from tracker.initialization._persons import find_persons, in_order, ways_to_find
 from tracker.initialization.pca import PcaInitialization
+from tracker.jobs._starts import told_of_start
 from tracker.loss import LossRule
 from tracker.recording._journal_line import line_of, replay_of
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
+from tracker.start import Hypothesis, Start
 from tracker.strangers import hide_strangers, strangers
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking import track
@@ -52,6 +55,10 @@ def alone(simulation: Simulation, k: int = 0) -> Scene:
 
 def silhouettes(scene: Scene, k: int) -> tuple[Mask, ...]:
     return SYNTHESIS.silhouettes(Scene((scene.persons[k],), scene.rig))
+
+
+def silhouettes_of_all(scene: Scene) -> tuple[Mask, ...]:
+    return SYNTHESIS.silhouettes(scene)
 
 
 def of_one(simulation: Simulation) -> Simulation:
@@ -163,3 +170,35 @@ def test_of_two_bodies_a_start_takes_the_one_that_the_model_fits(both: Simulatio
     scene = alone(both, 1)
     start = PcaInitialization().start(frame, scene, cycle_for(both).stages)
     assert joint_errors_mm(both, 1, 0, start.poses[0]).mean() < 60
+
+
+@pytest.mark.parametrize("k", [0, 1])
+def test_where_the_person_is_told_to_be_the_nearest_body_is_taken(both: Simulation, frame: Frame, k: int) -> None:
+    """Of the other one neither stature nor fit count."""
+    taller, there = both.scene.persons[0], both.scene.persons[k]
+    x, y = there.body.landmarks_in_world(there.q)[:, :2].mean(axis=0)
+    asked = (replace(taller, at=(float(x) + 0.2, float(y))),)
+    masks = silhouettes_of_all(both.scene)
+    ((found,),) = ways_to_find(masks, both.scene.rig, asked, ())
+    assert np.linalg.norm(np.median(found.points[:, :2], axis=0) - (x, y)) < 0.15
+
+
+def test_places_tell_persons_apart_whatever_their_statures(both: Simulation) -> None:
+    first, second = both.scene.persons
+    places = [tuple(one.body.landmarks_in_world(one.q)[:, :2].mean(axis=0).tolist()) for one in (second, first)]
+    asked = tuple(replace(one, at=place) for one, place in zip((first, second), places, strict=True))
+    masks = silhouettes_of_all(both.scene)
+    found = in_order(find_persons(masks, both.scene.rig, asked, ()), asked, both.scene.rig, seen_before=False)
+    for one, place in zip(found, places, strict=True):
+        assert np.linalg.norm(np.median(one.points[:, :2], axis=0) - place) < 0.15
+
+
+def test_a_start_tells_where_else_a_body_is(both: Simulation) -> None:
+    scene, (person, other) = alone(both), both.scene.persons
+    elsewhere = moved(person, tuple(other.q[list(other.body.root.shifts)] - person.q[list(person.body.root.shifts)]))
+    nearby = moved(person, (0.05, 0.0, 0.0))
+    ranking = tuple(Hypothesis(one.q, 3.0, 0.9, 0.2, 0.0) for one in (person, nearby, elsewhere))
+    (line,) = told_of_start(Start((person.q,), hypotheses=(ranking,)), scene)
+    assert line.startswith("person1 may be one of 2 bodies: the model fits best at (")
+    assert 'persons = [{ name = "person1", at = [' in line
+    assert told_of_start(Start((person.q,), hypotheses=(ranking[:2],)), scene) == ()

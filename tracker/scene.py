@@ -23,6 +23,9 @@ class Person:
     q: Array
     """(dof,) rad and m."""
 
+    at: tuple[float, float] | None = None
+    """Where the person is told to be when looked for first, x and y in metres; None for nowhere."""
+
     def __post_init__(self) -> None:
         q = frozen(self.q)
         if fault := shape_fault(q, self.body.dof):
@@ -54,7 +57,7 @@ class Scene:
         """The scene with other bodies of some persons, by their places in it, which are at rest then."""
         persons = list(self.persons)
         for k, body in bodies.items():
-            persons[k] = Person(persons[k].name, body, body.rest())
+            persons[k] = replace(persons[k], body=body, q=body.rest())
         return Scene(tuple(persons), self.rig)
 
     @cached_property

@@ -30,6 +30,10 @@ class Subject:
     stature_m: Stature | None = None
     """Height the model is scaled to, metres; None leaves it as it is."""
 
+    at: tuple[float, float] | None = None
+    """Where the person is at the start, x and y in metres, roughly: of several bodies the nearest one is taken. None
+    leaves that to statures, and to how well the models fit."""
+
     shape: Literal["recording", "model"] | None = None
     """`recording`: lengths and shapes are fitted to the first frames before these are tracked; `model`: they are those
     of the model file. None: a model that is scaled by stature is fitted, for it is not yet that person's; one with a

@@ -93,7 +93,8 @@ def fit_bodies(
         few = f"as the model has them: no background is known in {_LEAST_OUTLINED} views"
         return Fitting({}, dict.fromkeys(spaces, few), (), None)
     found, state, unlike = _as_they_are(frames, (scene, spaces), cycle, reopen, settings)
-    if (order := whose(*_bodies(scene, found))) is not None:
+    told = any(person.at is not None for person in scene.persons)
+    if not told and (order := whose(*_bodies(scene, found))) is not None:
         cycle.progress("bodies: under each other's names, for one is as tall as another is told to be")
         known = knowing(cycle, *_exchanged(found.steps, order), believed=True)
         other = _as_they_are(frames, (scene, spaces), known, reopen, settings)

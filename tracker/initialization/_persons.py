@@ -98,15 +98,17 @@ def ways_to_find(
         def cost(pieces: list[Hull]) -> float:
             return misfit(pieces[: len(persons)], statures) - 0.5 * _covered(pieces[: len(persons)], masks, rig)
 
-        best = min(enough, key=cost)
+        best = _where_told(min(enough, key=cost), persons)
         if len(persons) > 1:
             return [_with_regions(best[: len(persons)], masks, rig)]
-        alike = _alike(best)
-        found = _each(alike, masks, rig)
+        told = persons[0].at is not None
+        alike = best[:_MOST_ALIKE] if told else _alike(best)
         # somebody close by is one piece with the person
         erosions = range(1, _EROSIONS + 1 if len(alike) == 1 and not held else 1)
         apart = (_alike(_side_by_side(parted(0, m), min(statures))) for m in erosions)
-        return found + _each(next((pieces for pieces in apart if len(pieces) > 1), []), masks, rig)
+        parts = _where_told(next((pieces for pieces in apart if len(pieces) > 1), []), persons)
+        ways = _each(alike, masks, rig), _each(parts, masks, rig)
+        return (ways[1] or ways[0])[:1] if told else [*ways[0], *ways[1]]
     n_pieces = max(len(pieces) for pieces in trials)
     raise InitializationError(
         f"the foreground of all views shows {n_pieces} person(s), expected {len(persons)}: check the "
@@ -161,12 +163,27 @@ def _alike(pieces: list[Hull]) -> list[Hull]:
     return [piece for piece in pieces[:_MOST_ALIKE] if len(piece.points) >= least]
 
 
+def _where_told(pieces: list[Hull], persons: tuple[Person, ...]) -> list[Hull]:
+    """The pieces, those nearest to where persons are told to be first, in the persons' order."""
+    left, first = list(pieces), []
+    for person in persons:
+        if person.at is not None and left:
+            gaps = [float(np.linalg.norm(_place(piece.points) - person.at)) for piece in left]
+            first.append(left.pop(int(np.argmin(gaps))))
+    return first + left
+
+
+def _place(points: Array) -> Array:
+    """(2,) where voxels (N, 3) are on the floor, metres."""
+    place: Array = np.median(points[:, :2], axis=0)
+    return place
+
+
 def _side_by_side(pieces: list[Hull], stature_m: float) -> list[Hull]:
     """Those of pieces that are as high as persons who stand, and apart from the one before."""
     kept: list[Hull] = []
     for piece in pieces:
-        middle = np.median(piece.points[:, :2], axis=0)
-        gaps = [np.linalg.norm(middle - np.median(other.points[:, :2], axis=0)) for other in kept]
+        gaps = [np.linalg.norm(_place(piece.points) - _place(other.points)) for other in kept]
         if np.ptp(piece.points[:, 2]) > _UPRIGHT * stature_m and min(gaps, default=np.inf) > _BESIDE_M:
             kept.append(piece)
     return kept
@@ -199,10 +216,15 @@ def _covered(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) -> fl
 
 
 def in_order(found: list[Found], persons: tuple[Person, ...], rig: Rig, seen_before: bool) -> list[Found]:
-    """Which of the found is which person: by who is taller, and by where a lost person was seen last."""
+    """Which of the found is which person: by where it is told to be, who is taller, where a lost one was seen last."""
     heads = np.array([_head_top(other, rig) for other in found])
     statures = np.array([size_of(person).stature_m for person in persons])
     costs = np.abs((heads - heads.mean())[None] - (statures - statures.mean())[:, None])
+    if not seen_before:
+        places = np.array([_place(other.points) for other in found])
+        for k, person in enumerate(persons):
+            if person.at is not None:
+                costs[k] = np.linalg.norm(places - person.at, axis=1)
     if seen_before:
         last = np.array([person.body.landmarks_in_world(person.q).mean(axis=0) for person in persons])
         costs += np.linalg.norm(last[:, None] - np.array([other.points.mean(axis=0) for other in found])[None], axis=2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +56,8 @@ def whereabouts(frame: Frame, scene: Scene, stages: Stages) -> list[Whereabouts]
         InitializationError: nothing moves in two views, or it shows fewer persons.
     """
     sought = tuple(person for k, person in enumerate(scene.persons) if k not in stages.held)
+    if stages.seen_before:
+        sought = tuple(replace(person, at=None) for person in sought)
     made = stages.backdrops() or stages.plates
     known = tuple(plate or one for plate, one in zip(stages.plates, made, strict=True))
     masks = foregrounds(frame, known)

@@ -148,6 +148,8 @@ class PcaInitialization:
         """The start from the foregrounds (H, W) of all views."""
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
         persons = tuple(scene.persons[k] for k in sought)
+        if stages.seen_before:
+            persons = tuple(replace(person, at=None) for person in persons)
         ways = ways_to_find(masks, scene.rig, persons, tuple(scene.persons[k] for k in stages.held))
         # who is looked for again is looked for often
         ways = ways[:1] if stages.seen_before else ways

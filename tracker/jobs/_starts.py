@@ -1,12 +1,18 @@
-"""What a run says of the poses that it was given to start from."""
+"""What a run says of the poses that it starts from."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 
+import numpy as np
+
+from tracker.arrays import Array
 from tracker.scene import Scene
 from tracker.start import Start
 from tracker.trajectory import Step
+
+_APART_M = 0.4
+"""Between the middles of two bodies, at least; of poses of one body they are nearer."""
 
 
 def telling(steps: Iterable[Step], tell: Callable[[tuple[str, ...]], None]) -> Iterator[Step]:
@@ -18,15 +24,37 @@ def telling(steps: Iterable[Step], tell: Callable[[tuple[str, ...]], None]) -> I
 
 
 def told_of_start(start: Start, scene: Scene) -> tuple[str, ...]:
-    """Persons whose given pose fits the images less well than the same turned round, left and right exchanged.
+    """Persons whose given pose fits less well than the same turned round, and those who may be another body there.
 
     Args:
         start: the poses, and what else was tried.
         scene: the persons, in the same order.
     """
+    return (*_turned_round(start, scene), *_elsewhere(start, scene))
+
+
+def _turned_round(start: Start, scene: Scene) -> tuple[str, ...]:
+    """Of poses that were given, left and right exchanged."""
     return tuple(
         f"{scene.persons[k].name} may be turned round: of the start pose given {given:.0%} of the contour are left "
         f"over, of the same facing the other way {turned:.0%}; check left and right in its file, or leave it out, and "
         "the person is looked for"
         for k, (given, turned) in start.turned_round.items()
     )
+
+
+def _elsewhere(start: Start, scene: Scene) -> Iterator[str]:
+    """Where else bodies are that were tried for a person."""
+    for person, ranking in zip(scene.persons, start.hypotheses, strict=False):
+        places: list[Array] = []
+        for one in ranking:
+            place = person.body.landmarks_in_world(one.q)[:, :2].mean(axis=0)
+            if all(np.linalg.norm(place - other) > _APART_M for other in places):
+                places.append(place)
+        if len(places) > 1:
+            first, *others = (f"({x:.1f}, {y:.1f})" for x, y in places)
+            yield (
+                f"{person.name} may be one of {len(places)} bodies: the model fits best at {first} m, and was tried at "
+                f"{', '.join(others)} too; if that is the wrong one say where the person is at the start, for "
+                f'instance persons = [{{ name = "{person.name}", at = [{places[1][0]:.1f}, {places[1][1]:.1f}], ... }}]'
+            )

@@ -139,7 +139,9 @@ class TrackJob:
         sequence = opened_even(self.reading)
         if self.smoothing is not None:
             self._check_smoothing(self.smoothing, sequence.interval_s)
-        persons = tuple(Person(name, body, body.rest()) for name, body in ((n, m.build()) for n, m in models.items()))
+        bodies = [model.build() for model in models.values()]
+        pairs = zip(self.persons, bodies, strict=True)
+        persons = tuple(Person(subject.name, body, body.rest(), subject.at) for subject, body in pairs)
         scene = Scene(persons, sequence.rig)
         self.evidence.check(scene)
         self.initialization.check(scene, sequence.known)
