@@ -48,6 +48,15 @@ def test_a_finished_step_takes_one_line(capsys):
     assert len([line for line in capture.get().splitlines() if line.strip()]) == 3
 
 
+def test_a_warning_is_a_line_of_its_own_beside_a_bar_too():
+    shown = Console(width=80, file=io.StringIO())
+    bar = ProgressBar(shown)
+    bar("tracking", 1, 4, DETAIL)
+    bar("first pass, frame 3")
+    bar("input: nobody moves [in any view]")
+    assert shown.file.getvalue().splitlines() == ["input: nobody moves [in any view]"]
+
+
 def test_an_evaluation_starts_with_what_is_looked_for(monkeypatch):
     shown = Console(width=80, file=io.StringIO())
     monkeypatch.setattr(evaluate, "console", shown)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Protocol
 
+WARNING = "input: "
+"""What a message begins with that stays to be read: something is wrong with the input."""
+
 
 class Progress(Protocol):
     """Told how far a piece of work is."""

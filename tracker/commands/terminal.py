@@ -10,6 +10,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.table import Column
 from rich.text import Text
 
+from tracker.progress import WARNING
+
 console = Console()
 
 
@@ -51,7 +53,7 @@ _DETAIL = TextColumn("{task.fields[detail]}", table_column=Column(no_wrap=True, 
 class ProgressBar:
     """A bar for each thing that is counted; a `tracker.progress.Progress`.
 
-    A message is a line of its own before anything is counted, and stands beside the bar meanwhile.
+    A message is a line of its own before anything is counted, and stands beside the bar meanwhile; a warning stays one.
     """
 
     def __init__(self, shown_on: Console = console) -> None:
@@ -89,7 +91,7 @@ class ProgressBar:
 
     def _message(self, text: str) -> None:
         task = None if self._task is None else self._bar.tasks[self._task]
-        if self._task is None or task is None or task.finished:
+        if self._task is None or task is None or task.finished or text.startswith(WARNING):
             self._console.print(text, highlight=False, markup=False)
         else:
             self._bar.update(self._task, detail=text)

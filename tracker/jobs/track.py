@@ -39,7 +39,7 @@ from tracker.kernels.ahead import Group
 from tracker.loss import LossRule
 from tracker.plate import Plate
 from tracker.prediction import Prediction
-from tracker.progress import Progress, silent
+from tracker.progress import WARNING, Progress, silent
 from tracker.reading import Reading
 from tracker.recorded_plates import behind_who_stays, without_persons
 from tracker.recording import DEFAULTS, Recording, RunContext, chosen_recordings, described_recordings
@@ -289,8 +289,8 @@ class TrackJob:
 def _warned(found: tuple[str, ...], progress: Progress) -> tuple[str, ...]:
     """What looks wrong in the input, told."""
     for line in found:
-        log.warning("input: %s", line)
-        progress(f"input: {line}")
+        log.warning("%s%s", WARNING, line)
+        progress(f"{WARNING}{line}")
     return found
 
 
