@@ -127,15 +127,19 @@ def least_left(starts: list[Start], scene: Scene, n: int) -> Start:
     return replace(best, confidence=tuple(sure if k == sought[0] else 1.0 for k in range(len(best.poses))))
 
 
-def likeliest(starts: list[Start], scene: Scene, n: int) -> Start:
+def likeliest(starts: list[Start], scene: Scene, n: int, bodies: bool = False) -> Start:
     """Of starts of one person, in several ways, that which leaves least over, with the best n of all hypotheses.
 
-    The best one of every start stays among them, for it may be of another body.
+    Args:
+        starts: in several ways.
+        scene: the persons.
+        n: how many hypotheses stay.
+        bodies: whether each start is of another body: the best of each stays, too, unless it is much worse.
     """
     best = min(starts, key=lambda one: sum(ranking[0].left_over for ranking in one.hypotheses if ranking))
     (sought,) = (k for k, ranking in enumerate(best.hypotheses) if ranking)
-    body, firsts = scene.persons[sought].body, [start.hypotheses[sought][0] for start in starts]
-    every = ranked(body, [one for start in starts for one in start.hypotheses[sought]])
+    firsts = [start.hypotheses[sought][0] for start in starts if bodies]
+    every = ranked(scene.persons[sought].body, [one for start in starts for one in start.hypotheses[sought]])
     most = _MOST_BESIDE * every[0].left_over
     others = (one for one in every[n:] if one.left_over < most and any(one is first for first in firsts))
     ranking = (*every[:n], *others)

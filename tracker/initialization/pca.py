@@ -153,8 +153,15 @@ class PcaInitialization:
         ways = ways_to_find(masks, scene.rig, persons, tuple(scene.persons[k] for k in stages.held))
         # who is looked for again is looked for often
         ways = ways[:1] if stages.seen_before else ways
-        starts = [self._start_of(found, sought, frame, scene, stages) for found in ways]
-        return starts[0] if len(starts) == 1 else likeliest(starts, scene, self.finalists)
+        if len(ways) == 1:
+            return self._start_of(ways[0], sought, frame, scene, stages)
+        starts = []
+        for found in ways:
+            with contextlib.suppress(InitializationError):
+                starts.append(self._start_of(found, sought, frame, scene, stages))
+        if not starts:
+            raise InitializationError(f"frame {frame.index}: {len(ways)} bodies stand out, and none is like a person")
+        return likeliest(starts, scene, self.finalists, bodies=True)
 
     def _start_of(self, found: list[Found], sought: list[int], frame: Frame, scene: Scene, stages: Stages) -> Start:
         """The start of the persons sought who are those found."""
@@ -289,7 +296,7 @@ def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> 
             masks.append(None)
             continue
         near = np.any([shadow(scene.rig, v, places, _AROUND_M) for places in points], axis=0)
-        for one in found:
+        for one in (one for one in found if len(one.others)):
             near &= shadow(scene.rig, v, one.points, STEP_M) | ~shadow(scene.rig, v, one.others, STEP_M)
         images.append(image if plate is None else np.where(near[..., None], image, in_light_of(image, plate)))
         masks.append(None if given is None else given & near)
