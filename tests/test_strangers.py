@@ -17,7 +17,7 @@ from tracker.initialization._persons import find_persons, in_order, ways_to_find
 from tracker.initialization.pca import PcaInitialization
 from tracker.jobs._starts import told_of_start
 from tracker.loss import LossRule
-from tracker.recording._journal_line import line_of, replay_of
+from tracker.recording._journal_line import as_kept, line_of, replay_of
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
@@ -163,6 +163,16 @@ def test_one_of_two_is_tracked_and_the_other_is_told(both: Simulation) -> None:
         assert replay_of(line_of(step).encode()).strangers
         doubts = doubts.after(step)
     assert doubts.sentence().endswith("; somebody else beside in 6 (frames 0-5)")
+
+
+def test_an_interrupted_run_goes_on_as_if_it_had_not_been(both: Simulation) -> None:
+    scene = alone(both)
+    cycle = cycle_for(both, TrueStart(of_one(both)), evidence=AutoEvidence(), loss=LossRule(rehearse=0))
+    whole = [as_kept(step) for step in track(both.frames(), scene, cycle)]
+    done = {step.frame.index: replay_of(line_of(step).encode()) for step in whole[:3]}
+    for one, other in zip(whole, track(both.frames(), scene, cycle, done), strict=True):
+        np.testing.assert_array_equal(one.estimates[0].q, other.estimates[0].q)
+        assert one.strangers == other.strangers
 
 
 def test_of_two_bodies_a_start_takes_the_one_that_the_model_fits(both: Simulation, frame: Frame) -> None:
