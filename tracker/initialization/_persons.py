@@ -29,9 +29,10 @@ _MARGIN_M = 0.03
 _EROSIONS = 4
 # Share of the likeliest piece's volume from which on another one may be the person as well, and how many may.
 _ALIKE, _MOST_ALIKE = 0.5, 3
-# Height, in statures, of those who are told apart where they are one piece, and how far apart their middles are: the
-# legs and the trunk of one person are lower, what stands to the left and right in his hull is nearer.
-_UPRIGHT, _BESIDE_M = 0.75, 0.4
+# Height, in statures, of those who are told apart where they are one piece, how wide they are both ways at most,
+# and how far apart their middles are: the legs and the trunk of one person are lower, what lies around him, shadows and
+# ghosts, is a shell 1 to 1.6 statures wide, what stands to the left and right in his hull is nearer.
+_UPRIGHT, _WIDE, _BESIDE_M = 0.75, 0.8, 0.4
 # Gaps of this share of the image's longer side are closed.
 _GAP = 0.006
 
@@ -180,11 +181,13 @@ def _place(points: Array) -> Array:
 
 
 def _side_by_side(pieces: list[Hull], stature_m: float) -> list[Hull]:
-    """Those of pieces that are as high as persons who stand, and apart from the one before."""
+    """Those of pieces that are as high and wide as persons who stand, and apart from those before."""
     kept: list[Hull] = []
     for piece in pieces:
         gaps = [np.linalg.norm(_place(piece.points) - _place(other.points)) for other in kept]
-        if np.ptp(piece.points[:, 2]) > _UPRIGHT * stature_m and min(gaps, default=np.inf) > _BESIDE_M:
+        extents = np.ptp(piece.points, axis=0) / stature_m
+        like_one = extents[2] > _UPRIGHT and extents[:2].min() < _WIDE
+        if like_one and min(gaps, default=np.inf) > _BESIDE_M:
             kept.append(piece)
     return kept
 
