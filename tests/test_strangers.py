@@ -208,7 +208,9 @@ def test_a_start_tells_where_else_a_body_is(both: Simulation) -> None:
     elsewhere = moved(person, tuple(other.q[list(other.body.root.shifts)] - person.q[list(person.body.root.shifts)]))
     nearby = moved(person, (0.05, 0.0, 0.0))
     ranking = tuple(Hypothesis(one.q, 3.0, 0.9, 0.2, 0.0) for one in (person, nearby, elsewhere))
-    (line,) = told_of_start(Start((person.q,), hypotheses=(ranking,)), scene)
+    axes = ((None,) * 4,)
+    (line,) = told_of_start(Start((person.q,), axes, (ranking,)), scene)
     assert line.startswith("person1 may be one of 2 bodies: the model fits best at (")
     assert 'persons = [{ name = "person1", at = [' in line
-    assert told_of_start(Start((person.q,), hypotheses=(ranking[:2],)), scene) == ()
+    assert told_of_start(Start((person.q,), axes, (ranking[:2],)), scene) == ()
+    assert told_of_start(Start((person.q,), (), (ranking,)), scene) == (), "without plates"

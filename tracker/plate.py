@@ -115,11 +115,7 @@ def in_light_of(image: Image, plate: Plate) -> Image:
 
 
 def threshold_level(image: Image, plate: Plate, sigmas: float = 6.0, least: float = 14.0) -> float:
-    """Threshold of a difference image from its own noise, grey levels.
-
-    The median of the differences to the plate in the image's light is the noise of the background, which covers most
-    of the image; a sixteenth of the pixels is enough to find it.
-    """
+    """Threshold of a difference image from its own noise, grey levels; see `lit_by`."""
     return lit_by(image, plate, sigmas, least).level
 
 

@@ -63,7 +63,7 @@ class Sight:
         self.frame = frame
         self.plates = plates or (None,) * len(frame.images)
         self._model_px = model_px
-        self.strangers = False
+        self.strangers = False  # whether somebody who is none of the persons is hidden, see `hide`
         self._lit: dict[int, Lit] = {}
         self._found: dict[tuple[Hashable, int], tuple[Region, Any]] = {}
         self._joined: dict[Hashable, tuple[Sequence[Any], Any]] = {}

@@ -31,8 +31,9 @@ class Subject:
     """Height the model is scaled to, metres; None leaves it as it is."""
 
     at: tuple[float, float] | None = None
-    """Where the person is at the start, x and y in metres, roughly: of several bodies the nearest one is taken. None
-    leaves that to statures, and to how well the models fit."""
+    """Where the person is at the start, x and y in metres, roughly: of several bodies before plates, or several persons
+    who move, the nearest one is taken. None leaves that to statures, and to how well the models fit. One person alone
+    without plates is looked for all over the floor all the same."""
 
     shape: Literal["recording", "model"] | None = None
     """`recording`: lengths and shapes are fitted to the first frames before these are tracked; `model`: they are those

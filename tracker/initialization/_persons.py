@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -55,12 +56,12 @@ def find_persons(
     masks: tuple[Mask | None, ...], rig: Rig, persons: tuple[Person, ...], held: tuple[Person, ...]
 ) -> list[Found]:
     """The likeliest of `ways_to_find`: K persons, the largest first."""
-    return ways_to_find(masks, rig, persons, held)[0]
+    return next(ways_to_find(masks, rig, persons, held))
 
 
 def ways_to_find(
     masks: tuple[Mask | None, ...], rig: Rig, persons: tuple[Person, ...], held: tuple[Person, ...]
-) -> list[list[Found]]:
+) -> Iterator[list[Found]]:
     """The regions of K persons that do not overlap in space; in an image they may.
 
     What is foreground in a single view, such as a moved chair, is foreground nowhere in space. A hole in one mask is
@@ -72,7 +73,7 @@ def ways_to_find(
         persons: the K persons sought; their poses do not matter.
         held: persons whose poses are known: their places are taken.
 
-    Returns:
+    Yields:
         K persons, the largest first; of one person each that may be it, the likeliest first.
 
     Raises:
@@ -101,15 +102,20 @@ def ways_to_find(
 
         best = _where_told(min(enough, key=cost), persons)
         if len(persons) > 1:
-            return [_with_regions(best[: len(persons)], masks, rig)]
+            yield _with_regions(best[: len(persons)], masks, rig)
+            return
         told = persons[0].at is not None
         alike = best[:_MOST_ALIKE] if told else _alike(best)
+        whole = _each(alike, masks, rig)
+        if not told:
+            yield from whole
         # somebody close by is one piece with the person
         erosions = range(1, _EROSIONS + 1 if len(alike) == 1 and not held else 1)
         apart = (_alike(_side_by_side(parted(0, m), min(statures))) for m in erosions)
         parts = _where_told(next((pieces for pieces in apart if len(pieces) > 1), []), persons)
-        ways = _each(alike, masks, rig), _each(parts, masks, rig)
-        return (ways[1] or ways[0])[:1] if told else [*ways[0], *ways[1]]
+        ways = _each(parts, masks, rig)
+        yield from (ways or whole)[:1] if told else ways
+        return
     n_pieces = max(len(pieces) for pieces in trials)
     raise InitializationError(
         f"the foreground of all views shows {n_pieces} person(s), expected {len(persons)}: check the "

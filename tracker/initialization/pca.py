@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pydantic
@@ -150,15 +151,15 @@ class PcaInitialization:
         persons = tuple(scene.persons[k] for k in sought)
         if stages.seen_before:
             persons = tuple(replace(person, at=None) for person in persons)
-        ways = ways_to_find(masks, scene.rig, persons, tuple(scene.persons[k] for k in stages.held))
+        found = ways_to_find(masks, scene.rig, persons, tuple(scene.persons[k] for k in stages.held))
         # who is looked for again is looked for often
-        ways = ways[:1] if stages.seen_before else ways
+        ways = list(islice(found, 1 if stages.seen_before else None))
         if len(ways) == 1:
             return self._start_of(ways[0], sought, frame, scene, stages)
         starts = []
-        for found in ways:
+        for way in ways:
             with contextlib.suppress(InitializationError):
-                starts.append(self._start_of(found, sought, frame, scene, stages))
+                starts.append(self._start_of(way, sought, frame, scene, stages))
         if not starts:
             raise InitializationError(f"frame {frame.index}: {len(ways)} bodies stand out, and none is like a person")
         return likeliest(starts, scene, self.finalists, bodies=True)

@@ -44,10 +44,10 @@ def _turned_round(start: Start, scene: Scene) -> tuple[str, ...]:
 
 
 def _elsewhere(start: Start, scene: Scene) -> Iterator[str]:
-    """Where else bodies are that were tried for a person."""
-    for person, ranking in zip(scene.persons, start.hypotheses, strict=False):
+    """Where else bodies stand out that were tried for a person; without plates poses are scattered over the floor."""
+    for person, ranking, axes in zip(scene.persons, start.hypotheses, start.evidence, strict=False):
         places: list[Array] = []
-        for one in ranking:
+        for one in ranking if axes else ():
             place = person.body.landmarks_in_world(one.q)[:, :2].mean(axis=0)
             if all(np.linalg.norm(place - other) > _APART_M for other in places):
                 places.append(place)
