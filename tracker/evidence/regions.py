@@ -1,12 +1,12 @@
 """Evidence of regions: the colours of the body's parts and of what is beside them, on lines across the contours.
 
-Needs no clean plates. After M. Stoiber et al., A Sparse Gaussian Approach to Region-Based 6DoF Object Tracking, ACCV
-2020, with a pair of colour tables for each part and view.
+Needs no clean plates; in images of monochrome cameras texture takes the place of colours. After M. Stoiber et al., A
+Sparse Gaussian Approach to Region-Based 6DoF Object Tracking, ACCV 2020, with a pair of colour tables for each part and
+view.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import lru_cache, partial
 
@@ -14,17 +14,18 @@ import numpy as np
 import pydantic
 
 from tracker.account import Account
-from tracker.arrays import Array, Image, Integers, Mask, Numbers16, Region, frozen
+from tracker.arrays import Array, Integers, Mask
 from tracker.comparison import Comparison
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.equations import Equations
 from tracker.evidence import GUESSED, Evidence
+from tracker.evidence._colour_numbers import Codes, encoded, packed
 from tracker.evidence._colours import FLOOR, Colours
 from tracker.evidence._shares import over_views
 from tracker.expectation import expected_region
 from tracker.geometry.superquadrics import box_bounds
-from tracker.kernels.regions.colours import Picture, encode
+from tracker.kernels.regions.colours import Picture
 from tracker.kernels.regions.equations import shift_equations
 from tracker.kernels.regions.lines import Rule, Samples, find_shifts
 from tracker.kernels.regions.scoring import Lines
@@ -173,46 +174,19 @@ class RegionEvidence(Evidence):
 
     def _picture(self, sight: Sight, around: Contours | None, margin: float) -> Picture:
         """Colour numbers of all views near some contours, or everywhere; the margin is a share of the longer side."""
-        return sight.joined(RegionEvidence, self._colour_numbers(sight, around, margin), _packed)
+        return sight.joined(RegionEvidence, self._colour_numbers(sight, around, margin), packed)
 
-    def _colour_numbers(self, sight: Sight, around: Contours | None, margin: float) -> tuple[_Codes | None, ...]:
+    def _colour_numbers(self, sight: Sight, around: Contours | None, margin: float) -> tuple[Codes | None, ...]:
         """The same, view by view."""
-        found: list[_Codes | None] = []
+        found: list[Codes | None] = []
         for v, image in enumerate(sight.frame.images):
             if image is None:
                 found.append(None)
                 continue
             size = image.shape[1], image.shape[0]
             region = (0, 0, *size) if around is None else expected_region(around, v, size, margin * max(size))
-            found.append(sight.once(RegionEvidence, v, region, partial(_encoded, image)))
+            found.append(sight.once(RegionEvidence, v, region, partial(encoded, image)))
         return tuple(found)
-
-
-_Codes = tuple[Region, Numbers16]
-"""A region of a view and its colour numbers, row by row."""
-
-
-def _packed(views: Sequence[_Codes | None]) -> Picture:
-    codes, layout, start = [np.zeros(0, dtype=np.uint16)], [], 0
-    for view in views:
-        region, numbers = view or ((0, 0, 0, 0), codes[0])
-        layout.append((start, *region))
-        codes.append(numbers)
-        start += len(numbers)
-    flat: Numbers16 = np.concatenate(codes)
-    flat.setflags(write=False)
-    return Picture(flat, frozen(layout, np.int64))
-
-
-def _encoded(image: Image, region: Region) -> _Codes:
-    codes = np.empty(region[2] * region[3], dtype=np.uint16)
-    x, y, width, height = region
-    if image.flags.c_contiguous and image.flags.writeable:
-        encode(image, region, codes)
-    else:
-        # a copy, so that pictures of every layout are of one type to the compiler
-        encode(np.array(image[y : y + height, x : x + width], order="C"), (0, 0, width, height), codes)
-    return region, codes
 
 
 def _samples_of(contours: Contours) -> Samples:
