@@ -86,6 +86,7 @@ _CONDITIONS = {
     "two_views": _Condition(n_views=2),
     "half_rate": _Condition(Recipe(fps=12.5)),
     "double_rate": _Condition(Recipe(fps=50.0)),
+    "high_rate": _Condition(Recipe(fps=200.0)),
     "small": _Condition(downscale=2),
     "grainy": _Condition(Recipe(noise_grey=6.0)),
     "noisy": _Condition(Recipe(noise_grey=10.0)),

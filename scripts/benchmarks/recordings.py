@@ -100,6 +100,9 @@ def compare(console: Console, plan: Plan, checkout: Path, output: Path) -> None:
     for line in left_out:
         console.print(line, highlight=False, soft_wrap=True)
     runs, code = list(plan.runs(recordings)), Code(checkout.resolve())
+    if not runs:
+        names = ", ".join(one.name for one in recordings) or "none"
+        console.print(f"nothing to track: of the recordings there ({names}) none is what is asked for", soft_wrap=True)
     output.mkdir(parents=True, exist_ok=True)
     table = output / "scores.csv"
     scores: list[Score] = []
