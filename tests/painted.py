@@ -30,7 +30,7 @@ def encoded(images: tuple[Image, ...]) -> Picture:
     layout, start = [], 0
     for image in images:
         height, width = image.shape[:2]
-        encode(image, (0, 0, width, height), codes[start:])
+        encode(image, codes[start : start + width * height])
         layout.append((start, 0, 0, width, height))
         start += width * height
     return Picture(codes, np.array(layout))

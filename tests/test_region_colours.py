@@ -10,12 +10,11 @@ from scipy.ndimage import convolve1d
 from tracker.kernels.regions.colours import EVEN, HIDDEN, N_COLOURS, encode, learn_colours, tabulate_posteriors
 
 
-def test_encoding_gives_the_bins_of_a_region() -> None:
-    image = np.random.default_rng(0).integers(0, 256, (20, 30, 3), dtype=np.uint8)
+def test_encoding_gives_the_bins_of_a_picture() -> None:
+    picture = np.random.default_rng(0).integers(0, 256, (5, 7, 3), dtype=np.uint8)
     codes = np.zeros(7 * 5 + 1, dtype=np.uint16)
-    encode(image, (11, 4, 7, 5), codes)
-    columns, rows = np.meshgrid(np.arange(11, 18), np.arange(4, 9))
-    assert (codes[:-1] == colour_numbers(image, np.stack([columns, rows], axis=-1)).ravel()).all()
+    encode(picture, codes)
+    assert (codes[:-1] == colour_numbers(picture, np.stack(np.meshgrid(range(7), range(5)), axis=-1)).ravel()).all()
     assert codes[-1] == 0
 
 

@@ -1,4 +1,4 @@
-"""What region evidence sees of images: colour numbers around the persons, those of texture in monochrome images."""
+"""What region evidence sees of images: numbers of what their pixels around the persons look like."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tracker.arrays import Image, Numbers16, Region, frozen
-from tracker.imaging.monochrome import is_monochrome, textured
+from tracker.imaging.appearance import appearance
 from tracker.kernels.regions.colours import Picture, encode
 
 Codes = tuple[Region, Numbers16]
@@ -28,14 +28,7 @@ def packed(views: Sequence[Codes | None]) -> Picture:
 
 
 def encoded(image: Image, region: Region) -> Codes:
-    """The colour numbers of a region of an image (h, w, 3); those of grey and texture where it has no colours."""
+    """The numbers of what a region of an image (h, w, 3) looks like."""
     codes = np.empty(region[2] * region[3], dtype=np.uint16)
-    x, y, width, height = region
-    if is_monochrome(image):
-        encode(textured(image, region), (0, 0, width, height), codes)
-    elif image.flags.c_contiguous and image.flags.writeable:
-        encode(image, region, codes)
-    else:
-        # a copy, so that pictures of every layout are of one type to the compiler
-        encode(np.array(image[y : y + height, x : x + width], order="C"), (0, 0, width, height), codes)
+    encode(appearance(image, region), codes)
     return region, codes

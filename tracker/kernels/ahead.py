@@ -160,7 +160,7 @@ def _region_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     solids = _own(_F8, 0, 1, 4, 4), _frozen(_F8, 1, 7), _frozen(_F8, 3, 1), cameras
     chains = _own(_I8, 1), cameras, _own(_F8, 1, 6), _frozen(_B1, 1, 2), 16.0
     return [
-        (encode, (_own(_U1, 1, 1, 3), (0, 0, 0, 0), _own(np.uint16, 0))),
+        (encode, (_own(_U1, 1, 1, 3), _own(np.uint16, 1))),
         (tabulate_posteriors, (learnt, (2e-4, 4.0), _own(_B1, 1, 1), _own(_U1, 1, 1, N_COLOURS))),
         (find_shifts, (picture, looks, samples, beside, cameras, wanted, rule, _own(_F4, 1, 1, 3))),
         (score_lines, (lines, *poses, _own(_I8, 0, 1, 1, 2), cameras, _own(_F8, 0, 1, 1, 3))),

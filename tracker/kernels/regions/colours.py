@@ -1,7 +1,8 @@
 """Colours inside and outside of body parts: pixels as colour numbers, and tables of how often each colour occurs.
 
-A colour is one of 16 x 16 x 16 bins of blue, green and red. Tables are kept per view and part: one table for a whole
-person is two to four times worse, and no two cameras see the same colours.
+A colour is one of 16 x 16 x 16 bins of a picture's three channels: lightness, chroma and texture, see
+`tracker.imaging.appearance`. Tables are kept per view and part: one table for a whole person is two to four times
+worse, and no two cameras see the same colours.
 """
 
 from __future__ import annotations
@@ -57,21 +58,15 @@ class Tables(NamedTuple):
 
 
 @compiled
-def encode(image: Image, region: tuple[int, int, int, int], codes: Numbers16) -> None:
-    """Writes the colour numbers of a region (x, y, width, height) of a BGR image to `codes`, row by row."""
-    x, y, width, height = region
-    for row in range(height):
-        _encode_row(image[y + row, x : x + width].reshape(-1), codes[row * width : (row + 1) * width])
-
-
-@compiled
-def _encode_row(levels: Image, codes: Numbers16) -> None:
+def encode(picture: Image, codes: Numbers16) -> None:
+    """Writes the colour numbers of a picture (h, w, 3) to `codes` (h w,), row by row."""
+    levels = picture.reshape(-1)
     # Functions, for operators widen whole numbers to 64 bits: ten times slower.
     half, most = np.uint16(4), np.uint16(240)
-    for k in range(len(codes)):
-        blue, green, red = np.uint16(levels[3 * k]), np.uint16(levels[3 * k + 1]), np.uint16(levels[3 * k + 2])
-        high = np.left_shift(np.right_shift(blue, half), np.uint16(8))
-        codes[k] = np.bitwise_or(np.bitwise_or(high, np.bitwise_and(green, most)), np.right_shift(red, half))
+    for k in range(len(levels) // 3):
+        first, second, third = np.uint16(levels[3 * k]), np.uint16(levels[3 * k + 1]), np.uint16(levels[3 * k + 2])
+        high = np.left_shift(np.right_shift(first, half), np.uint16(8))
+        codes[k] = np.bitwise_or(np.bitwise_or(high, np.bitwise_and(second, most)), np.right_shift(third, half))
 
 
 @compiled
@@ -92,22 +87,22 @@ def _clamped(k: int) -> int:
 
 @compiled
 def spread_colours(counts: Integers, table: Array32, factor: float) -> None:
-    """Adds colour counts (4096,), each spread 1-2-1 over its neighbours in blue, green and red, times a factor.
+    """Adds colour counts (4096,), each spread 1-2-1 over its neighbours in all channels, times a factor.
 
     A Parzen window: 300 pixels are too few for 4096 bins. Beyond the end of a channel the weight stays in the last bin.
     """
     for colour in range(N_COLOURS):
         if counts[colour] == 0:
             continue
-        blue, green, red = colour >> 8, colour >> 4 & 15, colour & 15
+        high, middle, low = colour >> 8, colour >> 4 & 15, colour & 15
         share = factor * counts[colour] / 64.0
         for i in range(-1, 2):
-            first = _clamped(blue + i) << 8
+            first = _clamped(high + i) << 8
             for j in range(-1, 2):
-                second = first | _clamped(green + j) << 4
+                second = first | _clamped(middle + j) << 4
                 weight = share * ((2 - abs(i)) * (2 - abs(j)))
                 for k in range(-1, 2):
-                    table[second | _clamped(red + k)] += weight * (2 - abs(k))
+                    table[second | _clamped(low + k)] += weight * (2 - abs(k))
 
 
 @compiled

@@ -1,0 +1,114 @@
+"""What pixels look like to region evidence: lightness, chroma, texture."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from observations import bent, four_views
+from painted import painted
+
+from tracker.account import Account
+from tracker.arrays import Array, Image, Region
+from tracker.body import BodyModel
+from tracker.comparison import Comparison
+from tracker.evidence.regions import RegionEvidence
+from tracker.frame import Frame
+from tracker.imaging.appearance import _CLASS, appearance
+from tracker.scene import Person, Scene
+from tracker.sight import Sight
+from tracker.synthesis.cpu import CpuSynthesis
+
+RNG = np.random.default_rng(3)
+BIN = 16
+
+
+def grey_of(levels: Array) -> Image:
+    return np.repeat(np.clip(np.round(levels), 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+
+
+def plain(*bgr: int) -> Image:
+    return np.full((20, 24, 3), bgr, dtype=np.uint8)
+
+
+@pytest.mark.parametrize("region", [(0, 0, 120, 90), (31, 17, 40, 50), (0, 40, 9, 50), (100, 0, 20, 3), (60, 88, 1, 2)])
+def test_a_region_is_that_of_the_whole_picture(region: Region) -> None:
+    noise = np.random.default_rng(7).integers(0, 256, (90, 120, 3)).astype(np.uint8)
+    x, y, width, height = region
+    whole = appearance(noise, (0, 0, 120, 90))
+    np.testing.assert_array_equal(appearance(noise, region), whole[y : y + height, x : x + width])
+
+
+@pytest.mark.parametrize("level", [0, 17, 128, 200, 255])
+def test_a_plain_grey_has_no_chroma_and_no_texture(level: int) -> None:
+    found = appearance(plain(level, level, level), (3, 3, 10, 10))
+    np.testing.assert_array_equal(found.reshape(-1, 3), np.tile((level, 128, 0), (100, 1)))
+
+
+@pytest.mark.parametrize("one", range(1, 7))
+def test_no_hue_looks_like_grey(one: int) -> None:
+    """Blue, green, red and what two of them make, pale as clothes: two bins at least from the grey as light."""
+    hue = [160 if one >> k & 1 else 90 for k in range(3)]
+    lightness, chroma, _ = appearance(plain(*hue), (5, 5, 1, 1))[0, 0].astype(int)
+    assert abs(chroma - 128) > 2 * BIN
+    assert 90 < lightness < 160
+
+
+@pytest.mark.parametrize(("slope", "step"), [(0.5, 0), (1.0, 1), (2.0, 2), (6.0, 3)])
+def test_texture_has_four_steps_of_slope_across_and_along(slope: float, step: int) -> None:
+    """Stripes; classes are numbered forth and back, so that those of one direction are 0 to 3 and 0, 7, 8, 15."""
+    # Sobel's filter finds sin(1) |cos x| of a sine, 2 / pi of that on average
+    stripes = grey_of(np.tile(128 + slope / (np.sin(1) * 2 / np.pi) * np.sin(np.arange(200)), (64, 1)))
+    along = appearance(np.moveaxis(stripes, 0, 1).copy(), (8, 8, 48, 184))[..., 2]
+    across = appearance(stripes, (8, 8, 184, 48))[..., 2]
+    assert np.median(along) == BIN * step
+    assert np.median(across) == BIN * (0, 7, 8, 15)[step]
+
+
+def test_textures_beside_each_other_differ_by_one_step() -> None:
+    """The window over the classes smooths from each to its neighbours."""
+    steps = np.array([divmod(int(np.flatnonzero(_CLASS[:16] == BIN * k)[0]), 4) for k in range(16)])
+    assert (np.abs(np.diff(steps, axis=0)).sum(axis=1) == 1).all()
+
+
+@pytest.fixture(scope="module")
+def scene(body: BodyModel) -> Scene:
+    return Scene((Person("one", body, bent(body)),), four_views((720, 576)))
+
+
+@pytest.fixture(scope="module")
+def views(scene: Scene) -> tuple[Image, ...]:
+    """A person in rough cloth before smooth walls, all levels of both in one of 16 bins of grey."""
+    black_and_white = np.full((len(scene.shapes) + 1, 3), 255.0)
+    black_and_white[-1] = 0
+    found = []
+    for silhouette in painted(scene, black_and_white, noise=0.0):
+        assert silhouette is not None
+        inside = silhouette[..., 0] > 127
+        found.append(grey_of(120 + np.where(inside, 7.0, 1.0) * RNG.choice((-1, 1), inside.shape)))
+    return tuple(found)
+
+
+def account_of(scene: Scene, images: tuple[Image, ...], q: Array) -> Account:
+    """Of a pose, once the right one has taught what parts and walls look like."""
+    evidence, synthesis = RegionEvidence(), CpuSynthesis()
+    sight, contours = Sight(Frame(0, 0.0, images)), synthesis.contours(scene)
+    everything = np.ones((len(scene.rig), len(scene.shapes)), dtype=np.bool_)
+    memory = evidence.learned(None, sight, scene, contours, everything)
+    return evidence.account(Comparison(scene, 0, synthesis, evidence.observe(sight, contours, memory)), q)
+
+
+def test_cloth_tells_a_person_from_a_wall_of_the_same_grey(
+    scene: Scene, body: BodyModel, views: tuple[Image, ...]
+) -> None:
+    truth = scene.persons[0].q
+    assert account_of(scene, views, truth).explained > 0.8  # slopes are averaged over the outline as well
+    q = truth.copy()
+    q[body.index("left_arm_abduction")] += np.radians(70)
+    arm = body.parts_of("left_arm")
+    assert account_of(scene, views, body.clamped(q)).of(arm).explained < 0.3
+
+
+def test_plain_cloth_of_the_walls_grey_is_not_told(scene: Scene) -> None:
+    """So that the test above bites."""
+    walls = tuple(grey_of(np.full((576, 720), 120.0)) for _ in range(4))
+    assert account_of(scene, walls, scene.persons[0].q).explained == 0
