@@ -13,7 +13,7 @@ from tracker.body import BodyModel
 from tracker.comparison import Comparison
 from tracker.evidence.regions import RegionEvidence
 from tracker.frame import Frame
-from tracker.imaging.appearance import _CLASS, appearance
+from tracker.imaging.appearance import _CLASS, appearance, is_monochrome
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
@@ -27,20 +27,42 @@ def grey_of(levels: Array) -> Image:
 
 
 def plain(*bgr: int) -> Image:
-    return np.full((20, 24, 3), bgr, dtype=np.uint8)
+    return np.full((40, 24, 3), bgr, dtype=np.uint8)
 
 
+def coloured(image: Image) -> Image:
+    """The same with some rows at the bottom in colours, so that it is of a colour camera."""
+    shown = image.copy()
+    shown[-16:] = 40, 70, 140
+    return shown
+
+
+@pytest.mark.parametrize("coloured", [False, True])
 @pytest.mark.parametrize("region", [(0, 0, 120, 90), (31, 17, 40, 50), (0, 40, 9, 50), (100, 0, 20, 3), (60, 88, 1, 2)])
-def test_a_region_is_that_of_the_whole_picture(region: Region) -> None:
+def test_a_region_is_that_of_the_whole_picture(region: Region, coloured: bool) -> None:
     noise = np.random.default_rng(7).integers(0, 256, (90, 120, 3)).astype(np.uint8)
+    noise = noise if coloured else grey_of(noise[..., 0])
     x, y, width, height = region
     whole = appearance(noise, (0, 0, 120, 90))
     np.testing.assert_array_equal(appearance(noise, region), whole[y : y + height, x : x + width])
 
 
+def test_what_a_codec_makes_of_grey_is_grey() -> None:
+    noise = grey_of(RNG.normal(120, 30, (90, 120)))
+    assert is_monochrome(noise)
+    coded = noise.astype(np.int64) + RNG.integers(-3, 4, noise.shape)
+    assert is_monochrome(np.clip(coded, 0, 255).astype(np.uint8))
+
+
+def test_a_person_in_colours_before_a_grey_wall_is_in_colours() -> None:
+    shown = grey_of(RNG.normal(120, 30, (90, 120)))
+    shown[30:60, 50:60] = 40, 70, 140
+    assert not is_monochrome(shown)
+
+
 @pytest.mark.parametrize("level", [0, 17, 128, 200, 255])
-def test_a_plain_grey_has_no_chroma_and_no_texture(level: int) -> None:
-    found = appearance(plain(level, level, level), (3, 3, 10, 10))
+def test_plain_grey_in_a_picture_in_colours_has_no_chroma_and_no_texture(level: int) -> None:
+    found = appearance(coloured(plain(level, level, level)), (3, 3, 10, 10))
     np.testing.assert_array_equal(found.reshape(-1, 3), np.tile((level, 128, 0), (100, 1)))
 
 
@@ -58,10 +80,18 @@ def test_texture_has_four_steps_of_slope_across_and_along(slope: float, step: in
     """Stripes; classes are numbered forth and back, so that those of one direction are 0 to 3 and 0, 7, 8, 15."""
     # Sobel's filter finds sin(1) |cos x| of a sine, 2 / pi of that on average
     stripes = grey_of(np.tile(128 + slope / (np.sin(1) * 2 / np.pi) * np.sin(np.arange(200)), (64, 1)))
-    along = appearance(np.moveaxis(stripes, 0, 1).copy(), (8, 8, 48, 184))[..., 2]
-    across = appearance(stripes, (8, 8, 184, 48))[..., 2]
+    along = appearance(coloured(np.moveaxis(stripes, 0, 1)), (8, 8, 48, 160))[..., 2]
+    across = appearance(coloured(stripes), (8, 8, 184, 30))[..., 2]
     assert np.median(along) == BIN * step
     assert np.median(across) == BIN * (0, 7, 8, 15)[step]
+
+
+def test_without_colours_slopes_have_channels_of_their_own() -> None:
+    stripes = grey_of(np.tile(128 + 5 * np.sin(np.arange(64)), (64, 1)))
+    grey, across, along = np.moveaxis(appearance(stripes, (8, 8, 48, 48)), 2, 0)
+    np.testing.assert_array_equal(grey, stripes[8:56, 8:56, 0])
+    assert across.mean() == pytest.approx(10 * 5 * np.sin(1) * 2 / np.pi, rel=0.1)  # tenths of a grey level a px
+    assert not along.any()
 
 
 def test_textures_beside_each_other_differ_by_one_step() -> None:
@@ -97,9 +127,11 @@ def account_of(scene: Scene, images: tuple[Image, ...], q: Array) -> Account:
     return evidence.account(Comparison(scene, 0, synthesis, evidence.observe(sight, contours, memory)), q)
 
 
+@pytest.mark.parametrize("in_colours", [False, True])
 def test_cloth_tells_a_person_from_a_wall_of_the_same_grey(
-    scene: Scene, body: BodyModel, views: tuple[Image, ...]
+    scene: Scene, body: BodyModel, views: tuple[Image, ...], in_colours: bool
 ) -> None:
+    views = tuple(map(coloured, views)) if in_colours else views
     truth = scene.persons[0].q
     assert account_of(scene, views, truth).explained > 0.8  # slopes are averaged over the outline as well
     q = truth.copy()

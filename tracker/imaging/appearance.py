@@ -21,9 +21,19 @@ _WINDOW = 7
 _SLOPES = 0.7, 1.4, 2.8
 """Mean slopes between the four steps of either direction, grey levels a px: of noise, skin, walls and floors."""
 
+_ALIKE_GREY = 8
+"""Channels that differ by less are of one grey: a codec makes up to 3 of none."""
+
+_COLOURED_SHARE = 1e-3
+"""Images of more colours than this are of a colour camera: of the least colourful one of `BODYTRACK_DATA`, grey walls
+around a person, 2 % differ by more."""
+
+# Every eighth pixel in both directions is enough for it.
+_SAMPLING = 8
 # Rows and columns beside a region that its texture hangs on.
 _MARGIN = 1 + _WINDOW // 2
 # Tenths of grey levels a px, from Sobel's filter: the sum of its weights on either side, times the distance of the two.
+# So a bin of 16 levels of a slope's own channel is 1.6 grey levels a px wide.
 _SOBEL_TENTHS = 10 / 8
 
 
@@ -47,10 +57,10 @@ _CHROMA, _ACROSS, _ALONG, _CLASS = _tables()
 def appearance(image: Image, region: Region) -> Image:
     """A region of an image whose channels are lightness, chroma and texture.
 
-    Of 16 levels each, they tell more than 16 levels of blue, green and red, which are lightness for the most part. Skin
-    and a floor often have the same; what a monochrome camera leaves of them is texture: mean slopes across and along
-    (Rosenhahn et al. 2006, section 2.1, have the structure tensor), four steps of each. Whole numbers, so that a region
-    is the same whatever is looked at beside it.
+    Of 16 levels each, they tell more than 16 levels of blue, green and red, which are lightness for the most part, and
+    skin and a floor often have the same. Texture are mean slopes across and along (Rosenhahn et al. 2006, section 2.1,
+    have the structure tensor), four steps of each; where there are no colours each has a channel of its own. Whole
+    numbers, so that a region is the same whatever is looked at beside it.
 
     Args:
         image: BGR (h, w, 3).
@@ -63,16 +73,21 @@ def appearance(image: Image, region: Region) -> Image:
     left, top = max(x - _MARGIN, 0), max(y - _MARGIN, 0)
     part = np.ascontiguousarray(image[top : y + height + _MARGIN, left : x + width + _MARGIN])
     lightness, red, blue = cv2.split(cv2.cvtColor(part, cv2.COLOR_BGR2YCrCb))
-    chroma = cv2.addWeighted(red, _RED, blue, _BLUE, 128.0 * (1.0 - _RED - _BLUE))
-    merged: Image = cv2.merge([lightness, cv2.LUT(chroma, _CHROMA), _texture(lightness)])
-    return np.ascontiguousarray(merged[y - top : y - top + height, x - left : x - left + width])
-
-
-def _texture(lightness: Image) -> Image:
-    """Sixteen times the class of texture, 0 to 15, of every pixel (h, w)."""
     across, along = (
         cv2.blur(cv2.convertScaleAbs(slope, alpha=_SOBEL_TENTHS), (_WINDOW, _WINDOW))
         for slope in cv2.spatialGradient(lightness)
     )
-    found: Image = cv2.LUT(cv2.add(cv2.LUT(across, _ACROSS), cv2.LUT(along, _ALONG)), _CLASS)
-    return found
+    if is_monochrome(image):
+        merged: Image = cv2.merge([lightness, across, along])
+    else:
+        chroma = cv2.addWeighted(red, _RED, blue, _BLUE, 128.0 * (1.0 - _RED - _BLUE))
+        texture = cv2.LUT(cv2.add(cv2.LUT(across, _ACROSS), cv2.LUT(along, _ALONG)), _CLASS)
+        merged = cv2.merge([lightness, cv2.LUT(chroma, _CHROMA), texture])
+    return np.ascontiguousarray(merged[y - top : y - top + height, x - left : x - left + width])
+
+
+def is_monochrome(image: Image) -> bool:
+    """Whether an image (h, w, 3) has no colours."""
+    sampled = image[::_SAMPLING, ::_SAMPLING].astype(np.int16)
+    spread = sampled.max(axis=2) - sampled.min(axis=2)
+    return float(np.mean(spread > _ALIKE_GREY)) < _COLOURED_SHARE
