@@ -62,6 +62,15 @@ def test_a_jump_is_told_on_both_sides_while_the_limb_is_elsewhere(steps):
     assert not {11, 12, 13} & set(found)
 
 
+def test_a_jump_as_a_movement_begins_is_told(steps):
+    """T-Punch-light's forearm came out from behind the back as the punch began: 37 cm, and 16 in the next frame."""
+    begins = np.array([0, 0, 0, 0, 0, 0, 0, 1.1, 1.6, 2, 2, 2, 2, 2])
+    assert {5, 6, 7, 8} <= set(told(with_jumps(moved(steps, begins))))
+    # as far in the same frames, begun as a movement begins
+    begins = np.array([0, 0, 0, 0, 0, 0.1, 0.4, 1.0, 1.6, 2, 2, 2, 2, 2])
+    assert told(with_jumps(moved(steps, begins))) == {}
+
+
 def test_a_frame_elsewhere_between_two_others_is_told(steps):
     """As R-UpperBody's left hand, 0.4 m off for one frame: the ways out and back are as long as each other."""
     lone = np.array([0, 0, 0, 0, 0, 0, 1, 0.1, 0, 0, 0, 0, 0, 0])
