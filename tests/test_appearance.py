@@ -13,7 +13,7 @@ from tracker.body import BodyModel
 from tracker.comparison import Comparison
 from tracker.evidence.regions import RegionEvidence
 from tracker.frame import Frame
-from tracker.imaging.appearance import _CLASS, appearance, is_monochrome
+from tracker.imaging.appearance import _TABLES, appearance, is_monochrome
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
@@ -96,7 +96,7 @@ def test_without_colours_slopes_have_channels_of_their_own() -> None:
 
 def test_textures_beside_each_other_differ_by_one_step() -> None:
     """The window over the classes smooths from each to its neighbours."""
-    steps = np.array([divmod(int(np.flatnonzero(_CLASS[:16] == BIN * k)[0]), 4) for k in range(16)])
+    steps = np.array([divmod(int(np.flatnonzero(_TABLES[2] == BIN * k)[0]), 4) for k in range(16)])
     assert (np.abs(np.diff(steps, axis=0)).sum(axis=1) == 1).all()
 
 

@@ -37,6 +37,10 @@ from tracker.sight import Sight
 # As for contours: a sample and its neighbours share one line of pixels and one interpolation.
 _PX_PER_OBSERVATION = 16.0
 
+# How much farther than around a prediction colours are read ahead, a factor: 24 px of 720 more, which is what persons
+# move from one frame to the next. Where they move farther colours are read again.
+_AHEAD = 1.4
+
 # Distance where nothing can be compared, px: half of a line on the wrong side, as in a picture of one colour.
 _NOTHING_PX = 8.0
 
@@ -98,7 +102,7 @@ class RegionEvidence(Evidence):
 
     def look(self, sight: Sight, around: Contours) -> None:
         """Reads the colours around the persons ahead."""
-        self._colour_numbers(sight, around, 2 * self.around)
+        self._colour_numbers(sight, around, _AHEAD * self.around)
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Colours | None = None) -> ObservedRegions:
         """Colours around the persons; see `tracker.evidence.Evidence.observe`."""

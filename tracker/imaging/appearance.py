@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import cv2
 import numpy as np
 
 from tracker.arrays import Image, Region, frozen
+from tracker.kernels.images.appearance import mark_appearance
 
-# Chroma of a pixel from Cr and Cb (ITU-R BT.601): 1.05 red - 0.39 green - 0.66 blue, so that none of the primary and
-# secondary colours has that of grey. Quarters: the sum has no rounding, on whatever processor.
-_RED, _BLUE = 1.75, -1.0
+# Chroma of a pixel in quarters of a level from Cr and Cb (ITU-R BT.601): a fourth of it is 1.05 red - 0.39 green - 0.66
+# blue, so that none of the primary and secondary colours has that of grey.
+_RED, _BLUE = 7, -4
 
 _PALE = 40.0
 """Chroma, levels, up to which pale colours are told apart: 3 of 128 to a level near grey, less and less beyond. In
@@ -37,21 +40,21 @@ _MARGIN = 1 + _WINDOW // 2
 _SOBEL_TENTHS = 10 / 8
 
 
-def _tables() -> tuple[Image, ...]:
-    """For `cv2.LUT`: chroma; four times the step of a slope, and the step; 16 times the class of two steps' sum.
+def _tables() -> tuple[Image, Image, Image]:
+    """Chroma of quarters from the least on; step of a slope; 16 times the class of a step across and one along.
 
     Classes go forth and back through the steps of one direction: those beside each other differ by one step, so that a
     window over them smooths what it should.
     """
-    levels = np.arange(256)
-    chroma = 128 + 127 * np.tanh((levels - 128) / _PALE)
-    steps = np.searchsorted(10 * np.array(_SLOPES), levels)
-    classes = np.arange(16).reshape(4, 4)
+    quarters = np.arange(255 * _BLUE, 255 * _RED + 1) - 128 * (_RED + _BLUE)
+    chroma = 128 + 127 * np.tanh(np.clip(np.rint(quarters / 4), -128, 127) / _PALE)
+    steps = np.searchsorted(10 * np.array(_SLOPES), np.arange(256))
+    classes = 16 * np.arange(16).reshape(4, 4)
     classes[1::2] = classes[1::2, ::-1]
-    return tuple(frozen(np.round(one), np.uint8) for one in (chroma, 4 * steps, steps, np.resize(16 * classes, 256)))
+    return frozen(np.round(chroma), np.uint8), frozen(steps, np.uint8), frozen(classes.ravel(), np.uint8)
 
 
-_CHROMA, _ACROSS, _ALONG, _CLASS = _tables()
+_TABLES = _tables()
 
 
 def appearance(image: Image, region: Region) -> Image:
@@ -71,23 +74,24 @@ def appearance(image: Image, region: Region) -> Image:
     """
     x, y, width, height = region
     left, top = max(x - _MARGIN, 0), max(y - _MARGIN, 0)
-    part = np.ascontiguousarray(image[top : y + height + _MARGIN, left : x + width + _MARGIN])
-    lightness, red, blue = cv2.split(cv2.cvtColor(part, cv2.COLOR_BGR2YCrCb))
+    part = image[top : y + height + _MARGIN, left : x + width + _MARGIN]
+    colours = cv2.cvtColor(part, cv2.COLOR_BGR2YCrCb)
     across, along = (
         cv2.blur(cv2.convertScaleAbs(slope, alpha=_SOBEL_TENTHS), (_WINDOW, _WINDOW))
-        for slope in cv2.spatialGradient(lightness)
+        for slope in cv2.spatialGradient(cv2.extractChannel(colours, 0))
     )
     if is_monochrome(image):
-        merged: Image = cv2.merge([lightness, across, along])
-    else:
-        chroma = cv2.addWeighted(red, _RED, blue, _BLUE, 128.0 * (1.0 - _RED - _BLUE))
-        texture = cv2.LUT(cv2.add(cv2.LUT(across, _ACROSS), cv2.LUT(along, _ALONG)), _CLASS)
-        merged = cv2.merge([lightness, cv2.LUT(chroma, _CHROMA), texture])
-    return np.ascontiguousarray(merged[y - top : y - top + height, x - left : x - left + width])
+        merged: Image = cv2.merge([cv2.extractChannel(colours, 0), across, along])
+        return np.ascontiguousarray(merged[y - top : y - top + height, x - left : x - left + width])
+    looks = np.empty((height, width, 3), dtype=np.uint8)
+    corner, weights = (x - left, y - top), (_RED, _BLUE, -255 * _BLUE)
+    mark_appearance(colours, across, along, corner, weights, _TABLES, looks)
+    return looks
 
 
 def is_monochrome(image: Image) -> bool:
     """Whether an image (h, w, 3) has no colours."""
-    sampled = image[::_SAMPLING, ::_SAMPLING].astype(np.int16)
-    spread = sampled.max(axis=2) - sampled.min(axis=2)
-    return float(np.mean(spread > _ALIKE_GREY)) < _COLOURED_SHARE
+    channels = cv2.split(np.ascontiguousarray(image[::_SAMPLING, ::_SAMPLING]))
+    brightest, darkest = reduce(cv2.max, channels), reduce(cv2.min, channels)
+    coloured = cv2.countNonZero(cv2.compare(cv2.subtract(brightest, darkest), _ALIKE_GREY, cv2.CMP_GT))
+    return bool(coloured < _COLOURED_SHARE * brightest.size)

@@ -23,6 +23,7 @@ from tracker.kernels.contours.scoring import moving_parts, score_poses, trace_st
 from tracker.kernels.contours.shares import edge_shares
 from tracker.kernels.contours.tracing import trace_contours
 from tracker.kernels.images.acceptance import expected_distances, marked
+from tracker.kernels.images.appearance import mark_appearance
 from tracker.kernels.images.changes import large_regions, mark_changes, median_change
 from tracker.kernels.images.distance_images import chamfer_distances
 from tracker.kernels.images.light import block_ratios, connected_blocks, relight, smooth_surface
@@ -159,8 +160,10 @@ def _region_calls() -> list[tuple[Any, tuple[Any, ...]]]:
     )
     solids = _own(_F8, 0, 1, 4, 4), _frozen(_F8, 1, 7), _frozen(_F8, 3, 1), cameras
     chains = _own(_I8, 1), cameras, _own(_F8, 1, 6), _frozen(_B1, 1, 2), 16.0
+    slopes, looked_up = (_own(_U1, 1, 1),) * 2, (_frozen(_U1, 1), _frozen(_U1, 256), _frozen(_U1, 16))
     return [
         (encode, (_own(_U1, 1, 1, 3), _own(np.uint16, 1))),
+        (mark_appearance, (_own(_U1, 1, 1, 3), *slopes, (0, 0), (0, 0, 0), looked_up, _own(_U1, 1, 1, 3))),
         (tabulate_posteriors, (learnt, (2e-4, 4.0), _own(_B1, 1, 1), _own(_U1, 1, 1, N_COLOURS))),
         (find_shifts, (picture, looks, samples, beside, cameras, wanted, rule, _own(_F4, 1, 1, 3))),
         (score_lines, (lines, *poses, _own(_I8, 0, 1, 1, 2), cameras, _own(_F8, 0, 1, 1, 3))),
