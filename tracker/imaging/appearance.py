@@ -29,7 +29,7 @@ _ALIKE_GREY = 8
 
 _COLOURED_SHARE = 1e-3
 """Images of more colours than this are of a colour camera: of the least colourful one of `BODYTRACK_DATA`, grey walls
-around a person, 2 % differ by more."""
+around a person, 3 % differ by more."""
 
 # Every eighth pixel in both directions is enough for it.
 _SAMPLING = 8
