@@ -37,11 +37,11 @@ def coloured(image: Image) -> Image:
     return shown
 
 
-@pytest.mark.parametrize("coloured", [False, True])
+@pytest.mark.parametrize("in_colours", [False, True])
 @pytest.mark.parametrize("region", [(0, 0, 120, 90), (31, 17, 40, 50), (0, 40, 9, 50), (100, 0, 20, 3), (60, 88, 1, 2)])
-def test_a_region_is_that_of_the_whole_picture(region: Region, coloured: bool) -> None:
+def test_a_region_is_that_of_the_whole_picture(region: Region, in_colours: bool) -> None:
     noise = np.random.default_rng(7).integers(0, 256, (90, 120, 3)).astype(np.uint8)
-    noise = noise if coloured else grey_of(noise[..., 0])
+    noise = noise if in_colours else grey_of(noise[..., 0])
     x, y, width, height = region
     whole = appearance(noise, (0, 0, 120, 90))
     np.testing.assert_array_equal(appearance(noise, region), whole[y : y + height, x : x + width])

@@ -103,6 +103,7 @@ def compare(console: Console, plan: Plan, checkout: Path, output: Path) -> None:
     if not runs:
         names = ", ".join(one.name for one in recordings) or "none"
         console.print(f"nothing to track: of the recordings there ({names}) none is what is asked for", soft_wrap=True)
+        return
     output.mkdir(parents=True, exist_ok=True)
     table = output / "scores.csv"
     scores: list[Score] = []

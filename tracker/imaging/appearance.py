@@ -16,7 +16,7 @@ _RED, _BLUE = 7, -4
 
 _PALE = 40.0
 """Chroma, levels, up to which pale colours are told apart: 3 of 128 to a level near grey, less and less beyond. In
-straight steps of 16, or of 8, a person before grey walls was 30 mm (18) off, with a joint off in 10 of 80 frames."""
+straight steps a person before grey walls was 30 mm (18) off, with a joint off in 10 of 80 frames."""
 
 _WINDOW = 7
 """Side of the square that slopes are averaged over, px; of persons some 300 px high forearms are 20 to 30 px wide."""
@@ -76,12 +76,13 @@ def appearance(image: Image, region: Region) -> Image:
     left, top = max(x - _MARGIN, 0), max(y - _MARGIN, 0)
     part = image[top : y + height + _MARGIN, left : x + width + _MARGIN]
     colours = cv2.cvtColor(part, cv2.COLOR_BGR2YCrCb)
+    lightness = cv2.extractChannel(colours, 0)
     across, along = (
         cv2.blur(cv2.convertScaleAbs(slope, alpha=_SOBEL_TENTHS), (_WINDOW, _WINDOW))
-        for slope in cv2.spatialGradient(cv2.extractChannel(colours, 0))
+        for slope in cv2.spatialGradient(lightness)
     )
     if is_monochrome(image):
-        merged: Image = cv2.merge([cv2.extractChannel(colours, 0), across, along])
+        merged: Image = cv2.merge([lightness, across, along])
         return np.ascontiguousarray(merged[y - top : y - top + height, x - left : x - left + width])
     looks = np.empty((height, width, 3), dtype=np.uint8)
     corner, weights = (x - left, y - top), (_RED, _BLUE, -255 * _BLUE)
