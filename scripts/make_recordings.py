@@ -20,6 +20,7 @@ from typing import Annotated
 import cv2
 import numpy as np
 import typer
+from benchmarks.carried import Carried, ball, laden, racket, rucksack, skirt
 from benchmarks.motion_files import MotionFile, read_cmu, read_deepmimic
 from benchmarks.moved_scans import poses_like
 from benchmarks.refilmed import Change, adapting, grey, grey_plates, refilmed, shaken, switched
@@ -70,6 +71,9 @@ class _Condition:
     change: Change | None = None
     """What the cameras make of the images."""
 
+    carried: Carried | None = None
+    """What the person wears or carries that no model has."""
+
     with_partner: bool = False
     """Whether the person of another clip is there as well."""
 
@@ -102,6 +106,10 @@ _CONDITIONS = {
     "adapting": _Condition(change=adapting),
     "switched": _Condition(change=switched),
     "shaken": _Condition(change=shaken),
+    "skirt": _Condition(carried=skirt),
+    "rucksack": _Condition(carried=rucksack),
+    "racket": _Condition(carried=racket),
+    "ball": _Condition(carried=ball),
     "together": _Condition(with_partner=True),
     "bystander": _Condition(with_partner=True, tells_of_all=False),
 }
@@ -259,6 +267,8 @@ def _simulated(clips: tuple[_Clip, ...], condition: _Condition, models: tuple[Pa
     )
     persons = tuple(Person(clip.person, body, one[0]) for clip, body, one in zip(clips, bodies, poses, strict=True))
     simulation = Simulation(recipe, Scene(persons, rig), tuple(poses), tuple(map(Plate, pictures)), fronts)
+    if condition.carried is not None:
+        simulation = laden(simulation, condition.carried)
     return simulation if condition.change is None else refilmed(simulation, condition.change)
 
 

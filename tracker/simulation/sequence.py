@@ -26,7 +26,7 @@ from tracker.rig import Rig
 from tracker.rig_layouts import save_rig
 from tracker.scene import Person, Scene
 from tracker.simulation.movements import movement_of, poses_of
-from tracker.simulation.rendering import draw_persons, mesh_of
+from tracker.simulation.rendering import Mesh, draw_persons, mesh_of
 from tracker.simulation.room import Room, background_plates, default_rig, room_around
 from tracker.subject import Subject
 
@@ -127,9 +127,13 @@ class Simulation:
     fronts: tuple[Mask, ...] = ()
     """Of each plate, (h, w) where it shows what stands before the persons; empty for nothing."""
 
+    def meshes(self) -> tuple[Mesh, ...]:
+        """The surface of each person, dressed."""
+        return tuple(mesh_of(person, self.recipe.wardrobe + k) for k, person in enumerate(self.scene.persons))
+
     def frames(self) -> Iterator[Frame]:
         """All frames; the same for the same seed."""
-        meshes = tuple(mesh_of(person, self.recipe.wardrobe + k) for k, person in enumerate(self.scene.persons))
+        meshes = self.meshes()
         n_views = len(self.scene.rig)
         with ThreadPoolExecutor(2) as pool:
             for t, time_s in enumerate(self.recipe.times):
