@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtri
 
-from tracker.arrays import Array, Integers
+from tracker.arrays import Array, Integers, Mask
 from tracker.body import BodyModel
 from tracker.geometry.halton import halton
 
@@ -20,6 +20,12 @@ _DAMPING = 1e-4
 def apart_m(body: BodyModel) -> float:
     """From how far on two places of a joint are not one, metres."""
     return float(_APART * np.ptp(body.landmarks_in_world(body.rest()), axis=0).max())
+
+
+def is_apart(body: BodyModel, one: Array, other: Array, marks: Mask | slice = slice(None)) -> bool:
+    """Whether a joint, of those marked (L,), is in two places in two poses (dof,)."""
+    gaps = np.linalg.norm(body.landmarks_in_world(one)[marks] - body.landmarks_in_world(other)[marks], axis=1)
+    return bool(gaps.max(initial=0.0) > apart_m(body))
 
 
 def mirrored(body: BodyModel, q: Array, one: str, other: str) -> Array:

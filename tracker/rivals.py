@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tracker.arrays import Array, Mask
-from tracker.body import BodyModel
 from tracker.estimate import Estimate
-from tracker.limbs import apart_m, taken_over
+from tracker.limbs import is_apart, taken_over
 from tracker.objective import Objective
 
 # What another way must be better by, px. In R-Turn from frame 20 and T-Punch-light from frame 0 less than this led from
@@ -33,7 +32,11 @@ def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
     changes = bool(whole[1] < whole[0] - _LEAD_PX)
     best, other = (rival, mine) if changes else (mine, rival)
     q, least, theirs = best.q, float(whole[int(changes)]), np.zeros(body.dof, dtype=np.bool_)
-    limbs = [group for group in body.fine_groups if body.partner_of(group) and _apart(body, group, mine.q, rival.q)]
+    limbs = [
+        group
+        for group in body.fine_groups
+        if body.partner_of(group) and is_apart(body, mine.q, rival.q, body.landmarks_of(group))
+    ]
     for group in limbs:
         tried = taken_over(body, q, other.q, group)
         distance = float(objective(tried[None])[0])
@@ -44,13 +47,6 @@ def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
         return mine
     covariance = _of_both(best.covariance, other.covariance, theirs)
     return objective.estimate(q, covariance, mine.evaluations + 2 + len(limbs))
-
-
-def _apart(body: BodyModel, group: str, one: Array, other: Array) -> bool:
-    """Whether a joint of a limb is in two places in two poses."""
-    marks = body.landmarks_of(group)
-    gaps = np.linalg.norm(body.landmarks_in_world(one)[marks] - body.landmarks_in_world(other)[marks], axis=1)
-    return bool(gaps.max(initial=0.0) > apart_m(body))
 
 
 def _of_both(one: Array, other: Array, theirs: Mask) -> Array:

@@ -1,5 +1,6 @@
 """A second pass: windows of a recording are tracked forwards and then back, the poses of both weighed frame by frame.
 
+Where nothing is in doubt and the way back ends in the same places, the first pass stays as it is.
 The errors of the two directions hardly coincide: a limb is lost on the way into its hiding, not on the way out of it.
 See `tracker.rivals`.
 """
@@ -15,6 +16,7 @@ from tracker.cycle import Clock, Cycle, State, advance
 from tracker.easier_start import LedBack
 from tracker.frame import Frame
 from tracker.jumps import with_jumps
+from tracker.limbs import is_apart
 from tracker.loss import LossRule, doubted
 from tracker.rehearsal import Reopen
 from tracker.scene import Scene
@@ -35,7 +37,7 @@ _BEYOND = 4
 def track_twice(
     frames: Iterator[Frame], scene: Scene, cycle: Cycle, done: Mapping[int, Replay], reopen: Reopen
 ) -> Iterator[Step]:
-    """Tracks all persons through a sequence, and back again where there is doubt; see `tracker.tracking.track`.
+    """Tracks all persons through a sequence, and back again; see `tracker.tracking.track`.
 
     Args:
         frames: synchronized images in order.
@@ -135,7 +137,7 @@ class _Pass:
 def _both_ways(
     window: Sequence[Frame], beyond: Sequence[Frame], begin: _Pass, cycle: Cycle, reopen: Reopen
 ) -> tuple[list[Step], _Pass | None]:
-    """The frames of a window: tracked on from where it begins, and back from behind its end where there is doubt.
+    """The frames of a window: tracked on from where it begins, and back, from behind its end where there is doubt.
 
     Who wants to leave meanwhile gets what the first pass has found so far.
 
@@ -143,16 +145,31 @@ def _both_ways(
         The steps, and where the pass is then; None if they are not those that led there.
     """
     first, reached = _forwards(window, begin, cycle, reopen)
-    found, again = first, False
+    again: list[Step] | None = None
     # a limb that jumps was wrong before, or is wrong since, though no frame by itself is in doubt: R-Turn's legs,
     # exchanged from the start on, fell into place in frame 26
     if not reached.state.nobody_found and any(_in_doubt(step, cycle.loss) for step in with_jumps(first)):
         more, onwards = _forwards(beyond, reached, cycle, reopen)
-        found, again = back([*first, *more], cycle, onwards.state)[: len(first)], True
+        again = back([*first, *more], cycle, onwards.state)[: len(first)]
+    elif not reached.state.nobody_found and any(step.frame.index not in cycle.known for step in first):
+        # nor need a limb jump: with an acquired model an arm of DO-Two, before another body from the start on, crept
+        # into place by frame 28; the way back has it right at once. Of fitted bodies there was a way back already.
+        again = back(first, cycle, reached.state)
+        again = None if cycle.leaving() or _alike(first, again) else again
     if cycle.leaving():
         return [replace(step, provisional=True) for step in first], None
+    found = first if again is None else again
     even = bridged(found, cycle, begin.state, begin.before)
-    return with_jumps(even), None if again or even is not found else reached
+    return with_jumps(even), reached if even is first else None
+
+
+def _alike(steps: Sequence[Step], others: Sequence[Step]) -> bool:
+    """Whether everybody's joints are in the same places in both."""
+    return all(
+        one.lost == other.lost and not is_apart(person.body, one.q, other.q)
+        for step, rival in zip(steps, others, strict=True)
+        for person, one, other in zip(step.scene.persons, step.estimates, rival.estimates, strict=True)
+    )
 
 
 def _in_doubt(step: Step, loss: LossRule) -> bool:
