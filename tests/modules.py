@@ -22,7 +22,7 @@ LAYERS = (
     "comparison outlines correspondences strangers lsm following result ball_joints",
     "similarity evidence objective",
     "estimation initialization",
-    "rivals cycle bridges jumps rehearsal easier_start found_before tracking recorded_plates two_passes",
+    "rivals single_view cycle bridges jumps rehearsal easier_start found_before tracking recorded_plates two_passes",
     "acquisition alignment recognition evaluation simulation inspection",
     "jobs rig_check export smoothed aligned batching run forecast draft footage viewing",
     "cli commands __main__ scripts",

@@ -27,6 +27,7 @@ from tracker.progress import Progress, silent
 from tracker.rivals import weighed
 from tracker.scene import Scene
 from tracker.sight import Sight
+from tracker.single_view import with_vague_limbs
 from tracker.start import Start
 from tracker.strangers import hide_strangers
 from tracker.synthesis import Synthesis
@@ -151,7 +152,8 @@ def advance(
             estimate = cycle.estimation.estimate(objective, poses)
             if rivals and not rivals[k].lost:
                 estimate = weighed(objective, estimate, rivals[k])
-            estimates.append(judged(objective.body, estimate, cycle.loss))
+            estimate = judged(objective.body, estimate, cycle.loss)
+            estimates.append(with_vague_limbs(objective, estimate, cycle.loss.elsewhere_px))
             current = current.with_pose(k, estimate.q)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     start = None
@@ -225,7 +227,8 @@ def settled(scene: Scene, cycle: Cycle, observed: Observed, found: Status) -> tu
     for k, person in enumerate(scene.persons):
         objective = objective_of(scene, k, cycle, observed)
         estimate = cycle.estimation.estimate(objective, person.q[None])
-        estimates.append(judged(person.body, estimate, cycle.loss, found))
+        estimate = judged(person.body, estimate, cycle.loss, found)
+        estimates.append(with_vague_limbs(objective, estimate, cycle.loss.elsewhere_px))
         scene = scene.with_pose(k, estimate.q)
     return tuple(estimates), scene
 

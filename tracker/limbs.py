@@ -22,10 +22,11 @@ def apart_m(body: BodyModel) -> float:
     return float(_APART * np.ptp(body.landmarks_in_world(body.rest()), axis=0).max())
 
 
-def is_apart(body: BodyModel, one: Array, other: Array, marks: Mask | slice = slice(None)) -> bool:
-    """Whether a joint, of those marked (L,), is in two places in two poses (dof,)."""
-    gaps = np.linalg.norm(body.landmarks_in_world(one)[marks] - body.landmarks_in_world(other)[marks], axis=1)
-    return bool(gaps.max(initial=0.0) > apart_m(body))
+def are_apart(body: BodyModel, poses: Array, other: Array, marks: Mask | slice = slice(None)) -> Mask:
+    """Whether (*B,) a joint, of those marked (L,), is in two places in poses (*B, dof) and in another one (dof,)."""
+    places = body.landmarks_in_world(poses)[..., marks, :] - body.landmarks_in_world(other)[marks]
+    apart: Mask = np.linalg.norm(places, axis=-1).max(axis=-1, initial=0.0) > apart_m(body)
+    return apart
 
 
 def mirrored(body: BodyModel, q: Array, one: str, other: str) -> Array:

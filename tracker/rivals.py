@@ -6,7 +6,7 @@ import numpy as np
 
 from tracker.arrays import Array, Mask
 from tracker.estimate import Estimate
-from tracker.limbs import is_apart, taken_over
+from tracker.limbs import are_apart, taken_over
 from tracker.objective import Objective
 
 # What another way must be better by, px. In R-Turn from frame 20 and T-Punch-light from frame 0 less than this led from
@@ -35,7 +35,7 @@ def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
     limbs = [
         group
         for group in body.fine_groups
-        if body.partner_of(group) and is_apart(body, mine.q, rival.q, body.landmarks_of(group))
+        if body.partner_of(group) and are_apart(body, mine.q, rival.q, body.landmarks_of(group))
     ]
     for group in limbs:
         tried = taken_over(body, q, other.q, group)

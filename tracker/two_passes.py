@@ -16,7 +16,7 @@ from tracker.cycle import Clock, Cycle, State, advance
 from tracker.easier_start import LedBack
 from tracker.frame import Frame
 from tracker.jumps import with_jumps
-from tracker.limbs import is_apart
+from tracker.limbs import are_apart
 from tracker.loss import LossRule, doubted
 from tracker.rehearsal import Reopen
 from tracker.scene import Scene
@@ -166,7 +166,7 @@ def _both_ways(
 def _alike(steps: Sequence[Step], others: Sequence[Step]) -> bool:
     """Whether everybody's joints are in the same places in both."""
     return all(
-        one.lost == other.lost and not is_apart(person.body, one.q, other.q)
+        one.lost == other.lost and not are_apart(person.body, one.q, other.q)
         for step, rival in zip(steps, others, strict=True)
         for person, one, other in zip(step.scene.persons, step.estimates, rival.estimates, strict=True)
     )

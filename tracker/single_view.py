@@ -1,0 +1,60 @@
+"""Limbs of which one view alone shows a part: how deep that lies it hardly tells, and other places may do as well."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tracker.arrays import Mask
+from tracker.body import BodyModel
+from tracker.estimate import Estimate
+from tracker.limbs import are_apart, scattered
+from tracker.objective import Objective
+
+# One view alone shows a part if the view that shows second most has less of its contour than this share of the first.
+# A few px at a joint, added to both, are nothing to go by.
+_SHARE, _FEW_PX = 0.4, 10.0
+# Places that are tried, and how far around the one found: standard deviations of angles, rad, and translations, m.
+# A person's elbow gets 10 to 50 cm away.
+_TRIED, _SPREAD = 96, (np.radians(25.0), 0.1)
+
+
+def with_vague_limbs(objective: Objective, estimate: Estimate, within_px: float) -> Estimate:
+    """The estimate with those limbs vague that one view alone shows in part, and that another place suits as well.
+
+    The sigmas of a pose (`tracker.loss.limb_spreads_m`) say how far one may move it, not where else it may be: in
+    martial arts filmed by two cameras an upper arm is shown by the one behind the man and hidden from the other one by
+    his chest. Elbow and wrist were 20 and 13 cm off in depth for 25 frames, with sigmas below 6 cm; the true pose left
+    over as much, to 0.06 px.
+
+    Args:
+        objective: of the frame, with the other persons where they are.
+        estimate: judged already.
+        within_px: what another place may cost more; 0 for none.
+    """
+    body = objective.body
+    if estimate.lost or within_px == 0:
+        return estimate
+    limbs = (group for group in body.fine_groups if body.partner_of(group) and group not in estimate.ambiguous)
+    shown = [group for group in limbs if _shown_by_one(estimate, body.parts_of(group))]
+    vague = tuple(group for group in shown if _least_elsewhere_px(objective, estimate, group) < within_px)
+    return replace(estimate, ambiguous=(*estimate.ambiguous, *vague), vague=(*estimate.vague, *vague))
+
+
+def _shown_by_one(estimate: Estimate, parts: Mask) -> bool:
+    """Whether one view alone shows one of some parts (P,); evidence that cannot tell says no."""
+    if estimate.account.by_view_px is None:
+        return False
+    visible_px = np.sort(estimate.account.by_view_px[0][:, parts], axis=0)
+    second = visible_px[-2] if len(visible_px) > 1 else np.zeros_like(visible_px[-1])
+    return bool((second + _FEW_PX < _SHARE * (visible_px[-1] + _FEW_PX)).any())
+
+
+def _least_elsewhere_px(objective: Objective, estimate: Estimate, group: str) -> float:
+    """What the best of a limb's places that are elsewhere costs more than the one found, px."""
+    body: BodyModel = objective.body
+    poses = scattered(body, estimate.q[None], group, _TRIED, _SPREAD)
+    poses = poses[are_apart(body, poses, estimate.q, body.landmarks_of(group))]
+    distances = objective(np.concatenate([estimate.q[None], poses]))
+    return float(distances[1:].min(initial=np.inf) - distances[0])
