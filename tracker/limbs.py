@@ -22,10 +22,23 @@ def apart_m(body: BodyModel) -> float:
     return float(_APART * np.ptp(body.landmarks_in_world(body.rest()), axis=0).max())
 
 
-def are_apart(body: BodyModel, poses: Array, other: Array, marks: Mask | slice = slice(None)) -> Mask:
-    """Whether (*B,) a joint, of those marked (L,), is in two places in poses (*B, dof) and in another one (dof,)."""
-    places = body.landmarks_in_world(poses)[..., marks, :] - body.landmarks_in_world(other)[marks]
-    apart: Mask = np.linalg.norm(places, axis=-1).max(axis=-1, initial=0.0) > apart_m(body)
+def are_apart(
+    body: BodyModel, poses: Array, other: Array, marks: Mask | slice = slice(None), share: float = 1.0
+) -> Mask:
+    """Whether joints are elsewhere in poses than in another one.
+
+    Args:
+        body: the model.
+        poses: (*B, dof) rad and m.
+        other: (dof,) what they are compared with.
+        marks: (L,) joints that count.
+        share: of `apart_m`, from where on they are elsewhere.
+
+    Returns:
+        (*B,) whether any of the joints is.
+    """
+    ways = body.landmarks_in_world(poses)[..., marks, :] - body.landmarks_in_world(other)[marks]
+    apart: Mask = np.linalg.norm(ways, axis=-1).max(axis=-1, initial=0.0) > share * apart_m(body)
     return apart
 
 

@@ -33,6 +33,10 @@ _MOST_BYTES = 2**30
 _BEYOND = 4
 """A window is tracked on for one in so many of its frames, so that the way back has found itself when it enters."""
 
+_ALIKE = 0.5
+"""Share of the distance from which on joints are elsewhere (`tracker.limbs.apart_m`: 14 cm of a person), up to which
+the two ways are alike. DO-Two's wrong arm and the right one, which crossed, were 14.6 cm from each other at most."""
+
 
 def track_twice(
     frames: Iterator[Frame], scene: Scene, cycle: Cycle, done: Mapping[int, Replay], reopen: Reopen
@@ -166,7 +170,7 @@ def _both_ways(
 def _alike(steps: Sequence[Step], others: Sequence[Step]) -> bool:
     """Whether everybody's joints are in the same places in both."""
     return all(
-        one.lost == other.lost and not are_apart(person.body, one.q, other.q)
+        one.lost == other.lost and not are_apart(person.body, one.q, other.q, share=_ALIKE)
         for step, rival in zip(steps, others, strict=True)
         for person, one, other in zip(step.scene.persons, step.estimates, rival.estimates, strict=True)
     )
