@@ -35,7 +35,7 @@ _BEYOND = 4
 
 _ALIKE = 0.5
 """Share of the distance from which on joints are elsewhere (`tracker.limbs.apart_m`: 14 cm of a person), up to which
-the two ways are alike. DO-Two's wrong arm and the right one, which crossed, were 14.6 cm from each other at most."""
+the two ways are alike. With an acquired model a wrong arm of DO-Two was 14.6 cm from the right one at most."""
 
 
 def track_twice(
