@@ -47,7 +47,8 @@ def with_vague_limbs(objective: Objective, estimate: Estimate, within_px: float)
 def _telling(body: BodyModel, group: str) -> Mask:
     """(P,) parts of a limb that tell where it is: not the last of three links or more, hands and feet.
 
-    With these 56 of 208 right frames of four recordings by two cameras had an ambiguous limb, and no wrong one more.
+    These are often shown by one view alone, and are where their forearms and shins tell. With them the same frames of
+    four recordings by two cameras are flagged.
     """
     parts = np.flatnonzero(body.parts_of(group))
     n_moving = body.moves[:, body.part_parameters[parts]].sum(axis=0)
