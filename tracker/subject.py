@@ -9,6 +9,7 @@ import pydantic
 from tracker.body import BodyModel
 from tracker.body_description import BodyDescription
 from tracker.body_files import read_description
+from tracker.carried import Carried, with_carried
 from tracker.components import ModelFile, component
 from tracker.errors import ConfigError, ModelError
 from tracker.resources import model_path
@@ -35,6 +36,9 @@ class Subject:
     who move, the nearest one is taken. None leaves that to statures, and to how well the models fit. One person alone
     without plates is looked for all over the floor all the same."""
 
+    carries: tuple[Carried, ...] = ()
+    """What the person holds or wears all the time, a racket or a rucksack: it is tracked as parts of the body."""
+
     shape: Literal["recording", "model"] | None = None
     """`recording`: lengths and shapes are fitted to the first frames before these are tracked; `model`: they are those
     of the model file. None: a model that is scaled by stature is fitted, for it is not yet that person's; one with a
@@ -52,18 +56,18 @@ class Subject:
         return self.shape == "recording"
 
     def description(self) -> BodyDescription:
-        """The content of the model file, scaled.
+        """The content of the model file, scaled, with what the person carries.
 
         Raises:
             ModelError: the model file is wrong.
-            ConfigError: a stature is given for a model that does not tell its own.
+            ConfigError: a stature is given for a model that does not tell its own; what is carried is wrong.
         """
         description = read_description(self.model)
-        if self.stature_m is None:
-            return description
-        if description.stature_m <= 0:
-            raise ConfigError(f'person "{self.name}": stature_m given, but {self.model} does not tell its own')
-        return description.scaled(self.stature_m / description.stature_m)
+        if self.stature_m is not None:
+            if description.stature_m <= 0:
+                raise ConfigError(f'person "{self.name}": stature_m given, but {self.model} does not tell its own')
+            description = description.scaled(self.stature_m / description.stature_m)
+        return with_carried(description, self.carries)
 
     def body(self) -> BodyModel:
         """The body model, scaled.

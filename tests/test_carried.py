@@ -1,0 +1,90 @@
+"""A racket, a rucksack: parts of a person's body that no model file has."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tracker.body_files import read_description
+from tracker.carried import with_carried
+from tracker.config import build_class, described_fields
+from tracker.errors import ConfigError
+from tracker.resources import model_path
+from tracker.subject import Subject
+
+RACKET = {
+    "name": "racket",
+    "by": "right_wrist",
+    "start": [0.0, 0.0, -0.4],
+    "end": [0.0, 0.0, -0.7],
+    "radii": [0.13, 0.01],
+}
+
+
+def subject(*carries: dict[str, Any], **told: Any) -> Subject:
+    """A person as a configuration describes it."""
+    table = {"name": "anna", "model": str(model_path("human")), "carries": list(carries), **told}
+    found: Subject = build_class(Subject, table, "persons[0]", Path())
+    return found
+
+
+@pytest.mark.parametrize("stature_m", [None, 1.5])
+def test_a_thing_hangs_on_the_segment_of_its_landmark_and_keeps_its_size(stature_m: float | None) -> None:
+    told = {} if stature_m is None else {"stature_m": stature_m}
+    alone, laden = subject(**told).body(), subject(RACKET, **told).body()
+    part = [part.name for part in laden.parts].index("racket")
+    assert len(laden.parts) == len(alone.parts) + 1
+    np.testing.assert_allclose(laden.parts[part].shape.size, (0.13, 0.01, 0.15))
+    q = laden.rest()
+    wrist = laden.landmark_names.index("right_wrist")
+    np.testing.assert_allclose(laden.landmarks_in_world(q), alone.landmarks_in_world(q))
+    middle, at = laden.world_from_part(q)[part, :3, 3], laden.landmarks_in_world(q)[wrist]
+    np.testing.assert_allclose(middle, at + np.array([0, 0, -0.55]), atol=1e-6)
+    # it turns with the hand, and with nothing beyond it
+    q[laden.index("right_wrist_flexion")] += 0.5
+    turned = laden.world_from_part(q)[part, :3, 3] - at
+    assert np.linalg.norm(turned) == pytest.approx(0.55)
+    assert np.arccos(-turned[2] / 0.55) == pytest.approx(0.5, abs=1e-6)
+    q[laden.index("left_wrist_flexion")] += 0.5
+    np.testing.assert_array_equal(laden.world_from_part(q)[part, :3, 3] - at, turned)
+
+
+def test_without_a_thing_the_body_is_what_it_was() -> None:
+    description = read_description(model_path("human"))
+    assert with_carried(description, ()) is description
+
+
+def test_a_configuration_keeps_what_is_carried() -> None:
+    told = subject(RACKET, stature_m=1.7)
+    again = build_class(Subject, described_fields(told), "persons[0]", Path())
+    assert again == told
+    assert again.description() == told.description()
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"by": "right_wirst"}, "right_wrist"),
+        ({"name": "right_hand"}, "has a part of that name"),
+        ({"radii": [0.1, 0.0]}, "radii"),
+        ({"strat": [0, 0, 0]}, "start"),
+    ],
+)
+def test_what_is_wrong_is_named(changed: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        subject({**RACKET, **changed}).description()
+
+
+def test_two_things_have_two_names() -> None:
+    with pytest.raises(ConfigError, match="has a part of that name"):
+        subject(RACKET, RACKET).description()
+
+
+def test_who_is_drawn_by_a_skin_carries_nothing() -> None:
+    description = read_description(model_path("human"))
+    dressed = description.model_copy(update={"skin": object()})
+    with pytest.raises(ConfigError, match="has a skin"):
+        with_carried(dressed, subject(RACKET).carries)
