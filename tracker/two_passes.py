@@ -1,8 +1,8 @@
 """A second pass: windows of a recording are tracked forwards and then back, the poses of both weighed frame by frame.
 
-Where nothing is in doubt and the way back ends in the same places, the first pass stays as it is.
-The errors of the two directions hardly coincide: a limb is lost on the way into its hiding, not on the way out of it.
-See `tracker.rivals`.
+Windows with doubt in them are, and those in which somebody is found: what is wrong from the start on nothing need tell.
+There the first pass stays as it is where the way back ends in the same places. The errors of the two directions hardly
+coincide: a limb is lost on the way into its hiding, not on the way out of it. See `tracker.rivals`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ the two ways are alike. With an acquired model a wrong arm of DO-Two was 14.6 cm
 def track_twice(
     frames: Iterator[Frame], scene: Scene, cycle: Cycle, done: Mapping[int, Replay], reopen: Reopen
 ) -> Iterator[Step]:
-    """Tracks all persons through a sequence, and back again; see `tracker.tracking.track`.
+    """Tracks all persons through a sequence, and back again where need be; see `tracker.tracking.track`.
 
     Args:
         frames: synchronized images in order.
@@ -141,7 +141,7 @@ class _Pass:
 def _both_ways(
     window: Sequence[Frame], beyond: Sequence[Frame], begin: _Pass, cycle: Cycle, reopen: Reopen
 ) -> tuple[list[Step], _Pass | None]:
-    """The frames of a window: tracked on from where it begins, and back, from behind its end where there is doubt.
+    """The frames of a window: tracked on from where it begins, and back where there is doubt, or somebody was found.
 
     Who wants to leave meanwhile gets what the first pass has found so far.
 
@@ -155,7 +155,7 @@ def _both_ways(
     if not reached.state.nobody_found and any(_in_doubt(step, cycle.loss) for step in with_jumps(first)):
         more, onwards = _forwards(beyond, reached, cycle, reopen)
         again = back([*first, *more], cycle, onwards.state)[: len(first)]
-    elif not reached.state.nobody_found and any(step.frame.index not in cycle.known for step in first):
+    elif not reached.state.nobody_found and any(_begins(step, cycle) for step in first):
         # nor need a limb jump: with an acquired model an arm of DO-Two, before another body from the start on, crept
         # into place by frame 28; the way back has it right at once. Of fitted bodies there was a way back already.
         again = back(first, cycle, reached.state)
@@ -174,6 +174,11 @@ def _alike(steps: Sequence[Step], others: Sequence[Step]) -> bool:
         for step, rival in zip(steps, others, strict=True)
         for person, one, other in zip(step.scene.persons, step.estimates, rival.estimates, strict=True)
     )
+
+
+def _begins(step: Step, cycle: Cycle) -> bool:
+    """Whether somebody is found in a frame that no way back has come to before."""
+    return step.start is not None and step.frame.index not in cycle.known
 
 
 def _in_doubt(step: Step, loss: LossRule) -> bool:
