@@ -49,7 +49,7 @@ def with_carried(description: BodyDescription, carried: Sequence[Carried]) -> Bo
     """A body with what it carries.
 
     Images show the thing with the person, and what no part explains draws limbs: with a racket in hand 41 of 234
-    frames had a joint 150 mm off, with its two parts none of the 201 of three of these recordings.
+    frames had a joint 150 mm off, with its two parts none.
 
     Args:
         description: the body, of the person's size.
