@@ -34,7 +34,7 @@ from tracker.recorded_plates import without_persons
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
-from tracker.start import Hypothesis, Start, confidence
+from tracker.start import Hypothesis, Start, sureness
 from tracker.synthesis.cpu import CpuSynthesis
 
 BOX = slice(60, 200), slice(140, 180)
@@ -241,7 +241,7 @@ def test_of_two_starts_that_which_leaves_less_is_taken_with_the_hypotheses_of_bo
     found = least_left(starts, simulation.scene, 2)
     np.testing.assert_array_equal(found.poses[0], q[1])
     assert [h.left_over for h in found.hypotheses[0]] == [0.2, 0.3]
-    assert found.confidence == (confidence((other, third)),)
+    assert found.sureness == (sureness((other, third)),)
 
 
 @pytest.mark.parametrize("shown", [legs, lambda mask: mask], ids=["legs", "whole"])

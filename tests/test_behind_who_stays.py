@@ -92,7 +92,7 @@ def test_who_was_followed_back_from_a_later_frame_starts_in_the_first_one(
     cycle = staying(simulation)
     steps, _ = there(list(simulation.frames()), simulation.scene, cycle)
     first, last = (replay_of(line_of(step).encode()) for step in steps)
-    sure = Start((steps[1].estimates[0].q,), confidence=(0.9,))
+    sure = Start((steps[1].estimates[0].q,), sureness=(0.9,))
     led = LedBack(1, sure, {1: last, 0: first})
 
     def led_back(*_: object) -> tuple[Step, LedBack]:
@@ -102,7 +102,7 @@ def test_who_was_followed_back_from_a_later_frame_starts_in_the_first_one(
     found = behind_who_stays(cycle, simulation.scene, simulation.frames)
     start = found.initialization
     assert isinstance(start, StartedBefore)
-    assert (start.frame, start.found.confidence, list(found.known)) == (0, (0.9,), [0, 1])
+    assert (start.frame, start.found.sureness, list(found.known)) == (0, (0.9,), [0, 1])
     np.testing.assert_array_equal(start.found.poses[0], first.estimates[0].q)
 
 

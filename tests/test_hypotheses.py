@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.motions import estimate_of
 from tests.observations import bent
 from tracker.body import BodyModel
 from tracker.body_files import load_body
 from tracker.initialization._hypotheses import apart, coarse_poses, ranked, turned_round
 from tracker.resources import model_path
-from tracker.start import Hypothesis, confidence, limbs_shown
+from tracker.start import Hypothesis, confidence, limbs_shown, sureness
 
 
 def tried(q: np.ndarray, left_over: float) -> Hypothesis:
@@ -57,12 +58,12 @@ def test_the_same_pose_counts_once_and_the_best_comes_first(body: BodyModel) -> 
     assert [one.left_over for one in order] == [0.4, 0.5]
 
 
-def test_the_lead_and_the_contour_explained_make_the_confidence(body: BodyModel) -> None:
+def test_the_lead_and_the_contour_explained_make_sure(body: BodyModel) -> None:
     q = bent(body)
-    assert confidence((tried(q, 0.4),)) == pytest.approx(0.9)
-    assert confidence((tried(q, 0.4), tried(q, 0.4))) == 0.0
-    assert confidence((tried(q, 0.4), tried(q, 0.6))) == pytest.approx(0.9)
-    assert 0.3 < confidence((tried(q, 0.4), tried(q, 0.44))) < 0.6
+    assert sureness((tried(q, 0.4),)) == pytest.approx(0.9)
+    assert sureness((tried(q, 0.4), tried(q, 0.4))) == 0.0
+    assert sureness((tried(q, 0.4), tried(q, 0.6))) == pytest.approx(0.9)
+    assert 0.3 < sureness((tried(q, 0.4), tried(q, 0.44))) < 0.6
 
 
 def test_a_limb_that_is_left_over_makes_less_sure(body: BodyModel) -> None:
@@ -70,3 +71,14 @@ def test_a_limb_that_is_left_over_makes_less_sure(body: BodyModel) -> None:
     shown, half = (replace(one, limbs_left_over={"left_arm": arm, "right_arm": 0.0}) for arm in (0.1, 0.3))
     assert limbs_shown(one) == limbs_shown(shown) == 1.0
     assert limbs_shown(half) == pytest.approx(0.5)
+
+
+def test_what_tracking_doubts_counts_for_more_than_how_sure_a_start_was(body: BodyModel) -> None:
+    right = estimate_of(body.rest(), len(body.parts), lost=False)
+    one, two = (replace(right, ambiguous=limbs) for limbs in (("left_arm",), ("left_arm", "right_leg")))
+    wrong = (two, replace(right, doubtful=True), estimate_of(body.rest(), len(body.parts), lost=True))
+    for sure in (0.0, 0.4, 1.0):
+        assert all(confidence(sure, estimate) <= 0.5 <= confidence(sure, one) for estimate in wrong)
+        assert confidence(sure, one) <= confidence(sure, right) <= 1.0
+    assert confidence(1.0, one) < 0.9 < confidence(1.0, right)
+    assert confidence(0.3, right) < confidence(0.7, right)

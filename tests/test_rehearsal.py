@@ -21,7 +21,7 @@ from tracker.loss import LossRule
 from tracker.rehearsal import _following, rehearsed
 from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
-from tracker.start import Hypothesis, Start, confidence
+from tracker.start import Hypothesis, Start, sureness
 from tracker.tracking import track
 
 
@@ -56,7 +56,7 @@ def test_what_follows_shows_who_faces_where(simulation: Simulation) -> None:
     np.testing.assert_array_equal(start.poses[0], simulation.poses[0][0])
     assert [one.q is start.poses[0] for one in start.hypotheses[0]] == [True, False]
     assert start.hypotheses[0][0].left_over < 0.8 * start.hypotheses[0][1].left_over
-    assert start.confidence[0] > 0.1
+    assert start.sureness[0] > 0.1
     assert "next 10 frames" in told[0]
 
 
@@ -80,8 +80,8 @@ def test_limbs_lower_the_confidence_without_plates_alone(
     monkeypatch.setattr("tracker.rehearsal.limbs_shown", lambda best: 0.5)
     cycle = cycle_for(simulation, WrongFirst(simulation, sure=0.1))
     start = ranked(simulation, cycle if known else replace(cycle, plates=(None,) * len(cycle.plates)))
-    assert start.confidence[0] == pytest.approx(factor * confidence(start.hypotheses[0]))
-    assert start.confidence[0] > 0
+    assert start.sureness[0] == pytest.approx(factor * sureness(start.hypotheses[0]))
+    assert start.sureness[0] > 0
 
 
 @pytest.mark.parametrize("changes", [{"rehearse": 0}, {"sure": 0.05}])
@@ -128,7 +128,7 @@ def test_a_given_pose_stays_and_is_told_to_be_turned_round(simulation: Simulatio
     start = ranked(simulation, cycle)
     np.testing.assert_allclose(start.poses[0], wrong, atol=1e-9)
     assert [one.given for one in start.hypotheses[0]] == [False, True]
-    assert start.sureness == 0
+    assert start.least_sureness == 0
     left_over = start.turned_round[0]
     assert left_over[1] < 0.8 * left_over[0]
     (line,) = told_of_start(start, simulation.scene)
@@ -145,7 +145,7 @@ def test_of_a_given_pose_that_is_right_nothing_is_told(simulation: Simulation, t
     start = ranked(simulation, cycle)
     np.testing.assert_allclose(start.poses[0], simulation.poses[0][0], atol=1e-9)
     assert start.hypotheses[0][0].given
-    assert start.sureness > 0.7
+    assert start.least_sureness > 0.7
     assert told_of_start(start, simulation.scene) == ()
 
 
@@ -153,4 +153,4 @@ def test_who_is_lost_later_is_not_compared_with_a_given_pose(simulation: Simulat
     given = given_by(simulation, tmp_path, simulation.poses[0][0])
     stages = replace(cycle_for(simulation).stages, seen_before=True)
     start = given.start(next(iter(simulation.frames())), simulation.scene, stages)
-    assert (start.hypotheses, start.confidence) == ((), ())
+    assert (start.hypotheses, start.sureness) == ((), ())

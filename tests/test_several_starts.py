@@ -130,4 +130,4 @@ def test_two_men_who_stand_in_one_place_are_found(data: Callable[[str], Path], m
         lower = [gap for name, gap in gaps.items() if name.endswith(("hip", "knee", "ankle"))]
         assert len(lower) == 6
         assert np.mean(lower) < 100
-    assert len(start.confidence) == 2
+    assert len(start.sureness) == 2

@@ -51,7 +51,7 @@ def started(in_threads: bool, monkeypatch: pytest.MonkeyPatch) -> tuple[Start, S
 
 def test_a_start_in_threads_is_that_of_a_loop(monkeypatch):
     for one, other in zip(started(True, monkeypatch), started(False, monkeypatch), strict=True):
-        assert one.confidence == other.confidence
+        assert one.sureness == other.sureness
         for mine, its in zip(one.hypotheses[0], other.hypotheses[0], strict=True):
             np.testing.assert_array_equal(mine.q, its.q)
             assert (mine.distance_px, mine.left_over) == (its.distance_px, its.left_over)

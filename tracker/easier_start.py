@@ -52,14 +52,14 @@ def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack 
     Returns:
         None if the start is sure or given, no later one is surer, or the images of the first frame speak for its own.
     """
-    if step.start is None or step.start.given or step.start.sureness >= cycle.loss.sure:
+    if step.start is None or step.start.given or step.start.least_sureness >= cycle.loss.sure:
         return None
     found = _surest(step.frame, scene, cycle, reopen)
     if found is None:
         return None
     frame, start = found
     start = rehearsed(start, frame, scene, cycle, reopen)
-    if start.sureness <= step.start.sureness:
+    if start.least_sureness <= step.start.least_sureness:
         return None
     replays = _followed_back(step.frame.index, frame, scene.with_poses(start.poses), cycle, reopen)
     back_px, here_px = (
@@ -77,9 +77,9 @@ def _surest(first: Frame, scene: Scene, cycle: Cycle, reopen: Reopen) -> tuple[F
             start = cycle.initialization.start(frame, scene, cycle.stages)
         except InitializationError:
             continue
-        if best is None or start.sureness > best[1].sureness:
+        if best is None or start.least_sureness > best[1].least_sureness:
             best = frame, start
-        if start.sureness >= cycle.loss.sure:
+        if start.least_sureness >= cycle.loss.sure:
             break
     return best
 

@@ -68,7 +68,7 @@ class LossRule:
     They are at least 0.03 s apart."""
 
     sure: float = pydantic.Field(default=0.8, ge=0, le=1)
-    """Confidence of a start pose that needs no rehearsal."""
+    """How sure a start pose is that needs no rehearsal, see `tracker.start.sureness`."""
 
     look_ahead_s: tuple[pydantic.NonNegativeFloat, ...] = (0.5, 1.0, 2.0)
     """When nobody is sure in the first frame: how much later starts are looked for that may be easier, seconds. The

@@ -84,7 +84,7 @@ def behind_who_stays(cycle: Cycle, scene: Scene, reopen: Reopen) -> Cycle:
     if led is not None:
         # what it was found by shows another frame
         known = {k: one.estimates for k, one in sorted(led.replays.items())}
-        start = Start((), confidence=led.start.confidence)
+        start = Start((), sureness=led.start.sureness)
     plates = tuple(
         None if plate is None else _unknown_behind(plate, sight, v, model, stand_out)
         for v, (plate, model) in enumerate(zip(backdrops, models, strict=True))

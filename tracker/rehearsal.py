@@ -15,7 +15,7 @@ from tracker.frame import Frame
 from tracker.loss import limbs_left_over
 from tracker.scene import Scene
 from tracker.sight import Sight
-from tracker.start import Hypothesis, Start, confidence, limbs_shown
+from tracker.start import Hypothesis, Start, limbs_shown, sureness
 from tracker.strangers import hide_strangers
 from tracker.synthesis import side_by_side
 from tracker.trajectory import Step
@@ -44,18 +44,18 @@ def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Re
         reopen: opens the sequence anew.
     """
     known = all(plate is not None and plate.unknown is None for plate in cycle.plates)
-    for k, sure in enumerate(start.confidence):
+    for k, sure in enumerate(start.sureness):
         if cycle.loss.rehearse == 0 or sure >= cycle.loss.sure or len(start.hypotheses[k]) < 2:
             continue
         cycle.progress(f"bootstrapping: {scene.persons[k].name} in the next {cycle.loss.rehearse} frames")
         ranking = _ranked(start, k, frame, scene, cycle, _following(frame, reopen, cycle.loss.rehearse))
-        found = confidence(ranking) * (1.0 if known else limbs_shown(ranking[0]))
+        found = sureness(ranking) * (1.0 if known else limbs_shown(ranking[0]))
         pose = next((one.q for one in ranking if one.given), ranking[0].q)
         start = replace(
             start,
             poses=_with(start.poses, k, pose),
             hypotheses=_with(start.hypotheses, k, ranking),
-            confidence=_with(start.confidence, k, found),
+            sureness=_with(start.sureness, k, found),
         )
     return start
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from tracker.arrays import Array, Mask
+from tracker.estimate import Estimate
 
 # A lead over the next different pose by this share of what is left over is as good as any.
 _SURE_LEAD = 0.2
@@ -71,8 +72,8 @@ class Start:
     hypotheses: tuple[tuple[Hypothesis, ...], ...] = ()
     """For each person what was refined, the best one first; of a pose that was given, itself and turned round."""
 
-    confidence: tuple[float, ...] = ()
-    """For each person 0 to 1, see `confidence`; empty if nothing else was tried."""
+    sureness: tuple[float, ...] = ()
+    """For each person 0 to 1, see `sureness`; empty if nothing else was tried."""
 
     def of(self, order: Sequence[int]) -> Start:
         """The start of the same persons in another order: for each the place that it has here."""
@@ -80,7 +81,7 @@ class Start:
             tuple(self.poses[k] for k in order),
             tuple(self.evidence[k] for k in order if self.evidence),
             tuple(self.hypotheses[k] for k in order if self.hypotheses),
-            tuple(self.confidence[k] for k in order if self.confidence),
+            tuple(self.sureness[k] for k in order if self.sureness),
         )
 
     @property
@@ -99,12 +100,12 @@ class Start:
         return found
 
     @property
-    def sureness(self) -> float:
-        """The least confidence of all persons; 1 where nothing else was tried."""
-        return min(self.confidence, default=1.0)
+    def least_sureness(self) -> float:
+        """The least sureness of all persons; 1 where nothing else was tried."""
+        return min(self.sureness, default=1.0)
 
 
-def confidence(hypotheses: tuple[Hypothesis, ...], costs: Array | None = None) -> float:
+def sureness(hypotheses: tuple[Hypothesis, ...], costs: Array | None = None) -> float:
     """How sure the first of ranked hypotheses is, 0 to 1; not at all if another one was given.
 
     The share of its contour that the scene explains, times its lead: how much less it leaves over than the next one,
@@ -134,6 +135,22 @@ def limbs_shown(best: Hypothesis) -> float:
     """
     worst = max(best.limbs_left_over.values(), default=0.0)
     return _LIMB_LEFT_OVER / max(worst, _LIMB_LEFT_OVER)
+
+
+def confidence(sure: float, estimate: Estimate) -> float:
+    """How often starts like it are right, 0 to 1: by how sure they were, and by what tracking made of the frame.
+
+    Sureness knows of nothing but what else was tried: without plates starts of 0.03 and 0.3 were right once they had been
+    tracked on and back. Of 276 starts, with plates and without, a joint was more than 150 mm off in 11 of the 14 below
+    0.5, in 8 of 35 up to 0.9 and in 6 of 227 above; there none was 100 mm off on average (6 and 3 of the others).
+
+    Args:
+        sure: see `sureness`.
+        estimate: of the frame of the start, when all around it was tracked.
+    """
+    if estimate.lost or estimate.doubtful or len(estimate.ambiguous) > 1:
+        return 0.5 * sure
+    return 0.5 + (0.3 if estimate.ambiguous else 0.5) * sure
 
 
 def _lead(first: float, second: float) -> float:

@@ -14,7 +14,7 @@ from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
 from tracker.hidden import LONG_FRAMES
 from tracker.scene import Scene
-from tracker.start import Start
+from tracker.start import Start, confidence
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,12 @@ class Step:
 
     provisional: bool = False
     """Whether a second pass would have followed, had the run not been interrupted: a resumed run does it again."""
+
+    @property
+    def start_confidence(self) -> tuple[float, ...]:
+        """For each person how often starts like it are right, see `tracker.start.confidence`; empty without one."""
+        sure = () if self.start is None else self.start.sureness
+        return tuple(confidence(own, estimate) for own, estimate in zip(sure, self.estimates, strict=False))
 
 
 @dataclass(frozen=True)

@@ -182,7 +182,7 @@ def _begins(step: Step, cycle: Cycle) -> bool:
 
 
 def _in_doubt(step: Step, loss: LossRule) -> bool:
-    unsure = step.start is not None and step.start.sureness < loss.sure
+    unsure = step.start is not None and step.start.least_sureness < loss.sure
     return unsure or any(one.lost or doubted(one) for one in step.estimates)
 
 

@@ -12,7 +12,7 @@ from tracker.body import BodyModel
 from tracker.estimate import Estimate
 from tracker.loss import limbs_left_over
 from tracker.scene import Scene
-from tracker.start import Hypothesis, Start, confidence, limbs_shown
+from tracker.start import Hypothesis, Start, limbs_shown, sureness
 
 # Of another body that may be the person: so many times what the best pose leaves over, at most. The wrong one of two
 # persons left 0.8 to 1.9 times what the right one did in 16 starts.
@@ -120,11 +120,11 @@ def least_left(starts: list[Start], scene: Scene, n: int) -> Start:
     best = min(starts, key=lambda one: sum(ranking[0].left_over for ranking in one.hypotheses if ranking))
     sought = [k for k, ranking in enumerate(best.hypotheses) if ranking]
     if len(sought) > 1:
-        pairs = zip(best.confidence, best.hypotheses, strict=True)
-        return replace(best, confidence=tuple(sure * limbs_shown(own[0]) if own else sure for sure, own in pairs))
+        pairs = zip(best.sureness, best.hypotheses, strict=True)
+        return replace(best, sureness=tuple(sure * limbs_shown(own[0]) if own else sure for sure, own in pairs))
     best = likeliest(starts, scene, n)
-    sure = confidence(best.hypotheses[sought[0]]) * limbs_shown(best.hypotheses[sought[0]][0])
-    return replace(best, confidence=tuple(sure if k == sought[0] else 1.0 for k in range(len(best.poses))))
+    sure = sureness(best.hypotheses[sought[0]]) * limbs_shown(best.hypotheses[sought[0]][0])
+    return replace(best, sureness=tuple(sure if k == sought[0] else 1.0 for k in range(len(best.poses))))
 
 
 def likeliest(starts: list[Start], scene: Scene, n: int, bodies: bool = False) -> Start:
@@ -147,7 +147,7 @@ def likeliest(starts: list[Start], scene: Scene, n: int, bodies: bool = False) -
     return replace(
         best,
         hypotheses=tuple(ranking if mine else () for mine in own),
-        confidence=tuple(confidence(ranking) if mine else 1.0 for mine in own),
+        sureness=tuple(sureness(ranking) if mine else 1.0 for mine in own),
     )
 
 

@@ -19,7 +19,7 @@ from tracker.initialization._joint_tables import is_joint_table, pose_from_joint
 from tracker.plate import Plate
 from tracker.scene import Person, Scene
 from tracker.source_files import number_in, rows_of
-from tracker.start import Hypothesis, Start, confidence
+from tracker.start import Hypothesis, Start, sureness
 
 
 @component
@@ -57,7 +57,7 @@ class GivenInitialization:
         if stages.seen_before:
             return Start(poses)
         hypotheses = tuple(_beside_turned(frame, scene, k, stages) for k in range(len(poses)))
-        return Start(poses, (), hypotheses, tuple(map(confidence, hypotheses)))
+        return Start(poses, (), hypotheses, tuple(map(sureness, hypotheses)))
 
     def poses_of(self, scene: Scene, index: int) -> tuple[Array, ...]:
         """The start poses (dof,) of all persons in a frame.

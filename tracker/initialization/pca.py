@@ -38,7 +38,7 @@ from tracker.objective import Objective
 from tracker.plate import Plate, in_light_of
 from tracker.rig import Rig
 from tracker.scene import Scene
-from tracker.start import AxisFit, Hypothesis, Start, confidence
+from tracker.start import AxisFit, Hypothesis, Start, sureness
 from tracker.synthesis import side_by_side
 
 # Poses at a time: bounds the memory.
@@ -180,11 +180,11 @@ class PcaInitialization:
                 )
             scene = scene.with_pose(k, hypotheses[k][0].q)
         hypotheses = self._together(frame, scene, stages, ordered, hypotheses)
-        confidences = (confidence(ranking) if ranking else 1.0 for ranking in hypotheses)
+        sureness_of_all = (sureness(ranking) if ranking else 1.0 for ranking in hypotheses)
         poses = tuple(
             ranking[0].q if ranking else person.q for person, ranking in zip(scene.persons, hypotheses, strict=True)
         )
-        return Start(poses, tuple(evidence), tuple(hypotheses), tuple(confidences))
+        return Start(poses, tuple(evidence), tuple(hypotheses), tuple(sureness_of_all))
 
     def _axes(self, person: Found, rig: Rig) -> tuple[list[TorsoAxis], tuple[AxisFit | None, ...]]:
         """The torso's axis from the views and from the hull, and the picture of how the first was found."""

@@ -26,7 +26,7 @@ from tracker.initialization._whereabouts import Whereabouts, whereabouts
 from tracker.plate import Plate
 from tracker.scene import Scene
 from tracker.sight import LEAST_COVERED
-from tracker.start import Hypothesis, Start, confidence, limbs_shown
+from tracker.start import Hypothesis, Start, limbs_shown, sureness
 
 # A view counts for a place if it shows so much of a person's landmarks; all but the knees and feet where images cut
 # people off.
@@ -138,7 +138,7 @@ class StanceInitialization:
         return _start(scene, rankings, sure)
 
     def _sure(self, frame: Frame, scene: Scene, ranking: tuple[Hypothesis, ...], clues: Clues) -> float:
-        """Confidence of the best pose of a scene's last person; who moves is there, however little the edges say.
+        """Sureness of the best pose of a scene's last person; who moves is there, however little the edges say.
 
         Raises:
             InitializationError: it may be nobody.
@@ -149,7 +149,7 @@ class StanceInitialization:
                 f"frame {frame.index}: what is likest to a person has a score of {score:.2f} on the edges, expected at "
                 f"least {self.least_score:.2f}"
             )
-        sure = confidence(ranking, clues.costs(scene, ranking)) * limbs_shown(ranking[0])
+        sure = sureness(ranking, clues.costs(scene, ranking)) * limbs_shown(ranking[0])
         return sure * min(max(score, 0.0) / self.least_score, 1.0)
 
     def _is_there(self, scene: Scene, best: Hypothesis, clues: Clues) -> bool:

@@ -138,9 +138,8 @@ def _log_step(step: Step) -> None:
             100 * estimate.account.explained,
             1000 * sum(step.seconds.values()),
         )
-    if step.start is not None:
-        for person, sure in zip(step.scene.persons, step.start.confidence, strict=False):
-            log.info("frame %d %s start pose of confidence %.2f", step.frame.index, person.name, sure)
+    for person, found in zip(step.scene.persons, step.start_confidence, strict=False):
+        log.info("frame %d %s start pose of confidence %.2f", step.frame.index, person.name, found)
     for v, fault in step.untrusted.items():
         log.info("frame %d: foreground of view %s not used: %s", step.frame.index, step.scene.rig.names[v], fault)
     if step.frame.missing:

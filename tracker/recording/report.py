@@ -55,6 +55,7 @@ class ReportRecorder:
         self._worst: tuple[float, int, bytes] | None = None
         self._axes: list[Image] = []
         self._start: Start | None = None
+        self._confidence: tuple[float, ...] = ()
         self._player = Player(run, settings.player_frames) if settings.player else None
 
     def write(self, step: Step) -> None:
@@ -75,7 +76,7 @@ class ReportRecorder:
             if worst:
                 self._worst = distance, step.frame.index, picture
         if step.start is not None and self._start is None:
-            self._start = step.start
+            self._start, self._confidence = step.start, step.start_confidence
             self._axes = [
                 draw_axes(step.frame.images[v], fit)
                 for fits in step.start.evidence
@@ -123,7 +124,7 @@ class ReportRecorder:
         """Name, confidence and ranked hypotheses of each person that was bootstrapped."""
         if self._start is None:
             return []
-        persons = zip(self._run.scene.persons, self._start.confidence, self._start.hypotheses, strict=False)
+        persons = zip(self._run.scene.persons, self._confidence, self._start.hypotheses, strict=False)
         return [(person.name, sure, list(tried)) for person, sure, tried in persons if tried]
 
     def _sigma_rows(self, person: int) -> list[tuple[str, str, str, str]]:
