@@ -140,9 +140,9 @@ def limbs_shown(best: Hypothesis) -> float:
 def confidence(sure: float, estimate: Estimate) -> float:
     """How often starts like it are right, 0 to 1: by how sure they were, and by what tracking made of the frame.
 
-    Sureness knows of nothing but what else was tried: without plates starts of 0.03 and 0.3 were right once they had been
-    tracked on and back. Of 276 starts, with plates and without, a joint was more than 150 mm off in 11 of the 14 below
-    0.5, in 8 of 35 up to 0.9 and in 6 of 227 above; there none was 100 mm off on average (6 and 3 of the others).
+    Sureness knows of nothing but what else was tried: without plates starts of 0.03 and 0.3 were right once they had
+    been tracked on and back. Of 276 starts, with plates and without, a joint was more than 150 mm off in 11 of the 14
+    below 0.5, in 8 of 35 up to 0.9 and in 6 of 227 above; there none was 100 mm off on average (6, 3 of the others).
 
     Args:
         sure: see `sureness`.
