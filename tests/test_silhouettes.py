@@ -155,6 +155,17 @@ def test_every_kind_has_its_weights(weights: dict[str, tuple[float, ...]]) -> No
         TogetherEvidence(of=(SilhouetteEvidence(), SilhouetteEvidence()), **weights)
 
 
+def test_a_view_that_shows_but_a_speck_tells_nothing(truth: Scene, masks: tuple[Mask, ...]) -> None:
+    speck, q = np.zeros_like(masks[0]), truth.persons[0].q[None]
+    speck[30, 40] = True
+    evidence = SilhouetteEvidence()
+    with np.errstate(all="raise"):
+        found, none = (
+            evidence.distances(asked(truth, (mask, *masks[1:]), evidence), q) for mask in (speck, np.zeros_like(speck))
+        )
+    np.testing.assert_array_equal(found, none)
+
+
 @pytest.mark.parametrize("factor", [1, 2, 3, 4, 5, 7, 10])
 def test_shares_of_squares_equal_those_of_opencv(factor: int) -> None:
     """To the last digit: half of a square is foreground, and a hundredth of it is not nothing."""

@@ -96,7 +96,7 @@ class SilhouetteEvidence(Evidence):
         factor = max(1, round(longest / _SMALL_PX))
         regions, pictures, worth, start = [], [np.zeros((0, 2), dtype=np.float32)], [], 0
         for mask, open_to_doubt in zip(masks, unknown or (None,) * len(masks), strict=True):
-            picture = None if mask is None or not mask.any() else self._picture(mask, open_to_doubt, factor)
+            picture = None if mask is None else self._picture(mask, open_to_doubt, factor)
             height, width = (0, 0) if picture is None else picture.shape[:2]
             regions.append((start, width, height))
             worth.append(0.0 if picture is None else float(picture[..., 1].sum()))
@@ -148,9 +148,14 @@ class SilhouetteEvidence(Evidence):
         changes = sight.changes(v, region)
         return None if changes is None else changes.silhouette
 
-    def _picture(self, mask: Mask, unknown: Mask | None, factor: int) -> Array32:
-        """(h, w, 2) cost and worth of covering each pixel of a small picture; the rim of the foreground counts less."""
+    def _picture(self, mask: Mask, unknown: Mask | None, factor: int) -> Array32 | None:
+        """(h, w, 2) cost and worth of covering each pixel of a small picture; the rim of the foreground counts less.
+
+        None where no pixel of it is foreground: of specks alone nothing has a distance.
+        """
         inside = _smaller(mask, factor) >= 0.5
+        if not inside.any():
+            return None
         free = inside if unknown is None else inside | (_smaller(unknown, factor) > 0)
         outwards = factor * cv2.distanceTransform((~free).astype(np.uint8), cv2.DIST_L2, 3)
         inwards = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 3)
