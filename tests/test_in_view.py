@@ -262,7 +262,7 @@ def test_a_run_of_persons_who_are_never_apart_waits_for_the_first_one(
     job = SimpleNamespace(initialization=None, reading=SimpleNamespace(start=0))
     assert TrackJob._first_in_view(job, opened, cycle) == 3  # type: ignore[arg-type]
     assert asked == [2, 1]
-    assert told == ["nobody is seen whole before frame 3: looked for from there on, and followed back"]
+    assert told == ["nobody is seen whole before frame 3: looked for from there on, followed back 100 frames at most"]
 
 
 def test_a_run_waits_for_who_walks_in_and_follows_back(simulation: Simulation) -> None:

@@ -206,7 +206,9 @@ class TrackJob:
             return 0
         if found > getattr(self.reading, "start", 0):
             who = "nobody is" if n == 1 else f"not all {n} persons are"
-            cycle.progress(f"{who} seen whole before frame {found}: looked for from there on, and followed back")
+            cycle.progress(
+                f"{who} seen whole before frame {found}: looked for from there on, followed back 100 frames at most"
+            )
         return found
 
     def fitted(self, opened: OpenedTrack, cycle: Cycle) -> tuple[OpenedTrack, Cycle]:
