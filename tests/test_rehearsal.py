@@ -135,6 +135,7 @@ def test_a_given_pose_stays_and_is_told_to_be_turned_round(simulation: Simulatio
     assert "may be turned round" in line
     (step, *_) = track(simulation.frames(), simulation.scene, cycle, {}, simulation.frames)
     assert joint_errors_mm(simulation, 0, 0, step.estimates[0].q).max() > 300, "nobody turns it back in silence"
+    assert step.start_confidence == (0.0,), "however well it is tracked"
     doubts = Doubts().after(step)
     assert not doubts.none
     assert "may be turned round from the given start on" in doubts.sentence()

@@ -66,9 +66,15 @@ class Step:
 
     @property
     def start_confidence(self) -> tuple[float, ...]:
-        """For each person how often starts like it are right, see `tracker.start.confidence`; empty without one."""
-        sure = () if self.start is None else self.start.sureness
-        return tuple(confidence(own, estimate) for own, estimate in zip(sure, self.estimates, strict=False))
+        """For each person how often starts like it are right, see `tracker.start.confidence`; empty without one.
+
+        A given pose that fits less well than the same turned round is as unsure as it was, however well it was tracked:
+        who stands still looks the same from behind.
+        """
+        if self.start is None:
+            return ()
+        turned, pairs = self.start.turned_round, zip(self.start.sureness, self.estimates, strict=False)
+        return tuple(sure if k in turned else confidence(sure, one) for k, (sure, one) in enumerate(pairs))
 
 
 @dataclass(frozen=True)

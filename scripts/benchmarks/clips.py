@@ -24,10 +24,10 @@ class Clip:
     """How far the middle of the way lies behind that of the room, metres; before it is where somebody comes in from."""
 
     partner: str = ""
-    """The clip whose person is there where there are two; empty for the first one of the other person."""
+    """The clip whose person is there as well where there are several; empty for the first one of the other person."""
 
 
-# Chosen by their names and lengths, before any was tracked; kick, punch and walks are left out, for recordings of
+# Chosen by their names and lengths, before any was tracked; kick, punch and walks were left out, for recordings of
 # BODYTRACK_DATA/room show some.
 CLIPS = {
     "dance": Clip("deepmimic/humanoid3d_dance_b.txt", "theo", "V-Dance", partner="ballroom_1"),
