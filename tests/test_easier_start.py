@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from recordings import cycle_for, joint_errors_mm, small_simulation
 
+from tracker.backwards import frames_before
 from tracker.cycle import Cycle
-from tracker.easier_start import _backwards
 from tracker.errors import InitializationError
 from tracker.estimate import Status
 from tracker.frame import Frame
@@ -117,8 +117,8 @@ def test_frames_come_backwards_in_pieces_that_fit_into_memory(
     n_bytes = sum(image.nbytes for image in last.images if image is not None)
     for at_once, n_times in ((1, 6), (2, 3), (4, 2), (100, 1)):
         opened = itertools.count()
-        monkeypatch.setattr("tracker.easier_start._MOST_BYTES", at_once * n_bytes)
-        assert [frame.index for frame in _backwards(1, last, reopen)] == [6, 5, 4, 3, 2, 1]
+        monkeypatch.setattr("tracker.backwards._MOST_BYTES", at_once * n_bytes)
+        assert [frame.index for frame in frames_before(last, 1, reopen)] == [6, 5, 4, 3, 2, 1]
         assert next(opened) == n_times
 
 

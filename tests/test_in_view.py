@@ -259,10 +259,10 @@ def test_a_run_of_persons_who_are_never_apart_waits_for_the_first_one(
     told: list[str] = []
     cycle = cycle_for(joined_later, progress=lambda line, *_: told.append(line))
     opened = SimpleNamespace(scene=joined_later.scene, sequence=SimpleNamespace(frames=joined_later.frames))
-    job = SimpleNamespace(initialization=None, reading=SimpleNamespace(start=0))
+    job = SimpleNamespace(initialization=None, reading=SimpleNamespace(start=0), passes=2)
     assert TrackJob._first_in_view(job, opened, cycle) == 3  # type: ignore[arg-type]
     assert asked == [2, 1]
-    assert told == ["nobody is seen whole before frame 3: looked for from there on, followed back 100 frames at most"]
+    assert told == ["nobody is seen whole before frame 3: looked for from there on, and followed back"]
 
 
 def test_a_run_waits_for_who_walks_in_and_follows_back(simulation: Simulation) -> None:

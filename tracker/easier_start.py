@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from tracker.cycle import Cycle, State, advance, settled
+from tracker.backwards import as_replay, frames_before, tracked_back
+from tracker.cycle import Cycle, State, settled
 from tracker.errors import InitializationError
 from tracker.estimate import Status
 from tracker.frame import Frame
@@ -15,9 +16,6 @@ from tracker.sight import Sight
 from tracker.start import Start
 from tracker.strangers import hide_strangers
 from tracker.trajectory import Replay, Step
-
-_MOST_BYTES = 2**28
-"""Of images held while the frames are followed back; with larger ones the recording is decoded in several goes."""
 
 
 @dataclass(frozen=True)
@@ -103,36 +101,8 @@ def _followed_back(first: int, last: Frame, scene: Scene, cycle: Cycle, reopen: 
     estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED)
     step = Step(last, scene, estimates, cycle.synthesis.contours(scene))
     state = State.before(scene).after(sight, step, cycle.evidence)
-    replays = {last.index: _kept(step)}
-    for frame in _backwards(first, last, reopen):
-        cycle.progress(f"bootstrapping: back to the first frame, {frame.index - first} to go")
-        # predictions are made for a time that goes on
-        mirrored = replace(frame, time_s=2 * last.time_s - frame.time_s)
-        sight = Sight(mirrored, cycle.plates)
-        step = advance(sight, step.scene, cycle, state)
-        state = state.after(sight, step, cycle.evidence)
-        replays[frame.index] = replace(_kept(step), time_s=frame.time_s)
+    replays = {last.index: as_replay(step)}
+    for earlier in tracked_back(frames_before(last, first, reopen), step, state, cycle, 2 * last.time_s):
+        cycle.progress(f"bootstrapping: back to the first frame, {earlier.frame.index - first} to go")
+        replays[earlier.frame.index] = as_replay(earlier)
     return replays
-
-
-def _kept(step: Step) -> Replay:
-    frame, told = step.frame, (dict(step.seconds), step.overlap, dict(step.untrusted), step.strangers)
-    return Replay(frame.index, frame.time_s, step.estimates, *told)
-
-
-def _backwards(first: int, last: Frame, reopen: Reopen) -> Iterator[Frame]:
-    """The frames before one, the latest first, back to the number `first`."""
-    n_bytes = sum(image.nbytes for image in last.images if image is not None)
-    at_once = max(_MOST_BYTES // max(n_bytes, 1), 1)
-    end = last.index
-    while end > first:
-        held: list[Frame] = []
-        for frame in reopen():
-            if frame.index >= end:
-                break
-            if frame.index >= first:
-                held = [*held[-at_once + 1 :], frame] if at_once > 1 else [frame]
-        if not held:
-            return
-        yield from reversed(held)
-        end = held[0].index

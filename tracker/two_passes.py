@@ -11,8 +11,10 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from tracker.backwards import tracked_back, turned
 from tracker.bridges import bridged
-from tracker.cycle import Clock, Cycle, State, advance
+from tracker.coming_in import before_all, steps_of
+from tracker.cycle import Clock, Cycle, State
 from tracker.easier_start import LedBack
 from tracker.frame import Frame
 from tracker.jumps import with_jumps
@@ -22,7 +24,7 @@ from tracker.rehearsal import Reopen
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.tracking import Ahead, Looking, replayed, track, tracked
-from tracker.trajectory import History, Replay, Step
+from tracker.trajectory import Replay, Step
 
 _LONGEST, _SHORTEST = 100, 16
 """Frames of a window. Limbs were wrong for 40 frames at most; a longer window takes memory, and makes a run wait."""
@@ -63,20 +65,40 @@ def track_twice(
     if length < _SHORTEST:
         yield from track(frames, scene, cycle, done, reopen)
         return
-    at = _Pass(scene, State.before(scene), None, 0)
+    at, waiting = _Pass(scene, State.before(scene), None, 0), list[int]()
     for window, beyond in _windows(frames, length):
-        if all(frame.index in done for frame in window):
-            steps, reached = [replayed(frame, at.scene, cycle, done[frame.index]) for frame in window], None
-        else:
-            found, reached = _both_ways(window, beyond, at, cycle, reopen)
-            steps = _with_kept(found, cycle, done)
-            if any(frame.index in done for frame in window):
-                reached = None
-        for n_left, step in zip(range(len(steps) - 1, -1, -1), steps, strict=True):
-            yield replace(step, ready=n_left)
-        if steps[-1].provisional:
+        if window[-1].index < cycle.nobody_before:
+            waiting += [frame.index for frame in window]
+            continue
+        steps, at = _window_tracked(window, beyond, at, cycle, done, reopen)
+        provisional, replays = steps[-1].provisional, done
+        if any(number not in done for number in waiting):
+            replays = {**before_all(steps[0], at.state, waiting[0], cycle, reopen), **done}
+            provisional |= cycle.leaving()
+        together = itertools.chain(steps_of(replays, waiting, scene, cycle, reopen), steps)
+        for n_left, step in zip(range(len(waiting) + len(steps) - 1, -1, -1), together, strict=True):
+            yield replace(step, ready=n_left, provisional=provisional)
+        if provisional:
             return
-        at = replace(reached or _after(at, steps, cycle), back=None)
+        waiting = []
+
+
+def _window_tracked(
+    window: Sequence[Frame],
+    beyond: Sequence[Frame],
+    begin: _Pass,
+    cycle: Cycle,
+    done: Mapping[int, Replay],
+    reopen: Reopen,
+) -> tuple[list[Step], _Pass]:
+    """The frames of a window, those that an interrupted run has kept as it kept them, and where the pass is then."""
+    n_kept = sum(frame.index in done for frame in window)
+    if n_kept == len(window):
+        steps, reached = [replayed(frame, begin.scene, cycle, done[frame.index]) for frame in window], None
+    else:
+        found, reached = _both_ways(window, beyond, begin, cycle, reopen)
+        steps = _with_kept(found, cycle, done)
+    return steps, replace(reached if reached and not n_kept else _after(begin, steps, cycle), back=None)
 
 
 def _with_kept(steps: list[Step], cycle: Cycle, done: Mapping[int, Replay]) -> list[Step]:
@@ -213,18 +235,14 @@ def back(first: Sequence[Step], cycle: Cycle, state: State) -> list[Step]:
         cycle: the components.
         state: that behind its last frame.
     """
-    step, end_s = first[-1], first[-1].frame.time_s
-    known = (None if one.lost else History.start(0.0, one.q) for one in step.estimates)
-    state = replace(state, histories=tuple(known))
-    found = [step]
-    for one in reversed(first[:-1]):
-        if cycle.leaving():
-            break
-        cycle.progress(f"second pass, back to frame {one.frame.index}")
-        # predictions are made for a time that goes on
-        mirrored = replace(one.frame, time_s=end_s - one.frame.time_s)
-        sight = Sight(mirrored, cycle.plates, step.model_px)
-        step = advance(sight, step.scene, cycle, state, Clock(one.seconds), one.estimates)
-        state = state.after(sight, step, cycle.evidence)
-        found.append(replace(step, frame=one.frame, start=one.start, observed=None))
-    return found[::-1]
+
+    def frames() -> Iterator[Frame]:
+        for step in reversed(first[:-1]):
+            if cycle.leaving():
+                return
+            cycle.progress(f"second pass, back to frame {step.frame.index}")
+            yield step.frame
+
+    others = {step.frame.index: step for step in first}
+    last, turn_s = first[-1], first[-1].frame.time_s
+    return [last, *tracked_back(frames(), last, turned(state, last), cycle, turn_s, others)][::-1]

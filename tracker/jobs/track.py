@@ -206,9 +206,8 @@ class TrackJob:
             return 0
         if found > getattr(self.reading, "start", 0):
             who = "nobody is" if n == 1 else f"not all {n} persons are"
-            cycle.progress(
-                f"{who} seen whole before frame {found}: looked for from there on, followed back 100 frames at most"
-            )
+            back = ", and followed back" if self.passes == 2 else ""
+            cycle.progress(f"{who} seen whole before frame {found}: looked for from there on{back}")
         return found
 
     def fitted(self, opened: OpenedTrack, cycle: Cycle) -> tuple[OpenedTrack, Cycle]:

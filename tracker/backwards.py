@@ -1,0 +1,84 @@
+"""Frames tracked backwards in time, from one in which the poses are known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+from tracker.cycle import Clock, Cycle, State, advance
+from tracker.frame import Frame
+from tracker.rehearsal import Reopen
+from tracker.sight import Sight
+from tracker.trajectory import History, Replay, Step
+
+_MOST_BYTES = 2**28
+"""Of images held while frames are followed back; with larger ones the recording is decoded in several goes."""
+
+
+def frames_before(last: Frame, first: int, reopen: Reopen) -> Iterator[Frame]:
+    """The frames before one, the latest first.
+
+    Args:
+        last: that one.
+        first: number of the frame to end with.
+        reopen: opens the sequence anew; it is decoded several times where its images are large.
+    """
+    n_bytes = sum(image.nbytes for image in last.images if image is not None)
+    at_once = max(_MOST_BYTES // max(n_bytes, 1), 1)
+    end = last.index
+    while end > first:
+        held: list[Frame] = []
+        for frame in reopen():
+            if frame.index >= end:
+                break
+            if frame.index >= first:
+                held = [*held[-at_once + 1 :], frame] if at_once > 1 else [frame]
+        if not held:
+            return
+        yield from reversed(held)
+        end = held[0].index
+
+
+def tracked_back(
+    frames: Iterable[Frame],
+    step: Step,
+    state: State,
+    cycle: Cycle,
+    turn_s: float,
+    others: Mapping[int, Step] = MappingProxyType({}),
+) -> Iterator[Step]:
+    """The steps of frames that go back in time.
+
+    Args:
+        frames: the latest first.
+        step: that of the frame after them.
+        state: that at this frame, see `turned`.
+        cycle: the components.
+        turn_s: predictions are made for a time that goes on, this one less a frame's.
+        others: frame -> what was found there in another way; poses are weighed against it.
+    """
+    for frame in frames:
+        sight = Sight(replace(frame, time_s=turn_s - frame.time_s), cycle.plates, step.model_px)
+        other = others.get(frame.index)
+        seconds, estimates = ({}, ()) if other is None else (other.seconds, other.estimates)
+        step = advance(sight, step.scene, cycle, state, Clock(seconds), estimates)
+        state = state.after(sight, step, cycle.evidence)
+        yield replace(step, frame=frame, start=None if other is None else other.start, observed=None)
+
+
+def turned(state: State, step: Step) -> State:
+    """A state that goes back in time from a step, which is at 0 s then: what was learned stays, histories begin anew.
+
+    Args:
+        state: behind the step.
+        step: who is lost in it is looked for where he was seen last.
+    """
+    known = (None if one.lost else History.start(0.0, one.q) for one in step.estimates)
+    return replace(state, histories=tuple(known))
+
+
+def as_replay(step: Step) -> Replay:
+    """A step without its images."""
+    frame, told = step.frame, (dict(step.seconds), step.overlap, dict(step.untrusted), step.strangers)
+    return Replay(frame.index, frame.time_s, step.estimates, *told)
