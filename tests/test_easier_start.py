@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import cycle_for, joint_errors_mm, small_simulation
+from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
-from tracker.backwards import frames_before
+from tracker.arrays import Array, Image
 from tracker.cycle import Cycle
 from tracker.errors import InitializationError
-from tracker.estimate import Status
+from tracker.estimate import Estimate, Status
+from tracker.estimation.hybrid import HybridEstimation
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._hypotheses import turned_round
-from tracker.loss import LossRule, sought_anew
+from tracker.loss import LossRule, is_out_of_sight, sought_anew
+from tracker.objective import Objective
 from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
 from tracker.start import Hypothesis, Start
@@ -104,24 +105,6 @@ def test_an_interrupted_run_is_followed_back_again(simulation: Simulation) -> No
         assert one.estimates[0].status is other.estimates[0].status
 
 
-def test_frames_come_backwards_in_pieces_that_fit_into_memory(
-    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    opened = itertools.count()
-
-    def reopen() -> Iterator[Frame]:
-        next(opened)
-        return simulation.frames()
-
-    last = list(simulation.frames())[7]
-    n_bytes = sum(image.nbytes for image in last.images if image is not None)
-    for at_once, n_times in ((1, 6), (2, 3), (4, 2), (100, 1)):
-        opened = itertools.count()
-        monkeypatch.setattr("tracker.backwards._MOST_BYTES", at_once * n_bytes)
-        assert [frame.index for frame in frames_before(last, 1, reopen)] == [6, 5, 4, 3, 2, 1]
-        assert next(opened) == n_times
-
-
 def test_the_doubted_are_looked_for_ever_more_rarely(simulation: Simulation) -> None:
     cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=0))
     step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
@@ -131,6 +114,33 @@ def test_the_doubted_are_looked_for_ever_more_rarely(simulation: Simulation) -> 
     assert asked == [5, 10, 20, 40, 80]
     assert not any(sought_anew(fine, 0, n, LossRule(again_after=5)) for n in range(100))
     assert sought_anew(fine, 1, 0, LossRule())  # seen again after a loss
+
+
+def test_who_is_lost_is_searched_for_at_once_and_then_where_he_is_looked_for_anew(simulation: Simulation) -> None:
+    cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=0))
+    step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
+    lost, rule = replace(step.estimates[0], status=Status.LOST), LossRule(restart_every=3)
+    due = [n for n in range(60) if sought_anew(lost, n, 0, rule)]
+    assert due == [0, 3, 6, 12, 24, 48]
+    assert [n for n in range(60) if not is_out_of_sight(n, rule)] == [0, 1, 2, *due[1:]]
+
+
+def test_who_has_left_is_not_searched_for_in_every_frame(simulation: Simulation) -> None:
+    asked = list[bool]()
+
+    class Watched(HybridEstimation):
+        def estimate(self, objective: Objective, starts: Array) -> Estimate:
+            asked.append(objective.nearby)
+            return super().estimate(objective, starts)
+
+    def shown(t: int, v: int, image: Image | None) -> Image | None:
+        return simulation.plates[v].picture.copy() if t >= 1 else image
+
+    rule = LossRule(rehearse=0, look_ahead_s=(), restart_every=1)
+    cycle = cycle_for(simulation, TrueStart(simulation), loss=rule, estimation=Watched())
+    steps = list(track(with_images(simulation, shown), simulation.scene, cycle))
+    assert [step.estimates[0].lost for step in steps] == [False] + [True] * 8
+    assert sum(asked) == sum(is_out_of_sight(n, rule) for n in range(8)) == 4
 
 
 def test_who_is_doubted_is_found_anew_where_the_images_speak_for_it(simulation: Simulation) -> None:

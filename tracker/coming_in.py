@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -18,12 +19,12 @@ _GONE_S = 2.0
 """How long everybody is lost, on the way back, when nobody was there before: a way behind a pillar is shorter."""
 
 
-def before_all(first: Step, state: State, begin: int, cycle: Cycle, reopen: Reopen) -> dict[int, Replay]:
-    """The frames before one, as far back as anybody is there.
+def before_all(steps: Sequence[Step], state: State, begin: int, cycle: Cycle, reopen: Reopen) -> dict[int, Replay]:
+    """The frames before some others, as far back as anybody is there.
 
     Args:
-        first: that one, tracked.
-        state: what was learned since.
+        steps: the others, tracked.
+        state: behind them.
         begin: number of the recording's first frame.
         cycle: the components.
         reopen: opens the sequence anew.
@@ -31,13 +32,14 @@ def before_all(first: Step, state: State, begin: int, cycle: Cycle, reopen: Reop
     Returns:
         Frame -> estimates; frames before anybody has come in are not among them.
     """
-    found, seen_s, state = list[Step](), first.frame.time_s, _at(first, turned(state, first))
+    found, first = list[Step](), steps[0]
+    seen_s = next((step.frame.time_s for step in steps if _anybody(step)), steps[-1].frame.time_s)
+    state = replace(turned(state, first), frames_lost=_frames_lost(steps), frames_doubted=(0,) * len(first.estimates))
     frames = frames_before(first.frame, begin, reopen)
     for step in tracked_back(frames, first, state, cycle, first.frame.time_s):
-        n_left = step.frame.index - begin
-        cycle.progress(f"back to the first frame, {n_left} to go")
+        cycle.progress(f"back to the first frame, {step.frame.index - begin} to go")
         found.append(replace(step, frame=replace(step.frame, images=(), masks=())))  # they would not fit into memory
-        if any(not one.lost for one in step.estimates):
+        if _anybody(step):
             seen_s = step.frame.time_s
         if cycle.leaving() or seen_s - step.frame.time_s >= _GONE_S:
             break
@@ -45,10 +47,14 @@ def before_all(first: Step, state: State, begin: int, cycle: Cycle, reopen: Reop
     return {step.frame.index: as_replay(step) for step in with_jumps(there[::-1])} if there else {}
 
 
-def _at(first: Step, state: State) -> State:
-    """The state with what was lost, and doubted, as it is in the step itself."""
-    lost = tuple(int(one.lost) for one in first.estimates)
-    return replace(state, frames_lost=lost, frames_doubted=(0,) * len(lost))
+def _anybody(step: Step) -> bool:
+    return any(not one.lost for one in step.estimates)
+
+
+def _frames_lost(steps: Sequence[Step]) -> tuple[int, ...]:
+    """For each person in how many of the first steps he is lost."""
+    ways = zip(*(step.estimates for step in steps), strict=True)
+    return tuple(sum(1 for _ in itertools.takewhile(lambda one: one.lost, way)) for way in ways)
 
 
 def steps_of(

@@ -19,7 +19,7 @@ from tracker.evidence import Evidence, Memory, Observed
 from tracker.in_space import judged_in_space
 from tracker.in_view import judged_in_view
 from tracker.initialization import Backdrops, Initialization, Stages, no_backdrops
-from tracker.loss import LossRule, doubted, judged, sought_anew, trusted_parts
+from tracker.loss import LossRule, doubted, is_out_of_sight, judged, sought_anew, trusted_parts
 from tracker.objective import Objective
 from tracker.plate import Plate
 from tracker.prediction import Prediction
@@ -149,6 +149,7 @@ def advance(
         for k, poses in enumerate(candidates):
             # Earlier persons are at their best poses by now, later ones as predicted (paper, figure 2).
             objective = objective_of(current, k, cycle, observed, state.histories[k])
+            objective = replace(objective, nearby=is_out_of_sight(state.frames_lost[k], cycle.loss))
             estimate = cycle.estimation.estimate(objective, poses)
             if rivals and not rivals[k].lost:
                 estimate = weighed(objective, estimate, rivals[k])

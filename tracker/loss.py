@@ -146,10 +146,24 @@ def sought_anew(estimate: Estimate, frames_lost: int, frames_doubted: int, loss:
         loss: the rule.
     """
     if estimate.lost:
-        times, rest = divmod(frames_lost, loss.restart_every)
-        return rest == 0 and (times.bit_count() <= 1 or times % _SELDOM == 0)
+        return _is_due(frames_lost, loss)
     times, rest = divmod(frames_doubted + 1, loss.again_after)
     return frames_lost > 0 or (doubted(estimate) and rest == 0 and times.bit_count() == 1)
+
+
+def is_out_of_sight(frames_lost: int, loss: LossRule) -> bool:
+    """Whether a person has been lost for longer than for a moment, and is not looked for anew in this frame either.
+
+    Args:
+        frames_lost: for how many frames before this one.
+        loss: the rule.
+    """
+    return frames_lost > loss.restart_every and not _is_due(frames_lost, loss)
+
+
+def _is_due(frames_lost: int, loss: LossRule) -> bool:
+    times, rest = divmod(frames_lost, loss.restart_every)
+    return rest == 0 and (times.bit_count() <= 1 or times % _SELDOM == 0)
 
 
 def doubted(estimate: Estimate) -> bool:

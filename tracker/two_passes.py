@@ -73,7 +73,7 @@ def track_twice(
         steps, at = _window_tracked(window, beyond, at, cycle, done, reopen)
         provisional, replays = steps[-1].provisional, done
         if any(number not in done for number in waiting):
-            replays = {**before_all(steps[0], at.state, waiting[0], cycle, reopen), **done}
+            replays = {**before_all(steps, at.state, waiting[0], cycle, reopen), **done}
             provisional |= cycle.leaving()
         together = itertools.chain(steps_of(replays, waiting, scene, cycle, reopen), steps)
         for n_left, step in zip(range(len(waiting) + len(steps) - 1, -1, -1), together, strict=True):

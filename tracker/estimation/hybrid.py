@@ -108,7 +108,7 @@ class HybridEstimation:
         if len(starts) > len(first) and (weak or self.search):
             refined = _better(refined, self.then.estimate(objective, starts[order[len(first) :]]))
             weak = self._weak_groups(objective, refined)
-        if not (weak or self.search):
+        if objective.nearby or not (weak or self.search):
             return refined
         begin = time.perf_counter()
         if self.search or len(weak) > self.most_limbs:

@@ -1,0 +1,134 @@
+"""Persons who come in after the first windows: the frames before are tracked back from where everybody is found."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
+
+import tracker.coming_in
+import tracker.two_passes
+from tracker.arrays import Image
+from tracker.backwards import as_replay, frames_before
+from tracker.cycle import Cycle
+from tracker.estimate import Status
+from tracker.evidence.auto import AutoEvidence
+from tracker.frame import Frame
+from tracker.loss import LossRule
+from tracker.simulation.sequence import Simulation
+from tracker.trajectory import Replay, Step
+from tracker.two_passes import track_twice
+
+IN_VIEW, NOBODY_BEFORE = 5, 9
+"""From which frame on the person is there, and is looked for: in the third window."""
+
+
+@pytest.fixture(autouse=True)
+def _short_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tracker.two_passes, "_LONGEST", 4)
+    monkeypatch.setattr(tracker.two_passes, "_SHORTEST", 4)
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    return small_simulation("walking_on_the_spot", n_frames=24)
+
+
+@pytest.fixture(scope="module")
+def frames(simulation: Simulation) -> tuple[Frame, ...]:
+    def shown(t: int, v: int, image: Image | None) -> Image | None:
+        return simulation.plates[v].picture.copy() if t < IN_VIEW else image
+
+    return tuple(itertools.islice(with_images(simulation, shown), 14))
+
+
+@pytest.fixture
+def cycle(simulation: Simulation) -> Cycle:
+    loss = LossRule(rehearse=0, start_within=1)
+    return cycle_for(simulation, TrueStart(simulation), evidence=AutoEvidence(), nobody_before=NOBODY_BEFORE, loss=loss)
+
+
+def tracked(
+    simulation: Simulation, frames: tuple[Frame, ...], cycle: Cycle, done: dict[int, Replay] | None = None
+) -> list[Step]:
+    return list(track_twice(iter(frames), simulation.scene, cycle, done or {}, lambda: iter(frames)))
+
+
+def kept(steps: list[Step]) -> dict[int, Replay]:
+    """What a journal has of them."""
+    return {step.frame.index: as_replay(step) for step in steps}
+
+
+def test_who_comes_in_is_tracked_back_over_windows(
+    simulation: Simulation, frames: tuple[Frame, ...], cycle: Cycle
+) -> None:
+    steps = tracked(simulation, frames, cycle)
+    assert [step.frame.index for step in steps] == list(range(14))
+    assert all(step.frame.images[0] is frame.images[0] for step, frame in zip(steps, frames, strict=True))
+    assert [step.estimates[0].lost for step in steps] == [True] * IN_VIEW + [False] * (14 - IN_VIEW)
+    assert [step.frame.index for step in steps if step.start is not None] == [NOBODY_BEFORE]
+    errors = [joint_errors_mm(simulation, 0, step.frame.index, step.estimates[0].q).mean() for step in steps]
+    assert max(errors[IN_VIEW:]) < 15
+    assert [step.ready for step in steps] == [*range(11, -1, -1), 1, 0], "frames that are ready at once are told"
+    assert not any(step.provisional for step in steps)
+
+
+@pytest.mark.parametrize("gone_s", [0.04, 0.12, 100.0])
+def test_an_empty_room_is_not_gone_through_for_long(
+    simulation: Simulation, frames: tuple[Frame, ...], cycle: Cycle, monkeypatch: pytest.MonkeyPatch, gone_s: float
+) -> None:
+    told: list[str] = []
+    monkeypatch.setattr(tracker.coming_in, "_GONE_S", gone_s)
+    steps = tracked(simulation, frames, replace(cycle, progress=lambda line, *_: told.append(line)))
+    assert [step.estimates[0].lost for step in steps] == [True] * IN_VIEW + [False] * (14 - IN_VIEW)
+    n_empty = min(round(gone_s / 0.04), IN_VIEW)
+    assert sum("to go" in line for line in told) == 8 - IN_VIEW + n_empty
+
+
+@pytest.mark.parametrize("n_kept", [2, 6, 8, 10, 12, 13])
+def test_an_interrupted_run_goes_on_to_the_same_poses(
+    simulation: Simulation, frames: tuple[Frame, ...], cycle: Cycle, n_kept: int
+) -> None:
+    whole = tracked(simulation, frames, cycle)
+    again = tracked(simulation, frames, cycle, kept(whole[:n_kept]))
+    for one, other in zip(whole, again, strict=True):
+        assert one.frame.index == other.frame.index
+        assert one.estimates[0].status is other.estimates[0].status
+        np.testing.assert_array_equal(one.estimates[0].q, other.estimates[0].q)
+
+
+def test_who_leaves_before_gets_what_there_is_and_it_is_done_again(
+    simulation: Simulation, frames: tuple[Frame, ...], cycle: Cycle
+) -> None:
+    back = itertools.count()
+
+    def leaving() -> bool:
+        return any("to go" in line for line in told) and next(back) >= 1
+
+    told: list[str] = []
+    steps = tracked(simulation, frames, replace(cycle, leaving=leaving, progress=lambda line, *_: told.append(line)))
+    assert [step.frame.index for step in steps] == list(range(12))
+    assert all(step.provisional for step in steps)
+    assert [step.estimates[0].status for step in steps[6:8]] == [Status.TRACKED] * 2
+    assert all(step.estimates[0].lost for step in steps[:6])
+
+
+def test_frames_come_backwards_in_pieces_that_fit_into_memory(
+    frames: tuple[Frame, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened = itertools.count()
+
+    def reopen() -> Iterator[Frame]:
+        next(opened)
+        return iter(frames)
+
+    n_bytes = sum(image.nbytes for image in frames[7].images if image is not None)
+    for at_once, n_times in ((1, 6), (2, 3), (4, 2), (100, 1)):
+        opened = itertools.count()
+        monkeypatch.setattr("tracker.backwards._MOST_BYTES", at_once * n_bytes)
+        assert [frame.index for frame in frames_before(frames[7], 1, reopen)] == [6, 5, 4, 3, 2, 1]
+        assert next(opened) == n_times
