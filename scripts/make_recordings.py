@@ -189,7 +189,8 @@ def _poses(clip: Clip, body: BodyModel, fps: float, data: Path) -> Array:
         place = poses[:, _on_floor(body)]
         way = place[-1] - place[0]
         poses[:, _on_floor(body)] += clip.ahead_m * way / np.linalg.norm(way) - place.mean(axis=0)
-    return poses
+    still: Array = np.repeat(poses[:1], round(clip.waits_s * fps), axis=0)
+    return np.concatenate([still, poses])
 
 
 def _turned(motion: MotionFile, degrees: float) -> MotionFile:

@@ -109,6 +109,19 @@ def test_much_doubt_asks_about_the_input() -> None:
     assert Doubts().advice() == ""
 
 
+def test_frames_before_anybody_has_come_in_ask_nothing(truth: Scene, observation: Observation) -> None:
+    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=())
+    lost, doubts = replace(sure, status=Status.LOST), Doubts()
+    fitted = objective_of(truth, observation).asked.fine(truth.persons[0].q)
+    frames = [lost] * 8 + [sure] * 2 + [lost] * 2
+    for k, estimate in enumerate(frames):
+        doubts = doubts.after(Step(Frame(k, 0.04 * k, (None,) * 4), truth, (estimate,), fitted))
+    assert (doubts.n_before, len(doubts.lost), doubts.advice()) == (8, 10, "")
+    for k in range(12, 16):
+        doubts = doubts.after(Step(Frame(k, 0.04 * k, (None,) * 4), truth, (lost,), fitted))
+    assert doubts.advice().startswith("6 of 8 frames in doubt"), "whoever has left is asked about"
+
+
 def test_doubt_is_written_to_the_tables(truth: Scene, observation: Observation, tmp_path: Path) -> None:
     found = estimate_of(truth, observation, left_arm_abduction=60.0)
     found = replace(found, doubtful=False, ambiguous=("left_arm",))

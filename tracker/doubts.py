@@ -87,6 +87,9 @@ class Doubts:
     turned_round: tuple[str, ...] = ()
     """Persons whose given start pose fits less well than the same turned round."""
 
+    n_before: int = 0
+    """Frames at the beginning in which nobody is: all persons are lost."""
+
     def after(self, step: Step) -> Doubts:
         """The doubts one frame on."""
         verdicts, frame = {estimate.verdict for estimate in step.estimates}, step.frame.index
@@ -104,6 +107,7 @@ class Doubts:
             untrusted[name] = (*untrusted.get(name, ()), frame)
         turned = () if step.start is None else step.start.turned_round
         lost, doubtful = Status.LOST in verdicts, Status.DOUBTFUL in verdicts and Status.LOST not in verdicts
+        nobody_yet = self.n_before == self.n_frames and verdicts == {Status.LOST}
         return Doubts(
             self.n_frames + 1,
             (*self.lost, frame) if lost else self.lost,
@@ -113,6 +117,7 @@ class Doubts:
             hidden,
             (*self.strangers, frame) if step.strangers else self.strangers,
             (*self.turned_round, *(step.scene.persons[k].name for k in turned)),
+            self.n_before + nobody_yet,
         )
 
     @property
@@ -121,12 +126,16 @@ class Doubts:
         return not (self.lost or self.doubtful or self.ambiguous or self.turned_round)
 
     def advice(self) -> str:
-        """What to do where so much is in doubt that it is no single limb's affair; empty where it is not."""
-        frames = set(self.lost).union(self.doubtful, *self.ambiguous.values())
-        if len(frames) <= _MOST_DOUBTED * self.n_frames:
+        """What to do where so much is in doubt that it is no single limb's affair; empty where it is not.
+
+        Frames before anybody has come in do not count.
+        """
+        frames = set(self.lost[self.n_before :]).union(self.doubtful, *self.ambiguous.values())
+        n_frames = self.n_frames - self.n_before
+        if len(frames) <= _MOST_DOUBTED * n_frames:
             return ""
         return (
-            f"{len(frames)} of {self.n_frames} frames in doubt are more than hard movement makes: look at the overlay; "
+            f"{len(frames)} of {n_frames} frames in doubt are more than hard movement makes: look at the overlay; "
             "begin at another frame (reading.start) if the first pose is wrong, paint furniture before the person "
             "(reading.occluders), or check stature, model and calibration"
         )

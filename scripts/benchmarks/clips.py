@@ -23,6 +23,9 @@ class Clip:
     ahead_m: float = 0.0
     """How far the middle of the way lies behind that of the room, metres; before it is where somebody comes in from."""
 
+    waits_s: float = 0.0
+    """How long the person stays where the movement begins before it does."""
+
     partner: str = ""
     """The clip whose person is there as well where there are several; empty for the first one of the other person."""
 
@@ -60,8 +63,17 @@ CLIPS = {
     # Others of BODYTRACK_DATA/room do these.
     "punch": Clip("deepmimic/humanoid3d_punch.txt", "rita", "P-Floor", heading_deg=100),
     "kick": Clip("deepmimic/humanoid3d_kick.txt", "theo", "V-Dance", heading_deg=-100),
-    # These two are not by chance: nobody is in the pictures at first, or at last.
+    # These are not by chance: nobody is in the pictures at first, or at last.
     "walking_in": Clip("cmu/07_08-walk.amc", "rita", "V-Dance", heading_deg=30, ahead_m=-2.6),
+    "walking_in_late": Clip(
+        "cmu/07_08-walk.amc",
+        "rita",
+        "V-Dance",
+        heading_deg=30,
+        ahead_m=-2.6,
+        waits_s=4.5,
+        partner="ballroom_whole_1",
+    ),
     "walking_out": Clip("cmu/07_05-walk.amc", "theo", "K-Kick", heading_deg=-70, ahead_m=2.6),
 }
 
