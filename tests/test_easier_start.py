@@ -25,7 +25,7 @@ from tracker.start import Hypothesis, Start
 from tracker.tracking import track
 from tracker.trajectory import Replay, Step
 
-RULE = LossRule(look_ahead_s=(0.08, 0.2, 0.24), rehearse=0)
+RULE = LossRule(look_ahead_s=(0.08, 0.2, 0.24), look_on_s=(), rehearse=0)
 """A twentieth of a second is a frame and a bit."""
 
 

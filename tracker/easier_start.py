@@ -17,6 +17,9 @@ from tracker.start import Start
 from tracker.strangers import hide_strangers
 from tracker.trajectory import Replay, Step
 
+_LIKELY = 0.5
+"""How sure a start is that is rather right than wrong."""
+
 
 @dataclass(frozen=True)
 class LedBack:
@@ -52,7 +55,7 @@ def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack 
     """
     if step.start is None or step.start.given or step.start.least_sureness >= cycle.loss.sure:
         return None
-    found = _surest(step.frame, scene, cycle, reopen)
+    found = _surest(step, scene, cycle, reopen)
     if found is None:
         return None
     frame, start = found
@@ -66,18 +69,36 @@ def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack 
     return LedBack(frame.index, start, replays) if back_px < here_px else None
 
 
-def _surest(first: Frame, scene: Scene, cycle: Cycle, reopen: Reopen) -> tuple[Frame, Start] | None:
-    """The surest start in the frames looked at, the first one that is sure enough; None if nobody is found in them."""
+def _surest(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> tuple[Frame, Start] | None:
+    """The surest start in the frames looked at; more of them as long as none is rather right than wrong, here neither.
+
+    None if nobody is found in them.
+    """
+    rule, here = cycle.loss, 0.0 if step.start is None else step.start.least_sureness
+    best = _looked_for(step.frame, rule.look_ahead_s, rule.sure, scene, cycle, reopen)
+    if max(here, _sureness(best)) < _LIKELY:
+        best = max(best, _looked_for(step.frame, rule.look_on_s, _LIKELY, scene, cycle, reopen), key=_sureness)
+    return best
+
+
+def _sureness(found: tuple[Frame, Start] | None) -> float:
+    return -1.0 if found is None else found[1].least_sureness
+
+
+def _looked_for(
+    first: Frame, delays_s: tuple[float, ...], enough: float, scene: Scene, cycle: Cycle, reopen: Reopen
+) -> tuple[Frame, Start] | None:
+    """The surest start so long after a frame, the first one that is sure enough."""
     best: tuple[Frame, Start] | None = None
-    for frame in _later(first, reopen, cycle.loss.look_ahead_s):
+    for frame in _later(first, reopen, delays_s):
         cycle.progress(f"bootstrapping: the start is uncertain, looking at frame {frame.index}")
         try:
             start = cycle.initialization.start(frame, scene, cycle.stages)
         except InitializationError:
             continue
-        if best is None or start.least_sureness > best[1].least_sureness:
+        if start.least_sureness > _sureness(best):
             best = frame, start
-        if start.least_sureness >= cycle.loss.sure:
+        if start.least_sureness >= enough:
             break
     return best
 

@@ -36,7 +36,7 @@ def knowing(
     ever = ever.otherwise if isinstance(ever, StartedBefore) else ever
     found = replace(start or Start(()), poses=tuple(one.q for one in estimates))
     # However sure: the way back has come to these poses.
-    settled = replace(cycle.loss, rehearse=0, look_ahead_s=())
+    settled = replace(cycle.loss, rehearse=0, look_ahead_s=(), look_on_s=())
     return replace(cycle, initialization=StartedBefore(found, first, ever), loss=settled)
 
 

@@ -74,6 +74,10 @@ class LossRule:
     """When nobody is sure in the first frame: how much later starts are looked for that may be easier, seconds. The
     frames before are tracked back from the surest. Needs a recording: a live run starts where it starts."""
 
+    look_on_s: tuple[pydantic.NonNegativeFloat, ...] = (2.5, 4.0, 6.0)
+    """The same as long as all starts found are rather wrong than right: without plates those of P-Floor's push-ups in
+    frames 8, 21, 33 and 58 are 0.17 sure at most, and 85 to 360 mm off, that in frame 72 0.94 (35 mm)."""
+
     again_after: int = pydantic.Field(default=5, ge=1)
     """Frames doubted one after the other after which a person is looked for as if never seen; what is found is taken
     where the images clearly speak for it. Doubted on, again after twice as many, and so on. In R-Turn the legs are
