@@ -32,8 +32,8 @@ RULE = LossRule(look_ahead_s=(0.08, 0.2, 0.24), look_on_s=(), rehearse=0)
 class TurnedRoundAtFirst:
     """Somebody turned round, unsurely, before a frame; nobody in it; the truth, surely, after it."""
 
-    def __init__(self, simulation: Simulation, until: int, sure: float = 0.95) -> None:
-        self.simulation, self.until, self.sure = simulation, until, sure
+    def __init__(self, simulation: Simulation, until: int, sure: float = 0.95, at_first: float = 0.2) -> None:
+        self.simulation, self.until, self.sure, self.at_first = simulation, until, sure, at_first
         self.asked: list[int] = []
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
@@ -43,7 +43,7 @@ class TurnedRoundAtFirst:
         truth = self.simulation.poses[0][frame.index]
         early = frame.index < self.until
         q = turned_round(scene.persons[0].body, truth) if early else truth
-        return Start((q,), (), ((Hypothesis(q, 3.0, 0.9, 0.1, 0.0),),), (0.2 if early else self.sure,))
+        return Start((q,), (), ((Hypothesis(q, 3.0, 0.9, 0.1, 0.0),),), (self.at_first if early else self.sure,))
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +68,17 @@ def test_the_first_frames_are_followed_back_from_a_surer_start(simulation: Simul
     assert statuses == [Status.TRACKED] * 5 + [Status.BOOTSTRAPPED] + [Status.TRACKED] * 3
     assert [step.frame.index for step in steps if step.start is not None] == [5]
     assert [step.frame.time_s for step in steps] == [frame.time_s for frame in simulation.frames()]
+
+
+@pytest.mark.parametrize(("at_first", "asked"), [(0.2, [0, 1, 4]), (0.6, [0, 1])])
+def test_where_no_start_is_rather_right_than_wrong_it_is_looked_for_further_on(
+    simulation: Simulation, at_first: float, asked: list[int]
+) -> None:
+    start = TurnedRoundAtFirst(simulation, until=2, at_first=at_first)
+    rule = replace(RULE, look_ahead_s=(0.04,), look_on_s=(0.16, 0.2))
+    steps = tracked(simulation, cycle_for(simulation, start, loss=rule))
+    assert start.asked[: len(asked) + 1] == asked, "the first that is rather right ends it"
+    assert (max(errors_mm(simulation, steps)) < 10) == (len(asked) == 3)
 
 
 def test_a_run_that_cannot_look_ahead_starts_where_it_starts(simulation: Simulation) -> None:
