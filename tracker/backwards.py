@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from tracker.cycle import Clock, Cycle, State, advance
+from tracker.clock import Clock
+from tracker.cycle import Cycle, State, advance
 from tracker.frame import Frame
 from tracker.rehearsal import Reopen
 from tracker.sight import Sight

@@ -15,12 +15,14 @@ import numpy as np
 
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
+from tracker.clock import Clock
 from tracker.contours import joined
-from tracker.cycle import Clock, Cycle, State, finished, objective_of
+from tracker.cycle import Cycle, State, objective_of
 from tracker.estimate import Estimate, Status
 from tracker.limbs import apart_m
 from tracker.loss import judged
 from tracker.objective import Objective
+from tracker.outcome import finished
 from tracker.sight import Sight
 from tracker.strangers import hide_strangers
 from tracker.trajectory import Step
@@ -256,7 +258,15 @@ def _with(steps: Sequence[Step], cycle: Cycle, chosen: Sequence[_Bridge], asked:
             estimates[k] = _moved(asked[n].objectives[k], cycle, estimates[k], moves, n)
         scene = step.scene.with_poses(tuple(estimate.q for estimate in estimates))
         observed = next(iter(asked[n].objectives.values())).asked.observed
-        done = finished(asked[n].sight, scene, cycle, tuple(estimates), observed, Clock(step.seconds))
+        done = finished(
+            asked[n].sight,
+            scene,
+            cycle.synthesis,
+            tuple(estimates),
+            observed,
+            Clock(step.seconds),
+            cycle.loss.least_views,
+        )
         changed[n] = replace(done, frame=step.frame, start=step.start)
     return changed
 

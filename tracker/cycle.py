@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tracker.arrays import Array, Mask, frozen
+from tracker.arrays import Array
+from tracker.clock import Clock
 from tracker.comparison import Comparison
-from tracker.contours import Contours, joined
+from tracker.contours import joined
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence, Memory, Observed
 from tracker.in_space import judged_in_space
-from tracker.in_view import judged_in_view
 from tracker.initialization import Backdrops, Initialization, Stages, no_backdrops
 from tracker.loss import LossRule, doubted, is_out_of_sight, judged, sought_anew, trusted_parts
 from tracker.objective import Objective
+from tracker.outcome import finished, still_lost
 from tracker.plate import Plate
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
@@ -158,14 +157,16 @@ def advance(
             current = current.with_pose(k, estimate.q)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     start = None
-    # who sits in somebody else's contours is lost, or would be looked for anew in every frame, as if just found
+    # who sits in somebody else's contours, or where no view shows him, is lost, or would be looked for anew in every
+    # frame, as if just found: 5 s each, of somebody who had not come in yet
     estimates = list(judged_in_space(current, tuple(estimates)))
+    estimates = still_lost(sight, current, cycle.synthesis, estimates, state.frames_lost, cycle.loss.least_views)
     waits = enumerate(zip(estimates, state.frames_lost, state.frames_doubted, strict=True))
     sought = [k for k, since in waits if sought_anew(*since, cycle.loss)]
     if sought:
         with clock("initialization"):
             current, estimates, start = _recover(sight, current, cycle, state, estimates, sought)
-    step = finished(sight, current, cycle, tuple(estimates), observed, clock)
+    step = _finished(sight, current, cycle, tuple(estimates), observed, clock)
     return replace(step, start=start, predicted=predicted, expected=expected)
 
 
@@ -200,7 +201,7 @@ def bootstrap(
             hide_strangers(sight, scene, cycle.synthesis)
         observed = cycle.evidence.observe(sight, expected)
     if start is None:
-        return finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), observed, clock)
+        return _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), observed, clock)
     with clock("refinement"):
         estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
@@ -211,7 +212,7 @@ def bootstrap(
             f"least {cycle.loss.lost_below:.0%}; check the background plates, the calibration and the model's "
             'size, or give a pose with initialization = { use = "given", poses = "start.csv" }'
         )
-    return replace(finished(sight, scene, cycle, estimates, observed, clock), start=start)
+    return replace(_finished(sight, scene, cycle, estimates, observed, clock), start=start)
 
 
 def unfound(sight: Sight, scene: Scene, cycle: Cycle) -> Step:
@@ -219,7 +220,7 @@ def unfound(sight: Sight, scene: Scene, cycle: Cycle) -> Step:
     clock = Clock()
     with clock("observation"):
         observed = cycle.evidence.observe(sight, None)
-    return finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), observed, clock)
+    return _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), observed, clock)
 
 
 def settled(scene: Scene, cycle: Cycle, observed: Observed, found: Status) -> tuple[tuple[Estimate, ...], Scene]:
@@ -287,74 +288,7 @@ def _recover(
     return scene, recovered, start
 
 
-def finished(
-    sight: Sight,
-    scene: Scene,
-    cycle: Cycle,
-    estimates: tuple[Estimate, ...],
-    observed: Observed,
-    clock: Clock,
+def _finished(
+    sight: Sight, scene: Scene, cycle: Cycle, estimates: tuple[Estimate, ...], observed: Observed, clock: Clock
 ) -> Step:
-    """The step of a frame whose estimates are found; the scene is at their poses."""
-    with clock("synthesis"):
-        fitted: Contours = cycle.synthesis.contours(scene)
-        foregrounds = [sight.silhouette(v) for v in range(len(scene.rig))]
-        looked = bool(sight.untrusted) or any(mask is not None for mask in foregrounds)
-        models = cycle.synthesis.silhouettes(scene) if looked else ()
-        estimates = judged_in_view(sight, scene, estimates, _own(scene, cycle, models), cycle.loss.least_views)
-        estimates = judged_in_space(scene, estimates)
-    overlap = _overlap(models, foregrounds, [sight.unknown(v) for v in range(len(foregrounds))])
-    step = Step(sight.frame, scene, estimates, fitted, clock.seconds, overlap, observed=observed)
-    return replace(step, model_px=covered_px(models, estimates), untrusted=sight.untrusted, strangers=sight.strangers)
-
-
-def _own(scene: Scene, cycle: Cycle, models: tuple[Mask, ...]) -> Sequence[tuple[Mask, ...]]:
-    """The silhouettes of each person; none where none are asked for."""
-    if not models or len(scene.persons) == 1:
-        return (models,) if models else ()
-    return [cycle.synthesis.silhouettes(replace(scene, persons=(person,))) for person in scene.persons]
-
-
-def covered_px(models: Sequence[Mask], estimates: Sequence[Estimate]) -> Array | None:
-    """Pixels (V,) of the model's silhouettes; None with nothing to compare them with, or a person lost."""
-    if not models or any(estimate.lost for estimate in estimates):
-        return None
-    return frozen([np.count_nonzero(mask) for mask in models])
-
-
-def _overlap(
-    models: Sequence[Mask], foregrounds: Sequence[Mask | None], unknown: Sequence[Mask | None]
-) -> Array | None:
-    """Intersection over union (V,) of the model's and the foreground's silhouettes, where the background is known."""
-    if not models:
-        return None
-    shares = np.full(len(foregrounds), np.nan)
-    for v, (mask, foreground, hidden) in enumerate(zip(models, foregrounds, unknown, strict=True)):
-        if foreground is not None:
-            mask = mask if hidden is None else mask & ~hidden
-            union = np.count_nonzero(mask | foreground)
-            shares[v] = np.count_nonzero(mask & foreground) / union if union else np.nan
-    return frozen(shares)
-
-
-class Clock:
-    """Seconds spent in each stage of one frame."""
-
-    def __init__(self, spent: Mapping[str, float] | None = None) -> None:
-        """With seconds already spent."""
-        self.seconds: dict[str, float] = dict(spent or {})
-
-    def move(self, stage: str, other: str, seconds: float) -> None:
-        """Books some of a stage's time to another one."""
-        if seconds > 0:
-            self.seconds[stage] -= seconds
-            self.seconds[other] = self.seconds.get(other, 0.0) + seconds
-
-    @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
-        """Books the time spent in the block."""
-        begin = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
+    return finished(sight, scene, cycle.synthesis, estimates, observed, clock, cycle.loss.least_views)

@@ -10,10 +10,12 @@ from types import MappingProxyType
 
 import cv2
 
-from tracker.cycle import Clock, Cycle, State, advance, bootstrap, covered_px, unfound
+from tracker.clock import Clock
+from tracker.cycle import Cycle, State, advance, bootstrap, unfound
 from tracker.easier_start import LedBack, led_back
 from tracker.estimate import Status
 from tracker.frame import Frame
+from tracker.outcome import covered_px
 from tracker.rehearsal import Reopen, rehearsed
 from tracker.scene import Scene
 from tracker.sight import Sight

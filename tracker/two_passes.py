@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 
 from tracker.backwards import tracked_back, turned
 from tracker.bridges import bridged
+from tracker.clock import Clock
 from tracker.coming_in import before_all, steps_of
-from tracker.cycle import Clock, Cycle, State
+from tracker.cycle import Cycle, State
 from tracker.easier_start import LedBack
 from tracker.frame import Frame
 from tracker.jumps import with_jumps

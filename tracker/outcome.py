@@ -1,0 +1,107 @@
+"""What becomes of a frame's estimates: who is in view, and how far the models cover what the images show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tracker.arrays import Array, Mask, frozen
+from tracker.clock import Clock
+from tracker.contours import Contours
+from tracker.estimate import Estimate
+from tracker.evidence import Observed
+from tracker.in_space import judged_in_space
+from tracker.in_view import judged_in_view
+from tracker.scene import Scene
+from tracker.sight import Sight
+from tracker.synthesis import Synthesis
+from tracker.trajectory import Step
+
+
+def finished(
+    sight: Sight,
+    scene: Scene,
+    synthesis: Synthesis,
+    estimates: tuple[Estimate, ...],
+    observed: Observed,
+    clock: Clock,
+    least_views: int,
+) -> Step:
+    """The step of a frame whose estimates are found.
+
+    Args:
+        sight: the images.
+        scene: the persons at the poses of the estimates.
+        synthesis: draws them.
+        estimates: one a person.
+        observed: by the evidence.
+        clock: with the time spent on the frame.
+        least_views: that must show a person.
+    """
+    with clock("synthesis"):
+        fitted: Contours = synthesis.contours(scene)
+        foregrounds = [sight.silhouette(v) for v in range(len(scene.rig))]
+        looked = bool(sight.untrusted) or any(mask is not None for mask in foregrounds)
+        models = synthesis.silhouettes(scene) if looked else ()
+        estimates = judged_in_view(sight, scene, estimates, _own(scene, synthesis, models), least_views)
+        estimates = judged_in_space(scene, estimates)
+    overlap = _overlap(models, foregrounds, [sight.unknown(v) for v in range(len(foregrounds))])
+    step = Step(sight.frame, scene, estimates, fitted, clock.seconds, overlap, observed=observed)
+    return replace(step, model_px=covered_px(models, estimates), untrusted=sight.untrusted, strangers=sight.strangers)
+
+
+def still_lost(
+    sight: Sight,
+    scene: Scene,
+    synthesis: Synthesis,
+    estimates: Sequence[Estimate],
+    frames_lost: Sequence[int],
+    least_views: int,
+) -> list[Estimate]:
+    """The estimates; of persons who were lost before, those whom too few views show still are.
+
+    Args:
+        sight: the images.
+        scene: the persons at the poses of the estimates.
+        synthesis: draws them.
+        estimates: one a person.
+        frames_lost: for how many frames before this one each of them was.
+        least_views: that must show a person.
+    """
+    if all(one.lost or not since for one, since in zip(estimates, frames_lost, strict=True)):
+        return list(estimates)
+    own = [synthesis.silhouettes(replace(scene, persons=(person,))) for person in scene.persons]
+    shown = judged_in_view(sight, scene, tuple(estimates), own, least_views)
+    pairs = zip(frames_lost, estimates, shown, strict=True)
+    return [judged if since and judged.lost else one for since, one, judged in pairs]
+
+
+def _own(scene: Scene, synthesis: Synthesis, models: tuple[Mask, ...]) -> Sequence[tuple[Mask, ...]]:
+    """The silhouettes of each person; none where none are asked for."""
+    if not models or len(scene.persons) == 1:
+        return (models,) if models else ()
+    return [synthesis.silhouettes(replace(scene, persons=(person,))) for person in scene.persons]
+
+
+def covered_px(models: Sequence[Mask], estimates: Sequence[Estimate]) -> Array | None:
+    """Pixels (V,) of the model's silhouettes; None with nothing to compare them with, or a person lost."""
+    if not models or any(estimate.lost for estimate in estimates):
+        return None
+    return frozen([np.count_nonzero(mask) for mask in models])
+
+
+def _overlap(
+    models: Sequence[Mask], foregrounds: Sequence[Mask | None], unknown: Sequence[Mask | None]
+) -> Array | None:
+    """Intersection over union (V,) of the model's and the foreground's silhouettes, where the background is known."""
+    if not models:
+        return None
+    shares = np.full(len(foregrounds), np.nan)
+    for v, (mask, foreground, hidden) in enumerate(zip(models, foregrounds, unknown, strict=True)):
+        if foreground is not None:
+            mask = mask if hidden is None else mask & ~hidden
+            union = np.count_nonzero(mask | foreground)
+            shares[v] = np.count_nonzero(mask & foreground) / union if union else np.nan
+    return frozen(shares)
