@@ -22,6 +22,7 @@ from tracker.inspection import first_in_view
 from tracker.jobs import track as track_job
 from tracker.jobs.track import TrackJob
 from tracker.loss import LossRule
+from tracker.outcome import still_lost
 from tracker.plate import Plate
 from tracker.progress import Progress
 from tracker.rig import Rig
@@ -263,6 +264,22 @@ def test_a_run_of_persons_who_are_never_apart_waits_for_the_first_one(
     assert TrackJob._first_in_view(job, opened, cycle) == 3  # type: ignore[arg-type]
     assert asked == [2, 1]
     assert told == ["nobody is seen whole before frame 3: looked for from there on, and followed back"]
+
+
+@pytest.mark.parametrize(("since", "n_views", "lost"), [(0, 0, False), (3, 0, True), (3, 1, True), (3, 4, False)])
+def test_who_was_lost_still_is_where_too_few_views_show_him(
+    simulation: Simulation, since: int, n_views: int, lost: bool
+) -> None:
+    """Or he would be looked for anew in every frame, as if just seen again."""
+    frame, scene = entering(simulation, (n_views,))[0], simulation.scene
+    found = replace(judged(frame, scene, simulation.plates, least_views=0), status=Status.TRACKED)
+    sight = Sight(frame, simulation.plates)
+    for v, image in enumerate(frame.images):
+        assert image is not None
+        sight.changes(v, (0, 0, image.shape[1], image.shape[0]))
+    (still,) = still_lost(sight, scene, CpuSynthesis(), [found], [since], 2)
+    assert still.lost == lost
+    assert lost or still is found
 
 
 def test_a_run_waits_for_who_walks_in_and_follows_back(simulation: Simulation) -> None:
