@@ -13,7 +13,8 @@ import tracker.errors
 ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
-    "errors arrays plugins components config resources files source_files pages progress geometry imaging kernels",
+    "errors arrays plugins components config resources files source_files pages progress clock geometry "
+    "imaging kernels",
     "camera rig rig_layouts frame shape skin skin_files segments mirror point_trajectories body_sections body "
     "body_defaults body_facts body_skin body_description body_files body_surface limbs scene contours expectation "
     "observation keypoints keypoint_layouts skeletons markers marker_layouts account hidden equations plate sight "
@@ -22,7 +23,8 @@ LAYERS = (
     "comparison outlines correspondences strangers lsm following result ball_joints",
     "similarity evidence objective",
     "estimation initialization",
-    "rivals single_view cycle bridges jumps rehearsal easier_start found_before tracking recorded_plates two_passes",
+    "rivals single_view outcome cycle bridges jumps rehearsal backwards easier_start found_before tracking "
+    "recorded_plates coming_in two_passes",
     "acquisition alignment recognition evaluation simulation inspection",
     "jobs rig_check export smoothed aligned batching run forecast draft footage viewing",
     "cli commands __main__ scripts",
