@@ -212,6 +212,34 @@ def test_who_joins_later_is_lost_before_and_the_other_one_is_tracked_throughout(
         assert later.lost == (step.frame.index < 6)
 
 
+@pytest.mark.parametrize(
+    ("views", "lost"),
+    [
+        ("absent shows hidden hidden", True),
+        ("hidden shows hidden hidden", False),
+        ("absent shows shows hidden", False),
+        ("absent hidden hidden hidden", True),
+    ],
+)
+def test_views_that_others_hide_somebody_from_do_not_count_against_one_that_does_not_show_him(
+    joined_later: Simulation, views: str, lost: bool
+) -> None:
+    """The second person is not there; where he is said to be shown his silhouette is where the first one is."""
+    frame, scene, drawn = second_from(joined_later, 6)[0], joined_later.scene, CpuSynthesis()
+    one, other = (drawn.silhouettes(replace(scene, persons=(person,))) for person in scene.persons)
+    first, second = [], []
+    for v, how in enumerate(views.split()):
+        first.append(np.zeros_like(one[v]) if how == "shows" else one[v])
+        second.append(other[v] & ~one[v] if how == "absent" else one[v])
+    sight = Sight(frame, joined_later.plates)
+    for v, image in enumerate(frame.images):
+        assert image is not None
+        sight.changes(v, (0, 0, image.shape[1], image.shape[0]))
+    found = replace(judged(frame, Scene(scene.persons[:1], scene.rig), joined_later.plates), status=Status.TRACKED)
+    _, judged_second = judged_in_view(sight, scene, (found, found), (first, second), 2)
+    assert judged_second.lost == lost
+
+
 def test_who_leaves_and_comes_back_is_looked_for_now_and_then(joined_later: Simulation) -> None:
     """Not in every frame, though his model explains the contours of the one who stayed."""
     frames = second_from(joined_later, 8)

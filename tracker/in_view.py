@@ -71,12 +71,18 @@ def _judged(person: Person, estimate: Estimate, unseen: bool, outside: Mask) -> 
 
 
 def _shown(sight: Sight, scene: Scene, person: Person, silhouettes: Sequence[Mask]) -> Mask:
-    """(V,) views that show a person, or may do so."""
-    shown: Mask = _inside(scene, person.body.landmarks_in_world(person.q)).mean(axis=1) >= _LEAST_INSIDE
+    """(V,) views that show a person, or may do so.
+
+    Those that others hide him from do not count where a view which could show him does not. In a woman's name, who had
+    not come in yet, the model stood beside a man: two views had her behind him, one had half of her before the floor.
+    """
+    inside: Mask = _inside(scene, person.body.landmarks_in_world(person.q)).mean(axis=1) >= _LEAST_INSIDE
+    shown, hidden = inside.copy(), np.zeros_like(inside)
     for v, silhouette in enumerate(silhouettes):
         covered = sight.changed_behind(v, silhouette)
         shown[v] &= covered is None or covered >= _LEAST_COVERED
-    return shown
+        hidden[v] = not silhouette.any()
+    return shown & ~hidden if (inside & ~shown).any() else shown
 
 
 def _inside(scene: Scene, points: Array) -> Mask:
