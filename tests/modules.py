@@ -24,7 +24,7 @@ LAYERS = (
     "similarity evidence objective",
     "estimation initialization",
     "rivals single_view outcome cycle bridges jumps rehearsal backwards easier_start found_before tracking "
-    "recorded_plates coming_in two_passes",
+    "recorded_plates windows coming_in two_passes",
     "acquisition alignment recognition evaluation simulation inspection",
     "jobs rig_check export smoothed aligned batching run forecast draft footage viewing",
     "cli commands __main__ scripts",

@@ -30,7 +30,7 @@ from tracker.start import Start
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking import Looking, tracked
 from tracker.trajectory import Step
-from tracker.two_passes import there
+from tracker.windows import there
 
 
 @pytest.fixture(scope="module")

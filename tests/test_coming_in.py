@@ -11,7 +11,6 @@ import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
 import tracker.coming_in
-import tracker.two_passes
 from tracker.arrays import Image
 from tracker.backwards import as_replay, frames_before
 from tracker.cycle import Cycle
@@ -29,8 +28,8 @@ IN_VIEW, NOBODY_BEFORE = 5, 9
 
 @pytest.fixture(autouse=True)
 def _short_windows(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tracker.two_passes, "_LONGEST", 4)
-    monkeypatch.setattr(tracker.two_passes, "_SHORTEST", 4)
+    monkeypatch.setattr("tracker.windows._LONGEST", 4)
+    monkeypatch.setattr("tracker.two_passes.SHORTEST", 4)
 
 
 @pytest.fixture(scope="module")
@@ -77,16 +76,33 @@ def test_who_comes_in_is_tracked_back_over_windows(
     assert not any(step.provisional for step in steps)
 
 
-@pytest.mark.parametrize("gone_s", [0.04, 0.12, 100.0])
+@pytest.mark.parametrize(("gone_s", "n_pieces"), [(0.03, 2), (0.1, 3), (100.0, 4)])
 def test_an_empty_room_is_not_gone_through_for_long(
-    simulation: Simulation, frames: tuple[Frame, ...], cycle: Cycle, monkeypatch: pytest.MonkeyPatch, gone_s: float
+    simulation: Simulation,
+    frames: tuple[Frame, ...],
+    cycle: Cycle,
+    monkeypatch: pytest.MonkeyPatch,
+    gone_s: float,
+    n_pieces: int,
 ) -> None:
     told: list[str] = []
     monkeypatch.setattr(tracker.coming_in, "_GONE_S", gone_s)
+    monkeypatch.setattr(tracker.coming_in, "_LONGEST", 2)
     steps = tracked(simulation, frames, replace(cycle, progress=lambda line, *_: told.append(line)))
     assert [step.estimates[0].lost for step in steps] == [True] * IN_VIEW + [False] * (14 - IN_VIEW)
-    n_empty = min(round(gone_s / 0.04), IN_VIEW)
-    assert sum("to go" in line for line in told) == 8 - IN_VIEW + n_empty
+    assert sum("to go" in line for line in told) == n_pieces
+
+
+def test_what_is_in_doubt_on_the_way_back_is_tracked_the_other_way_as_well(
+    simulation: Simulation, frames: tuple[Frame, ...], cycle: Cycle
+) -> None:
+    told: list[str] = []
+    doubting = replace(cycle.loss, doubtful_above=0.0, again_after=100)
+    steps = tracked(simulation, frames, replace(cycle, loss=doubting, progress=lambda line, *_: told.append(line)))
+    for way in ("first pass, frame", "second pass, back to frame"):
+        assert any(line == f"{way} {IN_VIEW + 1}" for line in told)
+    errors = [joint_errors_mm(simulation, 0, step.frame.index, step.estimates[0].q).mean() for step in steps]
+    assert max(errors[IN_VIEW:]) < 15
 
 
 @pytest.mark.parametrize("n_kept", [2, 6, 8, 10, 12, 13])

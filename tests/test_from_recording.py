@@ -36,7 +36,7 @@ from tracker.start import Start
 from tracker.subject import Subject
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.trajectory import Step
-from tracker.two_passes import back, there
+from tracker.windows import back, there
 
 QUICK = ViewSettings(frames=4, rounds=1, fit=FitSettings(iterations=6, pose_deg=8.0, pose_m=0.05, rigid_share=0.2))
 N_FRAMES = 8

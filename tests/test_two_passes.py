@@ -11,7 +11,7 @@ import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 from test_easier_start import TurnedRoundAtFirst
 
-import tracker.two_passes
+import tracker.windows
 from tracker.cycle import Cycle
 from tracker.errors import InitializationError
 from tracker.estimate import Status
@@ -19,7 +19,8 @@ from tracker.loss import LossRule
 from tracker.simulation.sequence import Simulation
 from tracker.tracking import track
 from tracker.trajectory import Replay, Step
-from tracker.two_passes import _windows, length_of_windows, track_twice
+from tracker.two_passes import track_twice
+from tracker.windows import length_of_windows, windows_of
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +30,8 @@ def simulation() -> Simulation:
 
 @pytest.fixture
 def short_windows(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tracker.two_passes, "_LONGEST", 4)
-    monkeypatch.setattr(tracker.two_passes, "_SHORTEST", 4)
+    monkeypatch.setattr(tracker.windows, "_LONGEST", 4)
+    monkeypatch.setattr("tracker.two_passes.SHORTEST", 4)
 
 
 DOUBTING = LossRule(doubtful_above=0.0, again_after=100)
@@ -56,7 +57,7 @@ def errors_mm(simulation: Simulation, steps: list[Step]) -> list[float]:
 @pytest.mark.parametrize(("n_frames", "most"), [(1, 4), (4, 4), (5, 4), (9, 4), (9, 100)])
 def test_windows_have_every_frame_once_and_see_beyond(simulation: Simulation, n_frames: int, most: int) -> None:
     frames = list(simulation.frames())[:n_frames]
-    windows = list(_windows(iter(frames), most))
+    windows = list(windows_of(iter(frames), most))
     assert [frame.index for window, _ in windows for frame in window] == list(range(n_frames))
     for window, beyond in windows:
         after = window[-1].index + 1
@@ -67,7 +68,7 @@ def test_large_images_make_short_windows_or_one_pass(simulation: Simulation, mon
     first = next(iter(simulation.frames()))
     n_bytes = sum(image.nbytes for image in first.images if image is not None)
     for most, length in ((5 * n_bytes, 4), (1000 * n_bytes, 100), (n_bytes - 1, 0)):
-        monkeypatch.setattr(tracker.two_passes, "_MOST_BYTES", most)
+        monkeypatch.setattr(tracker.windows, "_MOST_BYTES", most)
         assert length_of_windows(first) == length
     steps = twice(simulation, cycle_for(simulation, TrueStart(simulation), loss=DOUBTING))
     assert [step.estimates[0].status for step in steps] == [Status.BOOTSTRAPPED] + 8 * [Status.TRACKED]
@@ -103,7 +104,7 @@ def test_a_limb_that_jumps_is_followed_back_though_no_frame_is_in_doubt(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An arm held up by the first pass until it falls into place: the way back has it right before as well."""
-    forwards, body, until = tracker.two_passes._forwards, simulation.scene.persons[0].body, 4
+    forwards, body, until = tracker.windows._forwards, simulation.scene.persons[0].body, 4
 
     def held_up(*asked: Any) -> tuple[list[Step], Any]:
         steps, reached = forwards(*asked)
@@ -116,9 +117,9 @@ def test_a_limb_that_jumps_is_followed_back_though_no_frame_is_in_doubt(
 
     cycle = cycle_for(simulation, TrueStart(simulation))
     followed_back_before = replace(cycle, known=dict.fromkeys(range(9), ()))
-    monkeypatch.setattr(tracker.two_passes, "_forwards", held_up)
+    monkeypatch.setattr(tracker.windows, "_forwards", held_up)
     assert max(errors_mm(simulation, twice(simulation, followed_back_before))) < 8
-    monkeypatch.setattr(tracker.two_passes, "with_jumps", list)
+    monkeypatch.setattr(tracker.windows, "with_jumps", list)
     # of frames in which a way back has ended before there is no other one, of others always
     assert max(errors_mm(simulation, twice(simulation, followed_back_before))[:until]) > 30
     assert max(errors_mm(simulation, twice(simulation, cycle))) < 8

@@ -6,25 +6,30 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from tracker.backwards import as_replay, frames_before, tracked_back, turned
-from tracker.cycle import Cycle, State, unfound
-from tracker.jumps import with_jumps
+import numpy as np
+
+from tracker.backwards import as_replay, frames_before, turned
+from tracker.cycle import Cycle, unfound
 from tracker.rehearsal import Reopen
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.tracking import replayed
 from tracker.trajectory import Replay, Step
+from tracker.windows import Pass, after, both_ways, length_of_windows, windows_of
 
 _GONE_S = 2.0
 """How long everybody is lost, on the way back, when nobody was there before: a way behind a pillar is shorter."""
 
+_LONGEST = 50
+"""Frames tracked back at a time: fewer than of other windows, for nobody may be there any more."""
 
-def before_all(steps: Sequence[Step], state: State, begin: int, cycle: Cycle, reopen: Reopen) -> dict[int, Replay]:
-    """The frames before some others, as far back as anybody is there.
+
+def before_all(steps: Sequence[Step], at: Pass, begin: int, cycle: Cycle, reopen: Reopen) -> dict[int, Replay]:
+    """The frames before a window, as far back as anybody is there: in windows like others, the latest first.
 
     Args:
-        steps: the others, tracked.
-        state: behind them.
+        steps: those of the window.
+        at: where the first pass is behind them.
         begin: number of the recording's first frame.
         cycle: the components.
         reopen: opens the sequence anew.
@@ -32,29 +37,35 @@ def before_all(steps: Sequence[Step], state: State, begin: int, cycle: Cycle, re
     Returns:
         Frame -> estimates; frames before anybody has come in are not among them.
     """
-    found, first = list[Step](), steps[0]
-    seen_s = next((step.frame.time_s for step in steps if _anybody(step)), steps[-1].frame.time_s)
-    state = replace(turned(state, first), frames_lost=_frames_lost(steps), frames_doubted=(0,) * len(first.estimates))
-    frames = frames_before(first.frame, begin, reopen)
-    for step in tracked_back(frames, first, state, cycle, first.frame.time_s):
-        cycle.progress(f"back to the first frame, {step.frame.index - begin} to go")
-        found.append(replace(step, frame=replace(step.frame, images=(), masks=())))  # they would not fit into memory
-        if _anybody(step):
-            seen_s = step.frame.time_s
-        if cycle.leaving() or seen_s - step.frame.time_s >= _GONE_S:
+    first = steps[0]
+    turn_s, seen_s = first.frame.time_s, next((step.frame.time_s for step in steps if _anybody(step)), np.inf)
+    at, found = _turned(at, steps), dict[int, Replay]()
+    # predictions are made for a time that goes on
+    frames = (replace(one, time_s=turn_s - one.time_s) for one in frames_before(first.frame, begin, reopen))
+    for window, beyond in windows_of(frames, min(length_of_windows(first.frame), _LONGEST)):
+        cycle.progress(f"back to the first frame, {window[0].index - begin} to go")
+        back, reached = both_ways(window, beyond, at, cycle, reopen)
+        at = replace(reached or after(at, back, cycle), back=None)
+        for step in back:
+            time_s = turn_s - step.frame.time_s
+            found[step.frame.index] = replace(as_replay(step), time_s=time_s)
+            seen_s = time_s if _anybody(step) else seen_s
+        if cycle.leaving() or seen_s - time_s >= _GONE_S:
             break
-    there = [step for step in found if step.frame.time_s >= seen_s]
-    return {step.frame.index: as_replay(step) for step in with_jumps(there[::-1])} if there else {}
+    return {index: replay for index, replay in found.items() if replay.time_s >= seen_s}
+
+
+def _turned(at: Pass, steps: Sequence[Step]) -> Pass:
+    """A pass that goes back in time from the first of some steps, having gone through them."""
+    first, n_persons = steps[0], len(steps[0].estimates)
+    ways = zip(*(step.estimates for step in steps), strict=True)
+    frames_lost = tuple(sum(1 for _ in itertools.takewhile(lambda one: one.lost, way)) for way in ways)
+    state = replace(turned(at.state, first), frames_lost=frames_lost, frames_doubted=(0,) * n_persons)
+    return replace(at, scene=first.scene, state=state, before=replace(first, frame=replace(first.frame, time_s=0.0)))
 
 
 def _anybody(step: Step) -> bool:
     return any(not one.lost for one in step.estimates)
-
-
-def _frames_lost(steps: Sequence[Step]) -> tuple[int, ...]:
-    """For each person in how many of the first steps he is lost."""
-    ways = zip(*(step.estimates for step in steps), strict=True)
-    return tuple(sum(1 for _ in itertools.takewhile(lambda one: one.lost, way)) for way in ways)
 
 
 def steps_of(

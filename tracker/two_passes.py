@@ -1,44 +1,19 @@
-"""A second pass: windows of a recording are tracked forwards and then back, the poses of both weighed frame by frame.
-
-Windows with doubt in them are, and those in which somebody is found: what is wrong from the start on nothing need tell.
-There the first pass stays as it is where the way back ends in the same places. The errors of the two directions hardly
-coincide: a limb is lost on the way into its hiding, not on the way out of it. See `tracker.rivals`.
-"""
+"""A second pass: windows of a recording are tracked both ways where need be, back to where persons come in, too."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from tracker.backwards import tracked_back, turned
-from tracker.bridges import bridged
-from tracker.clock import Clock
 from tracker.coming_in import before_all, steps_of
 from tracker.cycle import Cycle, State
-from tracker.easier_start import LedBack
 from tracker.frame import Frame
-from tracker.jumps import with_jumps
-from tracker.limbs import are_apart
-from tracker.loss import LossRule, doubted
 from tracker.rehearsal import Reopen
 from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.tracking import Ahead, Looking, replayed, track, tracked
+from tracker.tracking import replayed, track
 from tracker.trajectory import Replay, Step
-
-_LONGEST, _SHORTEST = 100, 16
-"""Frames of a window. Limbs were wrong for 40 frames at most; a longer window takes memory, and makes a run wait."""
-
-_MOST_BYTES = 2**30
-"""Of images held at a time; where that is less than the shortest window, there is one pass."""
-
-_BEYOND = 4
-"""A window is tracked on for one in so many of its frames, so that the way back has found itself when it enters."""
-
-_ALIKE = 0.5
-"""Share of the distance from which on joints are elsewhere (`tracker.limbs.apart_m`: 14 cm of a person), up to which
-the two ways are alike. With an acquired model a wrong arm of DO-Two was 14.6 cm from the right one at most."""
+from tracker.windows import SHORTEST, Pass, after, both_ways, length_of_windows, windows_of
 
 
 def track_twice(
@@ -63,18 +38,18 @@ def track_twice(
     if first is None:
         return
     frames, length = itertools.chain([first], frames), length_of_windows(first)
-    if length < _SHORTEST:
+    if length < SHORTEST:
         yield from track(frames, scene, cycle, done, reopen)
         return
-    at, waiting = _Pass(scene, State.before(scene), None, 0), list[int]()
-    for window, beyond in _windows(frames, length):
+    at, waiting = Pass(scene, State.before(scene), None, 0), list[int]()
+    for window, beyond in windows_of(frames, length):
         if window[-1].index < cycle.nobody_before:
             waiting += [frame.index for frame in window]
             continue
         steps, at = _window_tracked(window, beyond, at, cycle, done, reopen)
         provisional, replays = steps[-1].provisional, done
         if any(number not in done for number in waiting):
-            replays = {**before_all(steps, at.state, waiting[0], cycle, reopen), **done}
+            replays = {**before_all(steps, at, waiting[0], cycle, reopen), **done}
             provisional |= cycle.leaving()
         together = itertools.chain(steps_of(replays, waiting, scene, cycle, reopen), steps)
         for n_left, step in zip(range(len(waiting) + len(steps) - 1, -1, -1), together, strict=True):
@@ -87,19 +62,19 @@ def track_twice(
 def _window_tracked(
     window: Sequence[Frame],
     beyond: Sequence[Frame],
-    begin: _Pass,
+    begin: Pass,
     cycle: Cycle,
     done: Mapping[int, Replay],
     reopen: Reopen,
-) -> tuple[list[Step], _Pass]:
+) -> tuple[list[Step], Pass]:
     """The frames of a window, those that an interrupted run has kept as it kept them, and where the pass is then."""
     n_kept = sum(frame.index in done for frame in window)
     if n_kept == len(window):
         steps, reached = [replayed(frame, begin.scene, cycle, done[frame.index]) for frame in window], None
     else:
-        found, reached = _both_ways(window, beyond, begin, cycle, reopen)
+        found, reached = both_ways(window, beyond, begin, cycle, reopen)
         steps = _with_kept(found, cycle, done)
-    return steps, replace(reached if reached and not n_kept else _after(begin, steps, cycle), back=None)
+    return steps, replace(reached if reached and not n_kept else after(begin, steps, cycle), back=None)
 
 
 def _with_kept(steps: list[Step], cycle: Cycle, done: Mapping[int, Replay]) -> list[Step]:
@@ -111,139 +86,3 @@ def _with_kept(steps: list[Step], cycle: Cycle, done: Mapping[int, Replay]) -> l
         replayed(step.frame, step.scene, cycle, done[step.frame.index]) if step.frame.index in done else step
         for step in steps
     ]
-
-
-def _after(begin: _Pass, steps: Sequence[Step], cycle: Cycle) -> _Pass:
-    """Where a pass is after steps that were found in another way than by its going on."""
-    state, before = begin.state, begin.before
-    for step in steps:
-        sight = Sight(step.frame, cycle.plates, None if before is None else before.model_px)
-        state, before = state.after(sight, step, cycle.evidence), step
-    n_looked_in = sum(step.frame.index >= cycle.nobody_before for step in steps)
-    return _Pass(steps[-1].scene, state, steps[-1], begin.n_frames + n_looked_in)
-
-
-def there(
-    frames: Sequence[Frame], scene: Scene, cycle: Cycle, reopen: Reopen | None = None
-) -> tuple[list[Step], State]:
-    """Frames that are held tracked forwards, and the state behind the last one; see `tracker.tracking.track`."""
-    steps, reached = _forwards(frames, _Pass(scene, State.before(scene), None, 0), cycle, reopen)
-    return steps, reached.state
-
-
-def length_of_windows(first: Frame) -> int:
-    """Frames that may be held at a time, of images like these."""
-    n_bytes = sum(image.nbytes for image in first.images if image is not None)
-    return min(_MOST_BYTES // max(n_bytes, 1) * _BEYOND // (_BEYOND + 1), _LONGEST)
-
-
-def _windows(frames: Iterator[Frame], length: int) -> Iterator[tuple[Sequence[Frame], Sequence[Frame]]]:
-    """The frames in windows, each with some of those that follow it."""
-    held: list[Frame] = []
-    while True:
-        held += itertools.islice(frames, length + length // _BEYOND - len(held))
-        if not held:
-            return
-        yield held[:length], held[length:]
-        held = held[length:]
-
-
-@dataclass(frozen=True)
-class _Pass:
-    """How far the first pass is."""
-
-    scene: Scene
-    state: State
-    before: Step | None
-    n_frames: int
-    """In which somebody was looked for."""
-
-    back: LedBack | None = None
-
-
-def _both_ways(
-    window: Sequence[Frame], beyond: Sequence[Frame], begin: _Pass, cycle: Cycle, reopen: Reopen
-) -> tuple[list[Step], _Pass | None]:
-    """The frames of a window: tracked on from where it begins, and back where there is doubt, or somebody was found.
-
-    Who wants to leave meanwhile gets what the first pass has found so far.
-
-    Returns:
-        The steps, and where the pass is then; None if they are not those that led there.
-    """
-    first, reached = _forwards(window, begin, cycle, reopen)
-    again: list[Step] | None = None
-    # a limb that jumps was wrong before, or is wrong since, though no frame by itself is in doubt: R-Turn's legs,
-    # exchanged from the start on, fell into place in frame 26
-    if not reached.state.nobody_found and any(_in_doubt(step, cycle.loss) for step in with_jumps(first)):
-        more, onwards = _forwards(beyond, reached, cycle, reopen)
-        again = back([*first, *more], cycle, onwards.state)[: len(first)]
-    elif not reached.state.nobody_found and any(_begins(step, cycle) for step in first):
-        # nor need a limb jump: with an acquired model an arm of DO-Two, before another body from the start on, crept
-        # into place by frame 28; the way back has it right at once. Of fitted bodies there was a way back already.
-        again = back(first, cycle, reached.state)
-        again = None if cycle.leaving() or _alike(first, again) else again
-    if cycle.leaving():
-        return [replace(step, provisional=True) for step in first], None
-    found = first if again is None else again
-    even = bridged(found, cycle, begin.state, begin.before)
-    return with_jumps(even), reached if even is first else None
-
-
-def _alike(steps: Sequence[Step], others: Sequence[Step]) -> bool:
-    """Whether everybody's joints are in the same places in both."""
-    return all(
-        one.lost == other.lost and not are_apart(person.body, one.q, other.q, share=_ALIKE)
-        for step, rival in zip(steps, others, strict=True)
-        for person, one, other in zip(step.scene.persons, step.estimates, rival.estimates, strict=True)
-    )
-
-
-def _begins(step: Step, cycle: Cycle) -> bool:
-    """Whether somebody is found in a frame that no way back has come to before."""
-    return step.start is not None and step.frame.index not in cycle.known
-
-
-def _in_doubt(step: Step, loss: LossRule) -> bool:
-    unsure = step.start is not None and step.start.least_sureness < loss.sure
-    return unsure or any(one.lost or doubted(one) for one in step.estimates)
-
-
-def _forwards(frames: Sequence[Frame], begin: _Pass, cycle: Cycle, reopen: Reopen | None) -> tuple[list[Step], _Pass]:
-    """Some frames tracked on from where the first pass is, and where it is then."""
-    at, steps = begin, list[Step]()
-    with Ahead(frames, cycle) as ahead:
-        for frame in frames:
-            if steps and cycle.leaving():
-                break
-            cycle.progress(f"first pass, frame {frame.index}")
-            clock = Clock()
-            with clock("waiting"):
-                sight = ahead.next(at.before) or Sight(frame, cycle.plates)
-            n = at.n_frames + (frame.index >= cycle.nobody_before)
-            looking = Looking(n >= cycle.loss.start_within, reopen, at.back)
-            step, back = tracked(sight, at.scene, cycle, at.state, looking, clock)
-            at = _Pass(step.scene, at.state.after(sight, step, cycle.evidence), step, n, back)
-            steps.append(replace(step, observed=None))
-    return steps, at
-
-
-def back(first: Sequence[Step], cycle: Cycle, state: State) -> list[Step]:
-    """The frames of a pass tracked from the last one back to the first, each pose weighed against that of the pass.
-
-    Args:
-        first: the pass.
-        cycle: the components.
-        state: that behind its last frame.
-    """
-
-    def frames() -> Iterator[Frame]:
-        for step in reversed(first[:-1]):
-            if cycle.leaving():
-                return
-            cycle.progress(f"second pass, back to frame {step.frame.index}")
-            yield step.frame
-
-    others = {step.frame.index: step for step in first}
-    last, turn_s = first[-1], first[-1].frame.time_s
-    return [last, *tracked_back(frames(), last, turned(state, last), cycle, turn_s, others)][::-1]

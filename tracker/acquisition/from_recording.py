@@ -28,7 +28,7 @@ from tracker.rehearsal import Reopen
 from tracker.scene import Scene
 from tracker.start import Start
 from tracker.trajectory import Step
-from tracker.two_passes import back, length_of_windows, there
+from tracker.windows import back, length_of_windows, there
 
 LONGEST = 100
 """Frames that a recording is followed through before bodies are fitted to it: four seconds show most limbs bent and
