@@ -122,6 +122,24 @@ def test_frames_before_anybody_has_come_in_ask_nothing(truth: Scene, observation
     assert doubts.advice().startswith("6 of 8 frames in doubt"), "whoever has left is asked about"
 
 
+def test_who_comes_in_later_asks_nothing_about_the_others(truth: Scene, observation: Observation) -> None:
+    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=())
+    lost, doubts = replace(sure, status=Status.LOST), Doubts()
+    both = replace(truth, persons=(truth.persons[0], replace(truth.persons[0], name="other")))
+    fitted = objective_of(truth, observation).asked.fine(truth.persons[0].q)
+    for k, pair in enumerate([(sure, lost)] * 8 + [(sure, sure)] * 2):
+        doubts = doubts.after(Step(Frame(k, 0.04 * k, (None,) * 4), both, pair, fitted))
+    assert (len(doubts.lost), doubts.n_before, doubts.advice()) == (8, 0, "")
+    for k in range(10, 20):
+        doubts = doubts.after(Step(Frame(k, 0.04 * k, (None,) * 4), both, (lost, sure), fitted))
+    assert doubts.advice() == "", "ten of twenty"
+    for k in range(20, 25):
+        doubts = doubts.after(Step(Frame(k, 0.04 * k, (None,) * 4), both, (lost, sure), fitted))
+    assert doubts.advice() == "", "15 of 25"
+    doubts = doubts.after(Step(Frame(25, 1.0, (None,) * 4), both, (lost, sure), fitted))
+    assert doubts.advice().startswith("16 of 26 frames in doubt")
+
+
 def test_doubt_is_written_to_the_tables(truth: Scene, observation: Observation, tmp_path: Path) -> None:
     found = estimate_of(truth, observation, left_arm_abduction=60.0)
     found = replace(found, doubtful=False, ambiguous=("left_arm",))

@@ -87,6 +87,12 @@ class Doubts:
     turned_round: tuple[str, ...] = ()
     """Persons whose given start pose fits less well than the same turned round."""
 
+    found: frozenset[str] = frozenset()
+    """Names of the persons found so far."""
+
+    awaited: tuple[int, ...] = ()
+    """Frames in which those alone are lost who have not come in yet."""
+
     n_before: int = 0
     """Frames at the beginning in which nobody is: all persons are lost."""
 
@@ -107,7 +113,8 @@ class Doubts:
             untrusted[name] = (*untrusted.get(name, ()), frame)
         turned = () if step.start is None else step.start.turned_round
         lost, doubtful = Status.LOST in verdicts, Status.DOUBTFUL in verdicts and Status.LOST not in verdicts
-        nobody_yet = self.n_before == self.n_frames and verdicts == {Status.LOST}
+        gone = {person.name for person, one in zip(step.scene.persons, step.estimates, strict=True) if one.lost}
+        found = self.found | {person.name for person in step.scene.persons} - gone
         return Doubts(
             self.n_frames + 1,
             (*self.lost, frame) if lost else self.lost,
@@ -117,7 +124,9 @@ class Doubts:
             hidden,
             (*self.strangers, frame) if step.strangers else self.strangers,
             (*self.turned_round, *(step.scene.persons[k].name for k in turned)),
-            self.n_before + nobody_yet,
+            found,
+            (*self.awaited, frame) if gone and not gone & found else self.awaited,
+            self.n_before + (not found),
         )
 
     @property
@@ -128,9 +137,9 @@ class Doubts:
     def advice(self) -> str:
         """What to do where so much is in doubt that it is no single limb's affair; empty where it is not.
 
-        Frames before anybody has come in do not count.
+        Who has not come in yet is in no doubt, and frames before anybody has do not count.
         """
-        frames = set(self.lost[self.n_before :]).union(self.doubtful, *self.ambiguous.values())
+        frames = set(self.lost).difference(self.awaited).union(self.doubtful, *self.ambiguous.values())
         n_frames = self.n_frames - self.n_before
         if len(frames) <= _MOST_DOUBTED * n_frames:
             return ""
