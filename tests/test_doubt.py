@@ -19,6 +19,7 @@ from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
 from tracker.loss import LossRule, doubted, judged, limb_spreads_m, sought_anew, trusted_parts
 from tracker.observation import Observation
+from tracker.outcome import judged_as_wholes
 from tracker.recording import RunContext
 from tracker.recording.csv_table import CsvTable
 from tracker.scene import Scene
@@ -56,6 +57,21 @@ def test_a_body_elsewhere_is_doubtful(truth: Scene, observation: Observation) ->
     assert found.doubtful
     assert found.verdict in (Status.DOUBTFUL, Status.LOST)
     assert replace(found, status=Status.LOST).verdict is Status.LOST
+
+
+def test_somebody_of_whom_every_limb_is_in_doubt_is_doubtful(truth: Scene, observation: Observation) -> None:
+    body = truth.persons[0].body
+    limbs = [group for group in body.fine_groups if body.partner_of(group)]
+    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=(), vague=())
+    fitted = objective_of(truth, observation).asked.fine(truth.persons[0].q)
+
+    def judged_anew(estimate: Estimate) -> Estimate:
+        return judged_as_wholes(Step(Frame(0, 0.0, (None,) * 4), truth, (estimate,), fitted)).estimates[0]
+
+    assert len(limbs) == 4
+    assert judged_anew(sure.doubting(limbs)).doubtful
+    assert not judged_anew(sure.doubting(limbs[1:])).doubtful
+    assert not judged_anew(replace(sure, ambiguous=tuple(limbs), vague=tuple(limbs[:1]))).doubtful, "nothing against it"
 
 
 def test_nothing_is_learned_from_a_doubtful_frame() -> None:

@@ -52,6 +52,20 @@ def finished(
     return replace(step, model_px=covered_px(models, estimates), untrusted=sight.untrusted, strangers=sight.strangers)
 
 
+def judged_as_wholes(step: Step) -> Step:
+    """The step; persons are doubtful of whom something speaks against every limb.
+
+    Of who is cut by the edges of images a pose was 100 mm off and more on average in three frames, its four limbs
+    ambiguous. Of bodies of two limbs these say little of the trunk.
+    """
+    estimates = list(step.estimates)
+    for k, (person, estimate) in enumerate(zip(step.scene.persons, step.estimates, strict=True)):
+        limbs = {group for group in person.body.fine_groups if person.body.partner_of(group)}
+        if len(limbs) > 2 and limbs.issubset(estimate.limbs_in_doubt):
+            estimates[k] = replace(estimate, doubtful=True)
+    return replace(step, estimates=tuple(estimates))
+
+
 def still_lost(
     sight: Sight,
     scene: Scene,

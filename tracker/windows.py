@@ -20,6 +20,7 @@ from tracker.frame import Frame
 from tracker.jumps import with_jumps
 from tracker.limbs import are_apart
 from tracker.loss import LossRule, doubted
+from tracker.outcome import judged_as_wholes
 from tracker.rehearsal import Reopen
 from tracker.scene import Scene
 from tracker.sight import Sight
@@ -114,7 +115,8 @@ def both_ways(
         return [replace(step, provisional=True) for step in first], None
     found = first if again is None else again
     even = bridged(found, cycle, begin.state, begin.before)
-    return with_jumps(even), reached if even is first else None
+    judged = [judged_as_wholes(step) for step in with_jumps(even)]
+    return judged, reached if even is first else None
 
 
 def _alike(steps: Sequence[Step], others: Sequence[Step]) -> bool:
