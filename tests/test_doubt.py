@@ -21,6 +21,7 @@ from tracker.loss import LossRule, doubted, judged, limb_spreads_m, sought_anew,
 from tracker.observation import Observation
 from tracker.outcome import judged_as_wholes
 from tracker.recording import RunContext
+from tracker.recording._drawing import states_of
 from tracker.recording.csv_table import CsvTable
 from tracker.scene import Scene
 from tracker.tracking import track
@@ -154,6 +155,24 @@ def test_who_comes_in_later_asks_nothing_about_the_others(truth: Scene, observat
     assert doubts.advice() == "", "15 of 25"
     doubts = doubts.after(Step(Frame(25, 1.0, (None,) * 4), both, (lost, sure), fitted))
     assert doubts.advice().startswith("16 of 26 frames in doubt")
+
+
+def test_the_overlay_says_whose_limbs_are_ambiguous(truth: Scene, observation: Observation) -> None:
+    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=(), vague=())
+    arms = replace(sure, ambiguous=("right_arm", "left_arm"))
+    both = replace(truth, persons=(truth.persons[0], replace(truth.persons[0], name="other")))
+    fitted = objective_of(truth, observation).asked.fine(truth.persons[0].q)
+    frame = Frame(3, 0.12, (None,) * 4)
+    assert states_of(Step(frame, truth, (arms,), fitted)) == [
+        "frame 3   0.12 s   tracked, ambiguous: left arm, right arm"
+    ]
+    lost = replace(arms, status=Status.LOST)
+    told = states_of(Step(frame, both, (arms, lost), fitted))
+    assert told == [
+        "frame 3   0.12 s",
+        f"{truth.persons[0].name}: tracked, ambiguous: left arm, right arm",
+        "other: lost",
+    ]
 
 
 def test_doubt_is_written_to_the_tables(truth: Scene, observation: Observation, tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ _ORANGE, _BLUE = (40, 140, 255), (220, 120, 60)
 # Binary digits after the point in OpenCV's drawing; width of what lies between parts.
 _SUBPIXEL = 4
 _BETWEEN_PX = 4.0
+_LINE_PX = 30
 
 
 def draw_step(step: Step, scene: Scene, width_px: int, stick_figure: bool = False, close: bool = False) -> Image:
@@ -38,16 +39,25 @@ def draw_step(step: Step, scene: Scene, width_px: int, stick_figure: bool = Fals
         pictures = [_close_up(picture, step.fitted.of(v)) for v, picture in enumerate(pictures)]
     picture = tile(pictures, width_px, scene.rig.names)
     lost = [p.name for p, e in zip(step.scene.persons, step.estimates, strict=True) if e.lost]
-    states = sorted({str(e.verdict) for e in step.estimates})
-    limbs = sorted({limb.replace("_", " ") for e in step.estimates for limb in e.ambiguous})
-    if limbs:
-        states.append("ambiguous: " + ", ".join(limbs))
-    _label(picture, f"frame {step.frame.index}   {step.frame.time_s:.2f} s   {', '.join(states)}", (10, 24), _WHITE)
+    lines = states_of(step)
+    for n, line in enumerate(lines):
+        _label(picture, line, (10, 24 + _LINE_PX * n), _WHITE)
     if lost:
         height, width = picture.shape[:2]
         cv2.rectangle(picture, (2, 2), (width - 3, height - 3), _RED, 5)
-        _label(picture, f"LOST: {', '.join(lost)}", (10, 54), _RED, 0.9)
+        _label(picture, f"LOST: {', '.join(lost)}", (10, 24 + _LINE_PX * len(lines)), _RED, 0.9)
     return picture
+
+
+def states_of(step: Step) -> list[str]:
+    """Frame and status in words; of several persons, a line each that says whose limbs are ambiguous."""
+    frame = f"frame {step.frame.index}   {step.frame.time_s:.2f} s"
+    states = []
+    for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+        limbs = ", ".join(sorted(limb.replace("_", " ") for limb in estimate.ambiguous if not estimate.lost))
+        state = str(estimate.verdict) + (f", ambiguous: {limbs}" if limbs else "")
+        states.append(state if len(step.estimates) == 1 else f"{person.name}: {state}")
+    return [f"{frame}   {states[0]}"] if len(states) == 1 else [frame, *states]
 
 
 def tile(pictures: list[Image], width_px: int, names: tuple[str, ...] = ()) -> Image:
