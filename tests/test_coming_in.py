@@ -105,6 +105,22 @@ def test_what_is_in_doubt_on_the_way_back_is_tracked_the_other_way_as_well(
     assert max(errors[IN_VIEW:]) < 15
 
 
+def test_a_limb_that_jumps_between_two_windows_is_told(
+    simulation: Simulation, frames: tuple[Frame, ...], cycle: Cycle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = list[list[int]]()
+
+    def doubting_all(steps: list[Step]) -> list[Step]:
+        seen.append([step.frame.index for step in steps])
+        return [replace(step, estimates=(step.estimates[0].doubting(["left_arm"]),)) for step in steps]
+
+    monkeypatch.setattr(tracker.coming_in, "_LONGEST", 2)
+    monkeypatch.setattr(tracker.coming_in, "with_jumps", doubting_all)
+    steps = tracked(simulation, frames, cycle)
+    assert seen == [[7, 6, 5, 4, 3, 2, 1, 0]], "all windows on the way back, together"
+    assert all("left_arm" in step.estimates[0].ambiguous for step in steps[IN_VIEW:8])
+
+
 @pytest.mark.parametrize("n_kept", [2, 6, 8, 10, 12, 13])
 def test_an_interrupted_run_goes_on_to_the_same_poses(
     simulation: Simulation, frames: tuple[Frame, ...], cycle: Cycle, n_kept: int

@@ -10,6 +10,8 @@ import numpy as np
 
 from tracker.backwards import as_replay, frames_before, turned
 from tracker.cycle import Cycle, unfound
+from tracker.jumps import with_jumps
+from tracker.outcome import judged_as_wholes
 from tracker.rehearsal import Reopen
 from tracker.scene import Scene
 from tracker.sight import Sight
@@ -39,28 +41,32 @@ def before_all(steps: Sequence[Step], at: Pass, begin: int, cycle: Cycle, reopen
     """
     first = steps[0]
     turn_s, seen_s = first.frame.time_s, next((step.frame.time_s for step in steps if _anybody(step)), np.inf)
-    at, found = _turned(at, steps), dict[int, Replay]()
+    at, found = _turned(at, steps, cycle), list[Step]()
     # predictions are made for a time that goes on
     frames = (replace(one, time_s=turn_s - one.time_s) for one in frames_before(first.frame, begin, reopen))
     for window, beyond in windows_of(frames, min(length_of_windows(first.frame), _LONGEST)):
         cycle.progress(f"back to the first frame, {window[0].index - begin} to go")
         back, reached = both_ways(window, beyond, at, cycle, reopen)
         at = replace(reached or after(at, back, cycle), back=None)
-        for step in back:
-            time_s = turn_s - step.frame.time_s
-            found[step.frame.index] = replace(as_replay(step), time_s=time_s)
-            seen_s = time_s if _anybody(step) else seen_s
-        if cycle.leaving() or seen_s - time_s >= _GONE_S:
+        # all images would not fit into memory
+        found += [replace(step, frame=replace(step.frame, images=(), masks=())) for step in back]
+        seen_s = next((turn_s - step.frame.time_s for step in reversed(back) if _anybody(step)), seen_s)
+        if cycle.leaving() or seen_s - (turn_s - back[-1].frame.time_s) >= _GONE_S:
             break
-    return {index: replay for index, replay in found.items() if replay.time_s >= seen_s}
+    # a limb may jump between two windows as well: a wrist was silently 0.2 m off in two frames
+    judged = [judged_as_wholes(step) for step in with_jumps(found)]
+    there = [step for step in judged if turn_s - step.frame.time_s >= seen_s]
+    return {step.frame.index: replace(as_replay(step), time_s=turn_s - step.frame.time_s) for step in there}
 
 
-def _turned(at: Pass, steps: Sequence[Step]) -> Pass:
+def _turned(at: Pass, steps: Sequence[Step], cycle: Cycle) -> Pass:
     """A pass that goes back in time from the first of some steps, having gone through them."""
     first, n_persons = steps[0], len(steps[0].estimates)
+    # what is followed from image to image is in the last one: it is taken up anew in the first
+    at_first = at.state.after(Sight(first.frame, cycle.plates, first.model_px), first, cycle.evidence)
     ways = zip(*(step.estimates for step in steps), strict=True)
     frames_lost = tuple(sum(1 for _ in itertools.takewhile(lambda one: one.lost, way)) for way in ways)
-    state = replace(turned(at.state, first), frames_lost=frames_lost, frames_doubted=(0,) * n_persons)
+    state = replace(turned(at_first, first), frames_lost=frames_lost, frames_doubted=(0,) * n_persons)
     return replace(at, scene=first.scene, state=state, before=replace(first, frame=replace(first.frame, time_s=0.0)))
 
 
