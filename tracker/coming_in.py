@@ -53,7 +53,7 @@ def before_all(steps: Sequence[Step], at: Pass, begin: int, cycle: Cycle, reopen
         seen_s = next((turn_s - step.frame.time_s for step in reversed(back) if _anybody(step)), seen_s)
         if cycle.leaving() or seen_s - (turn_s - back[-1].frame.time_s) >= _GONE_S:
             break
-    # a limb may jump between two windows as well: a wrist was silently 0.2 m off in two frames
+    # a limb may jump between two windows as well
     judged = [judged_as_wholes(step) for step in with_jumps(found)]
     there = [step for step in judged if turn_s - step.frame.time_s >= seen_s]
     return {step.frame.index: replace(as_replay(step), time_s=turn_s - step.frame.time_s) for step in there}
