@@ -18,6 +18,7 @@ from benchmarks import poses as pose_rates
 from benchmarks import recognition as known_movements
 from benchmarks import recordings as tracked_recordings
 from benchmarks import robustness as survival
+from benchmarks import scores_picture
 from benchmarks import segmentation as level_sets
 from benchmarks import sigma as uncertainty
 from benchmarks import sizes as measured_sizes
@@ -28,6 +29,8 @@ from benchmarks import tracking as cycle_times
 from benchmarks import twists as limb_twists
 from benchmarks import ways as pose_ways
 from rich.console import Console
+
+from tracker.errors import TrackerError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 # A table cut at the 80 columns of a pipe cannot be read.
@@ -93,6 +96,21 @@ def recordings(
         only, tuple(models.split(",")), acquired, not without_plates, starts, settings, quick, keypoints
     )
     tracked_recordings.compare(console, plan, python_path, output)
+
+
+@app.command()
+def scores(
+    outputs: Annotated[list[Path], typer.Argument(help="Folders that `recordings` wrote to.")],
+    picture: Annotated[Path, typer.Option(help="PNG to write.")] = Path("scores.png"),
+) -> None:
+    """One picture of several runs of `recordings`: persons by bodies and kinds of evidence."""
+    try:
+        rows = [row for folder in outputs for row in tracked_recordings.read_scores(folder / "scores.csv")]
+        scores_picture.draw(rows, picture)
+    except TrackerError as error:
+        Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
+        raise typer.Exit(2) from None
+    console.print(f"{picture}: {len(rows)} runs", highlight=False, soft_wrap=True)
 
 
 @app.command()

@@ -27,7 +27,7 @@ from benchmarks.films import CONDITIONS, Condition
 from benchmarks.motion_files import MotionFile, read_cmu, read_deepmimic
 from benchmarks.moved_scans import poses_like
 from benchmarks.refilmed import grey, grey_plates, refilmed
-from benchmarks.rooms import filmed_with, furnished, picture_of, turned_cameras
+from benchmarks.rooms import filmed_with, furnished, picture_of, placed, turned_cameras
 from rich.console import Console
 
 from tracker.arrays import Array
@@ -124,6 +124,8 @@ def _simulated(clips: tuple[Clip, ...], condition: Condition, models: tuple[Path
     folder = data / "room" / clips[0].room
     room = load_rig(folder / "calibration.json")
     pictures = [picture_of(folder / "background" / f"{one.name}.jpg", one.size) for one in room.cameras]
+    if condition.standpoints:
+        room, pictures = placed(room, pictures, condition.standpoints)
     films = [
         filmed_with(camera, picture, condition.downscale, condition.zoom)
         for camera, picture in zip(room.cameras[: condition.n_views], pictures, strict=False)

@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -106,9 +107,39 @@ def test_recordings_are_found_run_once_and_scored(recordings: Path, tmp_path: Pa
         # the model is the simulation's own
         assert 0 < float(row["removed_mm"]) <= float(row["mean_mm"]) < 60
         assert float(row["cpu_s"]) > 0.01
+    assert (tmp_path / "scores.png").stat().st_size > 1000
     before = (tmp_path / "scores.csv").read_text()
     benchmark(*arguments, BODYTRACK_DATA=str(recordings))
     assert (tmp_path / "scores.csv").read_text() == before
+
+
+def test_scores_of_several_runs_are_one_picture(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A column for each kind of evidence; a cell tells the worst start, and whether anything was off in silence."""
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    runs = importlib.import_module("benchmarks.recording_run")
+    pictures = importlib.import_module("benchmarks.scores_picture")
+    drawn: list[str] = []
+    monkeypatch.setattr(
+        pictures, "_draw_cell", lambda _, x, y, group: drawn.append(f"{x} {y} {pictures.worst_of(group)}")
+    )
+    row = runs.Score("swing", "anna", "human", False, True, "", 0, 9, "c0de", "c0mm1t", n_frames=9)
+    rows = [
+        replace(row, mean_mm=20, removed_mm=9, limb_off=3, limb_off_flagged=2),
+        replace(row, start=1, mean_mm=19, removed_mm=11, lost=2),
+        replace(row, plates=False, failed="nobody was found"),
+        replace(row, acquired=True, mean_mm=18, removed_mm=7, false_flags=4),
+    ]
+    pictures.draw(rows, tmp_path / "scores.png")
+    assert drawn == [
+        "0 0 20 (11)  x2: 3 of 18 off, 2 flagged; 2 lost",
+        "2 0 failed",
+        "1 0 18 (7): 4 of 9 false",
+    ]
+    app = importlib.import_module("benchmark").app
+    done = CliRunner().invoke(app, ["scores", str(tmp_path), "--picture", str(tmp_path / "none.png")])
+    assert done.exit_code == 2
+    assert "no scores to draw" in done.output
+    assert not (tmp_path / "none.png").exists()
 
 
 def test_what_fails_is_a_row_that_says_so(recordings: Path, tmp_path: Path) -> None:

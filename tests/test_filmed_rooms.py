@@ -1,4 +1,4 @@
-"""Rooms filmed with longer lenses, and with furniture before the person."""
+"""Rooms filmed from elsewhere, with longer lenses, and with furniture before the person."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tracker.simulation.sequence import Simulation
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 
-from benchmarks.rooms import filmed_with, furnished, turned_cameras
+from benchmarks.rooms import Standpoint, filmed_with, furnished, placed, turned_cameras
 
 
 @pytest.fixture(scope="module")
@@ -66,3 +66,21 @@ def test_cameras_are_turned_by_as_much_as_is_asked(filmed):
         turn = after.camera_from_world[:3, :3] @ before.camera_from_world[:3, :3].T
         np.testing.assert_allclose(np.degrees(np.arccos((np.trace(turn) - 1) / 2)), 0.2, rtol=1e-6)
         np.testing.assert_allclose(after.centre, before.centre, atol=1e-9)
+
+
+def test_cameras_stand_where_they_are_told_and_look_upright_at_the_middle(filmed):
+    room = filmed.scene.rig
+    told = (Standpoint(0, 0.6), Standpoint(30, 1.5, 4.0), *[Standpoint(60 * k, 2.0) for k in range(2, 5)])
+    rig, pictures = placed(room, [plate.picture for plate in filmed.plates], told)
+    ways = np.array([camera.centre[:2] for camera in (room.cameras[0], *rig.cameras)]) - room.middle[:2]
+    azimuths = np.degrees(np.arctan2(ways[:, 1], ways[:, 0]))
+    np.testing.assert_allclose((azimuths[1:] - azimuths[0]) % 360, [one.azimuth_deg for one in told], atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(ways[1:], axis=1), [one.away_m for one in told])
+    np.testing.assert_allclose([camera.centre[2] for camera in rig.cameras], [one.height_m for one in told])
+    for camera in rig.cameras:
+        low, high = camera.in_camera(np.array([[*room.middle[:2], 1.0], [*room.middle[:2], 1.4]]))
+        np.testing.assert_allclose(low[:2], 0, atol=1e-9)
+        assert abs(high[0]) < 1e-9
+        assert high[1] < 0  # up in the image
+    assert rig.names == ("C1", "C2", "C3", "C4", "C5")
+    assert np.array_equal(pictures[4], filmed.plates[0].picture[:, ::-1])

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from benchmarks.carried import Carried, ball, racket, rucksack, skirt
 from benchmarks.refilmed import Change, adapting, grey, shaken, switched
+from benchmarks.rooms import Standpoint
 from tracker.simulation.sequence import Recipe
 
 
@@ -18,6 +20,9 @@ class Condition:
 
     n_views: int = 9
     """Of the rig's cameras, the first ones."""
+
+    standpoints: tuple[Standpoint, ...] = ()
+    """Where the cameras stand; empty for where the room's do."""
 
     downscale: int = 1
     """Pixels of the room's pictures, in both directions, to one."""
@@ -47,6 +52,10 @@ class Condition:
     """Whether all who are there are to be followed, not the first one alone."""
 
 
+def _around(azimuths_deg: Sequence[float], height_m: float, away_m: float = 5.0) -> tuple[Standpoint, ...]:
+    return tuple(Standpoint(azimuth, height_m, away_m) for azimuth in azimuths_deg)
+
+
 # The usual one films as the recordings of BODYTRACK_DATA/room are filmed.
 CONDITIONS = {
     "usual": Condition(),
@@ -54,6 +63,11 @@ CONDITIONS = {
     "plain": Condition(Recipe(wardrobe=2)),
     "three_views": Condition(n_views=3),
     "two_views": Condition(n_views=2),
+    "arc": Condition(standpoints=_around((-60, -20, 20, 60), 1.5)),
+    "narrow": Condition(standpoints=_around((-35, 0, 35), 1.3)),
+    "low": Condition(standpoints=_around((0, 80, 170, 270), 0.6)),
+    "high": Condition(standpoints=_around((0, 80, 170, 270), 4.0, 4.5)),
+    "eight": Condition(standpoints=_around((0, 90, 180, 270), 0.8) + _around((45, 135, 225, 315), 2.8)),
     "half_rate": Condition(Recipe(fps=12.5)),
     "double_rate": Condition(Recipe(fps=50.0)),
     "high_rate": Condition(Recipe(fps=200.0)),

@@ -17,6 +17,7 @@ from rich.table import Table
 from benchmarks.detected_joints import print_beside
 from benchmarks.recorded import Recorded, recorded
 from benchmarks.recording_run import Asked, Code, Score, as_cells, folder_of, from_cells, scored
+from benchmarks.scores_picture import draw
 
 # Enough to compile, start, and track.
 _QUICK_FRAMES = 4
@@ -120,6 +121,8 @@ def compare(console: Console, plan: Plan, checkout: Path, output: Path) -> None:
                 _tell(console, f"{n} of {len(runs)}: {_title(recording, asked)}", one, time.perf_counter() - begin)
     if scores:
         _print(console, scores, code)
+        draw(scores, output / "scores.png")
+        console.print(f"as a picture: {output / 'scores.png'}", highlight=False, soft_wrap=True)
     if plan.keypoints:
         print_beside(console, [(one, asked, folder_of(one, asked, code, output) / "result") for one, asked in runs])
 
@@ -136,15 +139,19 @@ def _tell(console: Console, title: str, score: Score, seconds: float) -> None:
     console.print(f"{title}: {found}, {seconds:.0f} s", highlight=False, soft_wrap=True, markup=False)
 
 
-def _known(table: Path, recording: Recorded, asked: Asked, code: Code) -> list[Score]:
-    """Rows of the same run by the same code."""
+def read_scores(table: Path) -> list[Score]:
+    """The rows of a file of scores; none if it is not there."""
     if not table.is_file():
         return []
     with table.open(newline="", encoding="utf-8") as file:
-        rows = [from_cells(cells) for cells in csv.DictReader(file)]
+        return [from_cells(cells) for cells in csv.DictReader(file)]
+
+
+def _known(table: Path, recording: Recorded, asked: Asked, code: Code) -> list[Score]:
+    """Rows of the same run by the same code."""
     settings = " ".join(asked.settings)
     wanted = recording.name, asked.model, asked.acquired, asked.plates, settings, asked.start, asked.stop, code.digest
-    return [row for row in rows if row.key == tuple(map(str, wanted))]
+    return [row for row in read_scores(table) if row.key == tuple(map(str, wanted))]
 
 
 def _add(table: Path, scores: list[Score]) -> None:

@@ -1,4 +1,4 @@
-"""The empty rooms of recordings, as filmed in another way: with a longer lens, furniture, cameras turned since."""
+"""The empty rooms of recordings, filmed otherwise: from elsewhere, with longer lenses, furniture, turned cameras."""
 
 from __future__ import annotations
 
@@ -96,6 +96,41 @@ def filmed_with(camera: Camera, picture: Image, downscale: int, zoom: float) -> 
     larger[:2, 2] = (1 - zoom) * middle
     near = cv2.warpAffine(shown, larger[:2], taken.size, flags=cv2.INTER_CUBIC)
     return replace(taken, matrix=larger @ taken.matrix), np.asarray(near, dtype=np.uint8)
+
+
+@dataclass(frozen=True)
+class Standpoint:
+    """Where a camera stands, looking at the middle of the room 1 m above the floor."""
+
+    azimuth_deg: float
+    """Around the room's middle, from the first camera of the room on, anticlockwise from above."""
+
+    height_m: float
+    away_m: float = 5.0
+    """From the room's middle, along the floor."""
+
+    def taken_by(self, camera: Camera, room: Rig, name: str) -> Camera:
+        """The room's camera there, upright."""
+        ways = room.cameras[0].centre[:2] - room.middle[:2]
+        azimuth = np.arctan2(ways[1], ways[0]) + np.radians(self.azimuth_deg)
+        centre = np.array([np.cos(azimuth) * self.away_m, np.sin(azimuth) * self.away_m, self.height_m])
+        centre[:2] += room.middle[:2]
+        ahead = np.array([*room.middle[:2], 1.0]) - centre
+        ahead /= np.linalg.norm(ahead)
+        right = np.cross(ahead, (0, 0, 1.0))
+        right /= np.linalg.norm(right)
+        motion = np.eye(4)
+        motion[:3, :3] = right, np.cross(ahead, right), ahead
+        motion[:3, 3] = -motion[:3, :3] @ centre
+        return replace(camera, name=name, camera_from_world=motion)
+
+
+def placed(room: Rig, pictures: list[Image], standpoints: tuple[Standpoint, ...]) -> tuple[Rig, list[Image]]:
+    """Cameras at these places, with the lenses and the pictures of the room's in turn; mirrored the second time."""
+    n = len(room)
+    cameras = [one.taken_by(room.cameras[k % n], room, f"C{k + 1}") for k, one in enumerate(standpoints)]
+    shown = [pictures[k % n] if k < n else np.fliplr(pictures[k % n]).copy() for k in range(len(cameras))]
+    return Rig(tuple(cameras)), shown
 
 
 def furnished(pictures: list[Image], rig: Rig, n_boxes: int, places: Array) -> tuple[list[Image], tuple[Mask, ...]]:
