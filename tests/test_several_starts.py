@@ -20,6 +20,7 @@ from tracker.initialization._edge_ranking import Clues
 from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.stance import StanceInitialization
 from tracker.jobs.track import TrackJob
+from tracker.kernels.pictures.rods import covered_by_rods
 from tracker.reading.video import VideoReading
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
@@ -57,6 +58,28 @@ def test_the_true_pose_covers_what_has_moved_and_another_one_does_not(truth: Sce
     assert there > 0.95
     assert there - 0.1 > near > 0.3
     assert away < 0.1
+
+
+def test_pixels_inside_rods_are_those_that_arrays_find():
+    """Bit for bit; a part behind the camera, NaN, covers nothing, one seen from its end a disc."""
+    rng = np.random.default_rng(3)
+    starts, ends, pixels = (
+        rng.uniform(0, 100, shape).astype(np.float32) for shape in ((40, 7, 2), (40, 7, 2), (90, 2))
+    )
+    reach_px = rng.uniform(2, 12, (40, 7)).astype(np.float32)
+    starts[3, 2], ends[5, 1], pixels[0], reach_px[5, 1] = np.nan, starts[5, 1], starts[5, 1] + 3, 5
+    found = np.empty(40)
+    covered_by_rods(starts, ends - starts, reach_px, pixels, found)
+    inside = np.zeros((40, 90), dtype=bool)
+    for part in range(7):
+        start, way = starts[:, None, part], ends[:, None, part] - starts[:, None, part]
+        gaps = pixels - start
+        share = np.clip((gaps * way).sum(axis=2) / np.maximum((way * way).sum(axis=2), np.float32(1e-6)), 0, 1)
+        gaps -= share[..., None] * way
+        inside |= (gaps * gaps).sum(axis=2) < reach_px[:, None, part] ** 2
+    assert inside[5, 0]
+    assert 0.05 < inside.mean() < 0.95
+    np.testing.assert_array_equal(found, inside.mean(axis=1))
 
 
 def test_where_nothing_is_known_to_have_moved_every_pose_covers_it(truth: Scene) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Mask
 from tracker.body import BodyModel
+from tracker.kernels.pictures.rods import covered_by_rods
 from tracker.rig import Rig
 
 # Pixels of a view that are asked for: a choice.
@@ -56,13 +57,7 @@ def _covered(body: BodyModel, poses: Array, rig: Rig, v: int, pixels: Array32) -
     radius = body.shapes[:, :2].max(axis=1)
     depth = np.maximum(camera.in_camera(placed[..., :3, 3])[..., 2], 0.1)
     ends = [camera.project(placed[..., :3, 3] + side * along).astype(np.float32) for side in (-1, 1)]
-    reach = (camera.matrix[0, 0] * (radius + _CLOTHES_M) / depth).astype(np.float32)
-    inside = np.zeros((len(poses), len(pixels)), dtype=np.bool_)
-    for part in range(len(radius)):
-        start, way = ends[0][:, None, part], ends[1][:, None, part] - ends[0][:, None, part]
-        gaps = pixels - start
-        share = np.clip((gaps * way).sum(axis=2) / np.maximum((way * way).sum(axis=2), 1e-6), 0, 1)
-        gaps -= share[..., None] * way
-        inside |= (gaps * gaps).sum(axis=2) < reach[:, None, part] ** 2
-    shares: Array = inside.mean(axis=1)
+    reach_px = (camera.matrix[0, 0] * (radius + _CLOTHES_M) / depth).astype(np.float32)
+    shares = np.empty(len(poses))
+    covered_by_rods(ends[0], ends[1] - ends[0], reach_px, pixels, shares)
     return shares
