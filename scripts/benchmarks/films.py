@@ -65,6 +65,7 @@ CONDITIONS = {
     "two_views": Condition(n_views=2),
     "arc": Condition(standpoints=_around((-60, -20, 20, 60), 1.5)),
     "narrow": Condition(standpoints=_around((-35, 0, 35), 1.3)),
+    "pair": Condition(standpoints=_around((-35, 35), 1.3)),
     "low": Condition(standpoints=_around((0, 80, 170, 270), 0.6)),
     "high": Condition(standpoints=_around((0, 80, 170, 270), 4.0, 4.5)),
     "eight": Condition(standpoints=_around((0, 90, 180, 270), 0.8) + _around((45, 135, 225, 315), 2.8)),
