@@ -10,7 +10,7 @@ import pytest
 from recordings import cycle_for, joint_errors_mm, small_simulation
 
 from tracker.arrays import Array
-from tracker.cycle import Cycle
+from tracker.cycle import Cycle, advance
 from tracker.doubts import Doubts
 from tracker.frame import Frame
 from tracker.initialization import Stages
@@ -71,6 +71,21 @@ def test_a_hypothesis_in_doubt_is_not_rescued_by_a_start_anew(simulation: Simula
     initialization, rule = Once(simulation, sure=0.1), LossRule(doubtful_above=0.0, ambiguous_above=0.0, again_after=2)
     ranked(simulation, cycle_for(simulation, initialization, loss=rule))
     assert initialization.n_asked == 1
+
+
+@pytest.mark.parametrize(("doubtful_above", "n_frames"), [(0.0, 4), (0.25, 9)])
+def test_where_all_hypotheses_are_doubtful_a_rehearsal_ends(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch, doubtful_above: float, n_frames: int
+) -> None:
+    """One of them is true: with the usual bound it runs through the nine frames that there are."""
+    seen: list[int] = []
+    monkeypatch.setattr(
+        "tracker.rehearsal.advance", lambda sight, *rest: seen.append(sight.frame.index) or advance(sight, *rest)
+    )
+    rule = LossRule(doubtful_above=doubtful_above)
+    start = ranked(simulation, cycle_for(simulation, WrongFirst(simulation, sure=0.1), loss=rule))
+    assert sorted(seen) == sorted([*range(1, n_frames + 1)] * 2)
+    np.testing.assert_array_equal(start.poses[0], simulation.poses[0][0])
 
 
 @pytest.mark.parametrize(("known", "factor"), [(True, 1.0), (False, 0.5)])

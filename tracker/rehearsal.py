@@ -12,7 +12,7 @@ from tracker.cycle import Cycle, State, advance, settled
 from tracker.estimate import Estimate, Status
 from tracker.evidence import GUESSED
 from tracker.frame import Frame
-from tracker.loss import limbs_left_over
+from tracker.loss import LossRule, limbs_left_over
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.start import Hypothesis, Start, limbs_shown, sureness
@@ -22,6 +22,9 @@ from tracker.trajectory import Step
 
 # Frames closer than this show hardly anything new.
 _LEAST_GAP_S = 0.03
+# So many frames in which all hypotheses are doubtful end a rehearsal: every limb of theirs is searched for in each. It
+# took 97 of the 123 s of D-TwoElbowRot's first start without plates, to choose among three that are all wrong.
+_TOLD_AFTER = 4
 
 _Value = TypeVar("_Value")
 
@@ -90,8 +93,16 @@ def _ranked(
             return _continued(trial, k, Sight(later, cycle.plates), cycle)
 
         trials = side_by_side(cycle.synthesis, continued, trials)
+        if all(_hopeless(trial, held) for trial in trials):
+            break
     ranking = [_on_average(trial, scene.persons[k].body) for trial in trials]
     return tuple(sorted(ranking, key=lambda one: one.left_over))
+
+
+def _hopeless(trial: _Trial, rule: LossRule) -> bool:
+    """Whether a hypothesis was doubtful in all of the last frames, but the first one, in which no colours are known."""
+    last = trial.found[1:][-_TOLD_AFTER:]
+    return len(last) == _TOLD_AFTER and all(one.account.left_over > rule.doubtful_above for one in last)
 
 
 def _on_average(trial: _Trial, body: BodyModel) -> Hypothesis:
