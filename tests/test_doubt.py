@@ -105,7 +105,7 @@ def test_one_line_says_where_to_look(truth: Scene, observation: Observation) -> 
     for k, estimate in enumerate((sure, unsure, unsure, arm, lost, arm)):
         doubts = doubts.after(Step(Frame(10 + k, 0.04 * k, (None,) * 4), truth, (estimate,), fitted))
     assert doubts.sentence() == (
-        "of 6 frames 1 lost (frames 14), 2 doubtful (frames 11-12), left arm ambiguous in 2 (frames 13, 15)"
+        "of 6 frames 1 lost (frame 14), 2 doubtful (frames 11-12), left arm ambiguous in 2 (frames 13, 15)"
     )
     assert Doubts(3).sentence() == "no frame of 3 lost, doubtful or with an ambiguous limb"
 

@@ -167,12 +167,12 @@ class Doubts:
 
 
 def _where(frames: tuple[int, ...]) -> str:
-    """` (frames 3-17, 40, ...)`; nothing for no frames."""
+    """` (frames 3-17, 40, ...)`, ` (frame 4)`; nothing for no frames."""
     if not frames:
         return ""
     parts = [f"{first}-{last}" if last > first else str(first) for first, last in ranges(frames)]
     more = ", ..." if len(parts) > _MOST_RANGES else ""
-    return f" (frames {', '.join(parts[:_MOST_RANGES])}{more})"
+    return f" ({'frame' if len(frames) == 1 else 'frames'} {', '.join(parts[:_MOST_RANGES])}{more})"
 
 
 def ranges(frames: Iterable[int]) -> list[tuple[int, int]]:
