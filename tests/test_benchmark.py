@@ -118,22 +118,23 @@ def test_scores_of_several_runs_are_one_picture(monkeypatch: pytest.MonkeyPatch,
     monkeypatch.syspath_prepend(ROOT / "scripts")
     runs = importlib.import_module("benchmarks.recording_run")
     pictures = importlib.import_module("benchmarks.scores_picture")
-    drawn: list[str] = []
-    monkeypatch.setattr(
-        pictures, "_draw_cell", lambda _, x, y, group: drawn.append(f"{x} {y} {pictures.worst_of(group)}")
-    )
+    drawn: list[tuple[int, int, str, str]] = []
+    monkeypatch.setattr(pictures, "_draw_cell", lambda _, x, y, group: drawn.append((x, y, *pictures.worst_of(group))))
     row = runs.Score("swing", "anna", "human", False, True, "", 0, 9, "c0de", "c0mm1t", n_frames=9)
     rows = [
+        replace(row, mean_mm=99, removed_mm=99, code="old"),
         replace(row, mean_mm=20, removed_mm=9, limb_off=3, limb_off_flagged=2),
         replace(row, start=1, mean_mm=19, removed_mm=11, lost=2),
-        replace(row, plates=False, failed="nobody was found"),
+        replace(row, person="", plates=False, failed="nobody was found"),
         replace(row, acquired=True, mean_mm=18, removed_mm=7, false_flags=4),
+        replace(row, settings="passes=1", mean_mm=17, removed_mm=6),
     ]
     pictures.draw(rows, tmp_path / "scores.png")
-    assert drawn == [
-        "0 0 20 (11)  x2: 3 of 18 off, 2 flagged; 2 lost",
-        "2 0 failed",
-        "1 0 18 (7): 4 of 9 false",
+    assert sorted(drawn) == [
+        (0, 0, "20 (11)  x2", "3 of 18 off, 2 flagged; 2 lost"),
+        (1, 0, "17 (6)", "none of 9 off"),
+        (2, 0, "18 (7)", "none of 9 off; 4 false"),
+        (3, 0, "failed", ""),
     ]
     app = importlib.import_module("benchmark").app
     done = CliRunner().invoke(app, ["scores", str(tmp_path), "--picture", str(tmp_path / "none.png")])

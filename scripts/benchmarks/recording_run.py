@@ -8,7 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -304,6 +304,24 @@ def _confidence(result: Path, person: str) -> float:
         if name == person:
             return float(sure)
     return np.nan
+
+
+def by_person(scores: Sequence[Score]) -> dict[tuple[str, str], list[Score]]:
+    """(Recording, person) -> rows, in their order; a run that failed is of all who are known of its recording."""
+    persons: dict[str, set[str]] = {}
+    for one in scores:
+        persons.setdefault(one.recording, set()).update({one.person} - {""})
+    return {
+        (recording, person): [one for one in scores if one.recording == recording and one.person in ("", person)]
+        for recording, names in persons.items()
+        for person in sorted(names or {""})
+    }
+
+
+def newest(scores: Sequence[Score]) -> list[Score]:
+    """The rows of the code that each run was made with last."""
+    last = {one.key[:-1]: one.code for one in scores}
+    return [one for one in scores if one.code == last[one.key[:-1]]]
 
 
 def as_cells(score: Score) -> dict[str, object]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from rich.table import Table
 
 from benchmarks.detected_joints import print_beside
 from benchmarks.recorded import Recorded, recorded
-from benchmarks.recording_run import Asked, Code, Score, as_cells, folder_of, from_cells, scored
+from benchmarks.recording_run import Asked, Code, Score, as_cells, by_person, folder_of, from_cells, scored
 from benchmarks.scores_picture import draw
 
 # Enough to compile, start, and track.
@@ -185,12 +186,12 @@ def _print(console: Console, scores: list[Score], code: Code) -> None:
 def _grouped(scores: list[Score]) -> dict[tuple[str, str, str], list[Score]]:
     """Rows of the same person and model, by their labels."""
     groups: dict[tuple[str, str], list[Score]] = {}
-    for one in sorted(scores, key=lambda one: (one.recording, one.model, one.person, one.start)):
-        persons = {other.person for other in scores if other.recording == one.recording and other.person}
-        for person in sorted(persons or {""}):
-            if one.failed or one.person == person:
-                name = f"{one.recording} {person}" if len(persons) > 1 else one.recording
-                groups.setdefault((name, one.model), []).append(one)
+    persons = by_person(sorted(scores, key=lambda one: (one.recording, one.model, one.start)))
+    n_persons = Counter(recording for recording, _ in persons)
+    for (recording, person), rows in persons.items():
+        name = f"{recording} {person}" if n_persons[recording] > 1 else recording
+        for one in rows:
+            groups.setdefault((name, one.model), []).append(one)
     return {(*label, " ".join(str(one.start) for one in group)): group for label, group in groups.items()}
 
 

@@ -111,8 +111,8 @@ class Standpoint:
 
     def taken_by(self, camera: Camera, room: Rig, name: str) -> Camera:
         """The room's camera there, upright."""
-        ways = room.cameras[0].centre[:2] - room.middle[:2]
-        azimuth = np.arctan2(ways[1], ways[0]) + np.radians(self.azimuth_deg)
+        way = room.cameras[0].centre[:2] - room.middle[:2]
+        azimuth = np.arctan2(way[1], way[0]) + np.radians(self.azimuth_deg)
         centre = np.array([np.cos(azimuth) * self.away_m, np.sin(azimuth) * self.away_m, self.height_m])
         centre[:2] += room.middle[:2]
         ahead = np.array([*room.middle[:2], 1.0]) - centre

@@ -10,29 +10,35 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from benchmarks.recording_run import Score
+from benchmarks.recording_run import Score, by_person, newest
 from tracker.errors import ConfigError
 from tracker.files import replacing
 
 # Millimetres with offsets removed: white and the darkest blue.
 _RANGE_MM = 4.0, 34.0
 _SILENT, _FLAGGED = "#c1121f", "#e09f3e"
+# Settings that the column's words stand for.
+_OF_KEYPOINTS = "evidence={", "initialization={"
 _Cells = dict[tuple[str, str], list[Score]]
 
 
 def draw(scores: Sequence[Score], path: Path) -> None:
     """Writes the picture as PNG; rows of the same cell are starts, of which the worst is shown.
 
+    Of runs made again with other code the newest count.
+
     Raises:
         ConfigError: there are no scores.
     """
     cells: _Cells = {}
-    for one in scores:
-        cells.setdefault((_row(one), _column(one)), []).append(one)
+    scores = newest(scores)
+    for (recording, person), runs in by_person(scores).items():
+        for one in runs:
+            cells.setdefault((f"{recording}, {person}" if person else recording, _column(one)), []).append(one)
     if not cells:
         raise ConfigError("no scores to draw: run `benchmark.py recordings` first, or name the folder it wrote to")
     rows, columns = sorted({row for row, _ in cells}), sorted({column for _, column in cells}, key=_place)
-    figure = Figure(figsize=(2.6 + 1.75 * len(columns), 1.4 + 0.5 * len(rows)), layout="constrained")
+    figure = Figure(figsize=(2.6 + 2.0 * len(columns), 1.4 + 0.5 * len(rows)), layout="constrained")
     axes = figure.add_subplot()
     for (row, column), group in cells.items():
         _draw_cell(axes, columns.index(column), rows.index(row), group)
@@ -54,15 +60,12 @@ def draw(scores: Sequence[Score], path: Path) -> None:
         figure.savefig(unfinished, dpi=110)
 
 
-def _row(score: Score) -> str:
-    return f"{score.recording}, {score.person}" if score.person else score.recording
-
-
 def _column(score: Score) -> str:
     evidence = "plates" if score.plates else "no plates"
     if "keypoints" in score.settings:
         evidence = f"keypoints, {evidence}"
-    return f"{score.model}, {'acquired' if score.acquired else 'stature told'}\n{evidence}"
+    others = [word for word in score.settings.split() if not word.startswith(_OF_KEYPOINTS)]
+    return "\n".join([f"{score.model}, {'acquired' if score.acquired else 'stature told'}", evidence, *others])
 
 
 def _place(column: str) -> tuple[bool, bool, bool, bool]:
@@ -70,14 +73,13 @@ def _place(column: str) -> tuple[bool, bool, bool, bool]:
     return "human" not in column, "keypoints" in column, "no plates" in column, "acquired" in column
 
 
-def worst_of(group: Sequence[Score]) -> str:
+def worst_of(group: Sequence[Score]) -> tuple[str, str]:
     """What a cell says of the starts of one person: the worst errors, and frames of all starts."""
-    good = [one for one in group if not one.failed]
-    if len(good) < len(group):
-        return "failed"
+    if any(one.failed for one in group):
+        return "failed", ""
     starts = f"  x{len(group)}" if len(group) > 1 else ""
-    mean_mm, removed_mm = max(one.mean_mm for one in good), max(one.removed_mm for one in good)
-    return f"{mean_mm:.0f} ({removed_mm:.0f}){starts}: {_said(good)}"
+    mean_mm, removed_mm = max(one.mean_mm for one in group), max(one.removed_mm for one in group)
+    return f"{mean_mm:.0f} ({removed_mm:.0f}){starts}", _said(group)
 
 
 def _said(group: Sequence[Score]) -> str:
@@ -85,13 +87,14 @@ def _said(group: Sequence[Score]) -> str:
     names = "n_frames", "limb_off", "limb_off_flagged", "lost", "false_flags"
     n_frames, off, flagged, lost, false = (sum(getattr(one, name) for one in group) for name in names)
     words = [f"{off} of {n_frames} off, {flagged} flagged"] if off else []
+    words = words or [f"none of {n_frames} off"]
     words += [f"{lost} lost"] if lost else []
-    words += [f"{false} of {n_frames} false"] if false else []
-    return "; ".join(words) or f"none of {n_frames} off"
+    words += [f"{false} false"] if false else []
+    return "; ".join(words)
 
 
 def _draw_cell(axes: Axes, x: int, y: int, group: Sequence[Score]) -> None:
-    errors, _, frames = worst_of(group).partition(": ")
+    errors, frames = worst_of(group)
     if not frames:
         axes.text(x, y, errors, ha="center", va="center", color=_SILENT, fontsize=9)
         return

@@ -8,6 +8,7 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Mask
 from tracker.body import BodyModel
+from tracker.camera import Camera
 from tracker.kernels.pictures.rods import covered_by_rods
 from tracker.rig import Rig
 
@@ -31,8 +32,12 @@ class Moved:
 
     def covered(self, body: BodyModel, poses: Array, rig: Rig) -> Array:
         """(B,) share of the pixels that poses (B, dof) cover, mean of the views; 1 where nothing has moved."""
-        shares = [_covered(body, poses, rig, v, pixels) for v, pixels in enumerate(self.pixels) if pixels is not None]
-        return np.mean(shares, axis=0) if shares else np.ones(len(poses))
+        if not self.known:
+            return np.ones(len(poses))
+        placed = body.world_from_part(poses)
+        views = [(rig.cameras[v], pixels) for v, pixels in enumerate(self.pixels) if pixels is not None]
+        covered: Array = np.mean([_covered(body, placed, camera, pixels) for camera, pixels in views], axis=0)
+        return covered
 
 
 NOTHING = Moved(())
@@ -49,15 +54,13 @@ def moved(masks: tuple[Mask | None, ...]) -> Moved:
     return Moved(tuple(chosen))
 
 
-def _covered(body: BodyModel, poses: Array, rig: Rig, v: int, pixels: Array32) -> Array:
-    """(B,) share of pixels (N, 2) of a view inside the rods of poses (B, dof)."""
-    camera = rig.cameras[v]
-    placed = body.world_from_part(poses)
+def _covered(body: BodyModel, placed: Array, camera: Camera, pixels: Array32) -> Array:
+    """(B,) share of pixels (N, 2) of a view inside the rods of parts placed (B, P, 4, 4)."""
     along = placed[..., :3, 2] * body.shapes[:, 2, None]
     radius = body.shapes[:, :2].max(axis=1)
     depth = np.maximum(camera.in_camera(placed[..., :3, 3])[..., 2], 0.1)
     ends = [camera.project(placed[..., :3, 3] + side * along).astype(np.float32) for side in (-1, 1)]
     reach_px = (camera.matrix[0, 0] * (radius + _CLOTHES_M) / depth).astype(np.float32)
-    shares = np.empty(len(poses))
+    shares = np.empty(len(placed))
     covered_by_rods(ends[0], ends[1] - ends[0], reach_px, pixels, shares)
     return shares

@@ -128,8 +128,8 @@ def _tracking_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (cover_still, (_own(_F8, 1, 1, 4, 4), _own(_B1, 1), spots, (9, 16), _own(_F8, 1, 25), *weighted)),
         (covered_sums, (_own(_F8, 0, 1, 4, 4), _own(_B1, 1), spots, (9, 16), _own(_F8, 1, 25), *weighted, still)),
         (cover_shares, (_own(_B1, 1, 1), 1, depths)),
-        (covered_by_rods, (_own(_F4, 0, 1, 2), _own(_F4, 0, 1, 2), depths, _own(_F4, 1, 2), _own(_F8, 1))),
         (cover_shares, (_frozen(_B1, 1, 1), 1, depths)),
+        (covered_by_rods, (_own(_F4, 0, 1, 2), _own(_F4, 0, 1, 2), depths, _own(_F4, 1, 2), _own(_F8, 1))),
         (rasterize, (_own(_F8, 0, 2), _own(_F8, 0), _own(_I8, 0, 3), (0, 0), _own(_F4, 1, 1, 4))),
         (id_contours, (_own(_I8, 1, 1), depths, (0, 0, 1, 1), _frozen(_F8, 25), _own(_F8, 1, 17), 0.02, *traced)),
     ]
