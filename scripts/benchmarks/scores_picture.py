@@ -68,9 +68,9 @@ def _column(score: Score) -> str:
     return "\n".join([f"{score.model}, {'acquired' if score.acquired else 'stature told'}", evidence, *others])
 
 
-def _place(column: str) -> tuple[bool, bool, bool, bool]:
-    """Where among the columns."""
-    return "human" not in column, "keypoints" in column, "no plates" in column, "acquired" in column
+def _place(column: str) -> tuple[bool, bool, bool, bool, str]:
+    """Where among the columns; by their words where nothing else tells."""
+    return "human" not in column, "keypoints" in column, "no plates" in column, "acquired" in column, column
 
 
 def worst_of(group: Sequence[Score]) -> tuple[str, str]:
