@@ -21,7 +21,7 @@ def some_state(seed: int) -> np.ndarray:
     rng = np.random.default_rng(seed)
     turn = Rotation.from_rotvec(rng.normal(0, 0.3, 3)).as_matrix().ravel()
     interior = [900 + 50 * rng.normal(), 380, 290, 0.01 * rng.normal(), 0.01 * rng.normal()]
-    return np.concatenate([turn, rng.normal(0, 0.2, 3) - (0, 0, 3), interior, rng.normal(0, 0.05, 5), [rng.normal()]])
+    return np.concatenate([turn, rng.normal(0, 0.2, 3) - (0, 0, 3), interior, rng.normal(0, 0.05, 8), [rng.normal()]])
 
 
 @pytest.mark.parametrize("seed", range(4))

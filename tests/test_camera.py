@@ -20,6 +20,7 @@ LENSES = {
     "none": (0.0, 0.0, 0.0, 0.0, 0.0),
     **{term: tuple(0.1 * (term == other) for other in TERMS) for term in TERMS},
     "all": (-0.28, 0.09, 0.002, -0.003, -0.012),
+    "rational": (0.7313, 0.0891, 0.002, -0.003, 9e-4, 1.0643, 0.2454, 9.2e-3),
 }
 
 
@@ -143,6 +144,9 @@ def test_a_camera_that_looks_at_a_point() -> None:
 FOLDING = np.array([-0.374, 0.304, 0.0, 0.0, -0.252])
 """Of six views of a board: the radial terms fit where it was, and turn back beyond."""
 
+EQUIDISTANT = np.array([0.7313, 0.0891, 0, 0, 9e-4, 1.0643, 0.2454, 9.2e-3])
+"""Of a fisheye lens: distances from the axis are near to its angle."""
+
 
 @pytest.mark.parametrize(
     ("lens", "turns"),
@@ -151,14 +155,18 @@ FOLDING = np.array([-0.374, 0.304, 0.0, 0.0, -0.252])
         ((-0.2, 0.05, 0.001, -0.002, 0.0), False),
         ((0.1, 0, 0, 0, 0), False),
         ((-0.3, 0, 0, 0, 0), True),
+        (EQUIDISTANT, False),
+        ((0, 0, 0, 0, 0, 1, 0, 0), True),
+        ((0.1, 0, 0, 0, 0, -0.5, 0, 0), True),
     ],
 )
 def test_the_reach_ends_where_the_distortion_turns_back(lens: Any, turns: bool) -> None:
     """Along every ray from the axis the image moves outwards, up to the reach and no farther."""
     camera = replace(GOOD, distortion=np.array(lens), matrix=np.array([[500.0, 0, 360], [0, 500, 288], [0, 0, 1]]))
     radii = np.linspace(0, min(camera.reach, 3.0), 2000)[1:-1]
-    k1, k2, _, _, k3 = camera.distortion
+    k1, k2, _, _, k3, k4, k5, k6 = camera.distortion
     images = radii * (1 + k1 * radii**2 + k2 * radii**4 + k3 * radii**6)
+    images /= 1 + k4 * radii**2 + k5 * radii**4 + k6 * radii**6
     assert (np.diff(images) > 0).all()
     assert np.isfinite(camera.reach) == turns
     if turns:
@@ -208,7 +216,7 @@ WRONG = {
     "scaled": ({"camera_from_world": np.diag([2.0, 2, 2, 1])}, "not a rotation"),
     "transposed motion": ({"camera_from_world": GOOD.camera_from_world.T}, "last row|not a rotation"),
     "3x4 motion": ({"camera_from_world": np.eye(4)[:3]}, r"camera_from_world: shape \(3, 4\) found, \(4, 4\)"),
-    "four lens terms": ({"distortion": np.zeros(4)}, r"distortion: shape \(4,\) found, \(5\)"),
+    "three lens terms": ({"distortion": np.zeros(3)}, r"distortion: shape \(3,\) found, \(8\)"),
     "not a number": ({"distortion": changed(np.zeros(5), (1,), np.nan)}, "distortion.*finite"),
 }
 

@@ -22,6 +22,7 @@ from tracker.recording import RunContext
 from tracker.recording._motion import Motions
 from tracker.recording._preview import Preview, windows_of
 from tracker.recording.report import Report
+from tracker.rig import Rig
 from tracker.tracking import track
 
 
@@ -99,15 +100,18 @@ def test_doubts_are_on_their_segments(recorded, tmp_path):
 
 
 def test_the_cameras_spread_over_their_images(recorded, tmp_path):
-    """The corners at a metre are imaged on the corners of the image."""
+    """The sheets at a metre are imaged on a grid over the image, through a bent lens as well."""
     scene, steps = recorded
+    bent = replace(scene.rig.cameras[0], distortion=(0.7313, 0.0891, 0, 0, 9e-4, 1.0643, 0.2454, 9.2e-3))
+    scene = replace(scene, rig=Rig((bent, *scene.rig.cameras[1:])))
     told = json.loads(held(reported(scene, steps, tmp_path)[0], "scene"))["cameras"]
     for camera, one in zip(scene.rig.cameras, told, strict=True):
-        left, top, right, bottom = one["spread"]
-        corners = np.array([[left, top, 1, 1], [right, bottom, 1, 1]]) @ np.array(one["world_from_camera"]).T
-        ideal = replace(camera, distortion=np.zeros(5))
-        wanted = [[-0.5, -0.5], [camera.size[0] - 0.5, camera.size[1] - 0.5]]
-        np.testing.assert_allclose(ideal.project(corners[:, :3]), wanted, atol=0.02)
+        sheet = np.array(one["sheet"])
+        n = len(sheet)
+        assert n == (17 if camera is bent else 2)
+        points = np.dstack([sheet, np.ones((n, n, 2))]) @ np.array(one["world_from_camera"]).T
+        sides = [np.linspace(-0.5, side - 0.5, n) for side in camera.size]
+        np.testing.assert_allclose(camera.project(points[..., :3]), np.dstack(np.meshgrid(*sides)), atol=0.02)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking import track
 
 
-@pytest.mark.parametrize("rig", ["narrow", "distorted"])
+@pytest.mark.parametrize("rig", ["narrow", "distorted", "fisheye"])
 def test_the_incidence_with_rays_and_its_jacobian(rig: str) -> None:
     rng = np.random.default_rng(7)
     person = posed("gavrila22", 1)[0]

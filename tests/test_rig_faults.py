@@ -32,7 +32,9 @@ def rename(old: str, new: str) -> Callable[[dict[str, Any]], None]:
 
 
 TOML_FAULTS = {
-    "fisheye": (put(fisheye=True), r"fisheye.*undistort"),
+    "fisheye of five": (put(fisheye=True, distortions=[0.1] * 5), r"distortions: 5 numbers of a fisheye.*four"),
+    "fisheye that turns back": (put(fisheye=True, distortions=[-0.9, 0, 0, 0]), r"in one place \d+ px from"),
+    "fisheye like no other": (put(fisheye=True, distortions=[0, 30, -300, 1200]), r"no quotient.*OpenCV's fisheye"),
     "no matrix": (drop("matrix"), r'no entry "matrix"'),
     "misspelt": (rename("translation", "translaton"), r'no entry "translation"; did you mean "translaton"'),
     "no rotation": (drop("rotation"), r'no entry "rotation"'),
@@ -45,7 +47,8 @@ TOML_FAULTS = {
     "ragged matrix": (put(matrix=[[900, 0, 640], [0, 900], [0, 0, 1]]), r"matrix: expected numbers"),
     "words": (put(translation=["0", "a", "1"]), r"translation: expected numbers"),
     "words that are numbers": (put(translation=["0", "0", "1"]), r"translation: expected numbers"),
-    "eight lens terms": (put(distortions=[0.1] * 8), r"distortions: 8 numbers.*k1 k2 p1 p2"),
+    "six lens terms": (put(distortions=[0.1] * 6), r"distortions: 6 numbers.*k1 k2 p1 p2"),
+    "thin prism": (put(distortions=[0.1] * 12), r"distortions: 12 numbers.*without thin prism and tilt"),
     "short rotation": (put(rotation=[0.1, 0.2]), r"rotation 2"),
     "not a rotation": (put(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, -1]]), r"not a rotation"),
     "focal length": (put(matrix=[[-900, 0, 640], [0, 905, 360], [0, 0, 1]]), r"focal length -900"),

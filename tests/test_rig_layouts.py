@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -50,7 +51,7 @@ def some_camera(seed: int, k: int) -> Camera:
     width, height = int(rng.integers(100, 4000)), int(rng.integers(100, 4000))
     fx, fy = rng.uniform(300, 3000, 2)
     matrix = np.array([[fx, rng.normal(), width / 2], [0, fy, height / 2], [0, 0, 1]])
-    return Camera(f'cämera "{k}"', (width, height), matrix, rng.normal(0, 0.1, 5), motion)
+    return Camera(f'cämera "{k}"', (width, height), matrix, rng.normal(0, 0.1, rng.choice([5, 8])), motion)
 
 
 READ_ONLY = ("freemocap", "middlebury", "opencap")
@@ -67,8 +68,9 @@ def target(folder: Path, use: str) -> Path:
 def fitted(rig: Rig, use: str) -> Rig:
     """The rig as far as a layout can hold it."""
     cameras = rig.cameras
-    if use == "pose2sim":
-        cameras = tuple(replace(c, distortion=np.append(c.distortion[:4], 0.0)) for c in cameras)
+    if use in ("pose2sim", "qualisys"):
+        n = 4 if use == "pose2sim" else 5
+        cameras = tuple(replace(c, distortion=c.distortion[:n]) for c in cameras)
     if use in PLAIN_NAMES:
         cameras = tuple(replace(c, name=f"view_{k}") for k, c in enumerate(cameras))
     return Rig(cameras)
@@ -116,8 +118,10 @@ def test_a_layout_that_does_not_fit_its_target(tmp_path: Path, name: str, use: s
 
 
 def test_rigs_that_a_layout_cannot_hold(tmp_path: Path) -> None:
-    with pytest.raises(CalibrationError, match=r"k3 of A .*four distortion coefficients"):
+    with pytest.raises(CalibrationError, match=r"A: of k3, .*four distortion coefficients"):
         save_rig(sample_rig("A", lens=(0.1, 0, 0, 0, 0.1)), tmp_path / "rig.toml", "pose2sim")
+    with pytest.raises(CalibrationError, match=r'"A": k4, k5 and k6 .*QTM'):
+        save_rig(sample_rig("A", lens=(0.1, 0, 0, 0, 0.1, 0.2, 0, 0)), tmp_path / "rig.xml")
     with pytest.raises(CalibrationError, match="read only"):
         save_rig(sample_rig("A"), tmp_path / "a_par.txt")
     with pytest.raises(CalibrationError, match="a name that no file can have"):
@@ -247,11 +251,52 @@ def test_a_file_of_another_program(tmp_path: Path) -> None:
     assert rig.names == ("north", "south")
     north, south = rig.cameras
     assert north.size == (1280, 720)
-    np.testing.assert_array_equal(north.distortion, [-0.2, 0.05, 0.001, -0.002, 0])
+    np.testing.assert_array_equal(north.distortion, [-0.2, 0.05, 0.001, -0.002, 0, 0, 0, 0])
     np.testing.assert_allclose(north.centre, (5, 0, 0), atol=1e-12)
     np.testing.assert_allclose(south.centre, (5, 1.5, 0), atol=1e-12)
     np.testing.assert_allclose(north.project(np.zeros(3)), (640, 360), atol=1e-9)
     assert south.project(np.array([0, 0, 0.2]))[1] < 360
+
+
+FISHEYES = {"equidistant": (0.0, 0.0, 0.0, 0.0), "of a sports camera": (0.032, 0.011, -0.009, 0.0025)}
+
+
+@pytest.mark.parametrize("lens", FISHEYES)
+def test_a_fisheye_lens_images_as_opencv_has_it(tmp_path: Path, lens: str) -> None:
+    """To 0.1 px within 74 degrees of the optical axis; and so does what is written of it."""
+    content, coefficients = tables(), np.array(FISHEYES[lens])
+    matrix = np.array([[480.0, 0, 650], [0, 482.0, 355], [0, 0, 1]])
+    content["cam_1"] |= {"fisheye": True, "distortions": list(FISHEYES[lens]), "matrix": matrix.tolist()}
+    camera = load_rig(written(tmp_path, content, ".toml")).cameras[0]
+    rng = np.random.default_rng(0)
+    angles, turns = np.radians(rng.uniform(0, 74, 2000)), rng.uniform(0, 2 * np.pi, 2000)
+    plane = np.tan(angles)[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    wanted = cv2.fisheye.distortPoints(plane[:, None], matrix, coefficients)[:, 0]
+    local = np.concatenate([plane, np.ones((2000, 1))], axis=1)
+    world = (local - camera.camera_from_world[:3, 3]) @ camera.camera_from_world[:3, :3]
+    np.testing.assert_allclose(camera.project(world), wanted, atol=0.1)
+    np.testing.assert_allclose(camera.undistort(wanted) / plane, 1, atol=1e-3)
+    save_rig(Rig((camera,)), tmp_path / "again.toml")
+    assert_equal(load_rig(tmp_path / "again.toml"), Rig((camera,)), 1e-12)
+
+
+def test_a_fisheye_lens_of_opencv_s_sample(tmp_path: Path) -> None:
+    """It is called fisheye_model there."""
+    save_rig(sample_rig("A", lens=(0.03, 0.01, -0.01, 0.003)), tmp_path / "rig", "opencv")
+    file = tmp_path / "rig/A.yml"
+    plain = load_rig(tmp_path / "rig").cameras[0]
+    numbers = re.sub(r"rows: 5(.*\n +cols: 1\n.*\n +data: \[.*), 0\.?[^,]*\]", r"rows: 4\1]", file.read_text())
+    file.write_text(numbers + "fisheye_model: 1\n")
+    bent = load_rig(tmp_path / "rig").cameras[0]
+    assert plain.distortion[5:].tolist() == [0, 0, 0]
+    assert bent.distortion[5] > 0.5
+
+
+def test_distortion_of_fourteen_numbers_may_end_in_zeros(tmp_path: Path) -> None:
+    content = tables()
+    content["cam_1"]["distortions"] = [-0.2, 0.05, 0.001, -0.002, 0.1, 0.2, 0.3, 0.4, *[0.0] * 6]
+    camera = load_rig(written(tmp_path, content, ".toml")).cameras[0]
+    np.testing.assert_array_equal(camera.distortion, [-0.2, 0.05, 0.001, -0.002, 0.1, 0.2, 0.3, 0.4])
 
 
 def test_a_table_is_named_by_its_key_where_it_has_no_name(tmp_path: Path) -> None:

@@ -45,9 +45,13 @@ def camera_at(
 
 
 LENS = (-0.2, 0.08, 0.001, -0.002, 0.0)
+FISHEYE = (0.7313, 0.0891, 0.0, 0.0, 9e-4, 1.0643, 0.2454, 9.2e-3)
+"""Distances from the axis are near to its angle."""
+
 RIGS = {
     "narrow": Rig((camera_at(), camera_at((-3.6, 3.6, 2.3)), camera_at((-3.4, -3.9, 0.4)))),
     "distorted": Rig((camera_at(lens=LENS), camera_at((-3.6, 3.6, 2.3), LENS))),
+    "fisheye": Rig((camera_at((2.1, 0.3, 1.8), FISHEYE, 330.0), camera_at((-1.6, 1.4, 0.6), FISHEYE, 330.0))),
     "wide": Rig((camera_at((2.0, 0.3, 1.8), focal=300.0), camera_at((-1.5, 1.0, 1.5), focal=300.0))),
 }
 
@@ -106,9 +110,10 @@ def outline_errors(view: ViewContours, part: Part, camera: Camera, reach_px: flo
 
 
 @pytest.mark.parametrize("shear", [0.0, 7.0])
-def test_compiled_projection_is_that_of_the_camera(shear: float) -> None:
+@pytest.mark.parametrize("lens", [(-0.3, 0.1, 0.003, -0.002, 0.02), FISHEYE])
+def test_compiled_projection_is_that_of_the_camera(lens: tuple[float, ...], shear: float) -> None:
     matrix = np.array([[850.0, shear, 362.0], [0, 830.0, 280.0], [0, 0, 1]])
-    camera = replace(camera_at(lens=(-0.3, 0.1, 0.003, -0.002, 0.02)), matrix=matrix)
+    camera = replace(camera_at(lens=lens), matrix=matrix)
     points = np.random.default_rng(3).uniform(-2, 2, (200, 3)) + MIDDLE
     row = Rig((camera,)).packed[0]
     found = np.array([project_point(row, *point) for point in points])
@@ -148,7 +153,7 @@ def perimeter(conic: Array) -> float:
     return float(np.pi * (3 * (a + b) - np.sqrt((3 * a + b) * (a + 3 * b))))
 
 
-@pytest.mark.parametrize("rig", ["narrow", "distorted"])
+@pytest.mark.parametrize("rig", ["narrow", "distorted", "fisheye"])
 @pytest.mark.parametrize("name", SHAPES)
 def test_contours_are_the_outlines_of_ray_casting(name: str, rig: str) -> None:
     rng = np.random.default_rng(0)
@@ -180,7 +185,7 @@ def test_a_finer_grid_is_closer_to_the_outline() -> None:
     assert np.abs(fine).mean() < 0.3 * np.abs(coarse).mean()
 
 
-@pytest.mark.parametrize("rig", ["narrow", "distorted"])
+@pytest.mark.parametrize("rig", ["narrow", "distorted", "fisheye"])
 @pytest.mark.parametrize("name", ["ellipsoid", "torso", "limb"])
 def test_image_normals_stand_on_the_outline(name: str, rig: str) -> None:
     """Beside a sample, along its tangent, the outline stays where it is to second order."""

@@ -1,4 +1,4 @@
-"""A calibrated camera: pinhole with radial and decentring distortion."""
+"""A calibrated camera: pinhole with radial and decentring distortion, or a wide lens's rational radial one."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from scipy.linalg import rq
 from scipy.spatial.transform import Rotation
 
@@ -35,7 +36,8 @@ class Camera:
     """(3, 3) intrinsic matrix, px; affinity and shear are in its first row."""
 
     distortion: Array
-    """(5,) k1 k2 p1 p2 k3, OpenCV's order."""
+    """(8,) k1 k2 p1 p2 k3 k4 k5 k6, OpenCV's order; k4 k5 k6 are the denominator of the radial distortion and 0 but for
+    wide lenses. 4 or 5 numbers are followed by zeros."""
 
     camera_from_world: Array
     """(4, 4) rigid motion, metres."""
@@ -46,7 +48,10 @@ class Camera:
     def __post_init__(self) -> None:
         if self.name and (unfit := name_fault(self.name)):  # one that is being calibrated may have none yet
             raise CalibrationError(f"camera {unfit}")
-        for field, shape in (("matrix", (3, 3)), ("distortion", (5,)), ("camera_from_world", (4, 4))):
+        lens = np.asarray(self.distortion, dtype=np.float64)
+        if lens.shape in ((4,), (5,)):
+            object.__setattr__(self, "distortion", np.pad(lens, (0, 8 - len(lens))))
+        for field, shape in (("matrix", (3, 3)), ("distortion", (8,)), ("camera_from_world", (4, 4))):
             values = frozen(getattr(self, field))
             if fault := shape_fault(values, *shape):
                 raise CalibrationError(f'camera "{self.name}": {field}: {fault}')
@@ -92,15 +97,28 @@ class Camera:
         centre: Array = -rotation.T @ translation
         return centre
 
+    @property
+    def told_distortion(self) -> Array:
+        """(5,) or (8,) the distortion as files have it: without a denominator that is 1."""
+        return self.distortion if self.distortion[5:].any() else self.distortion[:5]
+
+    @property
+    def _radial(self) -> tuple[Polynomial, Polynomial]:
+        """Numerator and denominator of the radial distortion, polynomials of r^2."""
+        k1, k2, _, _, k3, k4, k5, k6 = self.distortion
+        return Polynomial([1, k1, k2, k3]), Polynomial([1, k4, k5, k6])
+
     @cached_property
     def reach(self) -> float:
         """Distance from the axis, in the plane z = 1, at which the radial distortion turns back; inf if it never does.
 
-        ``r (1 + k1 r^2 + k2 r^4 + k3 r^6)`` grows up to its first root of ``1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6``. What
-        lies farther out would be imaged nearer to the centre again, over other things.
+        ``r N(r^2) / D(r^2)`` grows up to the first root of ``N D + 2 r^2 (N' D - N D')``, or of ``D``; without a
+        denominator that is ``1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6``. What lies farther out would be imaged nearer to the
+        centre again, over other things.
         """
-        k1, k2, _, _, k3 = self.distortion
-        roots = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
+        over, under = self._radial
+        slope = over * under + Polynomial([0, 2]) * (over.deriv() * under - over * under.deriv())
+        roots = np.concatenate([slope.trim().roots(), under.trim().roots()])
         squares = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
         return float(np.sqrt(squares.min())) if len(squares) else np.inf
 
@@ -113,9 +131,8 @@ class Camera:
         corners = np.array([(0.0, 0.0), (width - 1, 0), (0, height - 1), (width - 1, height - 1)])
         inverse = np.linalg.inv(self.matrix[:2, :2])
         farthest = float(np.linalg.norm((corners - self.matrix[:2, 2]) @ inverse.T, axis=1).max())
-        k1, k2, _, _, k3 = self.distortion
-        square = self.reach**2
-        end = self.reach * (1 + square * (k1 + square * (k2 + square * k3)))
+        over, under = self._radial
+        end = self.reach * over(self.reach**2) / under(self.reach**2)
         return float(end * self.matrix[0, 0]) if end <= farthest else None
 
     def in_camera(self, points: Array) -> Array:
@@ -229,7 +246,7 @@ def upper_triangular(matrix: Array, distortion: Array, motion: Array) -> tuple[A
 
     Args:
         matrix: (3, 3) with last row 0 0 1.
-        distortion: (5,) k1 k2 p1 p2 k3.
+        distortion: (4 or more,) beginning with k1 k2 p1 p2.
         motion: (4, 4) camera_from_world.
 
     Returns:
@@ -241,17 +258,19 @@ def upper_triangular(matrix: Array, distortion: Array, motion: Array) -> tuple[A
     p2, p1 = turn[:2, :2] @ distortion[[3, 2]]
     turned = np.array(motion)
     turned[:3] = turn @ motion[:3]
-    k1, k2, _, _, k3 = distortion
-    return np.asarray(upper / upper[2, 2]), np.array([k1, k2, p1, p2, k3]), turned
+    lens = np.array(distortion)
+    lens[[2, 3]] = p1, p2
+    return np.asarray(upper / upper[2, 2]), lens, turned
 
 
 def _distort(plane: Array, distortion: Array) -> tuple[Array, Array]:
     """Radial and decentring distortion of plane coordinates (..., 2), and its Jacobian (..., 2, 2)."""
-    k1, k2, p1, p2, k3 = distortion
+    k1, k2, p1, p2, k3, k4, k5, k6 = distortion
     x, y = plane[..., 0], plane[..., 1]
     r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    slope = k1 + r2 * (2 * k2 + r2 * 3 * k3)
+    under = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / under
+    slope = (k1 + r2 * (2 * k2 + r2 * 3 * k3) - radial * (k4 + r2 * (2 * k5 + r2 * 3 * k6))) / under
     value = np.stack(
         [
             x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),

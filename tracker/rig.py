@@ -139,15 +139,16 @@ class Rig:
 
     @cached_property
     def packed(self) -> Array:
-        """(V, 25) one row a camera for compiled kernels; `tracker.kernels.rows.camera` names the columns."""
+        """(V, 28) one row a camera for compiled kernels; `tracker.kernels.rows.camera` names the columns."""
         rows = [
             np.concatenate(
                 [
                     camera.camera_from_world[:3].ravel(),
                     camera.centre,
                     camera.matrix[[0, 1, 0, 1], [0, 1, 2, 2]],
-                    camera.distortion,
+                    camera.distortion[:5],
                     camera.matrix[0, 1:2],
+                    camera.distortion[5:],
                 ]
             )
             for camera in self.cameras

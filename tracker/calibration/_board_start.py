@@ -52,7 +52,7 @@ def board_start(
 
 
 def _camera(seen: SeenCorners, view: int, name: str, size: tuple[int, int]) -> Array:
-    """(23,) camera constant from the boards' homographies, principal point in the middle."""
+    """(26,) camera constant from the boards' homographies, principal point in the middle."""
     mine = [found for (v, _), found in sorted(seen.items()) if v == view]
     if len(mine) < _FEWEST_BOARDS:
         raise CalibrationError(

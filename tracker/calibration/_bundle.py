@@ -51,7 +51,7 @@ class State:
     """What an adjustment changes."""
 
     cameras: Array
-    """(V, 23), see `tracker.calibration._states`."""
+    """(V, 26), see `tracker.calibration._states`."""
 
     objects: CalibrationObjects
 

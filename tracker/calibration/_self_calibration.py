@@ -360,6 +360,7 @@ def _correlation(covariance: Array) -> Array:
 def parameter_table(adjustment: Adjustment, view: int) -> list[tuple[str, float, float, str, bool]]:
     """Rows of a camera's unknowns: name, value, standard error, unit, determined; rotations have no value."""
     state = adjustment.state.cameras[view]
-    values = np.concatenate([np.full(3, np.nan), state[bundle_camera.CENTRE], state[bundle_camera.C :]])
+    kept = state[[*range(bundle_camera.X, bundle_camera.K4), bundle_camera.DELAY]]
+    values = np.concatenate([np.full(3, np.nan), kept])
     rows = zip(PARAMETERS, values, adjustment.sigmas[view], UNITS, adjustment.free[view], strict=True)
     return [(name, float(value), float(sigma), unit, bool(free)) for name, value, sigma, unit, free in rows]

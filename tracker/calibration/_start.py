@@ -66,7 +66,7 @@ def start_values(pixels: Array, nominal: Array, bar: tuple[float, float], names:
 
     Args:
         pixels: (V, B, 2, 2) px, NaN where not seen.
-        nominal: (V, 23) cameras without exterior orientation.
+        nominal: (V, 26) cameras without exterior orientation.
         bar: length and its standard deviation, metres.
         names: of the cameras, for messages.
 

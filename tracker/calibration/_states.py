@@ -47,7 +47,7 @@ GROUPS = {
 
 
 def state_of(camera: Camera) -> Array:
-    """(23,) numbers of a camera; the affinity is (fx - fy) / fy, the shear s / fy."""
+    """(26,) numbers of a camera; the affinity is (fx - fy) / fy, the shear s / fy."""
     matrix = camera.matrix
     c = matrix[1, 1]
     interior = c, matrix[0, 2], matrix[1, 2], matrix[0, 0] / c - 1, matrix[0, 1] / c
@@ -56,7 +56,7 @@ def state_of(camera: Camera) -> Array:
 
 
 def camera_of(state: Array, name: str, size: tuple[int, int]) -> Camera:
-    """The camera of (23,) numbers."""
+    """The camera of (26,) numbers."""
     c, x, y, affinity, shear = state[bundle_camera.INTERIOR]
     motion = np.eye(4)
     motion[:3, :3] = state[bundle_camera.ROTATION].reshape(3, 3)
@@ -72,7 +72,7 @@ def pinhole_of(state: Array) -> Array:
 
 
 def nominal_state(size: tuple[int, int], focal_px: float) -> Array:
-    """(23,) a camera at the origin that looks along z, without distortion."""
+    """(26,) a camera at the origin that looks along z, without distortion."""
     state = np.zeros(bundle_camera.N_COLUMNS)
     state[bundle_camera.ROTATION] = np.eye(3).ravel()
     state[bundle_camera.C : bundle_camera.AFFINITY] = focal_px, (size[0] - 1) / 2, (size[1] - 1) / 2
@@ -80,13 +80,14 @@ def nominal_state(size: tuple[int, int], focal_px: float) -> Array:
 
 
 def moved(states: Array, steps: Array) -> Array:
-    """States (V, 23) after a step (V, 17) of the unknowns."""
+    """States (V, 26) after a step (V, 17) of the unknowns."""
     steps = steps.reshape(-1, N_UNKNOWNS)
     result: Array = states.copy()
     turns = Rotation.from_rotvec(steps[:, bundle_unknown.TURN]).as_matrix()
     turned = turns @ states[:, bundle_camera.ROTATION].reshape(-1, 3, 3)
     result[:, bundle_camera.ROTATION] = turned.reshape(-1, 9)
-    result[:, bundle_camera.X :] += steps[:, bundle_unknown.X :]
+    result[:, bundle_camera.X : bundle_camera.K4] += steps[:, bundle_unknown.X : bundle_unknown.DELAY]
+    result[:, bundle_camera.DELAY] += steps[:, bundle_unknown.DELAY]
     return result
 
 

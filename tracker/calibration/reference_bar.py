@@ -143,7 +143,7 @@ class ReferenceBarCalibration:
         return (1.0, 0.93, 1.07) if self.focal_px is not None else _FOCAL_GUESSES
 
     def _nominal(self, images: BarImages, factor: float) -> Array:
-        """(V, 23) cameras with the focal lengths given, or a multiple of the image width."""
+        """(V, 26) cameras with the focal lengths given, or a multiple of the image width."""
         states = []
         for name, size in zip(images.names, images.sizes, strict=True):
             given = self.focal_px.get(name) if isinstance(self.focal_px, dict) else self.focal_px

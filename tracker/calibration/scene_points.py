@@ -91,7 +91,7 @@ class ScenePointsCalibration:
         return self_calibrated(start, observations, wanted, self.sigma_px, pairs)
 
     def _resected(self, name: str, camera: Array, positions: Array, pixels: Array) -> Array:
-        """The camera (23,) turned and placed by the points it shows."""
+        """The camera (26,) turned and placed by the points it shows."""
         seen = np.isfinite(pixels).all(axis=1)
         if seen.sum() < _FEWEST_POINTS:
             raise CalibrationError(

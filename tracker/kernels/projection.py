@@ -6,6 +6,7 @@ import numpy as np
 
 from tracker.arrays import Array, Array32
 from tracker.kernels.compilation import compiled
+from tracker.kernels.lens import bend, bend_with_slopes, lens_of
 from tracker.kernels.rows import camera as at
 
 
@@ -24,7 +25,7 @@ def project_point(camera: Array, x: float, y: float, z: float) -> tuple[float, f
     """Image of a world point; the twin is `Camera.project`.
 
     Args:
-        camera: (25,) row of `Rig.packed`.
+        camera: (28,) row of `Rig.packed`.
         x, y, z: world position, metres.
 
     Returns:
@@ -40,11 +41,7 @@ def project_point(camera: Array, x: float, y: float, z: float) -> tuple[float, f
 @compiled(fastmath={"contract", "nsz"})
 def _through_lens(camera: Array, cx: float, cy: float, depth: float) -> tuple[float, float]:
     """Pixel of a point in the camera's frame, before it."""
-    a, b = cx / depth, cy / depth
-    r2 = a * a + b * b
-    radial = 1.0 + r2 * (camera[at.K1] + r2 * (camera[at.K2] + r2 * camera[at.K3]))
-    u = a * radial + 2.0 * camera[at.P1] * a * b + camera[at.P2] * (r2 + 2.0 * a * a)
-    v = b * radial + camera[at.P1] * (r2 + 2.0 * b * b) + 2.0 * camera[at.P2] * a * b
+    u, v = bend(lens_of(camera), cx / depth, cy / depth, 1.0)
     return camera[at.FX] * u + camera[at.SHEAR] * v + camera[at.CX], camera[at.FY] * v + camera[at.CY]
 
 
@@ -55,7 +52,7 @@ def project_grid(placement: Array, grid: Array32, camera: Array, pixels: Array) 
     Args:
         placement: (4, 4) world_from_part, metres.
         grid: (N, 3 or more) points of the part, metres.
-        camera: (25,) row of `Rig.packed`.
+        camera: (28,) row of `Rig.packed`.
         pixels: (3, N) output: pixels, of use only where all points lie before the camera, and depths, metres.
 
     Returns:
@@ -88,20 +85,7 @@ def project_along(
     b = cameras[v, at.R21] * x + cameras[v, at.R22] * y + cameras[v, at.R23] * z + cameras[v, at.TY]
     depth = cameras[v, at.R31] * x + cameras[v, at.R32] * y + cameras[v, at.R33] * z + cameras[v, at.TZ]
     a, b = a / depth, b / depth
-    k1, k2, p1, p2, k3 = (
-        cameras[v, at.K1],
-        cameras[v, at.K2],
-        cameras[v, at.P1],
-        cameras[v, at.P2],
-        cameras[v, at.K3],
-    )
-    r2 = a * a + b * b
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))
-    u = a * radial + 2.0 * p1 * a * b + p2 * (r2 + 2.0 * a * a)
-    w = b * radial + p1 * (r2 + 2.0 * b * b) + 2.0 * p2 * a * b
-    cross = a * b * slope + 2.0 * p1 * a + 2.0 * p2 * b
-    uu, ww = radial + a * a * slope + 2.0 * p1 * b + 6.0 * p2 * a, radial + b * b * slope + 6.0 * p1 * b + 2.0 * p2 * a
+    u, w, uu, cross, ww = bend_with_slopes(lens_of(cameras[v]), a, b, 1.0)
     # The normal in the distorted plane, then in the plane of the pinhole.
     gu, gw = normal[0] * cameras[v, at.FX], normal[0] * cameras[v, at.SHEAR] + normal[1] * cameras[v, at.FY]
     ga, gb = (gu * uu + gw * cross) / depth, (gu * cross + gw * ww) / depth

@@ -22,6 +22,9 @@ from tracker.recording._preview import FPS, Preview
 from tracker.scene import Person
 from tracker.trajectory import Step
 
+_SHEET, _WIDEST = 17, 4.0
+"""Points along each side of the picture of a bent view; 76 degrees from the axis, beyond which no picture is drawn."""
+
 _N_ETA, _N_OMEGA = 9, 12
 """Latitudes and longitudes of a part's mesh: 100 kB a body."""
 
@@ -101,14 +104,15 @@ def _known(person: Person, estimate: Estimate) -> NDArray[np.uint8]:
 
 
 def _camera(camera: Camera, window: Array) -> dict[str, Any]:
-    """Where a camera stands, how its image spreads at a metre, and where that lies in the video."""
-    (fx, _, cx), (_, fy, cy) = camera.matrix[:2]
+    """Where a camera stands, its image as a sheet at a metre, bent as its lens is, and where that lies in the video."""
     width, height = camera.size
-    spread = [(-0.5 - cx) / fx, (-0.5 - cy) / fy, (width - 0.5 - cx) / fx, (height - 0.5 - cy) / fy]
+    n = _SHEET if camera.distortion.any() else 2
+    columns, rows = np.meshgrid(np.linspace(-0.5, width - 0.5, n), np.linspace(-0.5, height - 0.5, n))
+    sheet = camera.undistort(np.stack([columns, rows], axis=-1)).clip(-_WIDEST, _WIDEST)
     return {
         "name": camera.name,
         "world_from_camera": np.linalg.inv(camera.camera_from_world).round(6).tolist(),
-        "spread": [round(float(value), 5) for value in spread],
+        "sheet": sheet.round(5).tolist(),
         "window": [round(float(value), 6) for value in window],
     }
 

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from tracker.arrays import Array
 from tracker.camera import Camera, upper_triangular
 from tracker.errors import CalibrationError, nearest
+from tracker.rig_layouts._fisheye import rational_of
 
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 """Units a file may state."""
@@ -70,12 +71,27 @@ class Entry:
                 f'camera "{self.name}": {self.matrix} has {matrix.size}, {self.rotation} {rotation.size} and '
                 f"{self.translation} {translation.size} numbers, expected 9, 9 (or a Rodrigues vector of 3) and 3"
             )
-        if lens.size not in (4, 5):
+        pixels, matrix = whole(self.name, size), matrix.reshape(3, 3)
+        return camera_of(self.name, pixels, (matrix, self._lens(pixels, matrix, lens.ravel())), (rotation, translation))
+
+    def _lens(self, size: tuple[int, int], matrix: Array, lens: Array) -> Array:
+        """Distortion (4, 5 or 8) of what the file has: of a fisheye lens that which images as it does."""
+        if self.table.get("fisheye"):
+            if lens.size != 4:
+                raise CalibrationError(
+                    f'camera "{self.name}": {self.distortion}: {lens.size} numbers of a fisheye lens found, expected '
+                    "the four k1 k2 k3 k4 of OpenCV's fisheye model"
+                )
+            return rational_of(self.name, size, matrix, lens)
+        if lens.size in (12, 14) and not lens[8:].any():
+            return lens[:8]
+        if lens.size not in (4, 5, 8):
             raise CalibrationError(
-                f'camera "{self.name}": {self.distortion}: {lens.size} numbers found, expected k1 k2 p1 p2 or '
-                "k1 k2 p1 p2 k3"
+                f'camera "{self.name}": {self.distortion}: {lens.size} numbers found, expected OpenCV\'s k1 k2 p1 p2, '
+                "k1 k2 p1 p2 k3, or k1 k2 p1 p2 k3 k4 k5 k6"
+                + (": calibrate it without thin prism and tilt" if lens.size in (12, 14) else "")
             )
-        return camera_of(self.name, whole(self.name, size), (matrix, lens), (rotation, translation))
+        return lens
 
 
 def _array(value: Any) -> Array | None:
@@ -118,14 +134,14 @@ def camera_of(name: str, size: tuple[int, int], interior: tuple[Array, Array], e
     Args:
         name: of the camera.
         size: image width and height, px.
-        interior: intrinsic matrix (9 numbers) and distortion (4 or 5).
+        interior: intrinsic matrix (9 numbers) and distortion (4, 5 or 8).
         exterior: rotation, a matrix (9) or a Rodrigues vector (3), and translation (3), metres.
     """
     (matrix, lens), (rotation, translation) = interior, exterior
     turn = Rotation.from_rotvec(rotation.ravel()).as_matrix() if rotation.size == 3 else rotation.reshape(3, 3)
     motion = np.eye(4)
     motion[:3, :3], motion[:3, 3] = turn, translation.ravel()
-    matrix, distortion = matrix.reshape(3, 3), np.pad(lens.ravel(), (0, 5 - lens.size))
+    matrix, distortion = matrix.reshape(3, 3), lens.ravel()
     # Affine corrections folded into K leave small entries below the diagonal; larger ones the camera refuses.
     if 0 < abs(matrix[1, 0]) <= 0.01 * abs(matrix[1, 1]):
         matrix, distortion, motion = upper_triangular(matrix, distortion, motion)

@@ -25,11 +25,6 @@ def table_camera(name: str, table: dict[str, Any]) -> Camera | str:
     entry = Entry(name, table)
     if not entry.posed:
         return NO_POSE
-    if table.get("fisheye"):
-        raise CalibrationError(
-            f'camera "{name}": a fisheye lens model, expected the pinhole model with k1 k2 p1 p2 k3: '
-            "undistort the images first"
-        )
     return entry.camera()
 
 
@@ -39,7 +34,7 @@ def camera_table(camera: Camera) -> dict[str, Any]:
         "name": camera.name,
         "size": list(camera.size),
         "matrix": camera.matrix.tolist(),
-        "distortions": camera.distortion.tolist(),
+        "distortions": camera.told_distortion.tolist(),
         "rotation": camera.rotation_vector().tolist(),
         "translation": camera.camera_from_world[:3, 3].tolist(),
         "fisheye": False,

@@ -56,8 +56,8 @@ class AniposeLayout:
         return {"": tables_of(rig)}
 
 
-def tables_of(rig: Rig, n_distortion: int = 5) -> bytes:
-    """The TOML file of a rig, with the first so many distortion coefficients."""
+def tables_of(rig: Rig, n_distortion: int | None = None) -> bytes:
+    """The TOML file of a rig, with the first so many distortion coefficients, or all."""
     tables: dict[str, Any] = {f"cam_{k}": camera_table(camera) for k, camera in enumerate(rig.cameras)}
     for table in tables.values():
         table["distortions"] = table["distortions"][:n_distortion]

@@ -47,7 +47,7 @@ class EasyMocapLayout:
         intri, extri = dict(names), dict(names)
         for camera in rig.cameras:
             name = camera.name
-            intri |= {f"K_{name}": camera.matrix, f"dist_{name}": camera.distortion.reshape(1, 5)}
+            intri |= {f"K_{name}": camera.matrix, f"dist_{name}": camera.told_distortion[None]}
             intri |= {f"W_{name}": camera.size[0], f"H_{name}": camera.size[1]}
             motion = camera.camera_from_world
             extri |= {f"R_{name}": camera.rotation_vector().reshape(3, 1), f"Rot_{name}": motion[:3, :3]}

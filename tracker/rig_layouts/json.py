@@ -47,13 +47,13 @@ class JsonLayout:
                 "name": camera.name,
                 "size": list(camera.size),
                 "K": camera.matrix.tolist(),
-                "dist": camera.distortion.tolist(),
+                "dist": camera.told_distortion.tolist(),
                 "R": camera.camera_from_world[:3, :3].tolist(),
                 "t": camera.camera_from_world[:3, 3].tolist(),
             }
             for camera in rig.cameras
         ]
-        convention = "x_cam = R x_world + t; OpenCV pinhole, k1 k2 p1 p2 k3; pixel centres at integers"
+        convention = "x_cam = R x_world + t; OpenCV pinhole, k1 k2 p1 p2 k3 [k4 k5 k6]; pixel centres at integers"
         content = {"units": "m", "convention": convention, "cameras": cameras}
         return {"": (json.dumps(content, indent=1, ensure_ascii=False) + "\n").encode()}
 

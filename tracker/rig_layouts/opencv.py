@@ -31,7 +31,8 @@ class OpenCvLayout:
     """A folder of `CAMERA.yml`, as OpenCV's calibration samples write them, with rotation and translation added.
 
     Entries: image_width, image_height, camera_matrix, distortion_coefficients, rotation (matrix or Rodrigues vector)
-    and translation, metres; also K, D, R (or rvec) and T (or tvec). A file without the last two is left out.
+    and translation, metres; also K, D, R (or rvec) and T (or tvec). A file without the last two is left out. With
+    fisheye_model the coefficients are those of a fisheye lens.
     """
 
     endings: ClassVar[tuple[str, ...]] = ()
@@ -64,7 +65,7 @@ class OpenCvLayout:
                     "image_width": camera.size[0],
                     "image_height": camera.size[1],
                     "camera_matrix": camera.matrix,
-                    "distortion_coefficients": camera.distortion.reshape(5, 1),
+                    "distortion_coefficients": camera.told_distortion[:, None],
                     "rotation": camera.camera_from_world[:3, :3],
                     "translation": camera.camera_from_world[:3, 3:],
                 }
@@ -87,5 +88,6 @@ def _camera(path: Path, given: tuple[int, int] | None) -> Camera | None:
     lens = {key: file.matrix(key, *_OTHER[key]) for key in _LENS}
     if not any(file.has(key) for name in _POSE for key in (name, *_OTHER[name])):
         return None
-    table = {"size": np.array(size), **lens, **{key: file.matrix(key, *_OTHER[key]) for key in _POSE}}
+    fisheye = {"fisheye": file.number("fisheye_model") > 0}  # as the sample program calls it
+    table = {"size": np.array(size), **lens, **fisheye, **{key: file.matrix(key, *_OTHER[key]) for key in _POSE}}
     return Entry(path.stem, table, *_LENS, *_POSE).camera()

@@ -29,10 +29,10 @@ class Pose2SimLayout:
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
         """Anipose's tables without k3."""
-        lost = [camera.name for camera in rig.cameras if camera.distortion[4] != 0]
+        lost = [camera.name for camera in rig.cameras if camera.distortion[4:].any()]
         if lost:
             raise CalibrationError(
-                f"k3 of {', '.join(lost)} is not 0, which the four distortion coefficients of Pose2Sim cannot hold: "
-                'choose another layout, or calibrate without "radial"'
+                f"{', '.join(lost)}: of k3, k4, k5 and k6 one is not 0, which the four distortion coefficients of "
+                'Pose2Sim cannot hold: choose another layout, or calibrate without "radial"'
             )
         return {"": tables_of(rig, n_distortion=4)}

@@ -138,7 +138,12 @@ def _add_camera(cameras: ElementTree.Element, camera: Camera) -> None:
         ElementTree.SubElement(entry, tag, window)
     place = dict(zip("xyz", 1000 * camera.centre, strict=True))
     _add_numbers(entry, "transform", place | dict(zip(_TURN, (_FLIP @ rotation).ravel(), strict=True)))
-    matrix, (k1, k2, p1, p2, k3) = _SUBPIXELS * camera.matrix, camera.distortion
+    if camera.distortion[5:].any():
+        raise CalibrationError(
+            f'camera "{camera.name}": k4, k5 and k6 of its distortion are not 0, and the file of QTM holds '
+            "k1 k2 p1 p2 k3 alone: choose another layout"
+        )
+    matrix, (k1, k2, p1, p2, k3) = _SUBPIXELS * camera.matrix, camera.distortion[:5]
     sensor = {"sensorMinU": 0, "sensorMaxU": _SUBPIXELS * width - 1}
     sensor |= {"sensorMinV": 0, "sensorMaxV": _SUBPIXELS * height - 1}
     lens = dict(zip(_LENS, matrix[[0, 1, 0, 1, 0], [0, 1, 2, 2, 1]], strict=True))

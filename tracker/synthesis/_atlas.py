@@ -56,8 +56,9 @@ class Atlas:
         self.side = int(context.info["GL_MAX_TEXTURE_SIZE"])
         """Largest width and height of a picture, px."""
         text = {path.name: path.read_text(encoding="utf-8") for path in _SHADERS.iterdir() if path.is_file()}
-        self._parts = context.program(head + text["parts.vert"], fragment_shader=head + text["parts.frag"])
-        self._score = context.compute_shader(head + text["edges.glsl"] + text["score.comp"])
+        lens = head + text["lens.glsl"]
+        self._parts = context.program(lens + text["parts.vert"], fragment_shader=head + text["parts.frag"])
+        self._score = context.compute_shader(lens + text["edges.glsl"] + text["score.comp"])
         context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         # rows of the picture run downwards: what is anticlockwise in the image is clockwise here
         context.cull_face = "front"

@@ -11,6 +11,7 @@ import numpy as np
 
 from tracker.arrays import Array, Integers, Mask
 from tracker.kernels.compilation import compiled
+from tracker.kernels.lens import Lens, bend_with_slopes
 from tracker.kernels.rows import bundle_camera as state
 from tracker.kernels.rows import bundle_unknown as unknown
 from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
@@ -37,7 +38,7 @@ def project_with_slopes(
     """Image of a point with its derivatives; the twin is `Camera.project`.
 
     Args:
-        camera: (23,) state, see `tracker.kernels.rows.bundle_camera`.
+        camera: (26,) state, see `tracker.kernels.rows.bundle_camera`.
         point: (3,) world position, metres.
         velocity: (2,) velocity of the image, px per frame; the time offset shifts along it.
         by_camera: (2, 17) output; rotations act after the camera's own, positions are the centre's.
@@ -55,15 +56,8 @@ def project_with_slopes(
         return 0.0, 0.0, False
     inverse = 1.0 / pz
     x, y = px * inverse, py * inverse
-    k1, k2, p1, p2, k3 = camera[state.K1], camera[state.K2], camera[state.P1], camera[state.P2], camera[state.K3]
     r2 = x * x + y * y
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
-    xd = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-    yd = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-    xx = radial + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x
-    xy = 2.0 * x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
-    yy = radial + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x
+    xd, yd, xx, xy, yy = bend_with_slopes(_lens(camera), x, y, 1.0)
     c, stretch, shear = camera[state.C], 1.0 + camera[state.AFFINITY], camera[state.SHEAR]
     # pixels by plane coordinates
     ux, uy = c * (stretch * xx + shear * xy), c * (stretch * xy + shear * yy)
@@ -81,7 +75,8 @@ def project_with_slopes(
     by_camera[0, unknown.C], by_camera[1, unknown.C] = stretch * xd + shear * yd, yd
     by_camera[0, unknown.CX] = by_camera[1, unknown.CY] = 1.0
     by_camera[0, unknown.AFFINITY], by_camera[0, unknown.SHEAR] = c * xd, c * yd
-    power = r2
+    k4, k5, k6 = camera[state.K4], camera[state.K5], camera[state.K6]
+    power = r2 / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))
     for k in (unknown.K1, unknown.K2, unknown.K3):
         by_camera[0, k] = c * (stretch * x + shear * y) * power
         by_camera[1, k] = c * y * power
@@ -96,11 +91,25 @@ def project_with_slopes(
 
 
 @compiled
+def _lens(camera: Array) -> Lens:
+    return (
+        camera[state.K1],
+        camera[state.K2],
+        camera[state.P1],
+        camera[state.P2],
+        camera[state.K3],
+        camera[state.K4],
+        camera[state.K5],
+        camera[state.K6],
+    )
+
+
+@compiled
 def residuals_of(cameras: Array, points: Array, observed: Observed, residuals: Array) -> None:
     """Observed minus projected pixels.
 
     Args:
-        cameras: (V, 23) states.
+        cameras: (V, 26) states.
         points: (P, 3) metres.
         observed: the observations.
         residuals: (N, 2) output, px; NaN behind the camera.
@@ -118,7 +127,7 @@ def reduce_normal(cameras: Array, objects: Objects, observed: Observed, damping:
     """Sums up the normal equations and eliminates the unknowns of every object.
 
     Args:
-        cameras: (V, 23) states.
+        cameras: (V, 26) states.
         objects: points and objects.
         observed: observations, those of an object one after another; of weight 0, they count for nothing.
         damping: Levenberg-Marquardt's; added to every diagonal element as a share of it.

@@ -6,6 +6,7 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.kernels.compilation import compiled
+from tracker.kernels.lens import bend_with_slopes, lens_of
 from tracker.kernels.rows import camera as at
 
 
@@ -18,15 +19,7 @@ def _image_with_slopes(camera: Array, point: Array, slopes: Array) -> tuple[floa
     if not z > 1e-9:
         return 0.0, 0.0, False
     a, b = x / z, y / z
-    k1, k2, p1, p2, k3 = camera[at.K1], camera[at.K2], camera[at.P1], camera[at.P2], camera[at.K3]
-    r2 = a * a + b * b
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
-    u = a * radial + 2.0 * p1 * a * b + p2 * (r2 + 2.0 * a * a)
-    v = b * radial + p1 * (r2 + 2.0 * b * b) + 2.0 * p2 * a * b
-    aa = radial + 2.0 * a * a * slope + 2.0 * p1 * b + 6.0 * p2 * a
-    ab = 2.0 * a * b * slope + 2.0 * p1 * a + 2.0 * p2 * b
-    bb = radial + 2.0 * b * b * slope + 6.0 * p1 * b + 2.0 * p2 * a
+    u, v, aa, ab, bb = bend_with_slopes(lens_of(camera), a, b, 1.0)
     fx, fy, shear = camera[at.FX], camera[at.FY], camera[at.SHEAR]
     ua, ub, va, vb = fx * aa + shear * ab, fx * ab + shear * bb, fy * ab, fy * bb
     uz, vz = -(ua * a + ub * b), -(va * a + vb * b)
@@ -93,7 +86,7 @@ def intersect_rays(
     """Gauss-Newton on the weighted reprojection error of N points.
 
     Args:
-        cameras: (V, 25) rows of `Rig.packed`.
+        cameras: (V, 28) rows of `Rig.packed`.
         pixels: (V, N, 2) px, NaN where a view does not show the point.
         variances: (V, N, 3) of the pixels: xx, yy, xy, px^2.
         points: (N, 3) holds the starts, and the points after, metres; NaN where fewer than two views meet.

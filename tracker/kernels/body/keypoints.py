@@ -62,7 +62,7 @@ def match_keypoints(
 
     Args:
         points: (B, L, 3) of the body, metres.
-        cameras: (V, 25) from `Rig.packed`.
+        cameras: (V, 28) from `Rig.packed`.
         detected: what was found.
         n_limbs: limbs with sides.
         reach: distance of half a loss, metres; and what it costs to exchange a keypoint's side, share of an outlier.

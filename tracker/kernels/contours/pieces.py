@@ -15,6 +15,7 @@ from tracker.arrays import Array32, Integers
 from tracker.kernels.bits import lowest_bit
 from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.occlusion import whole_blocks
+from tracker.kernels.lens import bend_with_slopes, bends, lens_of
 from tracker.kernels.rows import camera as at
 from tracker.kernels.rows import crossing, solid
 from tracker.kernels.rows.workspace import ROW
@@ -67,13 +68,14 @@ def _take(
 def _see(crossings: Array32, n: int, solids: Array32, p: int, camera: Array32) -> None:
     """World point and normal, pixel and unit image normal of n crossings of part p.
 
-    The tangent plane of the contour passes through the camera and projects to the line K^-T n.
+    The tangent plane of the contour passes through the camera and projects to the line K^-T J^-T n, J the slopes of the
+    lens there.
     """
     r00, r01, r02 = solids[p, solid.R11], solids[p, solid.R12], solids[p, solid.R13]
     r10, r11, r12 = solids[p, solid.R21], solids[p, solid.R22], solids[p, solid.R23]
     r20, r21, r22 = solids[p, solid.R31], solids[p, solid.R32], solids[p, solid.R33]
     tx, ty, tz = solids[p, solid.X], solids[p, solid.Y], solids[p, solid.Z]
-    one, half, two = np.float32(1.0), np.float32(0.5), np.float32(2.0)
+    one, half = np.float32(1.0), np.float32(0.5)
     flat = camera[at.FY] / camera[at.FX]
     for i in range(whole_blocks(n)):
         f0, f1 = crossings[crossing.FACING_A + i], crossings[crossing.FACING_B + i]
@@ -96,16 +98,24 @@ def _see(crossings: Array32, n: int, solids: Array32, p: int, camera: Array32) -
         nearness = one / (camera[at.R31] * wx + camera[at.R32] * wy + camera[at.R33] * wz + camera[at.TZ])
         u = (camera[at.R11] * wx + camera[at.R12] * wy + camera[at.R13] * wz + camera[at.TX]) * nearness
         v = (camera[at.R21] * wx + camera[at.R22] * wy + camera[at.R23] * wz + camera[at.TY]) * nearness
-        r2 = u * u + v * v
-        radial = one + r2 * (camera[at.K1] + r2 * (camera[at.K2] + r2 * camera[at.K3]))
-        uu = u * radial + two * camera[at.P1] * u * v + camera[at.P2] * (r2 + two * u * u)
-        vv = v * radial + camera[at.P1] * (r2 + two * v * v) + two * camera[at.P2] * u * v
-        crossings[crossing.U + i] = camera[at.FX] * uu + camera[at.SHEAR] * vv + camera[at.CX]
-        crossings[crossing.V + i] = camera[at.FY] * vv + camera[at.CY]
-        sx = (camera[at.R11] * nx + camera[at.R12] * ny + camera[at.R13] * nz) * flat
-        sy = camera[at.R21] * nx + camera[at.R22] * ny + camera[at.R23] * nz - camera[at.SHEAR] / camera[at.FY] * sx
-        norm = one / np.sqrt(sx * sx + sy * sy)
-        crossings[crossing.NU + i], crossings[crossing.NV + i] = sx * norm, sy * norm
+        crossings[crossing.U + i], crossings[crossing.V + i] = u, v
+        crossings[crossing.NU + i] = camera[at.R11] * nx + camera[at.R12] * ny + camera[at.R13] * nz
+        crossings[crossing.NV + i] = camera[at.R21] * nx + camera[at.R22] * ny + camera[at.R23] * nz
+    lens = lens_of(camera)
+    if bends(lens):
+        for i in range(whole_blocks(n)):
+            u, v, a, both, b = bend_with_slopes(lens, crossings[crossing.U + i], crossings[crossing.V + i], one)
+            c, d = crossings[crossing.NU + i], crossings[crossing.NV + i]
+            crossings[crossing.U + i], crossings[crossing.V + i] = u, v
+            crossings[crossing.NU + i], crossings[crossing.NV + i] = b * c - both * d, a * d - both * c
+    for i in range(whole_blocks(n)):
+        u, v = crossings[crossing.U + i], crossings[crossing.V + i]
+        crossings[crossing.U + i] = camera[at.FX] * u + camera[at.SHEAR] * v + camera[at.CX]
+        crossings[crossing.V + i] = camera[at.FY] * v + camera[at.CY]
+        c = crossings[crossing.NU + i] * flat
+        d = crossings[crossing.NV + i] - camera[at.SHEAR] / camera[at.FY] * c
+        norm = one / np.sqrt(c * c + d * d)
+        crossings[crossing.NU + i], crossings[crossing.NV + i] = c * norm, d * norm
 
 
 @compiled
@@ -166,7 +176,7 @@ def find_pieces(
         layout: R, C.
         p: the part.
         solids: (P, 48) parts in the view, see `tracker.kernels.contours.occlusion`.
-        camera: (25,) row of `Rig.packed`, single precision.
+        camera: (28,) row of `Rig.packed`, single precision.
         facing, ids, links: workspace (R C,), (3, C) and (ROW, 2).
         crossings: (25 ROW,) output, see `tracker.kernels.rows.crossing`.
         pieces: (ROW, 2) output: crossings, in the order of the contour.

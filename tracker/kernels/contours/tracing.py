@@ -104,7 +104,7 @@ def trace_view(
         grids, planes, layout: surface grids, see `find_pieces`.
         bounds: (3, P), see `place_solids`.
         solids: (P, 48) parts in the view.
-        camera: (25,) row of `Rig.packed`, single precision.
+        camera: (28,) row of `Rig.packed`, single precision.
         size: width and height of the image, px.
         spacing: longest contour a sample stands for, px; distance at which parts touch, metres.
         masks: (P,) parts that are traced; parts that may cover them.
@@ -212,7 +212,7 @@ def trace_contours(
         shapes: (P, 7) packed superquadrics.
         grids, planes, layout: surface grids, see `find_pieces`.
         bounds: (3, P), see `place_solids`.
-        cameras: (V, 25) from `Rig.packed`.
+        cameras: (V, 28) from `Rig.packed`.
         sizes: (V, 2) image sizes, px.
         spacing: contour a sample stands for, px; distance at which parts touch, metres.
         exact: place pixels where the points are seen, or else where they are traced, as `score_poses` does: bent in

@@ -13,6 +13,7 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.occlusion import in_part
+from tracker.kernels.lens import bend_with_slopes, lens_of
 from tracker.kernels.rows import camera as at
 
 WINDOW_PX2 = 12.0
@@ -107,17 +108,11 @@ def _undistort(camera: Array, x: float, y: float) -> tuple[float, float]:
     ty = (y - camera[at.CY]) / camera[at.FY]
     tx = (x - camera[at.CX] - camera[at.SHEAR] * ty) / camera[at.FX]
     a, b = tx, ty
-    k1, k2, p1, p2, k3 = camera[at.K1], camera[at.K2], camera[at.P1], camera[at.P2], camera[at.K3]
-    if k1 == 0.0 and k2 == 0.0 and p1 == 0.0 and p2 == 0.0 and k3 == 0.0:
-        return a, b
     for _ in range(8):
-        r2 = a * a + b * b
-        radial, slope = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3)), k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
-        ex = tx - (a * radial + 2.0 * p1 * a * b + p2 * (r2 + 2.0 * a * a))
-        ey = ty - (b * radial + p1 * (r2 + 2.0 * b * b) + 2.0 * p2 * a * b)
-        xx = radial + 2.0 * a * a * slope + 2.0 * p1 * b + 6.0 * p2 * a
-        xy = 2.0 * a * b * slope + 2.0 * p1 * a + 2.0 * p2 * b
-        yy = radial + 2.0 * b * b * slope + 6.0 * p1 * b + 2.0 * p2 * a
+        u, v, xx, xy, yy = bend_with_slopes(lens_of(camera), a, b, 1.0)
+        ex, ey = tx - u, ty - v
+        if ex == 0.0 and ey == 0.0:
+            break
         det = xx * yy - xy * xy
         a, b = a + (yy * ex - xy * ey) / det, b + (xx * ey - xy * ex) / det
     return a, b
@@ -127,7 +122,9 @@ def _undistort(camera: Array, x: float, y: float) -> tuple[float, float]:
 def _lift(camera: Array, x: float, y: float, normal: tuple[float, float], depth: float, out: Array) -> None:
     """World point of a pixel and world normal of the plane through the contour and the camera, to `out` (6,)."""
     a, b = _undistort(camera, x, y)
-    nx, ny = camera[at.FX] * normal[0], camera[at.SHEAR] * normal[0] + camera[at.FY] * normal[1]
+    sx, sy = camera[at.FX] * normal[0], camera[at.SHEAR] * normal[0] + camera[at.FY] * normal[1]
+    _, _, xx, xy, yy = bend_with_slopes(lens_of(camera), a, b, 1.0)
+    nx, ny = xx * sx + xy * sy, xy * sx + yy * sy
     nz = -(nx * a + ny * b)
     scale = 1.0 / np.sqrt(nx * nx + ny * ny + nz * nz)
     cx, cy, cz = a * depth - camera[at.TX], b * depth - camera[at.TY], depth - camera[at.TZ]
@@ -181,7 +178,7 @@ def id_contours(
         depths: (h, w) metres, where there is a part.
         frame: x, y of the picture's first pixel in the image, width and height of the image, px. The image shows
             nothing but background around the picture.
-        camera: (25,) row of `Rig.packed`.
+        camera: (28,) row of `Rig.packed`.
         solids: (P, 17) motion (3x4) from the world into the part's frame in units of its half extents, tapers,
             exponents 2/e2, e2/e1 and 2/e1.
         contact_m: distance at which parts touch, metres.

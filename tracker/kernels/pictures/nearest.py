@@ -23,7 +23,7 @@ def project_surfaces(placements: Array, surfaces: Array, camera: Array, seen: Ar
     Args:
         placements: (P, 4, 4) world_from_part, metres.
         surfaces: (P, N, 3) points in the parts' frames, metres.
-        camera: (25,) row of `Rig.packed`.
+        camera: (28,) row of `Rig.packed`.
         seen: (P, 3, N) output: pixels and inverse depths, 1 / m; NaN for parts that are not wholly before the camera.
     """
     for p in range(len(placements)):

@@ -36,7 +36,7 @@ def _turning(
         placement: (4, 4) world_from_part, metres.
         grid: (R * C, 7) points, normals and their product, ring by ring; C at most 62.
         layout: R, C.
-        camera: (25,) row of `Rig.packed`.
+        camera: (28,) row of `Rig.packed`.
         seen: (2, R * C) workspace.
         turning: (R + 1,) output: bit c of number r + 1 is the cell between rings r and r + 1, columns c and c + 1; the
             first number and the last one are 0.
@@ -130,7 +130,7 @@ def fill_parts(placements: Array, grids: Array32, layout: tuple[int, int], camer
         placements: (P, 4, 4) world_from_part, metres.
         grids: (P, F, 7) surface points first; see `tracker.kernels.contours.pieces.find_pieces`.
         layout: R, C of the grids, with F = (2 R - 1) (2 C) and 2 C at most 62.
-        camera: (25,) row of `Rig.packed`.
+        camera: (28,) row of `Rig.packed`.
         mask: (h, w) in and out; parts that are not wholly before the camera are left out.
     """
     height, width = mask.shape

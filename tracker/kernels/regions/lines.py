@@ -190,7 +190,7 @@ def find_shifts(
         picture, looks: colours seen and known.
         samples: contour samples; those of weight 0 are left out.
         beside: (V, M, 2) parts seen at the `SPOTS`.
-        cameras: (V, 25) from `Rig.packed`.
+        cameras: (V, 28) from `Rig.packed`.
         wanted: (P,) parts whose samples count.
         rule: how lines are read.
         shifts: (V, M, 3) output: mean shift, px, outwards; its inverse variance, 1/px^2; 1 where the line supports a
@@ -255,7 +255,7 @@ def learn_lines(
         picture: colours seen.
         samples: contour samples of one pose.
         beside: (V, M, 2) parts seen at the `SPOTS`; a part's pixels are not the background.
-        cameras: (V, 25) from `Rig.packed`.
+        cameras: (V, 28) from `Rig.packed`.
         half_extents: (P,) metres, see `Looks`.
         useful: (V, M) samples to learn from.
         step_m: see `Rule`.

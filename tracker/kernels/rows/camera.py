@@ -13,9 +13,12 @@ FX, FY, CX, CY = 15, 16, 17, 18
 """Focal lengths and principal point, px."""
 
 K1, K2, P1, P2, K3 = 19, 20, 21, 22, 23
-"""Distortion, in OpenCV's order."""
+"""Distortion, in OpenCV's order; goes on below."""
 
 SHEAR = 24
 """Shift of u by the height in the plane of the pinhole, px."""
 
-N_COLUMNS = 25
+K4, K5, K6 = 25, 26, 27
+"""Denominator of the radial distortion."""
+
+N_COLUMNS = 28

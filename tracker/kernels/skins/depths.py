@@ -6,6 +6,7 @@ import numpy as np
 
 from tracker.arrays import Array32, Mask
 from tracker.kernels.compilation import compiled
+from tracker.kernels.lens import bend, lens_of
 from tracker.kernels.rows.camera import (
     CENTRE_X,
     CENTRE_Y,
@@ -14,11 +15,6 @@ from tracker.kernels.rows.camera import (
     CY,
     FX,
     FY,
-    K1,
-    K2,
-    K3,
-    P1,
-    P2,
     R11,
     R12,
     R13,
@@ -50,11 +46,12 @@ def see_vertices(points: Array32, normals: Array32, camera: Array32, seen: Array
 
     Args:
         points, normals: (N, 3) from `pose_mesh`.
-        camera: (25,) row of `Rig.packed`, single precision.
+        camera: (28,) row of `Rig.packed`, single precision.
         seen: (N, 3) output: pixel and inverse depth, 1 / m, 0 behind the camera.
         facing: (N,) output: product of the normal and the way to the camera, positive where it faces it.
     """
-    one, two, zero, nearest = np.float32(1.0), np.float32(2.0), np.float32(0.0), np.float32(_NEAREST_M)
+    one, zero, nearest = np.float32(1.0), np.float32(0.0), np.float32(_NEAREST_M)
+    lens = lens_of(camera)
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         a = camera[R11] * x + camera[R12] * y + camera[R13] * z + camera[TX]
@@ -62,10 +59,7 @@ def see_vertices(points: Array32, normals: Array32, camera: Array32, seen: Array
         depth = camera[R31] * x + camera[R32] * y + camera[R33] * z + camera[TZ]
         inverse = one / max(depth, nearest)
         a, b = a * inverse, b * inverse
-        r2 = a * a + b * b
-        radial = one + r2 * (camera[K1] + r2 * (camera[K2] + r2 * camera[K3]))
-        u = a * radial + two * camera[P1] * a * b + camera[P2] * (r2 + two * a * a)
-        v = b * radial + camera[P1] * (r2 + two * b * b) + two * camera[P2] * a * b
+        u, v = bend(lens, a, b, one)
         seen[i, 0] = camera[FX] * u + camera[SHEAR] * v + camera[CX]
         seen[i, 1] = camera[FY] * v + camera[CY]
         seen[i, 2] = inverse if depth > nearest else zero

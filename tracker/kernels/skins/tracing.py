@@ -39,7 +39,7 @@ class View(NamedTuple):
     """A view that meshes are traced in."""
 
     camera: Array
-    """(25,) row of `Rig.packed`."""
+    """(28,) row of `Rig.packed`."""
 
     width: float
     height: float
@@ -304,7 +304,7 @@ def trace_skins(
         placements: (B, P, 4, 4) world_from_part, metres.
         part_from_rest: (P, 4, 4) from the pose that the surface was measured in.
         mesh: of the scene.
-        cameras: (V, 25) from `Rig.packed`.
+        cameras: (V, 28) from `Rig.packed`.
         sizes: (V, 2) image sizes, px.
         spacing: contour a sample stands for, px; distance at which surfaces touch, metres; cells of the depth
             pictures along the longer side of an image.

@@ -96,26 +96,29 @@
   const places = scene_data.cameras.map((told) => {
     const rows = told.world_from_camera, depth = 0.16 * reach;
     const at = (x, y, z) => new THREE.Vector3(...[0, 1, 2].map((r) => rows[r][0] * x + rows[r][1] * y + rows[r][2] * z + rows[r][3]));
-    const [left, top, right, bottom] = told.spread.map((value) => value * depth);
-    const corners = [at(left, top, depth), at(right, top, depth), at(right, bottom, depth), at(left, bottom, depth)];
-    const apex = at(0, 0, 0), edges = [];
-    for (let i = 0; i < 4; i++) edges.push(apex, corners[i], corners[i], corners[(i + 1) % 4]);
+    const n = told.sheet.length, last = n - 1, sheet = told.sheet.flat().map(([x, y]) => at(x * depth, y * depth, depth));
+    const apex = at(0, 0, 0), edges = [0, last, n * n - 1, n * last].flatMap((corner) => [apex, sheet[corner]]);
+    for (let i = 0; i < last; i++)
+      for (const [start, step] of [[0, 1], [n * last, 1], [0, n], [last, n]])
+        edges.push(sheet[start + step * i], sheet[start + step * (i + 1)]);
     const frame = new THREE.BufferGeometry().setFromPoints(edges);
     scene.add(new THREE.LineSegments(frame, new THREE.LineBasicMaterial({ color: 0x5c6b7a })));
     if (texture) {
       const [u0, v0, u1, v1] = told.window;
-      const face = new THREE.BufferGeometry().setFromPoints(corners);
-      face.setAttribute("uv", new THREE.BufferAttribute(new Float32Array([u0, 1 - v0, u1, 1 - v0, u1, 1 - v1, u0, 1 - v1]), 2));
-      face.setIndex([0, 1, 2, 0, 2, 3]);
+      const face = new THREE.BufferGeometry().setFromPoints(sheet);
+      const shares = sheet.flatMap((_, i) => [u0 + ((u1 - u0) * (i % n)) / last, 1 - v0 - ((v1 - v0) * Math.floor(i / n)) / last]);
+      face.setAttribute("uv", new THREE.BufferAttribute(new Float32Array(shares), 2));
+      const squares = sheet.map((_, i) => i).filter((i) => i % n < last && i < n * last);
+      face.setIndex(squares.flatMap((i) => [i, i + 1, i + n + 1, i, i + n + 1, i + n]));
       pictures.add(new THREE.Mesh(face, new THREE.MeshBasicMaterial({ map: texture, side: THREE.DoubleSide })));
     }
-    return { apex, ahead: at(0, 0, Math.max(apex.distanceTo(middle), 1)), spread: told.spread };
+    return { apex, ahead: at(0, 0, Math.max(apex.distanceTo(middle), 1)), sheet: told.sheet };
   });
 
   const controls = new THREE.OrbitControls(eye, renderer.domElement);
   function look(which) {
     const place = places[which];
-    eye.fov = place ? (2 * Math.atan(Math.max(-place.spread[1], place.spread[3])) * 180) / Math.PI : 45;
+    eye.fov = place ? (2 * Math.atan(Math.max(...place.sheet.map((row) => Math.abs(row[row.length >> 1][1])))) * 180) / Math.PI : 45;
     if (place) eye.position.copy(place.apex);
     else eye.position.set(middle.x + 1.1 * reach, middle.y - 1.6 * reach, middle.z + 0.6 * reach);
     controls.target.copy(place ? place.ahead : middle);

@@ -1,5 +1,4 @@
 // Contour samples from pictures of part numbers and depths: tracker/kernels/id_contours.py for a graphics card.
-layout(std430, binding = 2) readonly buffer Cameras { float cameras[]; };          // 25 a view: Rig.packed
 layout(std430, binding = 3) readonly buffer Tiles { ivec4 tiles[]; };              // 3 a tile: atlas x y, view, pose; box; depths
 layout(std430, binding = 4) readonly buffer Solids { float solids[]; };            // 17 a part: motion, taper, exponents
 
@@ -81,17 +80,13 @@ vec2 undistorted(int c, vec2 pixel) {
     vec2 goal;
     goal.y = (pixel.y - cameras[c + 18]) / cameras[c + 16];
     goal.x = (pixel.x - cameras[c + 17] - cameras[c + 24] * goal.y) / cameras[c + 15];
-    float k1 = cameras[c + 19], k2 = cameras[c + 20], k3 = cameras[c + 23];
-    vec2 p = vec2(cameras[c + 21], cameras[c + 22]);
-    if (k1 == 0.0 && k2 == 0.0 && k3 == 0.0 && p == vec2(0.0)) return goal;
     vec2 a = goal;
     for (int i = 0; i < 8; i++) {
-        float r2 = dot(a, a), radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-        float slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3);
-        vec2 off = goal - (a * radial + 2.0 * p * a.x * a.y + p.yx * (r2 + 2.0 * a * a));
-        vec2 own = radial + 2.0 * a * a * slope + 2.0 * p * a.yx + 6.0 * p.yx * a;
-        float mixed = 2.0 * a.x * a.y * slope + 2.0 * dot(p, a);
-        a += vec2(own.y * off.x - mixed * off.y, own.x * off.y - mixed * off.x) / (own.x * own.y - mixed * mixed);
+        Bent bent = bend(c, a);
+        vec2 off = goal - bent.point;
+        if (off == vec2(0.0)) return a;
+        float area = bent.own.x * bent.own.y - bent.mixed * bent.mixed;
+        a += vec2(bent.own.y * off.x - bent.mixed * off.y, bent.own.x * off.y - bent.mixed * off.x) / area;
     }
     return a;
 }
@@ -100,6 +95,8 @@ vec2 undistorted(int c, vec2 pixel) {
 vec3 beside_contour(int c, vec2 pixel, vec2 normal, float depth) {
     vec2 a = undistorted(c, pixel);
     vec2 n = vec2(cameras[c + 15] * normal.x, cameras[c + 24] * normal.x + cameras[c + 16] * normal.y);
+    Bent bent = bend(c, a);
+    n = bent.own * n + bent.mixed * n.yx;
     vec3 away = normalize(vec3(n, -dot(n, a)));
     vec3 local = depth * vec3(a, 1.0) - vec3(cameras[c + 3], cameras[c + 7], cameras[c + 11]) + contact_m * away;
     vec3 world;
@@ -147,7 +144,7 @@ Sample sample_at(ivec2 at) {
     found.pixel = vec2(at + box.xy) + placed.z * placed.xy;
     found.normal = placed.xy;
     bool touching = gap_behind(at, part, depth) - (there - depth) < contact_m ||
-                    touches_another(part, beside_contour(25 * tile.z, found.pixel, placed.xy, there));
+                    touches_another(part, beside_contour(CAMERA * tile.z, found.pixel, placed.xy, there));
     found.weight = touching ? 0.0 : 1.0 / max(abs(placed.x), abs(placed.y));
     return found;
 }

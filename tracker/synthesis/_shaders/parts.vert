@@ -1,7 +1,6 @@
 // Places a vertex of one part of one pose in the tile of one view; lens distortion is applied to every vertex.
 layout(std430, binding = 0) readonly buffer Vertices { float vertices[]; };       // part by part, x y z, metres
 layout(std430, binding = 1) readonly buffer Placements { vec4 placements[]; };     // 3 rows a part: world_from_part
-layout(std430, binding = 2) readonly buffer Cameras { float cameras[]; };          // 25 a view: Rig.packed
 layout(std430, binding = 3) readonly buffer Tiles { ivec4 tiles[]; };              // 3 a tile: atlas x y, view, pose; box; depths
 layout(std430, binding = 10) readonly buffer Instances { ivec2 instances[]; };     // tile, part
 
@@ -12,18 +11,14 @@ uniform int n_parts;
 flat out uint shown;
 
 vec2 project(int view, vec3 point) {
-    int c = 25 * view;
-    vec2 plane = point.xy / point.z;
-    float r2 = dot(plane, plane);
-    float radial = 1.0 + r2 * (cameras[c + 19] + r2 * (cameras[c + 20] + r2 * cameras[c + 23]));
-    vec2 p = vec2(cameras[c + 21], cameras[c + 22]);
-    vec2 bent = plane * radial + 2.0 * p * plane.x * plane.y + p.yx * (r2 + 2.0 * plane * plane);
+    int c = CAMERA * view;
+    vec2 bent = bend(c, point.xy / point.z).point;
     return vec2(cameras[c + 15] * bent.x + cameras[c + 24] * bent.y + cameras[c + 17],
                 cameras[c + 16] * bent.y + cameras[c + 18]);
 }
 
 vec3 in_camera(int view, vec3 world) {
-    int c = 25 * view;
+    int c = CAMERA * view;
     vec3 moved;
     for (int r = 0; r < 3; r++) {
         vec3 row = vec3(cameras[c + 4 * r], cameras[c + 4 * r + 1], cameras[c + 4 * r + 2]);
