@@ -52,8 +52,10 @@ class Condition:
     """Whether all who are there are to be followed, not the first one alone."""
 
 
-def _around(azimuths_deg: Sequence[float], height_m: float, away_m: float = 5.0) -> tuple[Standpoint, ...]:
-    return tuple(Standpoint(azimuth, height_m, away_m) for azimuth in azimuths_deg)
+def _around(
+    azimuths_deg: Sequence[float], height_m: float, away_m: float = 5.0, fisheye_px: float | None = None
+) -> tuple[Standpoint, ...]:
+    return tuple(Standpoint(azimuth, height_m, away_m, fisheye_px) for azimuth in azimuths_deg)
 
 
 # The usual one films as the recordings of BODYTRACK_DATA/room are filmed.
@@ -69,6 +71,7 @@ CONDITIONS = {
     "low": Condition(standpoints=_around((0, 80, 170, 270), 0.6)),
     "high": Condition(standpoints=_around((0, 80, 170, 270), 4.0, 4.5)),
     "eight": Condition(standpoints=_around((0, 90, 180, 270), 0.8) + _around((45, 135, 225, 315), 2.8)),
+    "wide": Condition(standpoints=_around((0, 80, 170, 270), 1.5, 2.4, 330.0)),
     "half_rate": Condition(Recipe(fps=12.5)),
     "double_rate": Condition(Recipe(fps=50.0)),
     "high_rate": Condition(Recipe(fps=200.0)),

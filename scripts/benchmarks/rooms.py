@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from tracker.arrays import Array, Image, Mask
 from tracker.camera import Camera
 from tracker.errors import SequenceError
+from tracker.fisheye import rational_of
 from tracker.rig import Rig
 
 # From the nearest place of a person's middle to that of a cupboard, metres.
@@ -109,6 +110,9 @@ class Standpoint:
     away_m: float = 5.0
     """From the room's middle, along the floor."""
 
+    fisheye_px: float | None = None
+    """Pixels to a radian of an equidistant fisheye lens; None for the room's lenses."""
+
     def taken_by(self, camera: Camera, room: Rig, name: str) -> Camera:
         """The room's camera there, upright."""
         way = room.cameras[0].centre[:2] - room.middle[:2]
@@ -122,11 +126,17 @@ class Standpoint:
         motion = np.eye(4)
         motion[:3, :3] = right, np.cross(ahead, right), ahead
         motion[:3, 3] = -motion[:3, :3] @ centre
-        return replace(camera, name=name, camera_from_world=motion)
+        moved = replace(camera, name=name, camera_from_world=motion)
+        if self.fisheye_px is None:
+            return moved
+        matrix = np.diag([self.fisheye_px, self.fisheye_px, 1.0])
+        matrix[:2, 2] = (np.array(camera.size) - 1) / 2
+        return replace(moved, matrix=matrix, distortion=rational_of(name, camera.size, matrix, np.zeros(4)))
 
 
 def placed(room: Rig, pictures: list[Image], standpoints: tuple[Standpoint, ...]) -> tuple[Rig, list[Image]]:
-    """Cameras at these places, with the lenses and the pictures of the room's in turn; mirrored the second time."""
+    """Cameras at these places, with the pictures of the room's and, unless told, its lenses in turn; mirrored the second
+    time."""
     n = len(room)
     cameras = [one.taken_by(room.cameras[k % n], room, f"C{k + 1}") for k, one in enumerate(standpoints)]
     shown = [pictures[k % n] if k < n else np.fliplr(pictures[k % n]).copy() for k in range(len(cameras))]

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from tracker.arrays import Array
 from tracker.camera import Camera, upper_triangular
 from tracker.errors import CalibrationError, nearest
-from tracker.rig_layouts._fisheye import rational_of
+from tracker.fisheye import rational_of
 
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 """Units a file may state."""
