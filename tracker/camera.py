@@ -209,6 +209,15 @@ class Camera:
         return camera
 
     @property
+    def field_deg(self) -> tuple[float, float]:
+        """Angles between the middles of the image's left and right, and of its upper and lower side."""
+        width, height = self.size
+        sides = np.array([(0, height / 2), (width - 1, height / 2), (width / 2, 0), (width / 2, height - 1)])
+        rays = self.rays(sides)
+        across, down = (float(np.degrees(np.arccos(np.clip(rays[k] @ rays[k + 1], -1, 1)))) for k in (0, 2))
+        return across, down
+
+    @property
     def quarters_to_upright(self) -> int:
         """Clockwise quarter turns after which the images stand upright; 0 if the camera looks straight up or down."""
         right, down = self.camera_from_world[:2, 2]

@@ -83,14 +83,11 @@ def check_rig(rig: Rig) -> RigCheck:
 def _camera_check(camera: Camera) -> CameraCheck:
     width, height = camera.size
     corners = np.array([(0.0, 0.0), (width - 1, 0), (0, height - 1), (width - 1, height - 1)])
-    sides = np.array([(0, height / 2), (width - 1, height / 2), (width / 2, 0), (width / 2, height - 1)])
-    rays = camera.rays(sides)
-    field = [float(np.degrees(np.arccos(np.clip(rays[k] @ rays[k + 1], -1, 1)))) for k in (0, 2)]
     plain = camera.undistort(corners) @ camera.matrix[:2, :2].T + camera.matrix[:2, 2]
     tilt = -float(np.degrees(np.arcsin(np.clip(camera.camera_from_world[2, 2], -1, 1))))
     x, y, z = camera.centre.tolist()
     shift = float(np.linalg.norm(plain - corners, axis=1).max())
-    return CameraCheck(camera.name, (x, y, z), (field[0], field[1]), tilt, shift)
+    return CameraCheck(camera.name, (x, y, z), camera.field_deg, tilt, shift)
 
 
 def _pair_check(one: Camera, other: Camera, middle: Array) -> PairCheck:
@@ -127,7 +124,7 @@ def _doubts(rig: Rig, cameras: tuple[CameraCheck, ...], pairs: tuple[PairCheck, 
             doubts.append(
                 f"{check.name} is {-check.position_m[2]:.2f} m below the floor: is z up and the origin on it?"
             )
-        if not 15 < check.field_deg[0] < 130:
+        if not 15 < check.field_deg[0] < 150:
             doubts.append(f"{check.name} sees {check.field_deg[0]:.0f} degrees: is its focal length in px?")
     for camera in rig.cameras:
         if camera.turns_back_px is not None:

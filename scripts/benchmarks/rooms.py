@@ -135,8 +135,7 @@ class Standpoint:
 
 
 def placed(room: Rig, pictures: list[Image], standpoints: tuple[Standpoint, ...]) -> tuple[Rig, list[Image]]:
-    """Cameras at these places, with the pictures of the room's and, unless told, its lenses in turn; mirrored the second
-    time."""
+    """Cameras at these places, with the room's pictures (mirrored the second time) and, unless told, lenses in turn."""
     n = len(room)
     cameras = [one.taken_by(room.cameras[k % n], room, f"C{k + 1}") for k, one in enumerate(standpoints)]
     shown = [pictures[k % n] if k < n else np.fliplr(pictures[k % n]).copy() for k in range(len(cameras))]

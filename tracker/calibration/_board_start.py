@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -12,9 +14,13 @@ from scipy.spatial.transform import Rotation
 from tracker.arrays import Array
 from tracker.calibration._bundle import Observations, State
 from tracker.calibration._objects import Boards
-from tracker.calibration._states import nominal_state, pinhole_of
+from tracker.calibration._states import camera_of, nominal_state, pinhole_of, state_of
+from tracker.camera import Camera
 from tracker.errors import CalibrationError
+from tracker.fisheye import rational_of
 from tracker.kernels.rows import bundle_camera
+
+Lens = Literal["pinhole", "fisheye"]
 
 SeenCorners = dict[tuple[int, int], tuple[Array, Array]]
 """(view, frame) -> corners in the board's frame (N, 3) metres, and their pixels (N, 2)."""
@@ -22,9 +28,12 @@ SeenCorners = dict[tuple[int, int], tuple[Array, Array]]
 # Zhang 2000, section 3.1: three views of a plane determine the interior.
 _FEWEST_BOARDS = 3
 
+_FISHEYE_FOCALS, _FISHEYE_TRIES = (0.2, 1.0), 24
+"""Pixels to a radian that are tried, as shares of the longer side (which then sees 57 to 286 degrees): 7 % apart."""
+
 
 def board_start(
-    seen: SeenCorners, names: Sequence[str], sizes: Sequence[tuple[int, int]]
+    seen: SeenCorners, names: Sequence[str], sizes: Sequence[tuple[int, int]], lens: Lens = "pinhole"
 ) -> tuple[State, Observations]:
     """Cameras, board poses and observations.
 
@@ -32,11 +41,13 @@ def board_start(
         seen: detected boards, six corners each at least.
         names: of the cameras, for messages.
         sizes: of their images, px.
+        lens: kind of the lenses.
 
     Raises:
         CalibrationError: a camera saw too few boards, or none together with the others.
     """
-    cameras = np.stack([_camera(seen, v, name, size) for v, (name, size) in enumerate(zip(names, sizes, strict=True))])
+    views = enumerate(zip(names, sizes, strict=True))
+    cameras = np.stack([_camera(seen, v, name, size, lens) for v, (name, size) in views])
     camera_from_board = {key: _pose(cameras[key[0]], *found) for key, found in seen.items()}
     motions = _chained(camera_from_board, names)
     for v, motion in enumerate(motions):
@@ -51,8 +62,8 @@ def board_start(
     return _assembled(seen, frames, cameras, np.stack(world_from_board))
 
 
-def _camera(seen: SeenCorners, view: int, name: str, size: tuple[int, int]) -> Array:
-    """(26,) camera constant from the boards' homographies, principal point in the middle."""
+def _camera(seen: SeenCorners, view: int, name: str, size: tuple[int, int], lens: Lens) -> Array:
+    """(26,) camera constant and first distortion from some boards, principal point in the middle."""
     mine = [found for (v, _), found in sorted(seen.items()) if v == view]
     if len(mine) < _FEWEST_BOARDS:
         raise CalibrationError(
@@ -60,17 +71,45 @@ def _camera(seen: SeenCorners, view: int, name: str, size: tuple[int, int]) -> A
             "images blank or blurred, or columns, rows and dictionary not those of the board?"
         )
     chosen = [mine[k] for k in np.linspace(0, len(mine) - 1, min(len(mine), 30)).astype(int)]
+    if lens == "fisheye":
+        return _fisheye_camera(chosen, name, size)
     points = [np.ascontiguousarray(shape, dtype=np.float32) for shape, _ in chosen]
     pixels = [np.ascontiguousarray(found, dtype=np.float32) for _, found in chosen]
     flags = cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
     guess = nominal_state(size, 1.1 * max(size))
     matrix = np.array([[guess[12], 0, guess[13]], [0, guess[12], guess[14]], [0, 0, 1.0]])
-    _, matrix, lens, _, _ = cv2.calibrateCamera(
+    _, matrix, terms, _, _ = cv2.calibrateCamera(
         points, pixels, size, matrix, np.zeros(5), flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS
     )
     guess[12] = matrix[1, 1]
-    guess[17:19] = lens.ravel()[:2]
+    guess[17:19] = terms.ravel()[:2]
     return guess
+
+
+def _fisheye_camera(chosen: Sequence[tuple[Array, Array]], name: str, size: tuple[int, int]) -> Array:
+    """(26,) the equidistant lens by which the boards are most nearly flat; its numerator is adjusted later."""
+    focals_px = np.geomspace(*_FISHEYE_FOCALS, _FISHEYE_TRIES) * max(size)
+    cameras = [_equidistant(name, size, focal_px) for focal_px in focals_px]
+    best = min(cameras, key=lambda camera: sum(_bent_px(camera, *one) for one in chosen))
+    return state_of(best)
+
+
+def _equidistant(name: str, size: tuple[int, int], focal_px: float) -> Camera:
+    """A camera that images in proportion to the angle from its axis."""
+    plain = camera_of(nominal_state(size, focal_px), name, size)
+    return replace(plain, distortion=rational_of(name, size, plain.matrix, np.zeros(4)))
+
+
+def _bent_px(camera: Camera, shape: Array, pixels: Array) -> float:
+    """RMS of a board's corners beside the best homography of its plan, px; that of the image where there is none."""
+    plane = camera.undistort(pixels)
+    matrix = cv2.findHomography(shape[:, :2], plane)[0] if np.isfinite(plane).all() else None
+    if matrix is None:
+        return float(max(camera.size))
+    flat = cv2.perspectiveTransform(shape[None, :, :2], matrix)[0]
+    found = camera.project(np.column_stack([flat, np.ones(len(flat))]))
+    gaps = np.where(np.isfinite(found), found - pixels, max(camera.size))
+    return float(np.sqrt((gaps**2).sum(axis=1).mean()))
 
 
 def _pose(camera: Array, shape: Array, pixels: Array) -> Array:

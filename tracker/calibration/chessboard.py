@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -11,7 +11,7 @@ import pydantic
 
 from tracker.arrays import Array, Image
 from tracker.calibration._advice import advice
-from tracker.calibration._board_start import SeenCorners, board_start
+from tracker.calibration._board_start import Lens, SeenCorners, board_start
 from tracker.calibration._boards import charuco_detector, find_charuco, find_corners
 from tracker.calibration._calibrated import Calibrated, Measure
 from tracker.calibration._objects import Boards
@@ -26,6 +26,9 @@ from tracker.views import Views
 __all__ = ["BoardImages", "ChessboardCalibration"]
 
 Group = Literal["camera_constant", "principal_point", "affinity", "radial", "decentring"]
+
+_WIDE_DEG, _BAD_FIT = 80.0, 1.5
+"""Of a view's width, and times sigma_px: three radial terms follow a fisheye lens no farther."""
 
 # Three times what a pose needs, so that a wrong corner shows.
 _FEWEST_CORNERS = 6
@@ -71,6 +74,9 @@ class ChessboardCalibration:
     sigma_px: float = pydantic.Field(default=0.2, gt=0)
     """Expected standard deviation of an image coordinate, px."""
 
+    lens: Lens = "pinhole"
+    """Kind of the lenses: `fisheye` for those that see 100 degrees and more, as sports cameras do."""
+
     estimated: tuple[Group, ...] = ("camera_constant", "principal_point", "affinity", "radial", "decentring")
     """Parameters to determine beside the exterior orientation; those that cannot be are named and held."""
 
@@ -99,7 +105,7 @@ class ChessboardCalibration:
         Raises:
             CalibrationError: they are too few or do not fit together.
         """
-        start, observations = board_start(images.seen, images.names, images.sizes)
+        start, observations = board_start(images.seen, images.names, images.sizes, self.lens)
         views = list(zip(images.names, images.sizes, strict=True))
         wanted = chosen_unknowns(self.estimated, len(views))
         adjustment = self_calibrated(start, observations, wanted, self.sigma_px, views)
@@ -112,11 +118,20 @@ class ChessboardCalibration:
             adjustment=adjustment,
             n_objects=n_boards,
             measures=_distance_measures(adjustment),
-            advice=advice(adjustment, "board", n_boards),
+            advice=(*self._about_the_lens(adjustment), *advice(adjustment, "board", n_boards)),
             world=source,
             pictures=pictures or {},
             points=points @ motion[:3, :3].T + motion[:3, 3],
         )
+
+    def _about_the_lens(self, adjustment: Adjustment) -> Iterator[str]:
+        """What to try where wide views fit badly."""
+        wide = [camera.name for camera in adjustment.cameras if camera.field_deg[0] > _WIDE_DEG]
+        if self.lens == "pinhole" and wide and adjustment.s0 > _BAD_FIT:
+            yield (
+                f"{', '.join(wide)}: more than {_WIDE_DEG:.0f} degrees wide, and the board is off by "
+                f'{adjustment.s0:.1f} times sigma_px: try lens = "fisheye"'
+            )
 
     def _finder(self) -> Callable[[Image], tuple[Array, Array]]:
         """Finds corners: in the board's frame (N, 3) metres, and in the image (N, 2) px."""
