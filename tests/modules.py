@@ -15,7 +15,7 @@ ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 LAYERS = (
     "errors arrays plugins components config resources files source_files pages progress clock geometry "
     "imaging kernels",
-    "camera rig rig_layouts frame shape skin skin_files segments mirror point_trajectories body_sections body "
+    "camera fisheye rig rig_layouts frame shape skin skin_files segments mirror point_trajectories body_sections body "
     "body_defaults body_facts body_skin body_description body_files body_surface limbs scene contours expectation "
     "observation keypoints keypoint_layouts skeletons markers marker_layouts account hidden equations plate sight "
     "estimate in_view in_space loss start carried subject trajectory doubts triangulation views shown_size",
