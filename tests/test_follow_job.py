@@ -108,36 +108,36 @@ def test_the_table_has_what_is_known_of_a_point(outcome, rig):
 
 
 def test_an_interrupted_job_is_resumed_to_the_same_bytes(folder, outcome, monkeypatch):
-    from tracker.jobs import follow as job_file
+    from tracker.jobs import _sightings
 
-    out, written = folder / "broken_off", job_file.append
+    out, written = folder / "broken_off", _sightings.append
 
     def dies(path, frame):
         if frame.index == 5:
             raise OSError("the disk is full")
         written(path, frame)
 
-    monkeypatch.setattr(job_file, "append", dies)
+    monkeypatch.setattr(_sightings, "append", dies)
     job = load_job("follow", folder / "follow.toml")
     with pytest.raises(OSError, match="disk"):
         execute(job, out)
-    monkeypatch.setattr(job_file, "append", written)
+    monkeypatch.setattr(_sightings, "append", written)
     assert execute(job, out, resume=True).n_frames == N_FRAMES
     for name in ("points.bin", "trajectories.csv", "points_000004.ply"):
         assert (out / name).read_bytes() == (outcome.folder / name).read_bytes()
 
 
 def test_ctrl_c_leaves_a_usable_result(folder, monkeypatch):
-    from tracker.jobs import follow as job_file
+    from tracker.jobs import _sightings
 
-    written = job_file.append
+    written = _sightings.append
 
     def interrupted(path, frame):
         if frame.index == 4:
             raise KeyboardInterrupt
         written(path, frame)
 
-    monkeypatch.setattr(job_file, "append", interrupted)
+    monkeypatch.setattr(_sightings, "append", interrupted)
     outcome = execute(load_job("follow", folder / "follow.toml"), folder / "ctrl_c")
     assert outcome.interrupted
     assert outcome.n_frames == 4

@@ -2,70 +2,47 @@
 
 from __future__ import annotations
 
-import contextlib
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from itertools import dropwhile
 from pathlib import Path
-from typing import ClassVar, TextIO
+from typing import ClassVar
 
 import numpy as np
 import pydantic
 
-from tracker.arrays import Array, Image, Integers
 from tracker.components import component
-from tracker.errors import ConfigError, MatchingError, SequenceError, nearest
+from tracker.errors import ConfigError, nearest
 from tracker.files import replacing, write_json, write_whole
-from tracker.following.births import (
-    check_room,
-    given_points,
-    no_points,
-    points_of_image,
-    points_of_surface,
-    textured_places,
-    with_room,
-)
-from tracker.following.cuts import Cuts, cut_where_false, no_cuts
+from tracker.following.cuts import cut_where_false, no_cuts
 from tracker.following.density import Density
 from tracker.following.filters import TrajectoryFilters
 from tracker.following.following import Following
-from tracker.following.key_points import (
-    KEY_POINTS_HEADER,
-    Surroundings,
-    clicked_places,
-    followed_key_points,
-    key_points_csv,
-    surroundings,
-)
-from tracker.following.marker_files import C3D_ASKED, marker_labels, trc_text, write_c3d
-from tracker.following.motion import REACH_FRAMES, Motion, motion_of
-from tracker.following.overview import Gathering, Overview
-from tracker.following.pictures import counts_figure, points_picture, trajectories_figure, write_picture
-from tracker.following.points import NewPoints
-from tracker.following.record import Rows, append, between, read, shortened
+from tracker.following.key_points import clicked_places, surroundings
+from tracker.following.marker_files import C3D_ASKED
+from tracker.following.pictures import counts_figure, trajectories_figure
+from tracker.following.points import NewPoints, Points
+from tracker.following.record import read
 from tracker.following.report import report_html
-from tracker.following.saved_state import Counts, SavedState, save_state, saved_state
-from tracker.following.sequence import follow, prepared, prepared_rig
-from tracker.following.snake_files import FollowedSnake, Seen, drawn, seen_in, sheet, sheet_frames, snakes_csv
+from tracker.following.saved_state import Counts, SavedState, saved_state
+from tracker.following.sequence import follow
 from tracker.following.snakes import Contour, Snake, snake_faults
 from tracker.following.summary import Course, Summary, summarized
-from tracker.following.tables import Names, csv_header, csv_lines, ply_bytes
-from tracker.following.windows import Window, windows
 from tracker.frame import Frame
 from tracker.jobs import ResultFolder, described
-from tracker.jobs._stopping import stopping
+from tracker.jobs._born import Born, Places
+from tracker.jobs._second_look import SecondLook
+from tracker.jobs._sightings import RECORD, begun, record_sightings
+from tracker.jobs._trajectory_files import Around, TrajectoryFiles
 from tracker.kernels.ahead import Group
-from tracker.lsm.surface import SurfaceMeasurement, measure_surface
+from tracker.lsm.surface import SurfaceMeasurement
+from tracker.point_trajectories import PointFrame
 from tracker.progress import Progress, silent
 from tracker.reading import Reading, Sequence
 from tracker.recording.c3d import c3d_library
 from tracker.rig import Rig
 from tracker.rig_layouts import save_rig
-
-Places = tuple[tuple[float, float], ...] | dict[str, tuple[float, float]]
-
-RECORD = "points.bin"
 
 
 @component
@@ -177,7 +154,9 @@ class FollowJob:
         """Follows, writing every frame as it comes, then the tables and pictures; see `tracker.jobs.Job.execute`."""
         rig = self._rig(opened.sequence)
         save_rig(rig, folder.path / "rig.toml")
-        counts = self._followed(opened, rig, folder, progress)
+        counts = begun(folder.path, opened.state)
+        planned = opened.sequence.n_frames, self.saved_frames
+        record_sightings(self._steps(opened, rig, counts), folder, counts, planned, progress)
         progress("writing", 0, 1)
         outcome = self._written(folder.path, opened.sequence, rig, counts)
         progress("writing", 1, 1)
@@ -195,97 +174,46 @@ class FollowJob:
         for frame in frames:
             yield Frame(frame.index, frame.time_s, tuple(frame.images[v] for v in chosen))
 
+    def _steps(self, opened: OpenedFollow, rig: Rig, counts: Counts) -> Iterator[tuple[PointFrame, Points]]:
+        """The frames that are still to be followed; without points around a key point not even the first one."""
+        density = None if self.view is not None or len(self.points) else self.density
+        known, around = None if opened.state is None else opened.state.points, self._around(rig)
+        frames, births = self._frames(opened), self._births(rig, counts)
+        for frame, points in follow(
+            self.following, self.surface.preparation, rig, frames, births, known, density=density
+        ):
+            if around is not None and not counts.frames:
+                around(frame.ids, frame.positions)
+            yield frame, points
+
     def _births(self, rig: Rig, counts: Counts) -> Callable[[Frame], NewPoints]:
         """What is followed from a frame on; what is doubtful of the first one is added to the warnings."""
-        names = list(self.points) if isinstance(self.points, dict) else [str(k) for k in range(len(self.points))]
-        places = list(self.points.values()) if isinstance(self.points, dict) else list(self.points)
-        at = np.array(places, dtype=np.float64).reshape(-1, 2)
+        born, look = Born(self.surface, self.following, rig, self.points, counts.warnings), self._second_look(rig)
 
         def births(frame: Frame) -> NewPoints:
             if counts.frames:
-                return self._born_later(frame, rig, counts)
-            greys = self._shown(frame)
-            self._check_snakes(rig, greys)
-            if self.view is not None:
-                assert greys[0] is not None
-                return self._born_in_image(greys[0], at, names)
-            surface = measure_surface(self.surface, frame, rig)
-            counts.warnings.extend(surface.warnings)
-            return given_points(surface, self.surface, at, names) if len(at) else points_of_surface(surface)
+                return born.later(frame)
+            greys = look.greys(frame)
+            look.check(greys)
+            return born.first(frame, greys)
 
         return births
 
-    def _born_in_image(self, grey: Image, at: Array, names: list[str]) -> NewPoints:
-        patch_px = self.following.for_views(1).matching.patch_px
-        if len(at):
-            check_room(at, names, grey, patch_px)
-            return points_of_image(at)
-        places = textured_places(grey, self.surface.growth.step_px)
-        return points_of_image(places[with_room(places, grey, patch_px)])
+    def _around(self, rig: Rig) -> Around | None:
+        if not self.key_points:
+            return None
+        names, places = list(self.key_points), clicked_places(self.key_points, rig)
+        return partial(surroundings, names=names, places=places, reach_m=self.key_point_reach_mm / 1000)
 
-    def _born_later(self, frame: Frame, rig: Rig, counts: Counts) -> NewPoints:
-        """Points of new surface; none where it cannot be measured, which is no reason to end."""
-        try:
-            return points_of_surface(measure_surface(self.surface, frame, rig))
-        except (MatchingError, SequenceError) as error:
-            if not any(warning.startswith(_NO_NEW) for warning in counts.warnings):
-                counts.warnings.append(f"{_NO_NEW} in frame {frame.index}, perhaps in later ones neither: {error}")
-            return no_points(len(rig), float(self.surface.growth.step_px))
-
-    def _check_snakes(self, rig: Rig, greys: tuple[Image | None, ...]) -> None:
-        """Begins all snakes, so that a contour that is none is told before anything is followed."""
-        for name, contour in self.snakes.items():
-            view = self._view_of(contour, rig)
-            FollowedSnake(name, contour, view).look(
-                self.snake, Seen(np.zeros(0, np.int64), np.zeros((0, 2))), 0, greys[view]
-            )
-
-    @staticmethod
-    def _view_of(contour: Contour, rig: Rig) -> int:
-        return 0 if contour.view is None else rig.names.index(contour.view)
-
-    def _followed(self, opened: OpenedFollow, rig: Rig, folder: ResultFolder, progress: Progress) -> Counts:
-        sequence, state = opened.sequence, opened.state
-        density = None if self.view is not None or len(self.points) else self.density
-        preparation, record = self.surface.preparation, folder.path / RECORD
-        begin, counts = time.perf_counter(), Counts()
-        if state is not None:
-            shortened(record, state.n_bytes)
-            counts = Counts(list(state.frames), list(state.times), warnings=list(state.warnings))
-        else:
-            record.touch()
-        known = None if state is None else state.points
-        steps = follow(
-            self.following, preparation, rig, self._frames(opened), self._births(rig, counts), known, density=density
-        )
-        n_points = 0
-        with stopping() as stop:
-            try:
-                for k, (frame, points) in enumerate(steps):
-                    if not counts.frames and self.key_points:
-                        self._around(frame.ids, frame.positions, rig)
-                    append(record, frame)
-                    counts.frames.append(frame.index)
-                    counts.times.append(frame.time_s)
-                    n_points += int(frame.alive.sum())
-                    if len(counts.frames) % self.saved_frames == 0:
-                        save_state(folder.path, points, counts, record.stat().st_size)
-                    folder.keep()
-                    seconds = max(time.perf_counter() - begin, 1e-9)
-                    rate = f"{int(frame.alive.sum())} points seen, {n_points / seconds:.0f} points/s"
-                    progress("following", len(counts.frames), sequence.n_frames, rate if k else "")
-                    stop.patient = True
-                    if stop.asked and len(counts.frames) < sequence.n_frames:
-                        raise KeyboardInterrupt
-            except KeyboardInterrupt:
-                counts.interrupted = True
-        counts.seconds = time.perf_counter() - begin
-        return counts
+    def _second_look(self, rig: Rig) -> SecondLook:
+        return SecondLook(self.snake, self.snakes, rig, self.following, self.surface.preparation, self.picture_frames)
 
     def _written(self, folder: Path, sequence: Sequence, rig: Rig, counts: Counts) -> FollowOutcome:
         rows, frames, times = read(folder / RECORD, len(rig)), np.array(counts.frames), np.array(counts.times)
         cuts = no_cuts(rows) if self.view is not None else cut_where_false(self.filters, rows, frames, times)
-        overview = self._write_tables(folder, rig, (rows, frames, times), cuts)
+        names = dict(enumerate(self.points)) if isinstance(self.points, dict) else {}
+        files = TrajectoryFiles(rig.names, names, self._around(rig), self.cloud_frames, self.most_markers, self.c3d)
+        overview = files.write(folder, (rows, frames, times), cuts)
         figures = {
             "trajectories.png": trajectories_figure(overview, cuts.steps, rig if self.view is None else None),
             "counts.png": counts_figure(overview, times),
@@ -293,81 +221,14 @@ class FollowJob:
         for name, figure in figures.items():
             with replacing(folder / name) as path:
                 figure.savefig(path, dpi=110)
-        snakes = self._seen_again(folder, sequence, rig, (rows, frames), cuts)
+        images = self._frames(OpenedFollow(sequence, None))
+        snakes = self._second_look(rig).take(folder, images, (rows, frames), cuts)
         counts.warnings.extend(warning for snake in snakes if (warning := snake.warning))
         course = Course(counts.seconds, counts.interrupted, tuple(counts.warnings))
         summary = summarized(rows, frames, cuts, course)
         write_json(folder / "follow.json", {"config": described(self), **asdict(summary)})
         write_whole(folder / "report.html", report_html(self.name, summary, folder, flat=self.view is not None))
         return FollowOutcome(folder=folder, **asdict(summary))
-
-    def _write_tables(self, folder: Path, rig: Rig, record: tuple[Rows, Integers, Array], cuts: Cuts) -> Overview:
-        names: Names = dict(enumerate(self.points)) if isinstance(self.points, dict) else {}
-        flat, times = self.view is not None, record[2]
-        markers = cuts.longest(np.array(list(names), dtype=np.int64), 0 if flat else self.most_markers)
-        gathering = Gathering(len(times), markers)
-        with contextlib.ExitStack() as files:
-            table = _opened(files, folder / "trajectories.csv", csv_header(rig.names))
-            places = _opened(files, folder / "key_points.csv", KEY_POINTS_HEADER) if self.key_points else None
-            around: Surroundings | None = None
-            for window in windows(*record, 2 * REACH_FRAMES, cuts.relabelled):
-                own, motion = window.trajectories, motion_of(window.trajectories)
-                gathering.add(window, motion)
-                table.writelines(csv_lines(own, motion, names, window.inner))
-                self._write_clouds(folder, window, motion)
-                if places is not None:
-                    around = around or self._around(own.ids, own.positions[0], rig)
-                    found = followed_key_points(own, around)
-                    places.writelines(key_points_csv(found, own.frames, own.times, window.inner))
-        if not flat:
-            shown = gathering.as_markers(marker_labels(markers, names), times)
-            write_whole(folder / "trajectories.trc", trc_text(shown, "trajectories.trc"))
-            if self.c3d:
-                write_c3d(folder / "trajectories.c3d", shown)
-        return gathering.overview()
-
-    def _write_clouds(self, folder: Path, window: Window, motion: Motion) -> None:
-        own = window.trajectories
-        for t in range(*window.inner.indices(len(own.frames))):
-            if not own.flat and self.cloud_frames and own.frames[t] % self.cloud_frames == 0:
-                write_whole(folder / f"points_{own.frames[t]:06d}.ply", ply_bytes(own, motion, t))
-
-    def _around(self, ids: Integers, positions: Array, rig: Rig) -> Surroundings:
-        places = clicked_places(self.key_points, rig)
-        return surroundings(ids, positions, list(self.key_points), places, self.key_point_reach_mm / 1000)
-
-    def _seen_again(
-        self, folder: Path, sequence: Sequence, rig: Rig, record: tuple[Rows, Integers], cuts: Cuts
-    ) -> list[FollowedSnake]:
-        """Goes through the images once more: pictures of the points, and snakes that the trajectories lead."""
-        rows, frames = record[0], record[1].tolist()
-        snakes = [FollowedSnake(name, contour, self._view_of(contour, rig)) for name, contour in self.snakes.items()]
-        views, watching = sorted({snake.view for snake in snakes}), prepared_rig(self.surface.preparation, rig)
-        wanted, shown = {frames[0], *frames[:: self.picture_frames], frames[-1]}, set(sheet_frames(frames))
-        pictures: list[tuple[int, int, Image]] = []
-        for frame in self._frames(OpenedFollow(sequence, None)):
-            if frame.index > frames[-1]:
-                break
-            greys = self._shown(frame) if snakes or frame.index in wanted else ()
-            now = cuts.relabelled(between(rows, frame.index, frame.index + 1)) if snakes else rows
-            for snake in snakes:
-                snake.look(self.snake, seen_in(now, watching, snake.view), frame.index, greys[snake.view])
-            for view in views if frame.index in shown else ():
-                if (grey := greys[view]) is not None:
-                    pictures.append((frame.index, view, drawn(snakes, grey, view, frame.index)))
-            if frame.index in wanted:
-                write_picture(folder / f"points_{frame.index:06d}.jpg", points_picture(greys, rows, frame.index))
-        if snakes:
-            write_whole(folder / "snakes.csv", "".join(snakes_csv(snakes, rig.names)))
-        if pictures:
-            write_picture(folder / "snakes.jpg", sheet(snakes, pictures))
-        return snakes
-
-    def _shown(self, frame: Frame) -> tuple[Image | None, ...]:
-        return prepared(self.following, self.surface.preparation, frame).greys
-
-
-_NO_NEW = "no new surface could be measured"
 
 
 def _position(place: object) -> object:
@@ -387,10 +248,3 @@ class FollowOutcome(Summary):
     """What a following left; the same numbers are in `follow.json`."""
 
     folder: Path
-
-
-def _opened(files: contextlib.ExitStack, path: Path, header: str) -> TextIO:
-    """A table that is there as a whole when the stack is left."""
-    file = files.enter_context(files.enter_context(replacing(path)).open("w", encoding="utf-8"))
-    file.write(header)
-    return file
