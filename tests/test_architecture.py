@@ -328,7 +328,7 @@ VIOLATIONS: tuple[tuple[Law, dict[str, str]], ...] = (
     (cycles, {"tracker.rig": "import tracker.camera", "tracker.camera": "from tracker.rig import Rig"}),
     (cycles, {"tracker.geometry.a": "import tracker.arrays", "tracker.arrays": "import tracker.geometry.b"}),
     (hidden_imports, {"tracker.rig": "def f():\n    import numpy"}),
-    (broken_privacy, {"tracker.jobs": "from tracker.reading._sequence import ImageStream"}),
+    (broken_privacy, {"tracker.jobs": "from tracker.reading._footage import ImageStream"}),
     (broken_privacy, {"tracker.jobs": "from tracker.reading.video import _header"}),
     (oversize, {"tracker.rig": "x = 1\n" * 401}),
     (oversize, {"tracker.rig": "def f():\n" + "    x = 1\n" * 61}),

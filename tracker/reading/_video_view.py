@@ -11,7 +11,7 @@ from av.video.reformatter import VideoReformatter
 
 from tracker.arrays import Image
 from tracker.errors import SequenceError
-from tracker.reading._sequence import ImageStream
+from tracker.reading._footage import ImageStream
 from tracker.reading._timeline import Timeline, timeline_of
 
 FAULTS = (av.FFmpegError, ValueError, OverflowError, MemoryError, EOFError)

@@ -10,16 +10,12 @@ import pydantic
 from tracker.arrays import Image
 from tracker.components import FilePath, PathPattern, component
 from tracker.errors import SequenceError
+from tracker.reading._footage import Footage, opened_views
+from tracker.reading._opening import opened, opened_uncalibrated
 from tracker.reading._pictures import read_image
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
-from tracker.reading._sequence import (
-    Footage,
-    OpenSequence,
-    OpenViews,
-    opened,
-    opened_uncalibrated,
-    opened_views,
-)
+from tracker.reading._sequence import OpenSequence
+from tracker.reading._streaming import OpenViews
 from tracker.reading.video import plate_of_clip
 
 

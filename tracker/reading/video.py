@@ -12,18 +12,12 @@ import pydantic
 from tracker.arrays import Image
 from tracker.components import FilePath, PathPattern, PlatePattern, component
 from tracker.errors import SequenceError
+from tracker.reading._footage import AbsentView, Footage, ImageStream, opened_views
+from tracker.reading._opening import opened, opened_uncalibrated
 from tracker.reading._pictures import Downscale
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
-from tracker.reading._sequence import (
-    AbsentView,
-    Footage,
-    ImageStream,
-    OpenSequence,
-    OpenViews,
-    opened,
-    opened_uncalibrated,
-    opened_views,
-)
+from tracker.reading._sequence import OpenSequence
+from tracker.reading._streaming import OpenViews
 from tracker.reading._video_view import VideoView, timeline
 
 log = logging.getLogger("tracker")

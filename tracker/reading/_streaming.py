@@ -1,0 +1,100 @@
+"""Frames of opened views as they are delivered: decoded ahead, and as bright, as large and as smooth as is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+
+from tracker.arrays import Image
+from tracker.errors import SequenceError
+from tracker.frame import Frame
+from tracker.imaging.noise import smoothed
+from tracker.reading._footage import ImageStream
+from tracker.reading._pictures import brightened, check_size, downscaled
+from tracker.reading._selection import OnMissing, Selection
+
+
+@dataclass(frozen=True)
+class OpenViews:
+    """Opened views of cameras that need no calibration; see `tracker.views.Views`."""
+
+    names: tuple[str, ...]
+    source_sizes: tuple[tuple[int, int], ...]
+    """Image sizes as on disk, px."""
+
+    fps: float
+    selection: Selection
+    offsets: tuple[int, ...]
+    downscale: float
+    gain: float
+    smoothing_px: float
+    on_missing: OnMissing
+    open_views: Callable[[], tuple[ImageStream, ...]]
+
+    @property
+    def sizes(self) -> tuple[tuple[int, int], ...]:
+        """Image widths and heights as delivered, px."""
+        return tuple(
+            (int(width // self.downscale), int(height // self.downscale)) for width, height in self.source_sizes
+        )
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames that `frames()` delivers."""
+        return len(self.selection.indices)
+
+    @property
+    def interval_s(self) -> float:
+        """Time from one delivered frame to the next, seconds."""
+        return self.selection.stride / self.fps
+
+    def frames(self) -> Iterator[Frame]:
+        """All frames of the selection; the next one is decoded while the caller works on this one."""
+        views = self.open_views()
+        with ThreadPoolExecutor(max_workers=2) as pool:
+
+            def request(index: int) -> list[Future[Image | None]]:
+                return [pool.submit(self.image, v, view, index) for v, view in enumerate(views)]
+
+            indices = self.selection.indices
+            waiting = request(indices[0]) if len(indices) else []
+            for k, index in enumerate(indices):
+                images = tuple(future.result() for future in waiting)
+                if k + 1 < len(indices):
+                    waiting = request(indices[k + 1])
+                yield Frame(index, index / self.fps, images)
+
+    def image(self, v: int, view: ImageStream, index: int) -> Image | None:
+        """An image (h, w, 3) of one view as delivered; None where it may be and is missing.
+
+        Args:
+            v: number of the view.
+            view: the view, opened; it is read in ascending order.
+            index: frame.
+
+        Raises:
+            SequenceError: it is missing or cannot be read.
+            CalibrationError: it has not the calibrated size.
+        """
+        name = self.names[v]
+        try:
+            number = index + self.offsets[v]
+            image = view.read(number) if number >= 0 else None
+        except SequenceError:
+            if self.on_missing == "skip":
+                return None
+            raise
+        if image is None:
+            if self.on_missing == "skip":
+                return None
+            raise SequenceError(
+                f'view "{name}" has no image for frame {index}; set on_missing = "skip" to leave the view out '
+                "of such frames, or a shorter range with start and stop"
+            )
+        check_size(name, image, self.source_sizes[v])
+        return self.delivered(image)
+
+    def delivered(self, image: Image) -> Image:
+        """An image or plate (h, w, 3), as recorded, as bright, as large and as smooth as images are delivered."""
+        return smoothed(downscaled(brightened(image, self.gain), self.downscale), self.smoothing_px)
