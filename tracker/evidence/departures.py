@@ -2,78 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from dataclasses import replace
+from functools import partial
 
 import cv2
 import numpy as np
 import pydantic
 
 from tracker.account import Account
-from tracker.arrays import Array, Array32, Image, Mask, Region, frozen
+from tracker.arrays import Array, Mask, frozen
 from tracker.comparison import Comparison
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.equations import Equations
 from tracker.evidence import GUESSED, Evidence, Memory
+from tracker.evidence._bare import AtStart, Bare, bare_in, begun_at, covered_by_skins, missed_by_limbs
 from tracker.evidence._known_views import KnownView, Levels, linked
+from tracker.evidence._reduced_images import common_reduction, reduced, reduced_silhouettes, reduction
 from tracker.evidence._shares import over_views
-from tracker.evidence._small_pictures import SmallPictures
 from tracker.expectation import expected_region
 from tracker.imaging.densities import colour_codes, densities
 from tracker.imaging.opening import opened
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.synthesis import SurfaceSynthesis
-from tracker.synthesis.cpu import CpuSynthesis
-
-_SMALL_PX = 180
-"""The longer side of an image is brought to about this: a forearm is then 5 px wide, and noise is a quarter."""
 
 _LEAST_SHARE = 0.5
 """Share of the parts that must be trusted for a frame to teach what the person looks like."""
 
+_SEAM = 2.0
+"""So near to the outline of the model what has changed is clothes and shadow, pixels of the small picture."""
 
-@dataclass(frozen=True, eq=False)
-class _Bare(SmallPictures):
-    """What poses have to cover in small pictures of all V views.
-
-    Of the two pictures one is what has departed, the other the same with what stays.
-    """
-
-    masks: tuple[Mask | None, ...]
-    """(h, w) what has departed; None where nothing is known."""
-
-    missing: Mask
-    """(V,) views without an image."""
-
-    @cached_property
-    def worth(self) -> Array:
-        """(V, 2) sums of the pictures; NaN for a missing view."""
-        ends = [(start, start + width * height) for start, width, height in self.regions.tolist()]
-        sums = np.array([self.pictures[start:end].sum(axis=0, dtype=np.float64) for start, end in ends])
-        found: Array = np.where(self.missing[:, None], np.nan, sums)
-        return found
-
-
-@dataclass(frozen=True)
-class _AtStart:
-    """What is observed in a first frame: a scene at the start poses teaches it, as it does colours."""
-
-    begun: Callable[[Scene], _Bare]
-    _found: list[_Bare] = field(default_factory=list, repr=False, compare=False)
-
-    def of(self, scene: Scene) -> _Bare:
-        """What is observed if the persons of a scene are about where they are."""
-        if not self._found:
-            self._found.append(self.begun(scene))
-        return self._found[0]
-
-
-def _begun_at(asked: Comparison) -> Comparison:
-    """The question with what was observed known, in a first frame as well."""
-    return asked.put(asked.observed.of(asked.scene)) if isinstance(asked.observed, _AtStart) else asked
+_TYPICAL_SHARE = 0.05
+"""Share of a view that a person covers, usually."""
 
 
 @component
@@ -120,32 +81,21 @@ class DeparturesEvidence(Evidence):
     news: float = pydantic.Field(default=0.2, gt=0, le=1)
     """Share of a new frame in what is known: light that changes within seconds is followed."""
 
-    def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> _Bare | _AtStart:
+    def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Bare | AtStart:
         """The places that have changed; none before a frame has taught what was there."""
         if memory is None and expected is not None:
-            return _AtStart(partial(self._begun, sight, expected))
+            return AtStart(partial(self._begun, sight, expected))
         return self._observed(sight, expected, memory)
 
-    def _begun(self, sight: Sight, expected: Contours, scene: Scene) -> _Bare:
+    def _begun(self, sight: Sight, expected: Contours, scene: Scene) -> Bare:
         everything = np.ones((len(scene.rig), len(scene.shapes)), dtype=np.bool_)
         return self._observed(sight, expected, self.learned(None, sight, scene, expected, everything))
 
-    def _observed(self, sight: Sight, expected: Contours | None, memory: Memory) -> _Bare:
-        n_views = len(sight.frame.images)
-        known = (None,) * n_views if memory is None or memory is GUESSED else memory
-        masks, pictures, regions, start = [], [np.zeros((0, 2), dtype=np.float32)], [], 0
-        for v, one in enumerate(known):
-            departed, stays = self._bare(sight, v, expected, one)
-            masks.append(departed)
-            height, width = (0, 0) if departed is None else departed.shape
-            regions.append((start, width, height))
-            start += width * height
-            if departed is not None and stays is not None:
-                pair = _core(departed), _core(departed | stays)
-                pictures.append(np.stack(pair, axis=-1).reshape(-1, 2))
-        factor = max((_factor(image) for image in sight.frame.images if image is not None), default=1)
-        missing = np.array([image is None for image in sight.frame.images])
-        return _Bare(factor, frozen(regions, np.int64), frozen(np.concatenate(pictures)), tuple(masks), missing)
+    def _observed(self, sight: Sight, expected: Contours | None, memory: Memory) -> Bare:
+        images = sight.frame.images
+        known = (None,) * len(images) if memory is None or memory is GUESSED else memory
+        views = [self._bare(sight, v, expected, one) for v, one in enumerate(known)]
+        return bare_in(views, common_reduction(images), np.array([image is None for image in images]))
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) what is left bare, as a share of the person; mean over the views."""
@@ -159,8 +109,8 @@ class DeparturesEvidence(Evidence):
         """What is bare as contour that is missed, by the limb that is nearest to it."""
         per_view, n_parts = self._per_view(asked, q[None])[0], len(asked.body.parts)
         nothing = np.zeros(n_parts)
-        asked = _begun_at(asked)
-        missed = self._missed(asked, q) if np.nansum(asked.observed.worth[:, 0]) else nothing
+        asked = begun_at(asked)
+        missed = missed_by_limbs(asked, q) if np.nansum(asked.observed.worth[:, 0]) else nothing
         distance_px = float(over_views(per_view[None], 0.0)[0])
         return Account(distance_px, per_view, np.full(n_parts, np.nan), nothing, nothing, missed)
 
@@ -169,55 +119,24 @@ class DeparturesEvidence(Evidence):
         known = memory or (None,) * len(scene.rig)
         return tuple(
             self._taught(one, sight, v, small, trusted[v])
-            for v, (one, small) in enumerate(zip(known, _silhouettes(scene, sight), strict=True))
+            for v, (one, small) in enumerate(zip(known, reduced_silhouettes(scene, sight), strict=True))
         )
 
     def _per_view(self, asked: Comparison, poses: Array) -> Array:
         """(B, V) px."""
-        asked = _begun_at(asked)
-        seen: _Bare = asked.observed
+        asked = begun_at(asked)
+        seen: Bare = asked.observed
         # Parts leave 4 % of a silhouette bare in the right pose: what stays is for surfaces that are known.
         column = int(asked.scene.has_skins)
         worth = seen.worth[:, column]
         if not np.nansum(worth):
             return np.tile(worth, (len(poses), 1))
         exact = asked.scene.has_skins and isinstance(asked.synthesis, SurfaceSynthesis)
-        covered = _covered_by_skins(asked, poses) if exact else seen.covered_by(asked, poses)[..., column]
+        covered = covered_by_skins(asked, poses) if exact else seen.covered_by(asked, poses)[..., column]
         own = np.array([max(camera.size[0] * camera.size[1], 1) for camera in asked.scene.rig.cameras])
         sizes = own * _TYPICAL_SHARE / seen.factor**2
         per_view: Array = self.scale_px * (worth - covered) / sizes
         return per_view
-
-    def _missed(self, asked: Comparison, q: Array) -> Array:
-        """(P,) outline of what is bare by all limbs that reach it in the image, px.
-
-        Of two hands nobody can tell which one it is, and one that is lost is often not the nearest.
-        """
-        body, seen = asked.body, asked.observed
-        missed = np.zeros(len(body.parts))
-        scene = asked.scene.with_pose(asked.person, q)
-        rig = scene.rig.downscaled(seen.factor)
-        covered = CpuSynthesis().silhouettes(replace(scene, rig=rig))
-        places = scene.world_from_parts()[0][asked.own, :3, 3]
-        radii, halves = scene.shapes[asked.own, :2].min(axis=1), scene.shapes[asked.own, 2]
-        limbs = [np.flatnonzero(body.parts_of(group)) for group in body.fine_groups if body.partner_of(group)]
-        for camera, mask, model in zip(rig.cameras, seen.masks, covered, strict=True):
-            if mask is None or not limbs:
-                continue
-            thick = _core(mask & ~model[: mask.shape[0], : mask.shape[1]])
-            rows, columns = np.nonzero(thick > 0.5)
-            depths = camera.in_camera(places)[:, 2]
-            if not len(rows) or (depths <= 0).any():
-                continue
-            gaps = np.linalg.norm(np.stack([columns, rows], axis=-1)[:, None] - camera.project(places)[None], axis=2)
-            # a strip of a limb's width has two sides
-            lengths = seen.factor / np.maximum(camera.matrix[0, 0] * radii / depths, 1.0)
-            for parts in limbs:
-                reach_m = (2 * halves[parts]).sum() - halves[parts[0]]
-                which = gaps[:, parts[0]] <= camera.matrix[0, 0] * reach_m / depths[parts[0]]
-                nearest = parts[gaps[:, parts].argmin(axis=1)]
-                np.add.at(missed, nearest[which], (lengths[nearest] * thick[rows, columns])[which])
-        return missed
 
     def _bare(
         self, sight: Sight, v: int, expected: Contours | None, known: KnownView | None
@@ -226,13 +145,13 @@ class DeparturesEvidence(Evidence):
         image = sight.frame.images[v]
         if image is None or known is None or known.looks is None:
             return None, None
-        small, levels = _small(sight, v, image), self._levels
+        small, levels = reduced(sight, v, image), self._levels
         changed = known.changed(small, levels)
         departs = changed & known.of_person(small, levels)
         if expected is not None:
             size = image.shape[1], image.shape[0]
             x, y, width, height = expected_region(expected, v, size, self.around * max(size))
-            near, factor = np.zeros_like(departs), _factor(image)
+            near, factor = np.zeros_like(departs), reduction(image)
             near[y // factor : (y + height) // factor + 1, x // factor : (x + width) // factor + 1] = True
             departs &= near
         found = linked(opened(departs), known.gaps < self.linked_px) & ~linked(opened(changed), known.strangers)
@@ -248,7 +167,7 @@ class DeparturesEvidence(Evidence):
         image = sight.frame.images[v]
         if image is None or trusted.mean() < _LEAST_SHARE:
             return known
-        small, factor, levels = _small(sight, v, image), _factor(image), self._levels
+        small, factor, levels = reduced(sight, v, image), reduction(image), self._levels
         silhouette = silhouette[: small.shape[0], : small.shape[1]]
         gaps = cv2.distanceTransform((~silhouette).astype(np.uint8), cv2.DIST_L2, 3) * factor
         codes, n_person, last = (colour_codes(small),), int(np.count_nonzero(silhouette)), frozen(small, np.float32)
@@ -282,56 +201,3 @@ class DeparturesEvidence(Evidence):
     @property
     def _levels(self) -> Levels:
         return Levels(self.least_levels, self.still_levels, self.least_odds)
-
-
-_SEAM = 2.0
-"""So near to the outline of the model what has changed is clothes and shadow, pixels of the small picture."""
-
-_TYPICAL_SHARE = 0.05
-"""Share of a view that a person covers, usually."""
-
-
-def _covered_by_skins(asked: Comparison, poses: Array) -> Array:
-    """(B, V) sums of what is bare over what poses (B, dof) cover of it with their own surface."""
-    seen: _Bare = asked.observed
-    covered = np.zeros((len(poses), len(seen.masks)))
-    rig = asked.scene.rig.downscaled(seen.factor)
-    for b, q in enumerate(poses):
-        masks = CpuSynthesis().silhouettes(replace(asked.scene.with_pose(asked.person, q), rig=rig))
-        for v, (start, width, height) in enumerate(seen.regions.tolist()):
-            core = seen.pictures[start : start + width * height, 1].reshape(height, width)
-            covered[b, v] = core[masks[v][:height, :width]].sum()
-    return covered
-
-
-def _core(mask: Mask) -> Array32:
-    """(h, w) worth of covering each pixel, 0 to 1: the rim is that of clothes, which the parts of a model are not."""
-    inwards = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
-    worth: Array32 = np.clip((inwards - 0.5) / 1.5, 0, 1).astype(np.float32)
-    return worth
-
-
-def _silhouettes(scene: Scene, sight: Sight) -> tuple[Mask, ...]:
-    """(h, w) what the persons cover of the small pictures."""
-    factor = max((_factor(image) for image in sight.frame.images if image is not None), default=1)
-    return CpuSynthesis().silhouettes(replace(scene, rig=scene.rig.downscaled(factor)))
-
-
-def _factor(image: Image) -> int:
-    longest: int = max(image.shape[:2])
-    return max(1, round(longest / _SMALL_PX))
-
-
-def _small(sight: Sight, v: int, image: Image) -> Image:
-    """The image made smaller."""
-    whole = 0, 0, image.shape[1], image.shape[0]
-    found: Image = sight.once(DeparturesEvidence, v, whole, partial(_resized, image))[1]
-    return found
-
-
-def _resized(image: Image, region: Region) -> tuple[Region, Image]:
-    factor = _factor(image)
-    size = image.shape[1] // factor, image.shape[0] // factor
-    whole = image[: size[1] * factor, : size[0] * factor]
-    small: Image = cv2.resize(whole, size, interpolation=cv2.INTER_AREA)
-    return region, small

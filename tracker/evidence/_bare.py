@@ -1,0 +1,129 @@
+"""What has departed in a frame and poses have to cover, and what of it they leave bare."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from tracker.arrays import Array, Array32, Mask, frozen
+from tracker.comparison import Comparison
+from tracker.evidence._small_pictures import SmallPictures
+from tracker.scene import Scene
+from tracker.synthesis.cpu import CpuSynthesis
+
+
+@dataclass(frozen=True, eq=False)
+class Bare(SmallPictures):
+    """What poses have to cover in small pictures of all V views.
+
+    Of the two pictures one is what has departed, the other the same with what stays.
+    """
+
+    masks: tuple[Mask | None, ...]
+    """(h, w) what has departed; None where nothing is known."""
+
+    missing: Mask
+    """(V,) views without an image."""
+
+    @cached_property
+    def worth(self) -> Array:
+        """(V, 2) sums of the pictures; NaN for a missing view."""
+        ends = [(start, start + width * height) for start, width, height in self.regions.tolist()]
+        sums = np.array([self.pictures[start:end].sum(axis=0, dtype=np.float64) for start, end in ends])
+        found: Array = np.where(self.missing[:, None], np.nan, sums)
+        return found
+
+
+@dataclass(frozen=True)
+class AtStart:
+    """What is observed in a first frame: a scene at the start poses teaches it, as it does colours."""
+
+    begun: Callable[[Scene], Bare]
+    _found: list[Bare] = field(default_factory=list, repr=False, compare=False)
+
+    def of(self, scene: Scene) -> Bare:
+        """What is observed if the persons of a scene are about where they are."""
+        if not self._found:
+            self._found.append(self.begun(scene))
+        return self._found[0]
+
+
+def begun_at(asked: Comparison) -> Comparison:
+    """The question with what was observed known, in a first frame as well."""
+    return asked.put(asked.observed.of(asked.scene)) if isinstance(asked.observed, AtStart) else asked
+
+
+def bare_in(views: Sequence[tuple[Mask | None, Mask | None]], factor: int, missing: Mask) -> Bare:
+    """What poses have to cover, made ready to be compared.
+
+    Args:
+        views: (h, w) what has departed, and what stays, of each view; None where nothing is known.
+        factor: how many pixels of an image one of these masks stands for, along each side.
+        missing: (V,) views without an image.
+    """
+    pictures, regions, start = [np.zeros((0, 2), dtype=np.float32)], [], 0
+    for departed, stays in views:
+        height, width = (0, 0) if departed is None else departed.shape
+        regions.append((start, width, height))
+        start += width * height
+        if departed is not None and stays is not None:
+            pair = _core(departed), _core(departed | stays)
+            pictures.append(np.stack(pair, axis=-1).reshape(-1, 2))
+    masks = tuple(departed for departed, _ in views)
+    return Bare(factor, frozen(regions, np.int64), frozen(np.concatenate(pictures)), masks, missing)
+
+
+def covered_by_skins(asked: Comparison, poses: Array) -> Array:
+    """(B, V) sums of what is bare over what poses (B, dof) cover of it with their own surface."""
+    seen: Bare = asked.observed
+    covered = np.zeros((len(poses), len(seen.masks)))
+    rig = asked.scene.rig.downscaled(seen.factor)
+    for b, q in enumerate(poses):
+        masks = CpuSynthesis().silhouettes(replace(asked.scene.with_pose(asked.person, q), rig=rig))
+        for v, (start, width, height) in enumerate(seen.regions.tolist()):
+            core = seen.pictures[start : start + width * height, 1].reshape(height, width)
+            covered[b, v] = core[masks[v][:height, :width]].sum()
+    return covered
+
+
+def missed_by_limbs(asked: Comparison, q: Array) -> Array:
+    """(P,) outline of what a pose (dof,) leaves bare by all limbs that reach it in the image, px.
+
+    Of two hands nobody can tell which one it is, and one that is lost is often not the nearest.
+    """
+    body, seen = asked.body, asked.observed
+    missed = np.zeros(len(body.parts))
+    scene = asked.scene.with_pose(asked.person, q)
+    rig = scene.rig.downscaled(seen.factor)
+    covered = CpuSynthesis().silhouettes(replace(scene, rig=rig))
+    places = scene.world_from_parts()[0][asked.own, :3, 3]
+    radii, halves = scene.shapes[asked.own, :2].min(axis=1), scene.shapes[asked.own, 2]
+    limbs = [np.flatnonzero(body.parts_of(group)) for group in body.fine_groups if body.partner_of(group)]
+    for camera, mask, model in zip(rig.cameras, seen.masks, covered, strict=True):
+        if mask is None or not limbs:
+            continue
+        thick = _core(mask & ~model[: mask.shape[0], : mask.shape[1]])
+        rows, columns = np.nonzero(thick > 0.5)
+        depths = camera.in_camera(places)[:, 2]
+        if not len(rows) or (depths <= 0).any():
+            continue
+        gaps = np.linalg.norm(np.stack([columns, rows], axis=-1)[:, None] - camera.project(places)[None], axis=2)
+        # a strip of a limb's width has two sides
+        lengths = seen.factor / np.maximum(camera.matrix[0, 0] * radii / depths, 1.0)
+        for parts in limbs:
+            reach_m = (2 * halves[parts]).sum() - halves[parts[0]]
+            which = gaps[:, parts[0]] <= camera.matrix[0, 0] * reach_m / depths[parts[0]]
+            nearest = parts[gaps[:, parts].argmin(axis=1)]
+            np.add.at(missed, nearest[which], (lengths[nearest] * thick[rows, columns])[which])
+    return missed
+
+
+def _core(mask: Mask) -> Array32:
+    """(h, w) worth of covering each pixel, 0 to 1: the rim is that of clothes, which the parts of a model are not."""
+    inwards = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
+    worth: Array32 = np.clip((inwards - 0.5) / 1.5, 0, 1).astype(np.float32)
+    return worth
