@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from tracker.calibration._bundle import Noise, State, adjust, normal_equations, residuals, solved
 from tracker.calibration._objects import Bars, Boards, MeasuredPoints
-from tracker.calibration._self_calibration import precision, self_calibrated
+from tracker.calibration._precision import precision
+from tracker.calibration._self_calibration import self_calibrated
 from tracker.calibration._states import GROUPS, PARAMETERS, camera_of, moved, rigid_motions, state_of
 from tracker.kernels.adjustment.bundle import N_OBJECT, project_with_slopes
 from tracker.kernels.rows import bundle_camera

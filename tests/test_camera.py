@@ -175,6 +175,13 @@ def test_the_reach_ends_where_the_distortion_turns_back(lens: Any, turns: bool) 
         assert np.isfinite(camera.project(ray.T)).all(axis=1).tolist() == [True, False]
 
 
+def test_a_lens_that_images_to_infinity_does_not_turn_back() -> None:
+    for pole in np.linspace(0.3, 0.7, 9):
+        camera = replace(GOOD, distortion=np.array([0.1, 0, 0, 0, 0, -pole, 0, 0]))
+        assert camera.reach == pytest.approx(pole**-0.5)
+        assert camera.turns_back_px is None
+
+
 def test_a_lens_that_turns_back_inside_the_image_is_told() -> None:
     """Of the same lens a long one images only what lies within its reach."""
     wide = replace(GOOD, distortion=FOLDING, matrix=np.array([[400.0, 0, 360], [0, 400, 288], [0, 0, 1]]))

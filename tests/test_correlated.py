@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from tracker.calibration import report_text
 from tracker.calibration._bundle import Noise, adjust, normal_equations
 from tracker.calibration._correlated import _equations_of, _left_out
-from tracker.calibration._self_calibration import PARAMETERS
+from tracker.calibration._states import PARAMETERS
 from tracker.calibration.chessboard import BoardImages, ChessboardCalibration
 from tracker.camera import Camera
 from tracker.kernels.rows import bundle_unknown as unknown

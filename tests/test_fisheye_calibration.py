@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import cv2
@@ -37,7 +38,9 @@ def three_cameras() -> list[Camera]:
     return [Camera.looking_at(name, SIZE, 640.0, at, np.array([0, 1.6, 1.2])) for name, at in places.items()]
 
 
-def boards_seen(cameras: list[Camera], n: int = 40) -> BoardImages:
+def boards_seen(
+    cameras: list[Camera], n: int = 40, imaged: Callable[[Camera, Array], Array] = fisheye_images
+) -> BoardImages:
     """Corners of a board that is carried through the room before the cameras."""
     rng = np.random.default_rng(3)
     columns, rows = np.meshgrid(np.arange(9.0), np.arange(6.0))
@@ -47,7 +50,7 @@ def boards_seen(cameras: list[Camera], n: int = 40) -> BoardImages:
         turn = Rotation.from_euler("x", 90, degrees=True) * Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3))
         corners = turn.apply(plan - (0.24, 0.15, 0)) + rng.uniform((-1.1, 0.6, 0.7), (1.1, 1.8, 2.0))
         for v, camera in enumerate(cameras):
-            pixels = fisheye_images(camera, corners) + rng.normal(0, NOISE_PX, (54, 2))
+            pixels = imaged(camera, corners) + rng.normal(0, NOISE_PX, (54, 2))
             shown = np.isfinite(pixels).all(axis=1)
             if shown.sum() >= 6:
                 seen[v, frame] = plan[shown], pixels[shown]
@@ -86,3 +89,20 @@ def test_an_equidistant_lens_is_found_from_few_boards() -> None:
     images = boards_seen(three_cameras(), n=12)
     state, _ = board_start(images.seen, images.names, images.sizes, "fisheye")
     np.testing.assert_allclose(state.cameras[:, bundle_camera.C], MATRIX[1, 1], rtol=0.1)
+
+
+def test_radial_terms_that_turn_back_inside_the_image_are_held() -> None:
+    """Few boards, a lens that bends back in the corners where none of them was: said, and no such lens comes out."""
+    folding = np.array([-0.374, 0.304, 0.0, 0.0, -0.252])
+    matrix = np.array([[450.0, 0, 640], [0, 450, 360], [0, 0, 1]])
+    truth = [replace(camera, matrix=matrix, distortion=folding) for camera in three_cameras()]
+
+    def inside(camera: Camera, points: Array) -> Array:
+        pixels = camera.project(points)
+        shown = ((pixels >= 0) & (pixels <= np.array(SIZE) - 1)).all(axis=1)
+        return np.where(shown[:, None], pixels, np.nan)
+
+    images = boards_seen(truth, 12, inside)
+    found = ChessboardCalibration(columns=9, rows=6, square_m=0.06, sigma_px=NOISE_PX).calibrate_images(images)
+    assert any("turns back" in line and "inside the image" in line for line in found.advice)
+    assert all(camera.turns_back_px is None for camera in found.rig.cameras)

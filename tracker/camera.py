@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.polynomial import Polynomial
 from scipy.linalg import rq
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, frozen, shape_fault
 from tracker.errors import CalibrationError, name_fault
+from tracker.lens import Lens
 
 _PLUMB = 0.2
 """Length of the vertical in the image plane below which no side of the image is the upper one: 12 degrees off it."""
@@ -102,25 +102,17 @@ class Camera:
         """(5,) or (8,) the distortion as files have it: without a denominator that is 1."""
         return self.distortion if self.distortion[5:].any() else self.distortion[:5]
 
-    @property
-    def _radial(self) -> tuple[Polynomial, Polynomial]:
-        """Numerator and denominator of the radial distortion, polynomials of r^2."""
-        k1, k2, _, _, k3, k4, k5, k6 = self.distortion
-        return Polynomial([1, k1, k2, k3]), Polynomial([1, k4, k5, k6])
-
     @cached_property
+    def _lens(self) -> Lens:
+        return Lens(self.distortion)
+
+    @property
     def reach(self) -> float:
         """Distance from the axis, in the plane z = 1, at which the radial distortion turns back; inf if it never does.
 
-        ``r N(r^2) / D(r^2)`` grows up to the first root of ``N D + 2 r^2 (N' D - N D')``, or of ``D``; without a
-        denominator that is ``1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6``. What lies farther out would be imaged nearer to the
-        centre again, over other things.
+        What lies farther out would be imaged nearer to the centre again, over other things.
         """
-        over, under = self._radial
-        slope = over * under + Polynomial([0, 2]) * (over.deriv() * under - over * under.deriv())
-        roots = np.concatenate([slope.trim().roots(), under.trim().roots()])
-        squares = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
-        return float(np.sqrt(squares.min())) if len(squares) else np.inf
+        return self._lens.reach
 
     @cached_property
     def turns_back_px(self) -> float | None:
@@ -131,8 +123,7 @@ class Camera:
         corners = np.array([(0.0, 0.0), (width - 1, 0), (0, height - 1), (width - 1, height - 1)])
         inverse = np.linalg.inv(self.matrix[:2, :2])
         farthest = float(np.linalg.norm((corners - self.matrix[:2, 2]) @ inverse.T, axis=1).max())
-        over, under = self._radial
-        end = self.reach * over(self.reach**2) / under(self.reach**2)
+        end = self._lens.imaged_reach
         return float(end * self.matrix[0, 0]) if end <= farthest else None
 
     def in_camera(self, points: Array) -> Array:
@@ -148,7 +139,7 @@ class Camera:
         if np.isfinite(self.reach):
             beyond = np.linalg.norm(plane, axis=-1, keepdims=True) > self.reach
             plane = np.where(beyond, np.nan, plane)
-        image, _ = _distort(plane, self.distortion)
+        image, _ = self._lens.distort(plane)
         pixels: Array = image @ self.matrix[:2, :2].T + self.matrix[:2, 2]
         return pixels
 
@@ -157,7 +148,7 @@ class Camera:
         local = self.in_camera(np.asarray(points, dtype=np.float64))
         depth = local[..., 2]
         plane = local[..., :2] / depth[..., None]
-        _, slope = _distort(plane, self.distortion)
+        _, slope = self._lens.distort(plane)
         perspective = np.zeros((*depth.shape, 2, 3))
         perspective[..., 0, 0] = perspective[..., 1, 1] = 1 / depth
         perspective[..., :, 2] = -plane / depth[..., None]
@@ -165,22 +156,9 @@ class Camera:
         return derivative
 
     def undistort(self, pixels: Array) -> Array:
-        """Pixels (..., 2) to distortion-free coordinates in the plane z = 1 (..., 2).
-
-        Solved by Newton steps on the distortion's Jacobian.
-        """
+        """Pixels (..., 2) to distortion-free coordinates in the plane z = 1 (..., 2)."""
         pixels = np.asarray(pixels, dtype=np.float64)
-        target = (pixels - self.matrix[:2, 2]) @ np.linalg.inv(self.matrix[:2, :2]).T
-        plane: Array = target.copy()
-        if not self.distortion.any():
-            return plane
-        for _ in range(20):
-            value, slope = _distort(plane, self.distortion)
-            step = np.linalg.solve(slope, (target - value)[..., None])[..., 0]
-            plane = plane + step
-            if np.abs(step).max(initial=0.0) < 1e-13:
-                break
-        return plane
+        return self._lens.undistort((pixels - self.matrix[:2, 2]) @ np.linalg.inv(self.matrix[:2, :2]).T)
 
     def rays(self, pixels: Array) -> Array:
         """Unit viewing directions in the world (..., 3) of pixels (..., 2)."""
@@ -270,25 +248,3 @@ def upper_triangular(matrix: Array, distortion: Array, motion: Array) -> tuple[A
     lens = np.array(distortion)
     lens[[2, 3]] = p1, p2
     return np.asarray(upper / upper[2, 2]), lens, turned
-
-
-def _distort(plane: Array, distortion: Array) -> tuple[Array, Array]:
-    """Radial and decentring distortion of plane coordinates (..., 2), and its Jacobian (..., 2, 2)."""
-    k1, k2, p1, p2, k3, k4, k5, k6 = distortion
-    x, y = plane[..., 0], plane[..., 1]
-    r2 = x * x + y * y
-    under = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
-    radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / under
-    slope = (k1 + r2 * (2 * k2 + r2 * 3 * k3) - radial * (k4 + r2 * (2 * k5 + r2 * 3 * k6))) / under
-    value = np.stack(
-        [
-            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
-        ],
-        axis=-1,
-    )
-    jacobian = np.empty((*r2.shape, 2, 2))
-    jacobian[..., 0, 0] = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
-    jacobian[..., 0, 1] = jacobian[..., 1, 0] = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
-    jacobian[..., 1, 1] = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
-    return value, jacobian

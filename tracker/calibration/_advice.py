@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from tracker.arrays import Integers
-from tracker.calibration._self_calibration import Adjustment, Held
+from tracker.calibration._adjustment import Adjustment
+from tracker.calibration._determinability import Held
 
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "central", "right")
 # Above 0.98, the variance of one parameter is more than 25 times what it would be with the other one known.

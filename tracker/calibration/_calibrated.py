@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from tracker.arrays import Array, Image
-from tracker.calibration._self_calibration import Adjustment
+from tracker.calibration._adjustment import Adjustment
 from tracker.rig import Rig
 
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from tracker.calibration._adjustment import Adjustment, parameter_table
 from tracker.calibration._advice import coverage
 from tracker.calibration._calibrated import Calibrated
-from tracker.calibration._self_calibration import Adjustment, parameter_table
 from tracker.pages import filled
 
 _ARROW_PX = 20.0

@@ -10,12 +10,13 @@ import numpy as np
 import pydantic
 
 from tracker.arrays import Array, Image
+from tracker.calibration._adjustment import Adjustment
 from tracker.calibration._advice import advice
 from tracker.calibration._board_start import Lens, SeenCorners, board_start
 from tracker.calibration._boards import charuco_detector, find_charuco, find_corners
 from tracker.calibration._calibrated import Calibrated, Measure
 from tracker.calibration._objects import Boards
-from tracker.calibration._self_calibration import Adjustment, chosen_unknowns, self_calibrated
+from tracker.calibration._self_calibration import chosen_unknowns, self_calibrated
 from tracker.calibration._world import WorldFrame
 from tracker.components import component
 from tracker.errors import CalibrationError

@@ -9,12 +9,13 @@ import numpy as np
 import pydantic
 
 from tracker.arrays import Array, Mask
+from tracker.calibration._adjustment import Adjustment
 from tracker.calibration._advice import advice
 from tracker.calibration._bar_images import BarImages, measure_bar
 from tracker.calibration._bundle import Observations, State
 from tracker.calibration._calibrated import Calibrated, Measure
 from tracker.calibration._objects import Bars
-from tracker.calibration._self_calibration import Adjustment, chosen_unknowns, self_calibrated
+from tracker.calibration._self_calibration import chosen_unknowns, self_calibrated
 from tracker.calibration._start import bar_observations, start_values
 from tracker.calibration._states import nominal_state
 from tracker.calibration._synchronization import check_synchronized, time_offsets

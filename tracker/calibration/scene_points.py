@@ -10,11 +10,12 @@ import pydantic
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Mask
+from tracker.calibration._adjustment import Adjustment
 from tracker.calibration._advice import advice
 from tracker.calibration._bundle import Observations, State
 from tracker.calibration._calibrated import Calibrated, Measure
 from tracker.calibration._objects import MeasuredPoints
-from tracker.calibration._self_calibration import Adjustment, chosen_unknowns, self_calibrated
+from tracker.calibration._self_calibration import chosen_unknowns, self_calibrated
 from tracker.calibration._states import nominal_state, pinhole_of
 from tracker.calibration._world import read_points
 from tracker.components import FilePath, component
