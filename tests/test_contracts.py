@@ -30,7 +30,7 @@ from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.regions import RegionEvidence
 from tracker.frame import Frame
 from tracker.kernels.contours.chamfer import directed_distances
-from tracker.kernels.regions.scoring import Lines
+from tracker.kernels.regions.lines import Lines
 from tracker.objective import Objective
 from tracker.observation import Observation
 from tracker.scene import Scene

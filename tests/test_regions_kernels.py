@@ -12,8 +12,10 @@ from tracker.body import BodyModel
 from tracker.contours import Contours
 from tracker.kernels.regions.colours import EVEN, N_COLOURS, Picture, Tables
 from tracker.kernels.regions.equations import shift_equations
-from tracker.kernels.regions.lines import SPOTS, Looks, Samples, find_shifts, learn_lines
-from tracker.kernels.regions.scoring import Lines, score_lines
+from tracker.kernels.regions.learning import learn_lines
+from tracker.kernels.regions.lines import SPOTS, Lines, Looks, Samples
+from tracker.kernels.regions.misfits import score_lines
+from tracker.kernels.regions.shifts import find_shifts
 from tracker.kernels.regions.sides import parts_beside
 from tracker.rig import Rig
 from tracker.scene import Person, Scene

@@ -8,7 +8,8 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Image, Integers, Mask, frozen
 from tracker.kernels.regions.colours import EVEN, N_COLOURS, Picture, Tables, hides, tabulate_posteriors
-from tracker.kernels.regions.lines import Looks, Samples, learn_lines
+from tracker.kernels.regions.learning import learn_lines
+from tracker.kernels.regions.lines import Looks, Samples
 
 FLOOR = 2e-4
 """Share that a colour never seen has: one of 4096 bins by chance."""

@@ -27,8 +27,8 @@ from tracker.expectation import expected_region
 from tracker.geometry.superquadrics import box_bounds
 from tracker.kernels.regions.colours import Picture
 from tracker.kernels.regions.equations import shift_equations
-from tracker.kernels.regions.lines import Rule, Samples, find_shifts
-from tracker.kernels.regions.scoring import Lines
+from tracker.kernels.regions.lines import Lines, Rule, Samples
+from tracker.kernels.regions.shifts import find_shifts
 from tracker.kernels.regions.sides import parts_beside
 from tracker.kernels.rows import superquadric
 from tracker.scene import Scene

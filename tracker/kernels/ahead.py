@@ -44,8 +44,11 @@ from tracker.kernels.pictures.rods import covered_by_rods
 from tracker.kernels.pictures.silhouettes import fill_parts
 from tracker.kernels.regions.colours import N_COLOURS, Picture, Tables, encode, tabulate_posteriors
 from tracker.kernels.regions.equations import shift_equations
-from tracker.kernels.regions.lines import Looks, Rule, Samples, find_shifts, learn_lines
-from tracker.kernels.regions.scoring import Lines, score_lines, score_regions
+from tracker.kernels.regions.learning import learn_lines
+from tracker.kernels.regions.lines import Lines, Looks, Rule, Samples
+from tracker.kernels.regions.misfits import score_lines
+from tracker.kernels.regions.scoring import score_regions
+from tracker.kernels.regions.shifts import find_shifts
 from tracker.kernels.regions.sides import parts_beside
 from tracker.kernels.rows import bundle_camera
 from tracker.kernels.skins.filling import fill_mesh

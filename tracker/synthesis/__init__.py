@@ -9,7 +9,7 @@ from typing import Protocol, TypeVar, runtime_checkable
 
 from tracker.arrays import Array, Integers, Mask
 from tracker.contours import Contours
-from tracker.kernels.regions.scoring import Lines
+from tracker.kernels.regions.lines import Lines
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._pictures import distances_of, misfits_of
@@ -75,7 +75,7 @@ class Synthesis(Protocol):
         """How much beside the contours of many poses of one person has the colours of the other side.
 
         As for `directed_distances`, no contour need be written to memory on the way. It is a faster way to what
-        `tracker.kernels.regions.scoring.score_lines` says of the coarse contours.
+        `tracker.kernels.regions.misfits.score_lines` says of the coarse contours.
 
         Args:
             scene: persons, poses and rig.

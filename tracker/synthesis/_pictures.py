@@ -15,7 +15,8 @@ from tracker.geometry.superquadrics import box_bounds
 from tracker.kernels.contours.chamfer import directed_distances
 from tracker.kernels.pictures.id_contours import id_contours
 from tracker.kernels.pictures.rasterization import rasterize
-from tracker.kernels.regions.scoring import Lines, score_lines
+from tracker.kernels.regions.lines import Lines
+from tracker.kernels.regions.misfits import score_lines
 from tracker.kernels.regions.sides import parts_beside
 from tracker.kernels.rows import superquadric
 from tracker.observation import Observation

@@ -10,7 +10,7 @@ from tracker.arrays import Array, Integers, Mask
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.errors import RenderError
-from tracker.kernels.regions.scoring import Lines
+from tracker.kernels.regions.lines import Lines
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._atlas import atlas_on

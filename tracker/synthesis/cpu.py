@@ -17,7 +17,8 @@ from tracker.kernels.contours.pieces import MOST_COLUMNS
 from tracker.kernels.contours.scoring import moving_parts, score_poses, trace_still
 from tracker.kernels.contours.tracing import trace_contours
 from tracker.kernels.pictures.silhouettes import fill_parts
-from tracker.kernels.regions.scoring import Lines, score_regions
+from tracker.kernels.regions.lines import Lines
+from tracker.kernels.regions.scoring import score_regions
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._pictures import rasterized_ids

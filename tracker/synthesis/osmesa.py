@@ -11,7 +11,7 @@ from tracker.arrays import Array, Image, Integers, Mask
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.geometry.superquadric_meshes import meshes_of
-from tracker.kernels.regions.scoring import Lines
+from tracker.kernels.regions.lines import Lines
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._meshes import before_cameras

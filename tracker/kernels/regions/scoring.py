@@ -1,4 +1,4 @@
-"""Poses compared with the colours of the images: how much of the lines across their contours is on the wrong side.
+"""Poses synthesized and compared with the colours of the images in one go: no contour is written to memory.
 
 In a decomposed search most parts of the body stand still. They are traced, and their lines read, once for all poses;
 of each pose only the moving parts are, and it is asked which lines of the others they cover or lie beside.
@@ -12,37 +12,17 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
-from tracker.kernels.contours.occlusion import cover, place_solids, view_solids
+from tracker.kernels.contours.occlusion import cover
 from tracker.kernels.contours.scoring import moving_parts
+from tracker.kernels.contours.solids import place_solids, view_solids
 from tracker.kernels.contours.tracing import trace_view, tracing_workspace
-from tracker.kernels.regions.colours import EVEN, HIDDEN, Picture, colour_at
-from tracker.kernels.regions.lines import BACKGROUND, DEEPEST, Looks, Rule, inside_share, pixels_per_metre
+from tracker.kernels.regions.colours import Picture
+from tracker.kernels.regions.lines import BACKGROUND, Lines, Looks, Rule
+from tracker.kernels.regions.misfits import add_misfit, judged
 from tracker.kernels.regions.sides import nearest_beside, parts_near, place_spots
 from tracker.kernels.rows import region, sample, solid, spot
 from tracker.kernels.rows.camera import FX
 from tracker.kernels.rows.workspace import ROW
-
-_EXPLAINED = 0.45
-"""A line with less than this share on the wrong side explains its contour; half tells nothing. Of tracked poses 89 to
-92 % of the contour is explained so, of arms anywhere else 26 % (three rendered recordings)."""
-
-_COMPARED = 4
-"""Places on either side, two steps apart, that a score looks at."""
-
-
-class Lines(NamedTuple):
-    """What contours are compared with."""
-
-    picture: Picture
-    """Colours seen."""
-
-    looks: Looks
-    """Colours known."""
-
-    wanted: Mask
-    """(P,) parts whose contours count."""
-
-    rule: Rule
 
 
 class _Kept(NamedTuple):
@@ -62,108 +42,6 @@ class _Kept(NamedTuple):
 
     wrong: Array
     """(ROW, 2) share of the line on the wrong side, and how long a line is, px."""
-
-
-@compiled
-def _wrong_share(
-    picture: Picture,
-    looks: Looks,
-    place: tuple[int, int, float, float, float, float],
-    side: int,
-    spacing: tuple[float, float, float],
-) -> float:
-    """How much of a line lies on the wrong side of the contour, 0 to 1; -1 where something hides the part.
-
-    Args:
-        picture, looks: colours seen and known.
-        place: view, part, pixel and unit image normal of the contour sample.
-        side: part seen at the first of the `SPOTS`: of all places but one it is the one that counts.
-        spacing: distance of the places on the line, px; how far it may go into the part, px; `Rule.floor`.
-    """
-    v, p, x, y, nu, nv = place
-    step, deep, floor = spacing
-    inside = outside = 0.0
-    n_inside = n_hidden = 0
-    for k in range(_COMPARED):
-        along = 1.5 + 2.0 * k
-        if k == 0 or along * step < deep:
-            colour = colour_at(picture, v, x - nu * along * step, y - nv * along * step)
-            share = inside_share(looks, v, p, side, colour, floor)
-            if share == HIDDEN:
-                share = float(EVEN)
-                n_hidden += 1
-            inside += share
-            n_inside += 1
-        colour = colour_at(picture, v, x + nu * along * step, y + nv * along * step)
-        share = inside_share(looks, v, p, side, colour, floor)
-        outside += share if share < HIDDEN else float(EVEN)
-    if 2 * n_hidden > n_inside:
-        return -1.0
-    return 0.5 * (1.0 - inside / (254.0 * n_inside) + outside / (254.0 * _COMPARED))
-
-
-@compiled
-def _judged(
-    picture: Picture,
-    looks: Looks,
-    rule: Rule,
-    cameras: Array,
-    place: tuple[int, int, float, float, float, float],
-    point: tuple[float, float, float],
-    side: int,
-) -> tuple[float, float]:
-    """Share of the line of a contour sample at a world point that is on the wrong side or -1, and its length, px."""
-    size = pixels_per_metre(cameras[place[0]], point[0], point[1], point[2])
-    step = max(size * rule.step_m, 1.0)
-    spacing = step, DEEPEST * size * looks.half_extents[place[1]], rule.floor
-    return _wrong_share(picture, looks, place, side, spacing), 4.0 * _COMPARED * step
-
-
-@compiled
-def _add(length: float, wrong: float, line_px: float, p: int, misfits: Array) -> None:
-    """Adds a sample of part p, unless it is hidden, and the contour it stands for, to misfits (P, 3) of a view."""
-    if wrong < 0.0:
-        return
-    misfits[p, 0] += length
-    misfits[p, 1] += length * wrong * line_px
-    misfits[p, 2] += length if wrong < _EXPLAINED else 0.0
-
-
-@compiled
-def score_lines(
-    lines: Lines,
-    positions: Array32,
-    points: Array32,
-    parts: Integers,
-    counts: Integers,
-    beside: Integers,
-    cameras: Array,
-    misfits: Array,
-) -> None:
-    """How much beside the contours of many poses lies on the wrong side of them.
-
-    Args:
-        lines: what they are compared with.
-        positions, points, parts, counts: of `Contours`, for B poses.
-        beside: (B, V, M, 2) parts seen at the `SPOTS`.
-        cameras: (V, 28) from `Rig.packed`.
-        misfits: (B, V, P, 3) output: contour compared, px; times how much of the line lies on the wrong side, px;
-            contour whose lines show the part inside and not outside, px.
-    """
-    picture, looks, wanted, rule = lines
-    for b in range(len(counts)):
-        for v in range(counts.shape[1]):
-            if picture.layout[v, region.WIDTH] == 0:
-                continue
-            for m in range(counts[b, v]):
-                p, length = parts[b, v, m], float(positions[b, v, m, sample.LENGTH])
-                if length <= 0.0 or not wanted[p] or not looks.known[v, p]:
-                    continue
-                point = float(points[b, v, m, 0]), float(points[b, v, m, 1]), float(points[b, v, m, 2])
-                x, y = float(positions[b, v, m, 0]), float(positions[b, v, m, 1])
-                place = v, p, x, y, float(positions[b, v, m, 2]), float(positions[b, v, m, 3])
-                wrong, line_px = _judged(picture, looks, rule, cameras, place, point, beside[b, v, m, 0])
-                _add(length, wrong, line_px, p, misfits[b, v])
 
 
 @compiled
@@ -203,7 +81,7 @@ def _read_still(
             n = parts_near(solids, still, last, cameras[v, FX], rule.step_m, near)
         side, depth = nearest_beside(solids, near, n, kept.spots, (i, 0), (BACKGROUND, np.inf))
         kept.sides[i], kept.depths[i] = side, depth
-        kept.wrong[i, 0], kept.wrong[i, 1] = _judged(picture, looks, rule, cameras, place, point, side)
+        kept.wrong[i, 0], kept.wrong[i, 1] = judged(picture, looks, rule, cameras, place, point, side)
 
 
 @compiled
@@ -241,8 +119,8 @@ def _add_still(
         side, _ = nearest_beside(solids, near, n, kept.spots, (i, 0), (kept.sides[i], kept.depths[i]))
         if side != kept.sides[i]:
             place, point = _row(v, kept.samples, i), _point(kept.samples, i)
-            wrong, line_px = _judged(picture, looks, rule, cameras, place, point, side)
-        _add(float(kept.samples[i, sample.LENGTH]), wrong, line_px, p, misfits)
+            wrong, line_px = judged(picture, looks, rule, cameras, place, point, side)
+        add_misfit(float(kept.samples[i, sample.LENGTH]), wrong, line_px, p, misfits)
 
 
 @compiled
@@ -270,8 +148,8 @@ def _add_traced(
             last = place[1]
             n = parts_near(solids, everything, last, cameras[v, FX], rule.step_m, near)
         side, _ = nearest_beside(solids, near, n, spots, (0, 0), (BACKGROUND, np.inf))
-        wrong, line_px = _judged(picture, looks, rule, cameras, place, point, side)
-        _add(float(traced[i, sample.LENGTH]), wrong, line_px, place[1], misfits)
+        wrong, line_px = judged(picture, looks, rule, cameras, place, point, side)
+        add_misfit(float(traced[i, sample.LENGTH]), wrong, line_px, place[1], misfits)
 
 
 @compiled

@@ -8,7 +8,8 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
-from tracker.kernels.contours.occlusion import beside, blocks_ray, in_part, place_solids, view_solids
+from tracker.kernels.contours.occlusion import beside, blocks_ray
+from tracker.kernels.contours.solids import in_part, place_solids, view_solids
 from tracker.kernels.projection import project_along
 from tracker.kernels.regions.lines import BACKGROUND, SPOTS, pixels_per_metre
 from tracker.kernels.rows import sample, solid
