@@ -10,7 +10,7 @@ from rich.console import Console
 
 from tracker.commands.acquire import print_acquisition
 from tracker.commands.terminal import ProgressBar
-from tracker.config import read_config
+from tracker.config_files import read_config
 from tracker.errors import TrackerError
 from tracker.jobs.acquire import acquire_to, acquisition_from
 

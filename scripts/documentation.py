@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from tracker.components import available, find, stages
-from tracker.config import component_name, component_stage
+from tracker.config import component_name
+from tracker.field_types import component_stage
 
 PAGE = "configuration.md"
 

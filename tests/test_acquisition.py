@@ -30,7 +30,7 @@ from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.body_files import load_body, read_description, save_description
-from tracker.config import Table, read_config
+from tracker.config_files import Table, read_config
 from tracker.errors import SequenceError, TrackerError
 from tracker.frame import Frame
 from tracker.geometry.superquadrics import surface

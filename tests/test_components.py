@@ -21,8 +21,9 @@ from sections import made, minimal
 import tracker
 import tracker.similarity
 from tracker.components import available, find
-from tracker.config import build, component_stage, describe
+from tracker.config import build, describe
 from tracker.errors import ConfigError
+from tracker.field_types import component_stage
 from tracker.plugins import ask_before_plugins
 
 UNITS = ("px", "degrees", "metres", "seconds", "grey levels", "share", "frames", "per second", "factor", "rate")

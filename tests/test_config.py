@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tracker.config import build, describe, read_config
+from tracker.config import build, describe
+from tracker.config_files import read_config
 from tracker.errors import ConfigError
 from tracker.jobs import described, job_from, load_job
 

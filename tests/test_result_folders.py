@@ -13,7 +13,7 @@ import pytest
 from small_jobs import Waiting, smallest
 
 from tracker.camera import Camera
-from tracker.config import read_config
+from tracker.config_files import read_config
 from tracker.errors import CalibrationError, ConfigError, SequenceError
 from tracker.files import GrowingFile, remove_unfinished, replacing, whole_folder, write_json, write_whole
 from tracker.jobs import execute, job_from

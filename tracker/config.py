@@ -6,69 +6,18 @@ import dataclasses
 import itertools
 import os
 import re
-import tomllib
 import types
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pydantic
 
-from tracker.components import ReadBy, RelativePath, available, find
+from tracker.components import ReadBy, available, find
+from tracker.config_files import Table
 from tracker.errors import ConfigError, ModelError, nearest
-from tracker.source_files import toml_of
-
-Table = dict[str, Any]
-
-
-def read_config(path: Path, overrides: Sequence[str] = ()) -> Table:
-    """Reads a configuration file and applies overrides.
-
-    Args:
-        path: TOML file.
-        overrides: `section.key=value`, the value in TOML syntax; a bare word is taken as a string.
-
-    Raises:
-        ConfigError: the file cannot be read, or an override is no `key=value`.
-    """
-    table = toml_of(path, ConfigError, "the configuration")
-    override_table(table, overrides)
-    return table
-
-
-def override_table(table: Table, overrides: Sequence[str]) -> None:
-    """Changes a table as `--set` asks for: `section.key=value`; entries of lists go by number, `persons.0.model=human`.
-
-    Raises:
-        ConfigError: an override is no `key=value`, or its section or entry is none.
-    """
-    for override in overrides:
-        keys, sign, text = override.partition("=")
-        if not sign or not keys.strip():
-            raise ConfigError(f'--set {override}: expected section.key=value, e.g. "estimation.step_deg=3"')
-        *sections, key = keys.strip().split(".")
-        place: Any = table
-        for section in sections:
-            place = (
-                place.setdefault(section, {}) if isinstance(place, dict) else place[_entry(place, section, override)]
-            )
-            if not isinstance(place, dict | list):
-                raise ConfigError(f'--set {override}: "{section}" is a value, not a section')
-        try:
-            read = tomllib.loads(f"value = {text}")
-        except (ValueError, RecursionError):
-            read = {"value": text.strip()}
-        if len(read) > 1:
-            raise ConfigError(f"--set {override}: expected one value")
-        place[key if isinstance(place, dict) else _entry(place, key, override)] = read["value"]
-
-
-def _entry(entries: list[Any], number: str, override: str) -> int:
-    """The place in a list that an override names."""
-    if not number.isdecimal() or int(number) >= len(entries):
-        raise ConfigError(f'--set {override}: "{number}", expected the number of an entry, 0 to {len(entries) - 1}')
-    return int(number)
+from tracker.field_types import component_stage, entries_of, named_of, options_of, path_mark
 
 
 def build(stage: str, table: Mapping[str, Any], where: str, folder: Path, default: str | None = None) -> Any:
@@ -137,7 +86,7 @@ def _first_fault(cls: type[Any], error: pydantic.ValidationError) -> str:
     if not fault["loc"]:
         return fault["msg"].removeprefix("Value error, ")
     field = getattr(cls, "__pydantic_fields__")[str(fault["loc"][0])]  # noqa: B009
-    one_of_several = len(set(_options(field.annotation)) - {types.NoneType}) > 1
+    one_of_several = len(set(options_of(field.annotation)) - {types.NoneType}) > 1
     key = ".".join(str(step) for step in (fault["loc"][:1] if one_of_several else fault["loc"]))
     if fault["type"] in ("missing", "missing_argument", "missing_keyword_only_argument"):
         return f'the key "{key}" is missing' + (
@@ -174,7 +123,7 @@ def _value(kind: Any, value: Any, where: str, folder: Path) -> Any:
         label = f"{where[:-1]}." if where.endswith("]") else f"{where} "
         end = "]" if where.endswith("]") else ""
         return {name: _value(named, entry, f"{label}{name}{end}", folder) for name, entry in value.items()}
-    for option in _options(kind):
+    for option in options_of(kind):
         if component_stage(option) is not None:
             return _component(option, value, where, folder)
     path = path_mark(kind)
@@ -197,41 +146,6 @@ def _component(kind: type[Any], value: Any, where: str, folder: Path) -> Any:
     if chosen:
         return build(stage, value, where, folder)
     return build_class(kind, {key: v for key, v in value.items() if key != "use"}, where, folder)
-
-
-def entries_of(kind: Any) -> Any:
-    """X of tuple[X, ...]; None for other types."""
-    arguments = typing.get_args(kind)
-    return arguments[0] if typing.get_origin(kind) is tuple and arguments[1:] == (Ellipsis,) else None
-
-
-def named_of(kind: Any) -> Any:
-    """X of dict[str, X] where X is a component; None for other types."""
-    arguments = typing.get_args(kind)
-    found = typing.get_origin(kind) is dict and len(arguments) == 2 and component_stage(arguments[1]) is not None
-    return arguments[1] if found else None
-
-
-def _options(kind: Any) -> tuple[Any, ...]:
-    """The types of a union, or the type itself."""
-    return typing.get_args(kind) if typing.get_origin(kind) in (typing.Union, types.UnionType) else (kind,)
-
-
-def component_stage(kind: Any) -> str | None:
-    """The stage whose contract, or whose component, a field is typed with; None for plain values."""
-    module = getattr(kind, "__module__", "")
-    if not isinstance(kind, type) or not module.startswith("tracker."):
-        return None
-    if getattr(kind, "_is_protocol", False) or "__pydantic_config__" in vars(kind):
-        return module.split(".")[1]
-    return None
-
-
-def path_mark(kind: Any) -> RelativePath | None:
-    """How a field's path is resolved; None for fields that hold none."""
-    marks = (mark for mark in getattr(kind, "__metadata__", ()) if isinstance(mark, RelativePath))
-    inner = (path_mark(argument) for argument in typing.get_args(kind))
-    return next(marks, None) or next((mark for mark in inner if mark is not None), None)
 
 
 def _tuples(value: Any) -> Any:
@@ -285,7 +199,7 @@ def _described(value: Any, kind: Any) -> Any:
             return mark.described(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         # where the type is a class there is nothing to choose, and so nothing to name
-        return described_fields(value) if type(value) in _options(kind) else describe(value)
+        return described_fields(value) if type(value) in options_of(kind) else describe(value)
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, (tuple, list)):

@@ -21,7 +21,7 @@ from benchmarks.processor_clock import FILE as CLOCK_FILE
 from benchmarks.recorded import Recorded
 from benchmarks.trial import LIMB_MM, TRACKED_MM
 from tracker.arrays import Array, Mask
-from tracker.config import Table
+from tracker.config_files import Table
 from tracker.errors import SequenceError
 from tracker.evaluation.comparison import PersonErrors, evaluate
 from tracker.evaluation.tables import read_rows

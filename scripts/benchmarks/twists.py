@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from benchmarks.recorded import Recorded, recorded
 from benchmarks.recording_run import Asked, Code, described
 from tracker.arrays import Array, Integers
-from tracker.config import Table as Configuration
+from tracker.config_files import Table as Configuration
 from tracker.errors import TrackerError
 from tracker.evaluation.comparison import evaluate
 from tracker.result import load_result

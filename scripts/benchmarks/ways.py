@@ -22,7 +22,7 @@ from benchmarks.processor_clock import FILE as CLOCK_FILE
 from benchmarks.recorded import CONFIGS, Recorded, recorded
 from benchmarks.recording_run import Asked, Code, described
 from tracker.arrays import Array
-from tracker.config import Table as Configuration
+from tracker.config_files import Table as Configuration
 from tracker.errors import TrackerError
 from tracker.evaluation.comparison import PersonErrors, evaluate
 from tracker.evaluation.tables import read_rows

@@ -16,7 +16,7 @@ from fuzzing.trial import Reader
 from tracker.acquisition.pictures import Picture, read_silhouette
 from tracker.body_files import load_body, read_description
 from tracker.calibration import read_points
-from tracker.config import read_config
+from tracker.config_files import read_config
 from tracker.evaluation.comparison import evaluate
 from tracker.initialization.given import GivenInitialization
 from tracker.jobs import INPUTS, check_inputs, check_same, load_job

@@ -29,7 +29,7 @@ def acquire(
     frames: Annotated[str | None, typer.Option(help="Range A:B of a run's frames to use.")] = None,
 ) -> None:
     """Makes a person's body model: from two silhouettes, a scan, surface points, or a run's views while tracking."""
-    from tracker.config import read_config
+    from tracker.config_files import read_config
     from tracker.jobs.acquire import acquire_to, acquisition_from
 
     if output is not None and output.suffix not in ("", ".toml"):

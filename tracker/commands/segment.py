@@ -59,7 +59,8 @@ def _range(frames: str | None) -> tuple[int, int | None]:
 
 
 def _evidence(changes: list[str]) -> LevelSetEvidence:
-    from tracker.config import build, override_table
+    from tracker.config import build
+    from tracker.config_files import override_table
 
     fields: dict[str, Any] = {}
     override_table(fields, changes)

@@ -45,7 +45,8 @@ def _component_table(stage: str, use: str) -> Table:
 
 
 def _shown(value: Any, field: Any = None) -> str:
-    from tracker.config import component_name, component_stage
+    from tracker.config import component_name
+    from tracker.field_types import component_stage
 
     if isinstance(value, tuple):
         return f"\\[{', '.join(map(_shown, value))}]"

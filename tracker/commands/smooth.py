@@ -17,7 +17,8 @@ def smooth(
     output: Annotated[Path | None, typer.Option(help="Folder to write to; default RESULT/smoothed.")] = None,
 ) -> None:
     """Smooths a finished result and fills its short gaps, into a result folder of its own; the raw one stays."""
-    from tracker.config import build, override_table
+    from tracker.config import build
+    from tracker.config_files import override_table
     from tracker.result import load_result
     from tracker.smoothed import write_smoothed
 

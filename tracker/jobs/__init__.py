@@ -12,7 +12,8 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import tomli_w
 
 from tracker.components import available, find
-from tracker.config import Table, build_class, component_name, described_fields, read_config
+from tracker.config import build_class, component_name, described_fields
+from tracker.config_files import Table, read_config
 from tracker.errors import ConfigError, nearest
 from tracker.files import write_json, write_whole
 from tracker.jobs._folder import CONFIG, ResultFolder, check_output, interrupted_folder, link_latest, logged, remembered

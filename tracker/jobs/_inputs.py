@@ -13,8 +13,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from tracker.config import entries_of, path_mark
 from tracker.errors import ConfigError
+from tracker.field_types import entries_of, path_mark
 
 INPUTS = "inputs.json"
 """Fingerprints of what a result was made from, beside it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from tracker.config import Table, read_config
+from tracker.config_files import Table, read_config
 from tracker.errors import ConfigError
 from tracker.jobs._folder import CONFIG
 

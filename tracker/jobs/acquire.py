@@ -26,7 +26,7 @@ from tracker.acquisition.shape_space import space_of
 from tracker.arrays import Array
 from tracker.body_files import read_description, save_description
 from tracker.components import component
-from tracker.config import Table
+from tracker.config_files import Table
 from tracker.errors import ConfigError, nearest
 from tracker.files import write_json, write_whole
 from tracker.found_before import knowing

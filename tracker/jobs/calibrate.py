@@ -13,7 +13,7 @@ import pydantic
 
 from tracker.calibration import Calibrated, Calibration, report_html, report_text
 from tracker.components import component
-from tracker.config import read_config
+from tracker.config_files import read_config
 from tracker.errors import ConfigError
 from tracker.files import write_whole
 from tracker.jobs import ResultFolder, job_from

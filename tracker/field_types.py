@@ -1,0 +1,44 @@
+"""What the type of a component's field says of its values: components, lists or tables of them, or paths."""
+
+from __future__ import annotations
+
+import types
+import typing
+from typing import Any
+
+from tracker.components import RelativePath
+
+
+def component_stage(kind: Any) -> str | None:
+    """The stage whose contract, or whose component, a field is typed with; None for plain values."""
+    module = getattr(kind, "__module__", "")
+    if not isinstance(kind, type) or not module.startswith("tracker."):
+        return None
+    if getattr(kind, "_is_protocol", False) or "__pydantic_config__" in vars(kind):
+        return module.split(".")[1]
+    return None
+
+
+def path_mark(kind: Any) -> RelativePath | None:
+    """How a field's path is resolved; None for fields that hold none."""
+    marks = (mark for mark in getattr(kind, "__metadata__", ()) if isinstance(mark, RelativePath))
+    inner = (path_mark(argument) for argument in typing.get_args(kind))
+    return next(marks, None) or next((mark for mark in inner if mark is not None), None)
+
+
+def entries_of(kind: Any) -> Any:
+    """X of tuple[X, ...]; None for other types."""
+    arguments = typing.get_args(kind)
+    return arguments[0] if typing.get_origin(kind) is tuple and arguments[1:] == (Ellipsis,) else None
+
+
+def named_of(kind: Any) -> Any:
+    """X of dict[str, X] where X is a component; None for other types."""
+    arguments = typing.get_args(kind)
+    found = typing.get_origin(kind) is dict and len(arguments) == 2 and component_stage(arguments[1]) is not None
+    return arguments[1] if found else None
+
+
+def options_of(kind: Any) -> tuple[Any, ...]:
+    """The types of a union, or the type itself."""
+    return typing.get_args(kind) if typing.get_origin(kind) in (typing.Union, types.UnionType) else (kind,)
