@@ -35,8 +35,12 @@ _JUMP_S, _LONE_S = 0.1, 0.05
 between two others, are, seconds."""
 
 _MOST_FRAMES = 8
-"""Frames on each side of a jump that are doubted at most: of limbs that drifted off in hiding and jumped back, those
-more than 15 cm off were four to eight."""
+"""Frames on each side of a jump that are doubted of a limb that has moved meanwhile: of limbs that drifted off in
+hiding and jumped back, those more than 15 cm off were four to eight."""
+
+_STILL_S = 1.0
+"""Time on each side of a jump that is doubted of a limb which has kept its place on the body, seconds: it was as wrong
+all the while. A forearm behind the back instead of before the hip stayed so for 9 and for 18 frames."""
 
 
 def with_jumps(steps: Sequence[Step]) -> list[Step]:
@@ -57,11 +61,17 @@ def with_jumps(steps: Sequence[Step]) -> list[Step]:
         poses = np.array([step.estimates[k].q for step in steps])
         tracked = np.array([step.estimates[k].status is Status.TRACKED for step in steps])
         places, least_m = body.landmarks_in_world(poses), _SHARE * apart_m(body)
+        poses[:, body.carrying] = body.rest()[body.carrying]
+        on_body = body.landmarks_in_world(poses)
+        still = max(_MOST_FRAMES, round(_STILL_S / max(apart_s, 1e-3)))
         for group in body.fine_groups:
             if body.partner_of(group):
-                own = places[:, body.landmarks_of(group)]
+                own, kept = (found[:, body.landmarks_of(group)] for found in (places, on_body))
                 bend_m = _BEND * apart_m(body) if apart_s <= _LONE_S else np.inf
-                doubted = _around_jumps(own, tracked, least_m, bend_m)
+                doubted = np.zeros(len(steps), dtype=np.bool_)
+                for n in _jumps(own, tracked, least_m, bend_m):
+                    for held, side in ((n, range(n + 1, n + 1 + still)), (n + 1, range(n, n - still, -1))):
+                        doubted[_elsewhere(own, kept, held, side, least_m)] = True
                 if apart_s <= _LONE_S:
                     doubted |= _lone(own, tracked, least_m)
                 for n in np.flatnonzero(doubted):
@@ -71,27 +81,38 @@ def with_jumps(steps: Sequence[Step]) -> list[Step]:
     return changed
 
 
-def _around_jumps(places: Array, tracked: Mask, least_m: float, bend_m: float) -> Mask:
-    """(T,) frames in which a limb's landmarks (T, L, 3) are elsewhere than on the other side of a jump."""
-    doubted = np.zeros(len(places), dtype=np.bool_)
+def _jumps(places: Array, tracked: Mask, least_m: float, bend_m: float) -> list[int]:
+    """Frames after which a limb's landmarks (T, L, 3) have jumped."""
     ways, steps = _apart(places[1:], places[:-1]), np.diff(places, axis=0)
     if len(ways) < 3:
-        return doubted
+        return []
     way, beside = ways[1:-1], np.maximum(ways[:-2], ways[2:])
     jumps = (way > least_m) & (way > _TIMES * beside)
     bent = _apart(steps[1:-1], 0.5 * (steps[:-2] + steps[2:])) > bend_m
     # not out and back, see `_lone`
     over = np.minimum(_apart(places[3:], places[1:-2]), _apart(places[2:-1], places[:-3]))
     jumps |= bent & (way > beside) & (over > _SHARE * way)
-    for n in np.flatnonzero(jumps) + 1:
-        if not tracked[n : n + 2].all():
-            continue
-        for held, side in ((n, range(n + 1, n + 1 + _MOST_FRAMES)), (n + 1, range(n, n - _MOST_FRAMES, -1))):
-            for t in side:
-                if not 0 <= t < len(places) or _apart(places[t], places[held]) <= least_m:
-                    break
-                doubted[t] = True
-    return doubted
+    return [int(n) for n in np.flatnonzero(jumps) + 1 if tracked[n : n + 2].all()]
+
+
+def _elsewhere(places: Array, on_body: Array, held: int, side: range, least_m: float) -> list[int]:
+    """Frames on one side of a jump, nearest first, in which a limb is elsewhere than it is on the other side.
+
+    Args:
+        places: (T, L, 3) of its landmarks in the world, metres.
+        on_body: (T, L, 3) the same, the body standing still as a whole.
+        held: the first frame of the other side.
+        side: frames to go through.
+        least_m: from how far on it is elsewhere.
+    """
+    found: list[int] = []
+    for n, t in enumerate(side):
+        if not 0 <= t < len(places) or _apart(places[t], places[held]) <= least_m:
+            break
+        if n >= _MOST_FRAMES and _apart(on_body[t], on_body[side[0]]) > least_m:
+            break
+        found.append(t)
+    return found
 
 
 def _lone(places: Array, tracked: Mask, least_m: float) -> Mask:

@@ -88,14 +88,20 @@ class KinematicTree:
         return frozen([part.model_from_part for part in self.parts])
 
     @cached_property
+    def carrying(self) -> Integers:
+        """The parameters that all parts hang on."""
+        ends = np.unique([part.parameter for part in self.parts])
+        found: Integers = frozen(np.flatnonzero(self.moves[:, ends].all(axis=1)), dtype=np.int64)
+        return found
+
+    @cached_property
     def root(self) -> Root:
         """The parameters that everything hangs on.
 
         Raises:
             ModelError: no free position or no turn about the vertical.
         """
-        ends = np.unique([part.parameter for part in self.parts])
-        columns = np.flatnonzero(self.moves[:, ends].all(axis=1))
+        columns = self.carrying
         axes = np.array([self.parameters[k].axis for k in columns]).reshape(-1, 3)
         rotates = self.rotates[columns]
         shifts = [columns[~rotates & (np.abs(axes[:, k]) > 0.9)] for k in range(3)]
