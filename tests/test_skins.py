@@ -81,7 +81,7 @@ def test_the_contour_of_a_meshed_solid_is_its_outline(name: str, rig: str) -> No
         assert np.abs(errors).max() < 0.2
         assert not view.between.any()
         # a sample is 8 px, and those left over at the end are not made; seen end-on from nearby the torso's own bulge
-        # hides more (`tracing._COVERED_M`), with the lens of these views as without it
+        # hides more (`visibility._COVERED_M`), with the lens of these views as without it
         if rig == "fisheye":
             continue
         assert view.weights.sum() == pytest.approx(own.of(v).weights.sum(), abs=17)

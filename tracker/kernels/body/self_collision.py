@@ -8,7 +8,7 @@ import numpy as np
 
 from tracker.arrays import Array, Integers
 from tracker.kernels.compilation import compiled
-from tracker.kernels.contours.occlusion import in_part, inside_value, place_solids
+from tracker.kernels.contours.solids import in_part, inside_value, place_solids
 from tracker.kernels.rows import solid, superquadric
 
 POINTS_A_PART = 5

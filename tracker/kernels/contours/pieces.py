@@ -175,7 +175,7 @@ def find_pieces(
         planes: (P, 4, R C) normals of the grid points and their product with the points.
         layout: R, C.
         p: the part.
-        solids: (P, 48) parts in the view, see `tracker.kernels.contours.occlusion`.
+        solids: (P, 48) parts in the view, see `tracker.kernels.contours.solids`.
         camera: (28,) row of `Rig.packed`, single precision.
         facing, ids, links: workspace (R C,), (3, C) and (ROW, 2).
         crossings: (25 ROW,) output, see `tracker.kernels.rows.crossing`.

@@ -12,7 +12,8 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.chamfer import directed_pair, matching_workspace
-from tracker.kernels.contours.occlusion import cover, place_solid, place_solids, view_solid, view_solids
+from tracker.kernels.contours.occlusion import cover
+from tracker.kernels.contours.solids import place_solid, place_solids, view_solid, view_solids
 from tracker.kernels.contours.tracing import Tracing, add_visible, draw_part, trace_view, tracing_workspace
 from tracker.kernels.rows import region, sample, solid, spot
 from tracker.kernels.rows.workspace import ROW

@@ -13,13 +13,9 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
-from tracker.kernels.contours.occlusion import (
-    cover,
-    neighbours,
-    place_solids,
-    view_solids,
-)
+from tracker.kernels.contours.occlusion import cover, neighbours
 from tracker.kernels.contours.pieces import find_pieces
+from tracker.kernels.contours.solids import place_solids, view_solids
 from tracker.kernels.projection import project_point
 from tracker.kernels.rows import crossing, sample, solid, spot
 from tracker.kernels.rows.workspace import ROW

@@ -12,7 +12,7 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
-from tracker.kernels.contours.occlusion import in_part
+from tracker.kernels.contours.solids import in_part
 from tracker.kernels.lens import bend_with_slopes, lens_of
 from tracker.kernels.rows import camera as at
 

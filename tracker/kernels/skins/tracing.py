@@ -1,10 +1,7 @@
 """Visible occluding-contour samples of skinned meshes, without rendering a picture.
 
-The contour of a smooth surface is where its normal is perpendicular to the line of sight. On a mesh with a normal at
-each vertex that is a line across the faces whose corners differ in facing (A. Hertzmann, D. Zorin, Illustrating smooth
-surfaces, SIGGRAPH 2000): unlike the edges between front and back faces it does not zigzag, so that its normals are
-those of the surface. Between the vertices the surface is bent by the turn of their normals, as the superquadric
-tracer does it (`tracker.kernels.contours.tracing`). Open borders of faces seen from outside are contours as well.
+The contour of the smooth surface (`smooth_contours`) is followed across the faces of a mesh, cut into samples of equal
+length, and tested for visibility (`visibility`). Open borders of faces seen from outside are contours as well.
 """
 
 from __future__ import annotations
@@ -16,43 +13,10 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_point
-from tracker.kernels.rows.camera import CENTRE_X, CENTRE_Y, CENTRE_Z
 from tracker.kernels.skins.depths import draw_depths, find_front, see_vertices
 from tracker.kernels.skins.mesh import Mesh, motions_of, pose_mesh
-
-_BESIDE = 1.5
-"""So many cells outside of a contour is looked what is there: nearer, the cell may still show the surface itself."""
-
-_HIDDEN_M, _COVERED_M = 0.03, 0.05
-"""What is beside a contour and so much nearer to the camera hides it; at the contour itself a surface may bulge that
-much towards the camera within a cell (limbs 3 cm, a trunk 5 cm)."""
-
-_STEP_M = 1e-3
-"""Of the difference that gives the direction of a contour in the image, metres."""
-
-
-VISIBLE, BETWEEN, HIDDEN = 0, 1, 2
-"""What a sample is."""
-
-
-class View(NamedTuple):
-    """A view that meshes are traced in."""
-
-    camera: Array
-    """(28,) row of `Rig.packed`."""
-
-    width: float
-    height: float
-    """Of the image, px."""
-
-    cell_px: float
-    depths: Array32
-    """(h, w) from `draw_depths`."""
-
-    seen: Array32
-    facing: Array32
-    front: Mask
-    """From `see_vertices` and `find_front`."""
+from tracker.kernels.skins.smooth_contours import bent, cross_edge, image_normal, turns_away
+from tracker.kernels.skins.visibility import BETWEEN, HIDDEN, VISIBLE, View, covered, state_of
 
 
 class Spacing(NamedTuple):
@@ -88,41 +52,6 @@ class Work(NamedTuple):
 
 
 @compiled
-def _nearest(view: View, u: float, v: float) -> float:
-    """Inverse depth of what is seen at a pixel, 0 for nothing."""
-    height, width = view.depths.shape
-    j = min(max(int(np.round(u / view.cell_px)), 0), width - 1)
-    i = min(max(int(np.round(v / view.cell_px)), 0), height - 1)
-    return float(view.depths[i, j])
-
-
-@compiled
-def _covered(view: View, u: float, v: float, depth: float) -> bool:
-    """Whether something at a pixel is well before a depth, metres."""
-    return _nearest(view, u, v) * (depth - _COVERED_M) > 1.0
-
-
-@compiled
-def _state(view: View, place: tuple[float, float], normal: tuple[float, float], depth: float, contact_m: float) -> int:
-    """Whether a contour is seen: judged by what is in its place, and by what is seen beside it.
-
-    Args:
-        view: with its depths.
-        place: pixel.
-        normal: unit image normal, outwards.
-        depth: of the contour, metres.
-        contact_m: see `Spacing`.
-    """
-    if _covered(view, place[0], place[1], depth):
-        return HIDDEN
-    away = _BESIDE * view.cell_px
-    behind = _nearest(view, place[0] + away * normal[0], place[1] + away * normal[1])
-    if behind * (depth - _HIDDEN_M) > 1.0:
-        return HIDDEN
-    return BETWEEN if behind * (depth + contact_m) > 1.0 else VISIBLE
-
-
-@compiled
 def _write(
     view: View,
     point: tuple[float, float, float],
@@ -137,7 +66,7 @@ def _write(
     inside = -0.5 <= u <= view.width - 0.5 and -0.5 <= v <= view.height - 0.5
     if not inside or n == len(found.parts):
         return n
-    state = _state(view, (u, v), normal, depth, spacing.contact_m)
+    state = state_of(view, (u, v), normal, depth, spacing.contact_m)
     if state == HIDDEN:
         return n
     found.positions[n, 0], found.positions[n, 1] = u, v
@@ -146,70 +75,6 @@ def _write(
     found.points[n, 0], found.points[n, 1], found.points[n, 2] = point[0], point[1], point[2]
     found.parts[n], found.between[n] = part, state == BETWEEN
     return n + 1
-
-
-@compiled
-def _cross(
-    points: Array32, normals: Array32, facing: Array32, ends: tuple[int, int], crossings: Array, row: int
-) -> None:
-    """Where the contour crosses an edge: point and unit normal of the surface bent between its ends, in a row (6,)."""
-    i, j = ends
-    t = facing[i] / (facing[i] - facing[j])
-    length2 = turn = 0.0
-    for k in range(3):
-        move, change = points[j, k] - points[i, k], normals[j, k] - normals[i, k]
-        crossings[row, k], crossings[row, 3 + k] = points[i, k] + t * move, normals[i, k] + t * change
-        length2 += crossings[row, 3 + k] ** 2
-        turn += move * change
-    scale = 1.0 / np.sqrt(max(length2, 1e-12))
-    for k in range(3):
-        crossings[row, 3 + k] *= scale
-        crossings[row, k] += 0.5 * t * (1.0 - t) * turn * scale * crossings[row, 3 + k]
-
-
-@compiled
-def _image_normal(
-    camera: Array, point: tuple[float, float, float], normal: tuple[float, float, float]
-) -> tuple[float, float]:
-    """Unit image normal of a contour: perpendicular to the image of its tangent, which is to normal and sight."""
-    x, y, z = point
-    dx, dy, dz = x - camera[CENTRE_X], y - camera[CENTRE_Y], z - camera[CENTRE_Z]
-    a, b, c = normal[1] * dz - normal[2] * dy, normal[2] * dx - normal[0] * dz, normal[0] * dy - normal[1] * dx
-    step = _STEP_M / np.sqrt(max(a * a + b * b + c * c, 1e-12))
-    u0, v0, _ = project_point(camera, x - step * a, y - step * b, z - step * c)
-    u1, v1, _ = project_point(camera, x + step * a, y + step * b, z + step * c)
-    du, dv = u1 - u0, v1 - v0
-    length = np.sqrt(max(du * du + dv * dv, 1e-12))
-    return -dv / length, du / length
-
-
-@compiled
-def _turns_away(points: Array32, facing: Array32, face: tuple[int, int, int], camera: Array) -> bool:
-    """Whether the surface of a face turns away from the camera along the line of sight; on a hollow it turns to it."""
-    p, q, r = face
-    aa = ab = bb = av = bv = 0.0
-    for k in range(3):
-        a, b = points[q, k] - points[p, k], points[r, k] - points[p, k]
-        sight = points[p, k] - camera[CENTRE_X + k]
-        aa += a * a
-        ab += a * b
-        bb += b * b
-        av += a * sight
-        bv += b * sight
-    # the line of sight in the plane of the face, in its two edges, times a positive number
-    one, other = bb * av - ab * bv, aa * bv - ab * av
-    return one * (facing[q] - facing[p]) + other * (facing[r] - facing[p]) < 0.0
-
-
-@compiled
-def _bent(crossings: Array, t: float, place: Array) -> None:
-    """Point and normal (6,) of the surface at a share t of the way between two crossings (2, 6)."""
-    turn = 0.0
-    for k in range(3):
-        turn += (crossings[1, 3 + k] - crossings[0, 3 + k]) * (crossings[1, k] - crossings[0, k])
-        place[3 + k] = crossings[0, 3 + k] + t * (crossings[1, 3 + k] - crossings[0, 3 + k])
-    for k in range(3):
-        place[k] = crossings[0, k] + t * (crossings[1, k] - crossings[0, k]) + 0.5 * t * (1.0 - t) * turn * place[3 + k]
 
 
 @compiled
@@ -231,7 +96,7 @@ def _trace_faces(
         elif a == b:
             p, q, r = r, p, q
         before = seen[p, 2] > 0.0 and seen[q, 2] > 0.0 and seen[r, 2] > 0.0
-        if not before or not _turns_away(points, facing, (p, q, r), view.camera):
+        if not before or not turns_away(points, facing, (p, q, r), view.camera):
             continue
         s, t = facing[p] / (facing[p] - facing[q]), facing[p] / (facing[p] - facing[r])
         u, v = seen[p, 0] + s * (seen[q, 0] - seen[p, 0]), seen[p, 1] + s * (seen[q, 1] - seen[p, 1])
@@ -241,17 +106,17 @@ def _trace_faces(
         work.over[part] += length
         if work.over[part] < spacing.step_px:
             continue
-        if _covered(view, u + 0.5 * du, v + 0.5 * dv, 1.0 / max(seen[p, 2], seen[q, 2], seen[r, 2])):
+        if covered(view, u + 0.5 * du, v + 0.5 * dv, 1.0 / max(seen[p, 2], seen[q, 2], seen[r, 2])):
             work.over[part] %= spacing.step_px
             continue
-        _cross(points, normals, facing, (p, q), work.crossings, 0)
-        _cross(points, normals, facing, (p, r), work.crossings, 1)
+        cross_edge(points, normals, facing, (p, q), work.crossings, 0)
+        cross_edge(points, normals, facing, (p, r), work.crossings, 1)
         while work.over[part] >= spacing.step_px:
             work.over[part] -= spacing.step_px
-            _bent(work.crossings, passed / length, work.place)
+            bent(work.crossings, passed / length, work.place)
             passed += spacing.step_px
             point = work.place[0], work.place[1], work.place[2]
-            normal = _image_normal(view.camera, point, (work.place[3], work.place[4], work.place[5]))
+            normal = image_normal(view.camera, point, (work.place[3], work.place[4], work.place[5]))
             n = _write(view, point, normal, part, spacing, found, n)
     return n
 
