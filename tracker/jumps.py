@@ -69,8 +69,9 @@ def with_jumps(steps: Sequence[Step]) -> list[Step]:
                 own, kept = (found[:, body.landmarks_of(group)] for found in (places, on_body))
                 bend_m = _BEND * apart_m(body) if apart_s <= _LONE_S else np.inf
                 doubted = np.zeros(len(steps), dtype=np.bool_)
-                for n in _jumps(own, tracked, least_m, bend_m):
-                    for held, side in ((n, range(n + 1, n + 1 + still)), (n + 1, range(n, n - still, -1))):
+                for last in _jumps(own, tracked, least_m, bend_m):
+                    before, after = range(last, last - still, -1), range(last + 1, last + 1 + still)
+                    for held, side in ((last, after), (last + 1, before)):
                         doubted[_elsewhere(own, kept, held, side, least_m)] = True
                 if apart_s <= _LONE_S:
                     doubted |= _lone(own, tracked, least_m)
