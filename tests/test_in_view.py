@@ -19,7 +19,6 @@ from tracker.frame import Frame
 from tracker.in_space import judged_in_space, shared
 from tracker.in_view import judged_in_view
 from tracker.inspection import first_in_view
-from tracker.jobs import track as track_job
 from tracker.jobs.track import TrackJob
 from tracker.loss import LossRule
 from tracker.outcome import still_lost
@@ -284,7 +283,7 @@ def test_a_run_of_persons_who_are_never_apart_waits_for_the_first_one(
         asked.append(n_persons)
         return 3 if n_persons == 1 else None
 
-    monkeypatch.setattr(track_job, "first_in_view", first)
+    monkeypatch.setattr("tracker.jobs._first_frames.first_in_view", first)
     told: list[str] = []
     cycle = cycle_for(joined_later, progress=lambda line, *_: told.append(line))
     opened = SimpleNamespace(scene=joined_later.scene, sequence=SimpleNamespace(frames=joined_later.frames))

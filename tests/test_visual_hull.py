@@ -13,7 +13,8 @@ from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.errors import InitializationError
 from tracker.initialization._likeness import size_of
-from tracker.initialization._persons import _pieces, find_persons, in_order
+from tracker.initialization._person_pieces import person_pieces
+from tracker.initialization._persons import find_persons, in_order
 from tracker.initialization._torso_axis import hull_axis
 from tracker.initialization._visual_hull import STEP_M, Hull, connected, shadow, visual_hull
 from tracker.rig import Rig
@@ -152,7 +153,7 @@ def ring(radius_m: float, height_m: float = 1.8, thick_m: float = 0.3) -> Hull:
 @pytest.mark.parametrize("radius_m", [0.5, 0.9, 1.4])
 def test_a_ring_around_somebody_is_nobody(body: BodyModel, radius_m: float) -> None:
     """Of a lost woman, hull around the man who was known ended runs with a fault."""
-    assert _pieces(ring(radius_m), 0, [size_of(standing(body, "one", 0.0, 0.0))], 1.05) == []
+    assert person_pieces(ring(radius_m), 0, [size_of(standing(body, "one", 0.0, 0.0))], 1.05) == []
 
 
 def test_what_has_nothing_around_its_axis_has_none() -> None:

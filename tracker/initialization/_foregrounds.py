@@ -12,7 +12,6 @@ from tracker.arrays import Array32, Image, Mask
 from tracker.frame import Frame
 from tracker.imaging.densities import colour_codes, densities
 from tracker.imaging.level_set import Forces, threshold_dynamics
-from tracker.initialization._persons import cleaned
 from tracker.plate import Plate, departing
 
 # A limb that is missing in a mask is worse than a speck, which is nothing in space: less than in tracking.
@@ -24,6 +23,8 @@ _NEAR_PX = 15
 # Odds of what is known, as much as a colour can say at most, and weight of the contour's length; with 3 for the latter
 # the overlap with the true foreground is the same to 0.01 on 13 frames of seven recordings.
 _KNOWN_ODDS, _LENGTH = 4.0, 1.0
+# Gaps of this share of the image's longer side are closed.
+_GAP = 0.006
 
 
 def foregrounds(frame: Frame, plates: tuple[Plate | None, ...]) -> tuple[Mask | None, ...]:
@@ -60,6 +61,15 @@ def outlined(frame: Frame, plates: tuple[Plate | None, ...], drawn: tuple[Mask |
         given, doubted = frame.mask(v), plate is not None and plate.unknown is not None
         masks.append(cleaned(mask) if mask is not None and given is None and doubted else given)
     return replace(frame, masks=tuple(masks))
+
+
+def cleaned(mask: Mask) -> Mask:
+    """A mask (H, W) without specks, and without gaps narrower than a hand."""
+    opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    radius = max(2, round(max(mask.shape) * _GAP))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    closed: Mask = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, disc) > 0
+    return closed
 
 
 def _found(

@@ -6,22 +6,19 @@ import contextlib
 from dataclasses import replace
 from itertools import islice
 
-import numpy as np
 import pydantic
 
-from tracker.arrays import Array, Image, Mask
-from tracker.body import BodyModel
+from tracker.arrays import Array, Mask
 from tracker.components import component
-from tracker.errors import ConfigError, InitializationError, ModelError
+from tracker.errors import ConfigError, InitializationError
 from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
 from tracker.initialization import Stages
+from tracker.initialization._clearing import cleared
+from tracker.initialization._coarse_search import CoarseSearch, check_values
 from tracker.initialization._foregrounds import foregrounds, outlined, segmented
 from tracker.initialization._hypotheses import (
-    apart,
-    coarse_poses,
-    different,
     hypothesis,
     least_left,
     likeliest,
@@ -31,30 +28,20 @@ from tracker.initialization._hypotheses import (
 )
 from tracker.initialization._likeness import size_of, standing
 from tracker.initialization._persons import Found, in_order, ways_to_find
-from tracker.initialization._placement import laid_in, placements, stands_upright, without_legs
+from tracker.initialization._placement import stands_upright, without_legs
 from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
-from tracker.initialization._visual_hull import STEP_M, shadow
 from tracker.objective import Objective
-from tracker.plate import Plate, in_light_of
+from tracker.plate import Plate
 from tracker.rig import Rig
 from tracker.scene import Scene
 from tracker.start import AxisFit, Hypothesis, Start, sureness
 from tracker.synthesis import side_by_side
 
-# Poses at a time: bounds the memory.
-_BATCH = 128
-# What is farther than this from every voxel of a person does not belong to one; of a known person only the joints
-# are at hand, so that hands and feet must lie within it.
-_AROUND_M = 0.15
-# Stances whose landmarks are closer on average lead to the same pose.
-_APART_M = 0.25
 # Of somebody low shadows hide more: in frame 0 of V-Dance and frame 20 of P-Floor the right pose was fourth to sixth
 # before the run's estimation, and first after it.
 _MORE_OF_LOW = 2
 # Of who is looked for again: a woman who walked in left 0.12 to 0.27 over, shadows of the man beside her 0.44 to 0.64.
 _MOST_LEFT_OVER = 0.5
-# Limits are kept in rad.
-_ROUNDED_DEG = 1e-6
 
 
 @component
@@ -104,24 +91,8 @@ class PcaInitialization:
                 'plates by initialization = { use = "stance" } or { use = "given", poses = "start.csv" }'
             )
         for person in scene.persons:
-            self._check_values(person.body)
+            check_values(self.coarse_deg or {}, person.body)
         return f"pca, the background plates of {n_plates} views"
-
-    def _check_values(self, body: BodyModel) -> None:
-        for name, values in (self.coarse_deg or {}).items():
-            try:
-                columns = body.columns(name)
-            except ModelError as error:
-                raise ConfigError(f"initialization.coarse_deg: {error}") from error
-            if not values:
-                raise ConfigError(f'initialization.coarse_deg: no value of "{name}", expected some degrees')
-            low, high = np.degrees(body.limits[columns].T)
-            for value in values:
-                if (value < low - _ROUNDED_DEG).any() or (value > high + _ROUNDED_DEG).any():
-                    raise ConfigError(
-                        f'initialization.coarse_deg: "{name}" is {value:g}, outside the limits {low.max():g} to '
-                        f'{high.min():g} deg of model "{body.name}"'
-                    )
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
@@ -205,14 +176,15 @@ class PcaInitialization:
     ) -> tuple[Hypothesis, ...]:
         """Coarse-to-fine search of the turn and the limbs of the scene's last person: the best hypothesis first."""
         body = scene.persons[-1].body
-        cleared = _cleared(frame, scene, stages, [found])
-        objective = stages.objective(cleared, scene, len(scene.persons) - 1)
+        near = cleared(frame, scene, stages, [found])
+        objective = stages.objective(near, scene, len(scene.persons) - 1)
         stages.progress("bootstrapping: coarse search of the turn and the limbs")
         points = without_legs(found, body, scene.rig).points
-        tried = self._coarse(objective, [q for axis in axes for q in placements(body, axis, points)])
+        coarse = self._coarse(objective)
+        tried = coarse.along(axes, points)
         low = stands_upright(body) and not standing(points, size_of(scene.persons[-1]).stature_m)
         if low:
-            tried += self._low(objective, axes, points)
+            tried += coarse.low(axes, points)
         refined = []
         for n, q in enumerate(tried, start=1):
             stages.progress(f"bootstrapping: hypothesis {n} of {len(tried)}")
@@ -222,21 +194,11 @@ class PcaInitialization:
         refined.append(self._refined(objective, turned_round(body, best)))
         return ranked(body, refined)[: _MORE_OF_LOW * self.finalists if low else self.finalists]
 
-    def _coarse(self, objective: Objective, starts: list[Array]) -> list[Array]:
-        """The likeliest poses (dof,) among the start poses with all turns and further values, of different turns."""
-        body = objective.body
-        values = body.start.coarse_deg if self.coarse_deg is None else self.coarse_deg
-        poses = coarse_poses(body, starts, np.arange(-180.0, 180.0, self.turn_step_deg), values)
-        return apart(body, poses, _in_batches(objective, poses), (self.hypotheses, self.apart_deg))
-
-    def _low(self, objective: Objective, axes: list[TorsoAxis], points: Array) -> list[Array]:
-        """The likeliest poses (dof,) of somebody too low to stand: head down on the axes, or in one of the stances."""
-        body, n = objective.body, self.hypotheses
-        down = [q for axis in axes if axis.leans for q in placements(body, axis.other_way(points), points)]
-        headings = np.radians(np.arange(-180.0, 180.0, self.turn_step_deg))
-        poses = laid_in(body, body.start.stances_deg, points, headings)
-        ordered = poses[np.argsort(_in_batches(objective, poses), kind="stable")]
-        return [*(self._coarse(objective, down) if down else ()), *different(body, ordered, n, _APART_M)]
+    def _coarse(self, objective: Objective) -> CoarseSearch:
+        """The coarse search as configured, with the values of the body's file where none are."""
+        start = objective.body.start
+        values = start.coarse_deg if self.coarse_deg is None else self.coarse_deg
+        return CoarseSearch(objective, values, self.turn_step_deg, self.hypotheses, self.apart_deg)
 
     def _refined(self, objective: Objective, q: Array) -> Hypothesis:
         """What the fine search and the refinement make of a pose."""
@@ -253,8 +215,8 @@ class PcaInitialization:
     ) -> list[tuple[Hypothesis, ...]]:
         """The best hypotheses estimated and ranked again with everyone in the scene, who hide and are hidden."""
         stages.progress("bootstrapping: the best hypotheses, everyone in the scene")
-        cleared = _cleared(frame, scene, stages, found)
-        objective = stages.objective(cleared, scene, 0)
+        near = cleared(frame, scene, stages, found)
+        objective = stages.objective(near, scene, 0)
         again = list(hypotheses)
         sought = [k for k, ranking in enumerate(hypotheses) if ranking]
         # The first of several persons is judged again when the others are where they belong.
@@ -267,10 +229,6 @@ class PcaInitialization:
         return again
 
 
-def _in_batches(objective: Objective, poses: Array) -> Array:
-    return np.concatenate([objective(poses[i : i + _BATCH]) for i in range(0, len(poses), _BATCH)])
-
-
 def _enough(masks: tuple[Mask | None, ...], frame: Frame, scene: Scene) -> None:
     if sum(mask is not None for mask in masks) < 2:
         names = ", ".join(name for name, mask in zip(scene.rig.names, masks, strict=True) if mask is None)
@@ -278,27 +236,3 @@ def _enough(masks: tuple[Mask | None, ...], frame: Frame, scene: Scene) -> None:
             f"frame {frame.index}: no foreground in {names}: the images are missing or differ everywhere from the "
             "background plates; take plates in this light, with the cameras where they are"
         )
-
-
-def _cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> Frame:
-    """The frame with the plates in place of all that is far from the persons found and the known ones.
-
-    Furniture that was moved, passers-by and persons yet to be found are gone, and who may be the person as well.
-    """
-    first = scene.persons[: len(stages.held)] if len(found) == 1 else scene.persons
-    held = [person.body.landmarks_in_world(person.q) for person in first]
-    points = [*(person.points for person in found), *held]
-    images: list[Image | None] = []
-    masks: list[Mask | None] = []
-    for v, (image, plate) in enumerate(zip(frame.images, stages.plates, strict=True)):
-        given = frame.mask(v)
-        if image is None or (plate is None and given is None):
-            images.append(None)
-            masks.append(None)
-            continue
-        near = np.any([shadow(scene.rig, v, places, _AROUND_M) for places in points], axis=0)
-        for one in (one for one in found if len(one.others)):
-            near &= shadow(scene.rig, v, one.points, STEP_M) | ~shadow(scene.rig, v, one.others, STEP_M)
-        images.append(image if plate is None else np.where(near[..., None], image, in_light_of(image, plate)))
-        masks.append(None if given is None else given & near)
-    return replace(frame, images=tuple(images), masks=tuple(masks))

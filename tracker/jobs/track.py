@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-import shutil
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -13,41 +12,32 @@ from typing import Annotated, ClassVar
 import pydantic
 
 from tracker.components import ReadBy, component, find, standard
-from tracker.config import component_name
 from tracker.cycle import Cycle
-from tracker.errors import ConfigError, name_fault
+from tracker.errors import name_fault
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence
 from tracker.found_before import knowing
 from tracker.initialization import Initialization
-from tracker.inspection import findings, first_in_view, survey
-from tracker.jobs import ResultFolder, described, versions
+from tracker.jobs import ResultFolder
 from tracker.jobs._delivered import delivered, opened_even, sized
-from tracker.jobs._persons import (
-    OpenedTrack,
-    description_of,
-    frames_in_view,
-    known_before,
-    save_inputs,
-    with_fitted_bodies,
-)
+from tracker.jobs._first_frames import first_sought, looked_at
+from tracker.jobs._persons import OpenedTrack, description_of, known_before, save_inputs, with_fitted_bodies
 from tracker.jobs._recorded import TrackOutcome, recorded
+from tracker.jobs._smooth_result import check_smoothing, smoothed
 from tracker.jobs._starts import telling
 from tracker.jobs._stopping import Stop
+from tracker.jobs._told import Findings, run_context, tell_choices
 from tracker.jobs._views import Tracks
 from tracker.kernels.ahead import Group
 from tracker.loss import LossRule
 from tracker.plate import Plate
 from tracker.prediction import Prediction
-from tracker.progress import WARNING, Progress, silent
+from tracker.progress import Progress, silent
 from tracker.reading import Reading
 from tracker.recorded_plates import behind_who_stays, without_persons
-from tracker.recording import DEFAULTS, Recording, RunContext, chosen_recordings, described_recordings
+from tracker.recording import DEFAULTS, Recording, chosen_recordings, described_recordings
 from tracker.recording.journal import Expected, OpenJournal, as_kept, open_journal
-from tracker.result import load_result
 from tracker.scene import Person, Scene
-from tracker.smoothed import FOLDER as SMOOTHED
-from tracker.smoothed import write_smoothed
 from tracker.smoothing import Smoothing
 from tracker.subject import Subject
 from tracker.synthesis import Synthesis
@@ -140,7 +130,7 @@ class TrackJob:
         models = {subject.name: description_of(subject, earlier) for subject in self.persons}
         sequence = opened_even(self.reading)
         if self.smoothing is not None:
-            self._check_smoothing(self.smoothing, sequence.interval_s)
+            check_smoothing(self.smoothing, sequence.interval_s, self.recordings)
         bodies = [model.build() for model in models.values()]
         pairs = zip(self.persons, bodies, strict=True)
         persons = tuple(Person(subject.name, body, body.rest(), subject.at) for subject, body in pairs)
@@ -158,22 +148,6 @@ class TrackJob:
         if found.fault:
             log.warning("%s: %s: cut there, %d frames are kept", found.path, found.fault, len(found))
         return found
-
-    def _check_smoothing(self, smoothing: Smoothing, interval_s: float) -> None:
-        """What would fail after the last frame fails before the first one."""
-        smoothing.check(interval_s)
-        uses = {component_name(type(recording)) for recording in self.recordings}
-        if missing := {"journal", "run_json"} - uses:
-            raise ConfigError(f"smoothing needs the recordings journal and run_json; add {', '.join(sorted(missing))}")
-
-    def _looked_at(self, opened: OpenedTrack, cycle: Cycle, progress: Progress) -> tuple[str, ...]:
-        """What looks wrong in the input, told before the first frame; an interrupted run was told already."""
-        if not self.inspection or opened.done:
-            return ()
-        progress("looking at the first frames")
-        sequence, stride = opened.sequence, getattr(self.reading, "stride", 1)
-        frames = frames_in_view(sequence.frames, cycle)
-        return _warned(findings(survey(frames, opened.scene, cycle.plates, stride)), progress)
 
     def cycle(self, opened: OpenedTrack, progress: Progress = silent) -> Cycle:
         """The tracking cycle of these components; a field of the cycle is one of the job, called the same.
@@ -194,21 +168,10 @@ class TrackJob:
         return replace(cycle, nobody_before=self._first_in_view(opened, cycle))
 
     def _first_in_view(self, opened: OpenedTrack, cycle: Cycle) -> int:
-        """Number of the frame from which on persons are looked for: not before they come in."""
+        """Number of the frame from which on persons are looked for; poses that are given are those of the first one."""
         if getattr(self.initialization, "poses", None) is not None:
             return 0
-        n_persons = len(opened.scene.persons)
-        for n in dict.fromkeys((n_persons, 1)):  # those who are never seen apart may be in view all the same
-            found = first_in_view(opened.sequence.frames(), cycle.plates, n, cycle.progress)
-            if found is not None:
-                break
-        if found is None:
-            return 0
-        if found > getattr(self.reading, "start", 0):
-            who = "nobody is" if n == 1 else f"not all {n} persons are"
-            back = ", and followed back" if self.passes == 2 else ""
-            cycle.progress(f"{who} seen whole before frame {found}: looked for from there on{back}")
-        return found
+        return first_sought(opened, cycle, getattr(self.reading, "start", 0), self.passes)
 
     def fitted(self, opened: OpenedTrack, cycle: Cycle) -> tuple[OpenedTrack, Cycle]:
         """The persons with bodies fitted to the recording, and a cycle that does not look again for what is known.
@@ -237,75 +200,38 @@ class TrackJob:
         """Tracks, and writes each frame as soon as it is done; see `tracker.jobs.Job.execute`."""
         sequence = opened.sequence
         progress(f"{self.name}: {sequence.n_frames} frames, results in {folder.path}")
-        stop = Stop()
+        stop, findings = Stop(), Findings(self.inspection, progress)
         cycle = replace(self.cycle(opened, progress), leaving=stop.heard)
+        choices = self._choices(opened, cycle)
+        tell_choices(choices, progress)
+        if self.inspection:
+            findings.add(looked_at(opened, cycle, getattr(self.reading, "stride", 1)))
+        opened, cycle = self.fitted(opened, cycle)
+        findings.add(opened.findings)
+        if any(plate is not None and plate.stays for plate in cycle.plates):
+            choices["evidence"] = self.evidence.told(cycle.plates)
+            tell_choices({"evidence": choices["evidence"]}, progress)
+        save_inputs(opened, folder.path)
+        context = run_context(self, opened, folder, choices, findings)
+        way = track if self.passes == 1 else track_twice
+        steps = way(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
+        tracked = Tracks()
+
+        def conclude() -> None:
+            if self.inspection and not (opened.fitted_at or opened.known):
+                findings.add(tracked.told(opened.scene, sequence, progress))
+
+        steps = tracked.kept(telling(map(as_kept, steps), findings.add))
+        outcome = recorded(self.recordings, context, steps, folder, (progress, stop), conclude)
+        return outcome if self.smoothing is None or not outcome.n_frames else smoothed(outcome, self.smoothing)
+
+    def _choices(self, opened: OpenedTrack, cycle: Cycle) -> dict[str, str]:
+        """Stage -> what its component chose by itself; empty where it had no choice."""
+        sequence = opened.sequence
         known = sequence.known if cycle.plates == sequence.plates else cycle.plates
-        choices = {
+        return {
             "reading": delivered(sequence),
             "synthesis": getattr(self.synthesis, "choice", ""),
             "evidence": self.evidence.told(known),
             "initialization": self.initialization.check(opened.scene, known),
         }
-        for stage, choice in choices.items():
-            _tell(stage, choice, progress)
-        found = [*self._looked_at(opened, cycle, progress)]
-        opened, cycle = self.fitted(opened, cycle)
-        found += _warned(opened.findings if self.inspection else (), progress)
-        if any(plate is not None and plate.stays for plate in cycle.plates):
-            choices["evidence"] = self.evidence.told(cycle.plates)
-            _tell("evidence", choices["evidence"], progress)
-        save_inputs(opened, folder.path)
-        details = {
-            "config": described(self),
-            "choices": {stage: choice for stage, choice in choices.items() if choice},
-            "versions": versions(),
-            "inputs": dict(folder.inputs),
-            "findings": found,
-            "bodies": {name: model.about for name, model in opened.models.items()},
-        }
-        context = RunContext(
-            name=self.name,
-            folder=folder.path,
-            scene=opened.scene,
-            fps=sequence.fps,
-            interval_s=sequence.interval_s,
-            n_frames=sequence.n_frames,
-            details=details,
-            resumed=frozenset(opened.done or ()),
-        )
-        way = track if self.passes == 1 else track_twice
-        steps = way(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
-        tracked = Tracks()
-
-        def of_start(lines: tuple[str, ...]) -> None:
-            found.extend(_warned(lines if self.inspection else (), progress))
-
-        def conclude() -> None:
-            if self.inspection and not (opened.fitted_at or opened.known):
-                found.extend(_warned(tracked.told(opened.scene, sequence, progress), progress))
-
-        steps = tracked.kept(telling(map(as_kept, steps), of_start))
-        outcome = recorded(self.recordings, context, steps, folder, (progress, stop), conclude)
-        return outcome if self.smoothing is None or not outcome.n_frames else _smoothed(outcome, self.smoothing)
-
-
-def _warned(found: tuple[str, ...], progress: Progress) -> tuple[str, ...]:
-    """What looks wrong in the input, told."""
-    for line in found:
-        log.warning("%s%s", WARNING, line)
-        progress(f"{WARNING}{line}")
-    return found
-
-
-def _tell(stage: str, choice: str, progress: Progress) -> None:
-    """Says what was chosen by itself, if anything was."""
-    if choice:
-        log.info("%s: %s", stage, choice)
-        progress(f"{stage}: {choice}")
-
-
-def _smoothed(outcome: TrackOutcome, smoothing: Smoothing) -> TrackOutcome:
-    """The outcome with the smooth result beside the raw one, in place of that of an interrupted run."""
-    shutil.rmtree(outcome.folder / SMOOTHED, ignore_errors=True)
-    folder = write_smoothed(load_result(outcome.folder), smoothing)
-    return replace(outcome, files=(*outcome.files, folder))

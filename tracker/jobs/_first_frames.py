@@ -1,0 +1,45 @@
+"""What a tracking job sees in the first frames, before it tracks: input that is wrong, and when persons come in."""
+
+from __future__ import annotations
+
+from tracker.cycle import Cycle
+from tracker.inspection import findings, first_in_view, survey
+from tracker.jobs._persons import OpenedTrack, frames_in_view
+
+
+def looked_at(opened: OpenedTrack, cycle: Cycle, stride: int) -> tuple[str, ...]:
+    """What looks wrong in the input; nothing of an interrupted run, which was told already.
+
+    Args:
+        opened: the recording and the persons.
+        cycle: with the plates, and the frame from which on persons are looked for; told what takes long.
+        stride: of the frames that are read, in frames of the recording.
+    """
+    if opened.done:
+        return ()
+    cycle.progress("looking at the first frames")
+    frames = frames_in_view(opened.sequence.frames, cycle)
+    return findings(survey(frames, opened.scene, cycle.plates, stride))
+
+
+def first_sought(opened: OpenedTrack, cycle: Cycle, start: int, passes: int) -> int:
+    """Number of the frame from which on persons are looked for: not before they come in; 0 where there is no telling.
+
+    Args:
+        opened: the recording and the persons.
+        cycle: with the plates; told of a frame that is not the first one.
+        start: the first frame that is read.
+        passes: how often the recording is tracked.
+    """
+    n_persons = len(opened.scene.persons)
+    for n in dict.fromkeys((n_persons, 1)):  # those who are never seen apart may be in view all the same
+        found = first_in_view(opened.sequence.frames(), cycle.plates, n, cycle.progress)
+        if found is not None:
+            break
+    if found is None:
+        return 0
+    if found > start:
+        who = "nobody is" if n == 1 else f"not all {n} persons are"
+        back = ", and followed back" if passes == 2 else ""
+        cycle.progress(f"{who} seen whole before frame {found}: looked for from there on{back}")
+    return found

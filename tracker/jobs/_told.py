@@ -1,0 +1,76 @@
+"""What a tracking run tells of itself: what components chose by themselves, and what looks wrong in the input."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping
+
+from tracker.jobs import Job, ResultFolder, described, versions
+from tracker.jobs._persons import OpenedTrack
+from tracker.progress import WARNING, Progress
+from tracker.recording import RunContext
+
+log = logging.getLogger("tracker")
+
+
+class Findings:
+    """What looks wrong in the input of a run, told as soon as it is found."""
+
+    def __init__(self, wanted: bool, progress: Progress) -> None:
+        self.lines: list[str] = []
+        """All that was told so far; it grows while the run goes on."""
+
+        self._wanted, self._progress = wanted, progress
+
+    def add(self, found: Iterable[str]) -> None:
+        """Tells more of it, one line each; nothing where the input is not to be looked at."""
+        for line in found if self._wanted else ():
+            log.warning("%s%s", WARNING, line)
+            self._progress(f"{WARNING}{line}")
+            self.lines.append(line)
+
+
+def tell_choices(choices: Mapping[str, str], progress: Progress) -> None:
+    """Says what was chosen by itself, if anything was.
+
+    Args:
+        choices: stage -> what it goes by; empty where the configuration says it.
+        progress: told of each.
+    """
+    for stage, choice in choices.items():
+        if choice:
+            log.info("%s: %s", stage, choice)
+            progress(f"{stage}: {choice}")
+
+
+def run_context(
+    job: Job, opened: OpenedTrack, folder: ResultFolder, choices: Mapping[str, str], findings: Findings
+) -> RunContext:
+    """What recordings need to know of a run, and keep with its result.
+
+    Args:
+        job: what is done.
+        opened: its recording, and the persons with the bodies that they are tracked with.
+        folder: where results go.
+        choices: as of `tell_choices`.
+        findings: those so far; those to come are kept as well.
+    """
+    sequence = opened.sequence
+    details = {
+        "config": described(job),
+        "choices": {stage: choice for stage, choice in choices.items() if choice},
+        "versions": versions(),
+        "inputs": dict(folder.inputs),
+        "findings": findings.lines,
+        "bodies": {name: model.about for name, model in opened.models.items()},
+    }
+    return RunContext(
+        name=job.name,
+        folder=folder.path,
+        scene=opened.scene,
+        fps=sequence.fps,
+        interval_s=sequence.interval_s,
+        n_frames=sequence.n_frames,
+        details=details,
+        resumed=frozenset(opened.done or ()),
+    )
