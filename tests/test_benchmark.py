@@ -20,7 +20,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 
 ROOT = Path(__file__).parents[1]
 
@@ -116,11 +117,11 @@ def test_recordings_are_found_run_once_and_scored(recordings: Path, tmp_path: Pa
 def test_scores_of_several_runs_are_one_picture(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A column for each kind of evidence; a cell tells the worst start, and whether anything was off in silence."""
     monkeypatch.syspath_prepend(ROOT / "scripts")
-    runs = importlib.import_module("benchmarks.recording_run")
+    scores = importlib.import_module("benchmarks.scores")
     pictures = importlib.import_module("benchmarks.scores_picture")
     drawn: list[tuple[int, int, str, str]] = []
     monkeypatch.setattr(pictures, "_draw_cell", lambda _, x, y, group: drawn.append((x, y, *pictures.worst_of(group))))
-    row = runs.Score("swing", "anna", "human", False, True, "", 0, 9, "c0de", "c0mm1t", n_frames=9)
+    row = scores.Score("swing", "anna", "human", False, True, "", 0, 9, "c0de", "c0mm1t", n_frames=9)
     rows = [
         replace(row, mean_mm=99, removed_mm=99, code="old"),
         replace(row, mean_mm=20, removed_mm=9, limb_off=3, limb_off_flagged=2),

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import re
 import shutil
-import subprocess
-import sys
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import tomli_w
 
+from benchmarks.checkout import Code
 from benchmarks.processor_clock import FILE as CLOCK_FILE
 from benchmarks.recorded import Recorded
+from benchmarks.scores import Score
 from benchmarks.trial import LIMB_MM, TRACKED_MM
 from tracker.arrays import Array, Mask
 from tracker.config_files import Table
@@ -26,48 +22,11 @@ from tracker.errors import SequenceError
 from tracker.evaluation.comparison import PersonErrors, evaluate
 from tracker.evaluation.tables import read_rows
 
-SCRIPTS = Path(__file__).parents[1]
 _RECORDINGS = ["csv_table", "run_json", "benchmarks.processor_clock:ProcessorClock"]
 # Frames of a window are written together: what each of them took is known in runs of one pass alone.
 _ONE_PASS = "passes=1"
 _WARNINGS = {"doubtful", "ambiguous", "lost"}
 _CONFIDENCE = re.compile(r"(\S+) start pose of confidence ([\d.]+)")
-
-
-@dataclass(frozen=True)
-class Code:
-    """A checkout of the package that is run."""
-
-    folder: Path
-
-    @cached_property
-    def digest(self) -> str:
-        """Eight digits that change with any source file or model."""
-        files = [path for name in ("tracker", "models") for path in (self.folder / name).rglob("*") if path.is_file()]
-        sources = sorted(path for path in files if path.suffix in (".py", ".toml", ".comp"))
-        content = b"".join(str(path.relative_to(self.folder)).encode() + path.read_bytes() for path in sources)
-        return hashlib.sha256(content).hexdigest()[:8]
-
-    @cached_property
-    def commit(self) -> str:
-        """The commit checked out, with a + where files differ from it."""
-        command = ["git", "-C", str(self.folder), "describe", "--always", "--abbrev=7", "--dirty=+", "--exclude=*"]
-        return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
-
-    def run(self, arguments: list[str], folder: Path) -> str:
-        """Runs `bodytrack` with these arguments in a folder; what it complained about, empty if it succeeded."""
-        paths = [str(self.folder), str(SCRIPTS)]
-        settings = {"PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-        done = subprocess.run(
-            [sys.executable, "-m", "tracker", *arguments],
-            cwd=folder,  # python -m looks there first: no checkout may be there
-            env={**os.environ, **settings, "BODYTRACK_DATA": str(Path(os.environ["BODYTRACK_DATA"]).resolve())},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        (folder / "printed.txt").write_text(done.stdout + done.stderr, encoding="utf-8")
-        return "" if done.returncode == 0 else (done.stderr.strip().splitlines() or [f"exit {done.returncode}"])[-1]
 
 
 @dataclass(frozen=True)
@@ -80,72 +39,6 @@ class Asked:
     settings: tuple[str, ...]
     start: int
     stop: int
-
-
-@dataclass(frozen=True)
-class Score:
-    """One person of one run; a row of the table."""
-
-    recording: str
-    person: str
-    model: str
-    acquired: bool
-    plates: bool
-    settings: str
-    start: int
-    stop: int
-    code: str
-    commit: str
-    failed: str = ""
-    """Why there is nothing below."""
-
-    n_frames: int = 0
-    lost: int = 0
-    mean_mm: float = np.nan
-    removed_mm: float = np.nan
-    """With constant offsets removed."""
-
-    turned_mm: float = np.nan
-    """With offsets removed that are constant in the axes of the trunk."""
-
-    under_100: float = np.nan
-    """Share of all frames with a pose less than 100 mm off on average."""
-
-    elbows_deg: float = np.nan
-    elbows_removed_deg: float = np.nan
-    knees_deg: float = np.nan
-    knees_removed_deg: float = np.nan
-    wrong: int = 0
-    """Frames not lost and 100 mm off on average."""
-
-    wrong_flagged: int = 0
-    limb_off: int = 0
-    """Frames not lost with a joint 150 mm off."""
-
-    limb_off_flagged: int = 0
-    """Those in which such a joint is flagged."""
-
-    false_flags: int = 0
-    """Frames not lost with a joint flagged, but none 150 mm and a mean of less than 100 mm off."""
-
-    confidence: float = np.nan
-    cpu_s: float = np.nan
-    """Processor time of the whole run, its start with it."""
-
-    frame_s: float = np.nan
-    """The same of a frame, the median without the first one; unknown where frames are written in windows."""
-
-    slow_frame_s: float = np.nan
-    """The same that nine of ten frames stay under."""
-
-    exchanged: str = ""
-    """Name of the person whose place this one has."""
-
-    @property
-    def key(self) -> tuple[str, ...]:
-        """What is not run again with the same code."""
-        names = ("recording", "model", "acquired", "plates", "settings", "start", "stop", "code")
-        return tuple(str(getattr(self, name)) for name in names)
 
 
 def described(recording: Recorded, asked: Asked, models: dict[str, Path]) -> Table:
@@ -304,33 +197,3 @@ def _confidence(result: Path, person: str) -> float:
         if name == person:
             return float(sure)
     return np.nan
-
-
-def by_person(scores: Sequence[Score]) -> dict[tuple[str, str], list[Score]]:
-    """(Recording, person) -> rows, in their order; a run that failed is of all who are known of its recording."""
-    persons: dict[str, set[str]] = {}
-    for one in scores:
-        persons.setdefault(one.recording, set()).update({one.person} - {""})
-    return {
-        (recording, person): [one for one in scores if one.recording == recording and one.person in ("", person)]
-        for recording, names in persons.items()
-        for person in sorted(names or {""})
-    }
-
-
-def newest(scores: Sequence[Score]) -> list[Score]:
-    """The rows of the code that each run was made with last."""
-    last = {one.key[:-1]: one.code for one in scores}
-    return [one for one in scores if one.code == last[one.key[:-1]]]
-
-
-def as_cells(score: Score) -> dict[str, object]:
-    """The columns of the file of scores."""
-    return asdict(score)
-
-
-def from_cells(cells: dict[str, str]) -> Score:
-    """A row of the file of scores, read again."""
-    kinds = {field.name: str(field.type) for field in fields(Score)}
-    readers: dict[str, Callable[[str], Any]] = {"str": str, "int": int, "float": float, "bool": "True".__eq__}
-    return Score(**{name: readers[kind](cells[name]) for name, kind in kinds.items()})

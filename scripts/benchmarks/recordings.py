@@ -15,9 +15,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.checkout import Code
 from benchmarks.detected_joints import print_beside
 from benchmarks.recorded import Recorded, recorded
-from benchmarks.recording_run import Asked, Code, Score, as_cells, by_person, folder_of, from_cells, scored
+from benchmarks.recording_run import Asked, folder_of, scored
+from benchmarks.scores import Score, as_cells, by_person, from_cells
 from benchmarks.scores_picture import draw
 
 # Enough to compile, start, and track.

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from benchmarks.recording_run import Score, by_person, newest
+from benchmarks.scores import Score, by_person, newest
 from tracker.errors import ConfigError
 from tracker.files import replacing
 
