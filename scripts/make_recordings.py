@@ -43,7 +43,8 @@ from tracker.progress import Progress
 from tracker.rig import Rig
 from tracker.rig_layouts import load_rig, save_rig
 from tracker.scene import Person, Scene
-from tracker.simulation.sequence import Recipe, Simulation, fill_folder
+from tracker.simulation.sequence import Recipe, Simulation
+from tracker.simulation.sequence_files import fill_folder
 
 # Between the joints of any two persons, metres.
 _LEAST_APART_M = 0.3

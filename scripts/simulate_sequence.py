@@ -10,7 +10,8 @@ from rich.console import Console
 
 from tracker.commands.terminal import ProgressBar
 from tracker.errors import TrackerError
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 
 
 def main(

@@ -19,7 +19,8 @@ from tracker.kernels.ahead import GROUPS, warm_up
 from tracker.lsm.growth import Growth
 from tracker.lsm.surface import SurfaceMeasurement, measure_surface
 from tracker.rig import Rig
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 
 
 def signatures() -> set[tuple[str, str]]:

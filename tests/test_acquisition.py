@@ -39,7 +39,8 @@ from tracker.outlines import outline_observation, overlap
 from tracker.resources import model_path
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 from tracker.synthesis.cpu import CpuSynthesis
 
 SIZE, PX_PER_M = (440, 440), 200.0

@@ -28,7 +28,8 @@ from tracker.result import load_result
 from tracker.rig_layouts import load_rig
 from tracker.scene import Scene
 from tracker.simulation.movements import poses_of
-from tracker.simulation.sequence import Recipe, simulate, write_sequence
+from tracker.simulation.sequence import Recipe, simulate
+from tracker.simulation.sequence_files import write_sequence
 from tracker.viewing.images import config_of
 
 FPS = 12.5

@@ -23,7 +23,8 @@ from tracker.batching.processes import Processes
 from tracker.cli import app
 from tracker.errors import ConfigError
 from tracker.jobs import execute, load_job
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 
 GIVEN = [
     "initialization.use=given",

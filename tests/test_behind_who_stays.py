@@ -25,7 +25,8 @@ from tracker.plate import Plate
 from tracker.recorded_plates import behind_who_stays
 from tracker.recording._journal_line import line_of, replay_of
 from tracker.sight import Sight
-from tracker.simulation.sequence import Recipe, Simulation, write_sequence
+from tracker.simulation.sequence import Recipe, Simulation
+from tracker.simulation.sequence_files import write_sequence
 from tracker.start import Start
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking import Looking, tracked

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 
 
 def bodytrack(*arguments: object, folder: Path | None = None) -> subprocess.CompletedProcess[str]:

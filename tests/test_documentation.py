@@ -21,7 +21,8 @@ from tracker.config import build
 from tracker.errors import ConfigError
 from tracker.jobs import execute, load_job
 from tracker.recording import chosen_recordings
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 
 ROOT = Path(__file__).parents[1]
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs").glob("*.md"))}

@@ -16,7 +16,8 @@ from tracker.draft import draft
 from tracker.errors import ConfigError, SequenceError
 from tracker.jobs import load_job
 from tracker.rig_layouts import load_rig, save_rig
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,8 @@ from tracker.errors import ConfigError, TrackerError
 from tracker.forecast import Forecast, forecast
 from tracker.jobs import load_job
 from tracker.jobs.track import TrackJob
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 
 GIVEN = ["initialization.use=given", "initialization.poses=truth_poses.csv", "reading.stride=2", "smoothing=rts"]
 

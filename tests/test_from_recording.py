@@ -31,7 +31,8 @@ from tracker.progress import silent
 from tracker.resources import model_path
 from tracker.run import Run
 from tracker.scene import Person, Scene
-from tracker.simulation.sequence import Recipe, Simulation, write_sequence
+from tracker.simulation.sequence import Recipe, Simulation
+from tracker.simulation.sequence_files import write_sequence
 from tracker.start import Start
 from tracker.subject import Subject
 from tracker.synthesis.cpu import CpuSynthesis

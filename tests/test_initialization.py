@@ -31,7 +31,8 @@ from tracker.plate import Plate
 from tracker.resources import model_path
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
-from tracker.simulation.sequence import Recipe, Simulation, write_sequence
+from tracker.simulation.sequence import Recipe, Simulation
+from tracker.simulation.sequence_files import write_sequence
 from tracker.synthesis.cpu import CpuSynthesis
 
 RIG = four_views()

@@ -18,7 +18,8 @@ from tracker.scene import Person, Scene
 from tracker.simulation.movements import poses_of
 from tracker.simulation.rendering import draw_persons, mesh_of
 from tracker.simulation.room import background_plates, default_rig
-from tracker.simulation.sequence import Recipe, Simulation, fill_folder
+from tracker.simulation.sequence import Recipe, Simulation
+from tracker.simulation.sequence_files import fill_folder
 from tracker.synthesis.cpu import CpuSynthesis
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))

@@ -14,7 +14,8 @@ from tracker.imaging.noise import noise_grey, smoothed
 from tracker.jobs.track import TrackJob
 from tracker.reading.images import ImageReading
 from tracker.reading.video import VideoReading
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 from tracker.subject import Subject
 
 

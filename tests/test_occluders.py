@@ -19,7 +19,8 @@ from tracker.reading._occluders import load_occluders, with_occluders
 from tracker.reading.images import ImageReading
 from tracker.reading.video import VideoReading
 from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation, write_sequence
+from tracker.simulation.sequence import Simulation
+from tracker.simulation.sequence_files import write_sequence
 from tracker.synthesis.cpu import CpuSynthesis
 
 

@@ -16,7 +16,8 @@ import tracker
 from tracker.errors import ConfigError, ModelError
 from tracker.jobs import execute, load_job
 from tracker.recording.csv_table import CsvTable
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "python.md").read_text()

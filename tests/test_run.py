@@ -22,7 +22,8 @@ from tracker.loss import LossRule
 from tracker.progress import Progress
 from tracker.recording import Recording
 from tracker.rig_layouts import load_rig
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 
 RESULTS = [
     "poses.csv",

@@ -17,7 +17,8 @@ from tracker.evidence.level_set import LevelSetEvidence
 from tracker.jobs import execute, load_job
 from tracker.outlines import overlap
 from tracker.result import Result, load_result
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.viewing.segmentation import STEPS, Chosen, Segmented, segmented
 from tracker.viewing.segmentation_picture import picture_of

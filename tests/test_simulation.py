@@ -16,7 +16,8 @@ from tracker.resources import model_path
 from tracker.rig_layouts import load_rig
 from tracker.simulation.movements import poses_of
 from tracker.simulation.rendering import draw_persons, mesh_of
-from tracker.simulation.sequence import Recipe, Simulation, simulate, write_sequence
+from tracker.simulation.sequence import Recipe, Simulation, simulate
+from tracker.simulation.sequence_files import write_sequence
 from tracker.synthesis.cpu import CpuSynthesis
 
 TIMES = np.arange(0, 4, 0.02)

@@ -19,7 +19,8 @@ from tracker.components import available, find
 from tracker.errors import ConfigError
 from tracker.estimate import Status
 from tracker.jobs import execute, load_job
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 from tracker.smoothed import joint_motion, smooth_track, write_smoothed
 from tracker.smoothing import LEAST_FRAMES, Stretch, stretches_of
 from tracker.smoothing.butterworth import Butterworth

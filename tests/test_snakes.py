@@ -10,8 +10,10 @@ import pytest
 
 from tracker.errors import ConfigError
 from tracker.following.leading import led_nodes
+from tracker.following.led_snakes import advanced, begun, evenly
+from tracker.following.snake_edges import _best
 from tracker.following.snake_files import FollowedSnake, Seen, snakes_csv
-from tracker.following.snakes import Contour, Snake, _best, advanced, begun, evenly
+from tracker.following.snakes import Contour, Snake
 
 SIZE, RADII, NOISE_GREY = (220, 160), np.array((34.0, 22.0)), 2.0
 

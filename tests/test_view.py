@@ -26,7 +26,8 @@ from tracker.frame import Frame
 from tracker.jobs import execute, load_job
 from tracker.result import load_result
 from tracker.run import load_run
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 from tracker.viewing.finished import view_result
 from tracker.viewing.live import LiveRun
 from tracker.viewing.pictures import Pictures

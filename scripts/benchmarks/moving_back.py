@@ -15,7 +15,7 @@ import numpy as np
 
 from tracker.arrays import Array, Image, Mask
 from tracker.following.births import chosen_evenly, points_of_surface
-from tracker.following.points import NewPoints
+from tracker.following.newborn import NewPoints
 from tracker.frame import Frame
 from tracker.kernels.compilation import compiled
 from tracker.lsm.growth import Growth

@@ -19,7 +19,8 @@ from benchmarks.trial import Outcome, default_cycle, tracked
 from tracker.arrays import Array, Image
 from tracker.reading.video import VideoReading
 from tracker.scene import Scene
-from tracker.simulation.sequence import Recipe, simulate, write_sequence
+from tracker.simulation.sequence import Recipe, simulate
+from tracker.simulation.sequence_files import write_sequence
 
 # VGA and PAL.
 SIZES = ((640, 480), (720, 576))

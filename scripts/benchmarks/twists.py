@@ -14,8 +14,9 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
+from benchmarks.checkout import Code
 from benchmarks.recorded import Recorded, recorded
-from benchmarks.recording_run import Asked, Code, described
+from benchmarks.recording_run import Asked, described
 from tracker.arrays import Array, Integers
 from tracker.config_files import Table as Configuration
 from tracker.errors import TrackerError

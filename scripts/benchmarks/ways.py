@@ -18,9 +18,10 @@ import tomli_w
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.checkout import Code
 from benchmarks.processor_clock import FILE as CLOCK_FILE
 from benchmarks.recorded import CONFIGS, Recorded, recorded
-from benchmarks.recording_run import Asked, Code, described
+from benchmarks.recording_run import Asked, described
 from tracker.arrays import Array
 from tracker.config_files import Table as Configuration
 from tracker.errors import TrackerError

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from fuzzing.kills import difference, killed_behind, left_alone, run_of
 
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 
 N_FRAMES = 8
 

@@ -10,38 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from tracker.arrays import Array, Integers
+from tracker.arrays import Array
 from tracker.body_sections import Joints
-from tracker.errors import SequenceError, nearest
-from tracker.evaluation.joint_names import JointNames, names_of
 from tracker.evaluation.marker_alignment import Alignment, align
 from tracker.evaluation.marker_set import MarkerSet, check_marker_set, joints_of, load_marker_set
-from tracker.evaluation.tables import read_rows
 from tracker.evaluation.time_correlation import Clocked, flexions
+from tracker.evaluation.tracked_joints import TrackedJoints, tracked_joints
 from tracker.marker_layouts import read_markers
-from tracker.source_files import frame_in, number_in
-
-_AXES = ("x_m", "y_m", "z_m")
-
-
-@dataclass(frozen=True)
-class TrackedJoints:
-    """One person's joints from the tables of a result."""
-
-    person: str
-    names: tuple[str, ...]
-    frames: Integers
-    """(T,) numbers of the frames."""
-
-    statuses: tuple[str, ...]
-    """(T,) of the frames; `ambiguous` where no frame is doubtful or lost but a joint may be elsewhere."""
-
-    motion: Clocked
-    """(T, J, 3) metres."""
-
-    def chosen(self, names: Iterable[str]) -> Clocked:
-        """The motion of some joints."""
-        return Clocked(self.motion.times_s, self.motion.points[:, [self.names.index(name) for name in names]])
 
 
 @dataclass(frozen=True)
@@ -146,7 +121,7 @@ def compare(
         ConfigError: the marker set does not fit the recording or the body.
     """
     chosen = load_marker_set(marker_set)
-    track, names = _tracked(result, person)
+    track, names = tracked_joints(result, person)
     recording = read_markers(markers)
     check_marker_set(chosen, marker_set, recording, track.names)
     ours = track.chosen(chosen.joints)
@@ -253,52 +228,6 @@ def _with_findings(made: MarkerComparison) -> MarkerComparison:
     if missing:
         said.append(f"{missing} of {len(made.track.frames)} frames have no joint in both")
     return replace(made, findings=tuple(said))
-
-
-def _tracked(result: Path, person: str | None) -> tuple[TrackedJoints, JointNames]:
-    """A person's joints from `joints.csv`, called as the body's model file calls them."""
-    path = result / "joints.csv"
-    if not path.is_file():
-        raise SequenceError(f"{result}: no joints.csv there, expected the result folder of a run")
-    rows = read_rows(path)
-    for column in ("frame", "time_s", "person", "joint", *_AXES):
-        if column not in rows[0]:
-            raise SequenceError(f'{path}: no column "{column}"; {nearest(column, rows[0])}')
-    persons = list(dict.fromkeys(row["person"] for row in rows))
-    if person is not None and person not in persons:
-        raise SequenceError(f'{path}: nobody is called "{person}"; {nearest(person, persons)}')
-    if person is None and len(persons) > 1:
-        raise SequenceError(
-            f"{path}: {len(persons)} persons: say by --person who wore the markers: {', '.join(persons)}"
-        )
-    who = person or persons[0]
-    names = names_of(result)[who]
-    return _joints_of_table(path, [row for row in rows if row["person"] == who], names), names
-
-
-def _joints_of_table(path: Path, rows: list[dict[str, str]], names: JointNames) -> TrackedJoints:
-    times: dict[int, float] = {}
-    found: dict[int, dict[str, Array]] = {}
-    statuses: dict[int, str] = {}
-    for row in rows:
-        frame = frame_in(row, path, SequenceError)
-        times[frame] = number_in(row, "time_s", path, SequenceError)
-        known = all(row[axis] for axis in _AXES)
-        point = [number_in(row, axis, path, SequenceError) for axis in _AXES] if known else [math.nan] * 3
-        found.setdefault(frame, {})[row["joint"]] = np.array(point)
-        status = row.get("status", "")
-        statuses[frame] = "ambiguous" if "ambiguous" in (status, statuses.get(frame)) else status
-    frames = sorted(found)
-    joints = [names.of(found[frame]) for frame in frames]
-    columns = tuple(dict.fromkeys(name for points in joints for name in points))
-    missing = np.full(3, np.nan)
-    points = np.array([[frame.get(name, missing) for name in columns] for frame in joints])
-    times_s = np.array([times[frame] for frame in frames])
-    if len(frames) < 2 or not (np.diff(times_s) > 0).all():
-        raise SequenceError(f"{path}: expected two frames or more of one person, each later than the one before")
-    who = rows[0]["person"]
-    marks = tuple(statuses[frame] for frame in frames)
-    return TrackedJoints(who, columns, np.array(frames, dtype=np.int64), marks, Clocked(times_s, points))
 
 
 def _without_nan(value: Any) -> Any:

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from tracker.arrays import Array, Array32, Image, Integers, Mask
 from tracker.errors import MatchingError
-from tracker.following.points import NewPoints
+from tracker.following.newborn import NewPoints
 from tracker.kernels.patches.keys import key_side
 from tracker.kernels.patches.matching import COVARIANCE
 from tracker.lsm.growth import MatchField

@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 from tracker.arrays import Array, Integers, Mask
 from tracker.components import component
 from tracker.following.neighbours import expected
-from tracker.following.points import NewPoints, Points
+from tracker.following.newborn import NewPoints
+from tracker.following.points import Points
 
 
 @component

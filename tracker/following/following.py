@@ -11,7 +11,8 @@ import pydantic
 from tracker.arrays import Integers
 from tracker.components import component
 from tracker.following.keys import Keys, Quality
-from tracker.following.points import NewPoints, Points, born
+from tracker.following.newborn import NewPoints, born
+from tracker.following.points import Points
 from tracker.lsm.matching import LeastSquaresMatching, PatchImage
 
 

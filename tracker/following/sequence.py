@@ -12,7 +12,8 @@ from tracker.errors import SequenceError
 from tracker.following.advance import advance
 from tracker.following.density import Density
 from tracker.following.following import Following
-from tracker.following.points import NewPoints, Points
+from tracker.following.newborn import NewPoints
+from tracker.following.points import Points
 from tracker.following.sightings import Prepared
 from tracker.frame import Frame
 from tracker.lsm.views import Preparation, field_camera

@@ -9,7 +9,8 @@ import numpy as np
 from tracker.arrays import Array, Image, Integers, Mask
 from tracker.following.following import Following
 from tracker.following.keys import Keys, Sighting
-from tracker.following.points import N_NEAREST, Points, carried
+from tracker.following.newborn import N_NEAREST
+from tracker.following.points import Points, carried
 from tracker.kernels.adjustment.ray_intersection import intersect_rays
 from tracker.kernels.patches.bending import bending_shifts
 from tracker.lsm.matching import PatchImage

@@ -10,8 +10,9 @@ import numpy as np
 
 from tracker.arrays import Array, Image, Integers
 from tracker.errors import ConfigError
+from tracker.following.led_snakes import advanced, begun
 from tracker.following.record import Rows
-from tracker.following.snakes import Contour, Nodes, Snake, advanced, begun
+from tracker.following.snakes import Contour, Nodes, Snake
 from tracker.rig import Rig
 
 # A snake that lies on few edges for so long is not looked for any more: it would hold to whatever comes by.

@@ -18,7 +18,7 @@ from tracker.following.births import (
     with_room,
 )
 from tracker.following.following import Following
-from tracker.following.points import NewPoints
+from tracker.following.newborn import NewPoints
 from tracker.frame import Frame
 from tracker.lsm.surface import SurfaceMeasurement, measure_surface
 from tracker.rig import Rig

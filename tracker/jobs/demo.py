@@ -17,7 +17,8 @@ from tracker.kernels.ahead import Group
 from tracker.progress import Progress
 from tracker.resources import model_path
 from tracker.simulation.movements import movement_of
-from tracker.simulation.sequence import Recipe, write_sequence
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 
 
 @component

@@ -21,8 +21,9 @@ from tracker.following.filters import TrajectoryFilters
 from tracker.following.following import Following
 from tracker.following.key_points import clicked_places, surroundings
 from tracker.following.marker_files import C3D_ASKED
+from tracker.following.newborn import NewPoints
 from tracker.following.pictures import counts_figure, trajectories_figure
-from tracker.following.points import NewPoints, Points
+from tracker.following.points import Points
 from tracker.following.record import read
 from tracker.following.report import report_html
 from tracker.following.saved_state import Counts, SavedState, saved_state

@@ -15,7 +15,8 @@ from tracker.scene import Person, Scene
 from tracker.simulation.common_volume import Floor, best_heading_deg, best_place, check_floor, floor_seen, start_of
 from tracker.simulation.movements import movement_of, poses_of
 from tracker.simulation.prospect import Prospect, prospect
-from tracker.simulation.sequence import Recipe, fill_folder, simulate
+from tracker.simulation.sequence import Recipe, simulate
+from tracker.simulation.sequence_files import fill_folder
 from tracker.simulation.volume_figure import volume_figure
 from tracker.synthesis.cpu import CpuSynthesis
 

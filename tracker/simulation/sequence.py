@@ -1,31 +1,22 @@
-"""Synthetic recordings: frames in memory, or a folder with videos, plates, rig, model and exact truth."""
+"""Synthetic recordings in memory: what they show, and their frames with exact truth."""
 
 from __future__ import annotations
 
-import csv
-import shutil
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 
-import av
 import cv2
 import numpy as np
-import tomli_w
 
 from tracker.arrays import Array, Image, Mask
-from tracker.body_files import save_description
-from tracker.files import whole_folder
 from tracker.frame import Frame
 from tracker.plate import Plate
-from tracker.progress import Progress, silent
 from tracker.resources import model_path
 from tracker.rig import Rig
-from tracker.rig_layouts import save_rig
 from tracker.scene import Person, Scene
-from tracker.simulation.movements import movement_of, poses_of
+from tracker.simulation.movements import poses_of
 from tracker.simulation.rendering import Mesh, draw_persons, mesh_of
 from tracker.simulation.room import Room, background_plates, default_rig, room_around
 from tracker.subject import Subject
@@ -143,7 +134,7 @@ class Simulation:
                     picture = _mean([draw_persons(plate, camera, scene, meshes)[0] for scene in self._exposed(t, v)])
                     if self.fronts:
                         picture = np.where(self.fronts[v][..., None], plate, picture)
-                    return _sensed(picture, self.recipe, (t, v))
+                    return sensed(picture, self.recipe, (t, v))
 
                 yield Frame(t, float(time_s), tuple(pool.map(image, range(n_views))))
 
@@ -197,8 +188,14 @@ def _mean(pictures: list[Image]) -> Image:
     return gathered
 
 
-def _sensed(picture: Image, recipe: Recipe, key: tuple[int, int]) -> Image:
-    """The picture as a camera delivers it: as dark as it is there, blurred and noisy."""
+def sensed(picture: Image, recipe: Recipe, key: tuple[int, int]) -> Image:
+    """The picture (h, w, 3) as a camera delivers it: as dark as it is there, blurred and noisy.
+
+    Args:
+        picture: what is before the camera.
+        recipe: its light, blur, noise and seed.
+        key: numbers of the frame and the view; each has noise of its own, the same for the same seed.
+    """
     rng = np.random.default_rng((recipe.seed, *key))
     if recipe.light != 1:
         picture = cv2.convertScaleAbs(picture, alpha=recipe.light)
@@ -208,104 +205,3 @@ def _sensed(picture: Image, recipe: Recipe, key: tuple[int, int]) -> Image:
         noise = rng.standard_normal(picture.shape, dtype=np.float32)
         picture = cv2.convertScaleAbs(np.maximum(picture + recipe.noise_grey * noise, 0))
     return picture
-
-
-def write_sequence(recipe: Recipe, folder: Path, progress: Progress = silent) -> Path:
-    """Writes a recording to a folder, complete or not at all.
-
-    The folder holds `{view}.mp4`, `background/{view}.png`, `rig.toml`, `model.toml`, `truth_poses.csv`,
-    `truth_joints.csv` and a ready `config.toml`.
-
-    Args:
-        recipe: what to simulate.
-        folder: must not exist, or be empty.
-        progress: told how far it is.
-
-    Returns:
-        The path of `config.toml`.
-
-    Raises:
-        ConfigError: the folder holds something.
-    """
-    with whole_folder(folder) as unfinished:
-        fill_folder(simulate(recipe), unfinished, unfinished / "config.toml", progress)
-    return folder / "config.toml"
-
-
-def fill_folder(simulation: Simulation, folder: Path, config: Path, progress: Progress = silent) -> None:
-    """Writes a recording as `write_sequence` does, into a folder that is there.
-
-    Args:
-        simulation: what to write.
-        folder: where to.
-        config: name of its configuration, in the folder.
-        progress: told how far it is.
-    """
-    _write_plates(simulation, folder / "background")
-    _write_videos(simulation, folder, progress)
-    save_rig(simulation.scene.rig, folder / "rig.toml")
-    description = simulation.recipe.subject.description()
-    if simulation.recipe.stature_m is None and description.skin is None:
-        shutil.copyfile(simulation.recipe.model_file, folder / "model.toml")
-    else:
-        save_description(description, folder / "model.toml", decimals=None)
-    _write_truth(simulation, folder)
-    _write_config(simulation, config)
-
-
-def _write_plates(simulation: Simulation, folder: Path) -> None:
-    folder.mkdir()
-    for v, (name, plate) in enumerate(zip(simulation.scene.rig.names, simulation.plates, strict=True)):
-        _, content = cv2.imencode(".png", _sensed(plate.picture, simulation.recipe, (1_000_000, v)))
-        (folder / f"{name}.png").write_bytes(content.tobytes())
-
-
-def _write_videos(simulation: Simulation, folder: Path, progress: Progress) -> None:
-    recipe, total = simulation.recipe, len(simulation.recipe.times)
-    options = {"crf": str(recipe.constant_rate_factor), "preset": "veryfast"}
-    containers = [av.open(str(folder / f"{name}.mp4"), "w") for name in simulation.scene.rig.names]
-    streams = []
-    for container, camera in zip(containers, simulation.scene.rig.cameras, strict=True):
-        rate = Fraction(recipe.fps).limit_denominator(1001)
-        stream = container.add_stream("libx264", rate=rate, options=options)
-        # colours at half the resolution need even sides
-        even = camera.size[0] % 2 == camera.size[1] % 2 == 0
-        stream.width, stream.height, stream.pix_fmt = *camera.size, "yuv420p" if even else "yuv444p"
-        streams.append(stream)
-    try:
-        for frame in simulation.frames():
-            for container, stream, image in zip(containers, streams, frame.images, strict=True):
-                if image is not None:
-                    container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
-            progress("simulating", frame.index + 1, total)
-        for container, stream in zip(containers, streams, strict=True):
-            container.mux(stream.encode(None))
-    finally:
-        for container in containers:
-            container.close()
-
-
-def _write_truth(simulation: Simulation, folder: Path) -> None:
-    with (
-        (folder / "truth_poses.csv").open("w", newline="") as poses_file,
-        (folder / "truth_joints.csv").open("w", newline="") as joints_file,
-    ):
-        poses, joints = csv.writer(poses_file), csv.writer(joints_file)
-        columns = [parameter.column for parameter in simulation.scene.persons[0].body.parameters]
-        poses.writerow(["frame", "time_s", "person", "status", "distance_px", *columns])
-        joints.writerow(["frame", "time_s", "person", "joint", "x_m", "y_m", "z_m"])
-        for t, time_s in enumerate(simulation.recipe.times):
-            for person, truth in zip(simulation.scene.persons, simulation.poses, strict=True):
-                shown = np.where(person.body.rotates, np.degrees(truth[t]), truth[t])
-                poses.writerow([t, f"{time_s:.6f}", person.name, "true", 0, *(f"{value:.6f}" for value in shown)])
-                placed = person.body.landmarks_in_world(truth[t])
-                for name, point in zip(person.body.landmark_names, placed, strict=True):
-                    joints.writerow([t, f"{time_s:.6f}", person.name, name, *(f"{value:.6f}" for value in point)])
-
-
-def _write_config(simulation: Simulation, path: Path) -> None:
-    reading = {"use": "video", "path": "{view}.mp4", "rig": "rig.toml", "background": "background/{view}.png"}
-    persons = [{"name": person.name, "model": "model.toml"} for person in simulation.scene.persons]
-    name, _ = movement_of(simulation.recipe.movement, simulation.scene.persons[0].body)
-    table = {"name": name, "reading": reading, "persons": persons}
-    path.write_bytes(tomli_w.dumps(table).encode())
