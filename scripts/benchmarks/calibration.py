@@ -132,7 +132,7 @@ def _interior(camera: Camera) -> Array:
     """(10,) camera constant, principal point, affinity, shear, k1 k2 p1 p2 k3."""
     matrix = camera.matrix
     c = matrix[1, 1]
-    return np.array([c, matrix[0, 2], matrix[1, 2], matrix[0, 0] / c - 1, matrix[0, 1] / c, *camera.distortion])
+    return np.array([c, matrix[0, 2], matrix[1, 2], matrix[0, 0] / c - 1, matrix[0, 1] / c, *camera.distortion[:5]])
 
 
 def _row(arrangement: Arrangement, noise: float, runs: list[_Run | None]) -> list[str]:

@@ -101,7 +101,7 @@ def write_pickles(folder: Path) -> None:
     for camera in sample_rig().cameras:
         motion, (width, height) = camera.camera_from_world, camera.size
         table = {
-            "distortion": camera.distortion.reshape(1, 5),
+            "distortion": camera.told_distortion[None],
             "intrinsicMat": camera.matrix,
             "imageSize": np.array([[height], [width]]),
             "rotation": motion[:3, :3],
