@@ -16,6 +16,9 @@ from tracker.rig import Rig
 NORTH = np.array([[0.0, 1, 0], [0, 0, -1], [-1, 0, 0]])
 """Rotation of a camera on the x axis that looks at the origin, z up."""
 
+FISHEYE = (0.7313, 0.0891, 0.0, 0.0, 9e-4, 1.0643, 0.2454, 9.2e-3)
+"""Distortion of a lens whose distances from the axis are near to its angle."""
+
 
 def sample_rig(*names: str, lens: tuple[float, ...] = (-0.2, 0.05, 0.001, -0.002, 0.0)) -> Rig:
     """What every sample says: cameras on the x axis, side by side."""

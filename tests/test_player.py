@@ -16,6 +16,7 @@ import pytest
 from browser import PROGRAM, browser
 from motions import LOST, N_FRAMES, made_up
 from recordings import TrueStart, cycle_for, small_simulation
+from rig_samples import FISHEYE
 
 from tracker.estimate import Status
 from tracker.recording import RunContext
@@ -102,7 +103,7 @@ def test_doubts_are_on_their_segments(recorded, tmp_path):
 def test_the_cameras_spread_over_their_images(recorded, tmp_path):
     """The sheets at a metre are imaged on a grid over the image, through a bent lens as well."""
     scene, steps = recorded
-    bent = replace(scene.rig.cameras[0], distortion=(0.7313, 0.0891, 0, 0, 9e-4, 1.0643, 0.2454, 9.2e-3))
+    bent = replace(scene.rig.cameras[0], distortion=np.array(FISHEYE))
     scene = replace(scene, rig=Rig((bent, *scene.rig.cameras[1:])))
     told = json.loads(held(reported(scene, steps, tmp_path)[0], "scene"))["cameras"]
     for camera, one in zip(scene.rig.cameras, told, strict=True):

@@ -33,6 +33,11 @@ def rename(old: str, new: str) -> Callable[[dict[str, Any]], None]:
 
 TOML_FAULTS = {
     "fisheye of five": (put(fisheye=True, distortions=[0.1] * 5), r"distortions: 5 numbers of a fisheye.*four"),
+    "fisheye without a focal length": (
+        put(fisheye=True, matrix=[[0, 0, 640], [0, 0, 360], [0, 0, 1]]),
+        r"focal length 0",
+    ),
+    "fisheye beyond any": (put(fisheye=True, distortions=[1e29, 0, 0, 0]), r"fisheye distortion .*1e\+29"),
     "fisheye that turns back": (put(fisheye=True, distortions=[-0.9, 0, 0, 0]), r"in one place \d+ px from"),
     "fisheye like no other": (put(fisheye=True, distortions=[0, 30, -300, 1200]), r"no quotient.*OpenCV's fisheye"),
     "no matrix": (drop("matrix"), r'no entry "matrix"'),

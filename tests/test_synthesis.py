@@ -7,6 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from rig_samples import FISHEYE
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Mask
@@ -45,9 +46,6 @@ def camera_at(
 
 
 LENS = (-0.2, 0.08, 0.001, -0.002, 0.0)
-FISHEYE = (0.7313, 0.0891, 0.0, 0.0, 9e-4, 1.0643, 0.2454, 9.2e-3)
-"""Distances from the axis are near to its angle."""
-
 RIGS = {
     "narrow": Rig((camera_at(), camera_at((-3.6, 3.6, 2.3)), camera_at((-3.4, -3.9, 0.4)))),
     "distorted": Rig((camera_at(lens=LENS), camera_at((-3.6, 3.6, 2.3), LENS))),

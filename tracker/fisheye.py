@@ -11,9 +11,13 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.errors import CalibrationError
+from tracker.lens import Lens
 
 _FARTHEST_DEG = 75.0
 """From the optical axis. The plane z = 1 has no room for 90 degrees: at 80 the quotient is 0.2 px off, at 85 1.3."""
+
+_LARGEST = 1e6
+"""Of a number of the polynomial: a lens has some hundredths."""
 
 _MOST_OFF_PX = 0.2
 """Tolerance between both models inside the image: what good calibrations leave."""
@@ -31,17 +35,23 @@ def rational_of(name: str, size: tuple[int, int], matrix: Array, fisheye: Array)
     Args:
         name: of the camera, for messages.
         size: image width and height, px.
-        matrix: (3, 3) intrinsic matrix.
+        matrix: (3, 3) intrinsic matrix of a `Camera`.
         fisheye: (4,) k1 k2 k3 k4 of OpenCV's fisheye model.
 
     Raises:
-        CalibrationError: the lens images two directions in one place inside the image, or no quotient is near it.
+        CalibrationError: the lens images two directions in one place inside the image, no quotient is near it, or
+            a number is none of a lens.
     """
+    if np.abs(fisheye).max() > _LARGEST:
+        raise CalibrationError(
+            f'camera "{name}": fisheye distortion {fisheye.tolist()} found, expected numbers below {_LARGEST:g}'
+        )
     angles = np.radians(np.linspace(0.1, _FARTHEST_DEG, 1500))
     bent, end = _bent(name, size, matrix, fisheye, angles)
     inside, planes = angles <= end, np.tan(angles)
     lens = _fitted(planes, bent, np.where(inside, 1.0, _BEYOND))
-    found = _imaged(planes, lens)[inside]
+    across = np.stack([planes[inside], np.zeros(inside.sum())], axis=-1)
+    found = Lens(lens).distort(across)[0][:, 0]
     off_px = float(matrix[0, 0]) * np.abs(found - bent[inside]).max()
     if not (off_px <= _MOST_OFF_PX and (np.diff(found) > 0).all()):
         raise CalibrationError(
@@ -89,11 +99,3 @@ def _fitted(planes: Array, bent: Array, weights: Array) -> Array:
         found = np.linalg.lstsq(scaled / lengths, (ratios - 1) * rows, rcond=1e-14)[0] / lengths
         under = np.maximum(1 + powers @ found[3:], 1e-3)
     return np.array([found[0], found[1], 0, 0, found[2], *found[3:]])
-
-
-def _imaged(planes: Array, lens: Array) -> Array:
-    squares = planes**2
-    k1, k2, _, _, k3, k4, k5, k6 = lens
-    over, under = (1 + squares * (a + squares * (b + squares * c)) for a, b, c in ((k1, k2, k3), (k4, k5, k6)))
-    imaged: Array = planes * over / under
-    return imaged

@@ -20,7 +20,7 @@ from tracker.errors import CalibrationError
 from tracker.fisheye import rational_of
 from tracker.kernels.rows import bundle_camera
 
-Lens = Literal["pinhole", "fisheye"]
+LensKind = Literal["pinhole", "fisheye"]
 
 SeenCorners = dict[tuple[int, int], tuple[Array, Array]]
 """(view, frame) -> corners in the board's frame (N, 3) metres, and their pixels (N, 2)."""
@@ -33,7 +33,7 @@ _FISHEYE_FOCALS, _FISHEYE_TRIES = (0.2, 1.0), 24
 
 
 def board_start(
-    seen: SeenCorners, names: Sequence[str], sizes: Sequence[tuple[int, int]], lens: Lens = "pinhole"
+    seen: SeenCorners, names: Sequence[str], sizes: Sequence[tuple[int, int]], lens: LensKind = "pinhole"
 ) -> tuple[State, Observations]:
     """Cameras, board poses and observations.
 
@@ -62,7 +62,7 @@ def board_start(
     return _assembled(seen, frames, cameras, np.stack(world_from_board))
 
 
-def _camera(seen: SeenCorners, view: int, name: str, size: tuple[int, int], lens: Lens) -> Array:
+def _camera(seen: SeenCorners, view: int, name: str, size: tuple[int, int], lens: LensKind) -> Array:
     """(26,) camera constant and first distortion from some boards, principal point in the middle."""
     mine = [found for (v, _), found in sorted(seen.items()) if v == view]
     if len(mine) < _FEWEST_BOARDS:

@@ -12,7 +12,7 @@ import pydantic
 from tracker.arrays import Array, Image
 from tracker.calibration._adjustment import Adjustment
 from tracker.calibration._advice import advice
-from tracker.calibration._board_start import Lens, SeenCorners, board_start
+from tracker.calibration._board_start import LensKind, SeenCorners, board_start
 from tracker.calibration._boards import charuco_detector, find_charuco, find_corners
 from tracker.calibration._calibrated import Calibrated, Measure
 from tracker.calibration._objects import Boards
@@ -75,7 +75,7 @@ class ChessboardCalibration:
     sigma_px: float = pydantic.Field(default=0.2, gt=0)
     """Expected standard deviation of an image coordinate, px."""
 
-    lens: Lens = "pinhole"
+    lens: LensKind = "pinhole"
     """Kind of the lenses: `fisheye` for those that see 100 degrees and more, as sports cameras do."""
 
     estimated: tuple[Group, ...] = ("camera_constant", "principal_point", "affinity", "radial", "decentring")

@@ -18,12 +18,12 @@ from tracker.kernels.rows import camera as at
 Number = float | np.floating[Any]
 """In double or single precision."""
 
-Lens = tuple[Number, Number, Number, Number, Number, Number, Number, Number]
+LensTerms = tuple[Number, Number, Number, Number, Number, Number, Number, Number]
 """k1 k2 p1 p2 k3 k4 k5 k6, OpenCV's order."""
 
 
 @compiled
-def lens_of(camera: Array | Array32) -> Lens:
+def lens_of(camera: Array | Array32) -> LensTerms:
     """The distortion of a camera.
 
     Args:
@@ -42,7 +42,7 @@ def lens_of(camera: Array | Array32) -> Lens:
 
 
 @compiled
-def bends(lens: Lens) -> bool:
+def bends(lens: LensTerms) -> bool:
     """Whether the lens does anything at all."""
     k1, k2, p1, p2, k3, k4, k5, k6 = lens
     radial = k1 != 0.0 or k2 != 0.0 or k3 != 0.0 or k4 != 0.0 or k5 != 0.0 or k6 != 0.0
@@ -50,7 +50,7 @@ def bends(lens: Lens) -> bool:
 
 
 @compiled(fastmath={"contract", "nsz"})
-def bend(lens: Lens, a: Number, b: Number, one: Number) -> tuple[Number, Number]:
+def bend(lens: LensTerms, a: Number, b: Number, one: Number) -> tuple[Number, Number]:
     """Where the lens images a point of the plane z = 1, in the same plane.
 
     Args:
@@ -67,7 +67,9 @@ def bend(lens: Lens, a: Number, b: Number, one: Number) -> tuple[Number, Number]
 
 
 @compiled(fastmath={"contract", "nsz"})
-def bend_with_slopes(lens: Lens, a: Number, b: Number, one: Number) -> tuple[Number, Number, Number, Number, Number]:
+def bend_with_slopes(
+    lens: LensTerms, a: Number, b: Number, one: Number
+) -> tuple[Number, Number, Number, Number, Number]:
     """`bend`, and its derivatives: of u by a, of u by b, which is that of v by a, and of v by b."""
     k1, k2, p1, p2, k3, k4, k5, k6 = lens
     r2, two = a * a + b * b, one + one

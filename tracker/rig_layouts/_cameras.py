@@ -71,18 +71,19 @@ class Entry:
                 f'camera "{self.name}": {self.matrix} has {matrix.size}, {self.rotation} {rotation.size} and '
                 f"{self.translation} {translation.size} numbers, expected 9, 9 (or a Rodrigues vector of 3) and 3"
             )
-        pixels, matrix = whole(self.name, size), matrix.reshape(3, 3)
-        return camera_of(self.name, pixels, (matrix, self._lens(pixels, matrix, lens.ravel())), (rotation, translation))
+        pixels, exterior, lens = whole(self.name, size), (rotation, translation), lens.ravel()
+        if not self.table.get("fisheye"):
+            return camera_of(self.name, pixels, (matrix, self._pinhole(lens)), exterior)
+        if lens.size != 4:
+            raise CalibrationError(
+                f'camera "{self.name}": {self.distortion}: {lens.size} numbers of a fisheye lens found, expected '
+                "the four k1 k2 k3 k4 of OpenCV's fisheye model"
+            )
+        straight = camera_of(self.name, pixels, (matrix, np.zeros(8)), exterior)
+        return replace(straight, distortion=rational_of(self.name, pixels, straight.matrix, lens))
 
-    def _lens(self, size: tuple[int, int], matrix: Array, lens: Array) -> Array:
-        """Distortion (4, 5 or 8) of what the file has: of a fisheye lens that which images as it does."""
-        if self.table.get("fisheye"):
-            if lens.size != 4:
-                raise CalibrationError(
-                    f'camera "{self.name}": {self.distortion}: {lens.size} numbers of a fisheye lens found, expected '
-                    "the four k1 k2 k3 k4 of OpenCV's fisheye model"
-                )
-            return rational_of(self.name, size, matrix, lens)
+    def _pinhole(self, lens: Array) -> Array:
+        """Distortion (4, 5 or 8) of what the file has of a pinhole lens."""
         if lens.size in (12, 14) and not lens[8:].any():
             return lens[:8]
         if lens.size not in (4, 5, 8):

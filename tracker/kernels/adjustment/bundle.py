@@ -11,7 +11,7 @@ import numpy as np
 
 from tracker.arrays import Array, Integers, Mask
 from tracker.kernels.compilation import compiled
-from tracker.kernels.lens import Lens, bend_with_slopes
+from tracker.kernels.lens import LensTerms, bend_with_slopes
 from tracker.kernels.rows import bundle_camera as state
 from tracker.kernels.rows import bundle_unknown as unknown
 from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
@@ -91,7 +91,7 @@ def project_with_slopes(
 
 
 @compiled
-def _lens(camera: Array) -> Lens:
+def _lens(camera: Array) -> LensTerms:
     return (
         camera[state.K1],
         camera[state.K2],
