@@ -102,6 +102,7 @@ def _see(crossings: Array32, n: int, solids: Array32, p: int, camera: Array32) -
         crossings[crossing.NU + i] = camera[at.R11] * nx + camera[at.R12] * ny + camera[at.R13] * nz
         crossings[crossing.NV + i] = camera[at.R21] * nx + camera[at.R22] * ny + camera[at.R23] * nz
     lens = lens_of(camera)
+    # in a loop of its own: views without distortion, most simulated ones, do without 4 % of the time of a pose
     if bends(lens):
         for i in range(whole_blocks(n)):
             u, v, a, both, b = bend_with_slopes(lens, crossings[crossing.U + i], crossings[crossing.V + i], one)
