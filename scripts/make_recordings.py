@@ -24,10 +24,12 @@ import typer
 from benchmarks.carried import laden
 from benchmarks.clips import CLIPS, Clip, names_of, others
 from benchmarks.films import CONDITIONS, Condition
+from benchmarks.furniture import Box, chair, cupboards, furnished
+from benchmarks.laboratory import laboratory_poses
 from benchmarks.motion_files import MotionFile, read_cmu, read_deepmimic
 from benchmarks.moved_scans import poses_like
 from benchmarks.refilmed import grey, grey_plates, refilmed
-from benchmarks.rooms import filmed_with, furnished, picture_of, placed, turned_cameras
+from benchmarks.rooms import filmed_with, picture_of, placed, turned_cameras
 from rich.console import Console
 
 from tracker.arrays import Array
@@ -95,16 +97,18 @@ def _make(clip: Clip, condition: Condition, data: Path, folder: Path, progress: 
         (unfinished / "meta.json").write_text(json.dumps({"people": told}), encoding="utf-8")
         if len(clips) > 1:
             (unfinished / "config.toml").unlink()  # it has the first one's model for all
-        if simulation.fronts:
+        if condition.n_boxes:
             _write_occluders(simulation, unfinished / "occluders")
 
 
 def _write_occluders(simulation: Simulation, folder: Path) -> None:
-    """What stands before the persons as a user paints it, a little larger than it is."""
+    """What stands before the first person all the time as a user paints it, a little larger than it is."""
     folder.mkdir()
-    for name, front in zip(simulation.scene.rig.names, simulation.fronts, strict=True):
+    places = simulation.scene.persons[0].body.landmarks_in_world(simulation.poses[0]).mean(axis=1)
+    for camera, away_m in zip(simulation.scene.rig.cameras, simulation.away_m, strict=True):
+        front = away_m < camera.in_camera(places)[:, 2].min()
         grown = cv2.dilate(front.astype(np.uint8), np.ones((5, 5), np.uint8))
-        cv2.imwrite(str(folder / f"{name}.png"), 255 * grown)
+        cv2.imwrite(str(folder / f"{camera.name}.png"), 255 * grown)
 
 
 def _scanned(name: str, data: Path, output: Path) -> Path:
@@ -134,12 +138,13 @@ def _simulated(clips: tuple[Clip, ...], condition: Condition, models: tuple[Path
     rig = Rig(tuple(camera for camera, _ in films))
     bodies = [load_body(model) for model in models]
     filmed = condition.filmed
-    poses = _side_by_side([_poses(*one, filmed.fps, data) for one in zip(clips, bodies, strict=True)], bodies)
+    poses = _side_by_side([_poses(*one, filmed.fps, data) for one in zip(clips, models, strict=True)], bodies)
     for one, body in zip(poses, bodies, strict=True):
         one[:, _on_floor(body)] += room.middle[:2]
-    pictures, fronts = furnished(
-        [picture for _, picture in films], rig, condition.n_boxes, poses[0][:, _on_floor(bodies[0])]
-    )
+    boxes = cupboards(rig, condition.n_boxes, poses[0][:, _on_floor(bodies[0])])
+    if condition.sits:
+        boxes += _chair(bodies[0], poses[0][0])
+    pictures, away_m = furnished([picture for _, picture in films], rig, boxes)
     recipe = replace(
         filmed,
         model=str(models[0]),
@@ -149,10 +154,21 @@ def _simulated(clips: tuple[Clip, ...], condition: Condition, models: tuple[Path
         repeats_from=(len(poses[0]) // 2, *[None] * (len(rig) - 1)) if condition.repeats else (),
     )
     persons = tuple(Person(name, body, one[0]) for name, body, one in zip(names_of(clips), bodies, poses, strict=True))
-    simulation = Simulation(recipe, Scene(persons, rig), tuple(poses), tuple(map(Plate, pictures)), fronts)
+    simulation = Simulation(recipe, Scene(persons, rig), tuple(poses), tuple(map(Plate, pictures)), away_m)
     if condition.carried is not None:
         simulation = laden(simulation, condition.carried)
     return simulation if condition.change is None else refilmed(simulation, condition.change)
+
+
+def _chair(body: BodyModel, q: Array) -> list[Box]:
+    """A chair on which a body sits whose skin is there."""
+    assert body.skin is not None
+    names = [part.name for part in body.parts]
+    placed = body.world_from_part(q)
+    sits = np.isin(body.skin.labels, [names.index(name) for name in ("pelvis", "left_thigh", "right_thigh")])
+    ahead = placed[names.index("pelvis"), :2, 0]
+    low = float(body.skin.world_points(placed)[sits, 2].min())
+    return chair(placed[names.index("pelvis"), :2, 3], float(np.arctan2(ahead[1], ahead[0])), low)
 
 
 def _side_by_side(poses: list[Array], bodies: list[BodyModel]) -> list[Array]:
@@ -182,8 +198,11 @@ def _on_floor(body: BodyModel) -> list[int]:
     return [body.names.index("torso_x"), body.names.index("torso_y")]
 
 
-def _poses(clip: Clip, body: BodyModel, fps: float, data: Path) -> Array:
+def _poses(clip: Clip, model: Path, fps: float, data: Path) -> Array:
     """Solved at the usual rate or more: what a joint may do from a frame to the next is told for that."""
+    if clip.movement:
+        return laboratory_poses(clip.movement, model, fps, clip.heading_deg)
+    body = load_body(model)
     file = data / "motions" / clip.file
     motion = (read_cmu if file.suffix == ".amc" else read_deepmimic)(file).part(clip.from_s, clip.to_s)
     every = max(1, round(Recipe.fps / fps))

@@ -26,6 +26,9 @@ class Clip:
     waits_s: float = 0.0
     """How long the person stays where the movement begins before it does."""
 
+    movement: str = ""
+    """Of `laboratory.toml`, in place of a file."""
+
     partner: str = ""
     """The clip whose person is there as well where there are several; empty for the first one of the other person."""
 
@@ -75,6 +78,14 @@ CLIPS = {
         partner="ballroom_whole_1",
     ),
     "walking_out": Clip("cmu/07_05-walk.amc", "theo", "K-Kick", heading_deg=-70, ahead_m=2.6),
+    # What persons do in laboratories.
+    "sit_to_stand": Clip("", "theo", "V-Dance", heading_deg=50, movement="sit_to_stand"),
+    "squat": Clip("", "rita", "K-Kick", heading_deg=-20, movement="squat_arms_crossed"),
+    "lunge": Clip("", "theo", "N-Stride", heading_deg=140, movement="lunge"),
+    "lift": Clip("", "rita", "P-Floor", heading_deg=200, movement="lift"),
+    "running": Clip("", "rita", "V-Dance", heading_deg=-75, movement="running_on_the_spot"),
+    "throw": Clip("", "theo", "K-Kick", heading_deg=20, movement="throw"),
+    "hands_behind_head": Clip("", "theo", "P-Floor", heading_deg=-110, movement="hands_behind_head"),
 }
 
 

@@ -36,6 +36,9 @@ class Condition:
     n_boxes: int = 0
     """Cupboards, each between the person and one of the first cameras."""
 
+    sits: bool = False
+    """Whether there is a chair where the person is at first."""
+
     repeats: bool = False
     """Whether the first view shows a frame twice, half-way, and is a frame behind from there on."""
 
@@ -86,6 +89,7 @@ CONDITIONS = {
     "zoomed": Condition(zoom=1.6),
     "furnished": Condition(n_boxes=1),
     "crammed": Condition(n_boxes=2),
+    "seated": Condition(sits=True),
     "grey": Condition(change=grey),
     "adapting": Condition(change=adapting),
     "switched": Condition(change=switched),

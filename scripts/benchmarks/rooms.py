@@ -9,69 +9,11 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tracker.arrays import Array, Image, Mask
+from tracker.arrays import Image
 from tracker.camera import Camera
 from tracker.errors import SequenceError
 from tracker.fisheye import rational_of
 from tracker.rig import Rig
-
-# From the nearest place of a person's middle to that of a cupboard, metres.
-_BOX_AWAY_M = 1.0
-# A corner's place in units of the box's half sides, and the corners around each of its faces.
-_CORNERS = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (0.0, 1.0)])
-_FACES = (0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (1, 3, 7, 5)
-_OUTWARD = np.array([(-1.0, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, 1)])
-# BGR, and how light the faces are.
-_WOOD, _SHADES = (70, 105, 140), (0.75, 0.9, 0.8, 0.95, 1.15)
-
-
-@dataclass(frozen=True)
-class _Box:
-    """A cupboard on the floor."""
-
-    place: tuple[float, float]
-    """x and y of its middle, metres."""
-
-    heading: float
-    """Direction of its depth, rad from the x axis."""
-
-    depth_m: float = 0.4
-    width_m: float = 1.2
-    height_m: float = 1.1
-
-    @property
-    def corners(self) -> Array:
-        """(8, 3) in the world, metres."""
-        return _CORNERS * (self.depth_m / 2, self.width_m / 2, self.height_m) @ self._turn.T + (*self.place, 0.0)
-
-    @property
-    def normals(self) -> Array:
-        """(5, 3) of the faces that can be seen, unit, outwards."""
-        turned: Array = _OUTWARD @ self._turn.T
-        return turned
-
-    @property
-    def _turn(self) -> Array:
-        c, s = np.cos(self.heading), np.sin(self.heading)
-        return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-
-
-def _painted(picture: Image, camera: Camera, box: _Box) -> tuple[Image, Mask]:
-    """A room's picture with the box in it, and where (h, w) the box is seen."""
-    shown, mask = picture.copy(), np.zeros(picture.shape[:2], np.uint8)
-    corners = box.corners
-    pixels = camera.project(corners)
-    for face, normal, shade in zip(_FACES, box.normals, _SHADES, strict=True):
-        away = camera.centre - corners[list(face)].mean(axis=0)
-        outline = pixels[list(face)]
-        if away @ normal <= 0 or not np.isfinite(outline).all():
-            continue
-        around = np.round(outline * 16).astype(np.int32)
-        colour = tuple(shade * one for one in _WOOD)
-        cv2.fillConvexPoly(shown, around, colour, cv2.LINE_AA, 4)
-        cv2.polylines(shown, [around], True, tuple(0.6 * one for one in colour), 2, cv2.LINE_AA, 4)
-        cv2.fillConvexPoly(mask, around, 1, cv2.LINE_8, 4)
-    return shown, mask > 0
 
 
 def picture_of(path: Path, size: tuple[int, int]) -> Image:
@@ -140,23 +82,6 @@ def placed(room: Rig, pictures: list[Image], standpoints: tuple[Standpoint, ...]
     cameras = [one.taken_by(room.cameras[k % n], room, f"C{k + 1}") for k, one in enumerate(standpoints)]
     shown = [pictures[k % n] if k < n else np.fliplr(pictures[k % n]).copy() for k in range(len(cameras))]
     return Rig(tuple(cameras)), shown
-
-
-def furnished(pictures: list[Image], rig: Rig, n_boxes: int, places: Array) -> tuple[list[Image], tuple[Mask, ...]]:
-    """The pictures of the room with cupboards around a person who is at places (T, 2), and what stands before her."""
-    fronts = [np.zeros(picture.shape[:2], dtype=np.bool_) for picture in pictures]
-    middle = (places.min(axis=0) + places.max(axis=0)) / 2
-    for camera in rig.cameras[:n_boxes]:
-        way = camera.centre[:2] - middle
-        way /= np.linalg.norm(way)
-        place = middle + (((places - middle) @ way).max() + _BOX_AWAY_M) * way
-        box = _Box((float(place[0]), float(place[1])), float(np.arctan2(way[1], way[0])))
-        for v, seen_by in enumerate(rig.cameras):
-            pictures[v], covered = _painted(pictures[v], seen_by, box)
-            away = np.linalg.norm(seen_by.centre[:2] - places, axis=1)
-            if np.linalg.norm(seen_by.centre[:2] - place) < away.min():
-                fronts[v] |= covered
-    return pictures, tuple(fronts) if n_boxes else ()
 
 
 def turned_cameras(rig: Rig, degrees: float) -> Rig:

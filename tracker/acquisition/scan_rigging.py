@@ -228,10 +228,11 @@ def _parts(scan: Scan, owners: dict[str, str], placed: _Placed) -> tuple[dict[st
         if not own.any():
             continue
         points, owner = scan.surface.points[own], owners[name]
-        found = fit_superquadric(points, areas[own], _direction(scan, name, points), np.array([1.0, 0.0, 0.0]))
+        middle = areas[own] @ points / areas[own].sum()
+        found = fit_superquadric(points, areas[own], _direction(scan, name, middle), np.array([1.0, 0.0, 0.0]))
         fits[name] = found
-        rotation, middle, half = found.placement[:3, :3], found.placement[:3, 3], found.shape[2]
-        ends = [placed.in_reference(owner, middle + way * half * rotation[:, 2]) for way in (-1, 1)]
+        rotation, centre, half = found.placement[:3, :3], found.placement[:3, 3], found.shape[2]
+        ends = [placed.in_reference(owner, centre + way * half * rotation[:, 2]) for way in (-1, 1)]
         parts.append(
             PartEntry(
                 name=name,
@@ -247,13 +248,13 @@ def _parts(scan: Scan, owners: dict[str, str], placed: _Placed) -> tuple[dict[st
     return fits, parts
 
 
-def _direction(scan: Scan, name: str, points: Array) -> Array:
-    """(3,) long axis of a segment: from its joint to the next one, or to the middle of its end."""
+def _direction(scan: Scan, name: str, middle: Array) -> Array:
+    """(3,) long axis of a segment: from its joint to the next one, or to the middle of its surface."""
     own = scan.joint_of(name)
     behind = [joint.centre for joint in scan.joints if joint.parent == name]
     if own is None or len(behind) > 1:
         return np.array([0.0, 0.0, 1.0])
-    way: Array = (behind[0] if behind else points.mean(axis=0)) - own.centre
+    way: Array = (behind[0] if behind else middle) - own.centre
     return way
 
 

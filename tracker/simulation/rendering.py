@@ -123,7 +123,9 @@ def _dress(clothes: Clothes, part: str, points: Array, wardrobe: int) -> Array:
     return woven
 
 
-def draw_persons(plate: Image, camera: Camera, scene: Scene, meshes: tuple[Mesh, ...]) -> tuple[Image, Mask]:
+def draw_persons(
+    plate: Image, camera: Camera, scene: Scene, meshes: tuple[Mesh, ...], away_m: Array32 | None = None
+) -> tuple[Image, Mask]:
     """Draws the scene's persons over a background plate, with anti-aliased edges and a soft shadow.
 
     Args:
@@ -131,6 +133,7 @@ def draw_persons(plate: Image, camera: Camera, scene: Scene, meshes: tuple[Mesh,
         camera: its camera.
         scene: the persons at their poses.
         meshes: one a person.
+        away_m: (h, w) how far along the camera's axis what stands on the floor is, metres, infinite where nothing does.
 
     Returns:
         The picture and the mask (h, w) of pixels that the persons cover by half or more.
@@ -138,6 +141,9 @@ def draw_persons(plate: Image, camera: Camera, scene: Scene, meshes: tuple[Mesh,
     placed = [_placed(camera, p, m) for p, m in zip(scene.persons, meshes, strict=True)]
     pixels, depths, colours, triangles = _joined(placed, meshes)
     picture = _shadowed(plate, camera, scene)
+    if away_m is not None:
+        # shadows are of the floor
+        picture[np.isfinite(away_m)] = plate[np.isfinite(away_m)]
     mask = np.zeros(plate.shape[:2], dtype=np.bool_)
     inside = np.isfinite(pixels).all(axis=1)
     if not inside.all():
@@ -146,8 +152,9 @@ def draw_persons(plate: Image, camera: Camera, scene: Scene, meshes: tuple[Mesh,
     high = np.minimum(np.ceil(pixels.max(axis=0)) + 3, camera.size).astype(int)
     if (high <= low).any():
         return picture, mask
-    shade, cover = _shade(pixels, depths, colours, triangles, (low, high))
     area = slice(low[1], high[1]), slice(low[0], high[0])
+    shown = None if away_m is None else away_m[area]
+    shade, cover = _shade(pixels, depths, colours, triangles, (low, high), shown)
     blended = picture[area] * (1 - cover[..., None]) + shade
     picture[area] = np.clip(blended, 0, 255).astype(np.uint8)
     mask[area] = cover >= 0.5
@@ -170,15 +177,23 @@ def _joined(placed: list[tuple[Array, Array, Array]], meshes: tuple[Mesh, ...]) 
 
 
 def _shade(
-    pixels: Array, depths: Array, colours: Array, triangles: Integers, box: tuple[Array, Array]
+    pixels: Array,
+    depths: Array,
+    colours: Array,
+    triangles: Integers,
+    box: tuple[Array, Array],
+    away_m: Array32 | None,
 ) -> tuple[Array32, Array32]:
     """Premultiplied colour (h, w, 3) and coverage (h, w) of the persons inside a box of the image."""
     low, high = box
     size = (high - low) * _SUPERSAMPLE
     buffers = np.zeros((size[1], size[0], 4), dtype=np.float32)
+    if away_m is not None:
+        buffers[..., 0] = (1 / away_m).repeat(_SUPERSAMPLE, axis=0).repeat(_SUPERSAMPLE, axis=1)
+    before = buffers[..., 0].copy()
     fine = (pixels - low + 0.5) * _SUPERSAMPLE - 0.5
     rasterize(fine, depths, triangles, (0, 0), buffers)
-    covered = buffers[..., 0] > 0
+    covered = buffers[..., 0] > before
     corners = triangles[buffers[..., 1][covered].astype(np.int64)]
     u, v = buffers[..., 2][covered][:, None], buffers[..., 3][covered][:, None]
     shade = np.zeros((size[1], size[0], 3), dtype=np.float32)

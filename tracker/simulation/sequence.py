@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tracker.arrays import Array, Image, Mask
+from tracker.arrays import Array, Array32, Image
 from tracker.frame import Frame
 from tracker.plate import Plate
 from tracker.resources import model_path
@@ -115,8 +115,9 @@ class Simulation:
     plates: tuple[Plate, ...]
     """Free of noise."""
 
-    fronts: tuple[Mask, ...] = ()
-    """Of each plate, (h, w) where it shows what stands before the persons; empty for nothing."""
+    away_m: tuple[Array32, ...] = ()
+    """Of each plate, (h, w) how far along the camera's axis what stands in the room is, metres, infinite where nothing
+    does; empty where all is behind the persons."""
 
     def meshes(self) -> tuple[Mesh, ...]:
         """The surface of each person, dressed."""
@@ -131,10 +132,10 @@ class Simulation:
 
                 def image(v: int, t: int = t) -> Image:
                     plate, camera = self.plates[v].picture, self.scene.rig.cameras[v]
-                    picture = _mean([draw_persons(plate, camera, scene, meshes)[0] for scene in self._exposed(t, v)])
-                    if self.fronts:
-                        picture = np.where(self.fronts[v][..., None], plate, picture)
-                    return sensed(picture, self.recipe, (t, v))
+                    away_m = self.away_m[v] if self.away_m else None
+                    moments = self._exposed(t, v)
+                    drawn = [draw_persons(plate, camera, scene, meshes, away_m)[0] for scene in moments]
+                    return sensed(_mean(drawn), self.recipe, (t, v))
 
                 yield Frame(t, float(time_s), tuple(pool.map(image, range(n_views))))
 
