@@ -80,7 +80,8 @@ CLIPS = {
     "walking_out": Clip("cmu/07_05-walk.amc", "theo", "K-Kick", heading_deg=-70, ahead_m=2.6),
     # What persons do in laboratories.
     "sit_to_stand": Clip("", "theo", "V-Dance", heading_deg=50, movement="sit_to_stand"),
-    "squat": Clip("", "rita", "K-Kick", heading_deg=-20, movement="squat_arms_crossed"),
+    "squat_1": Clip("", "rita", "K-Kick", heading_deg=-20, movement="squat_arms_crossed"),
+    "squat_2": Clip("", "theo", "V-Dance", heading_deg=110, movement="squat_arms_crossed"),
     "lunge": Clip("", "theo", "N-Stride", heading_deg=140, movement="lunge"),
     "lift": Clip("", "rita", "P-Floor", heading_deg=200, movement="lift"),
     "running": Clip("", "rita", "V-Dance", heading_deg=-75, movement="running_on_the_spot"),
