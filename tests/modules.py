@@ -21,11 +21,11 @@ LAYERS = (
     "equations plate sight estimate in_view in_space loss start carried subject trajectory doubts triangulation views "
     "shown_size",
     "reading calibration prediction synthesis analysis recording smoothing",
-    "comparison outlines correspondences strangers lsm following result ball_joints",
+    "comparison outlines correspondences strangers part_colours lsm following result ball_joints",
     "similarity evidence objective",
     "estimation initialization",
-    "rivals single_view outcome cycle bridges jumps rehearsal backwards easier_start found_before tracking "
-    "recorded_plates windows coming_in two_passes",
+    "rivals single_view other_places outcome cycle cycle_turn bridges jumps rehearsal backwards easier_start found_before "
+    "tracking recorded_plates windows coming_in two_passes",
     "acquisition alignment recognition evaluation simulation inspection",
     "jobs rig_check export smoothed aligned batching run forecast draft footage viewing",
     "cli commands __main__ scripts",

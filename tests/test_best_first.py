@@ -33,6 +33,9 @@ class Landscape:
         self.asked.append(np.array(poses))
         return self.height(poses)
 
+    def deciding_px(self, q: Array) -> float:
+        return float(self(q[None])[0])
+
     def estimate(self, q: Array, covariance: Array, evaluations: int) -> Estimate:
         nothing = np.zeros(0)
         account = Account(float(self.height(q[None])[0]), nothing, nothing, nothing, nothing, nothing)

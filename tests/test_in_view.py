@@ -11,7 +11,7 @@ import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
 from tracker.arrays import Image
-from tracker.cycle import objective_of
+from tracker.cycle_turn import objective_of
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.evidence.auto import AutoEvidence

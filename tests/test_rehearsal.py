@@ -10,7 +10,8 @@ import pytest
 from recordings import cycle_for, joint_errors_mm, small_simulation
 
 from tracker.arrays import Array
-from tracker.cycle import Cycle, advance
+from tracker.cycle import Cycle
+from tracker.cycle_turn import advance
 from tracker.doubts import Doubts
 from tracker.frame import Frame
 from tracker.initialization import Stages

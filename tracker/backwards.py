@@ -7,7 +7,8 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from tracker.clock import Clock
-from tracker.cycle import Cycle, State, advance
+from tracker.cycle import Cycle, State
+from tracker.cycle_turn import advance
 from tracker.frame import Frame
 from tracker.rehearsal import Reopen
 from tracker.sight import Sight

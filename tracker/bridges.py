@@ -17,7 +17,8 @@ from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.clock import Clock
 from tracker.contours import joined
-from tracker.cycle import Cycle, State, objective_of
+from tracker.cycle import Cycle, State
+from tracker.cycle_turn import objective_of
 from tracker.estimate import Estimate, Status
 from tracker.limbs import apart_m
 from tracker.loss import judged

@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from tracker.backwards import as_replay, frames_before, turned
-from tracker.cycle import Cycle, unfound
+from tracker.cycle import Cycle
+from tracker.cycle_turn import unfound
 from tracker.jumps import with_jumps
 from tracker.outcome import judged_as_wholes
 from tracker.rehearsal import Reopen

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from tracker.backwards import as_replay, frames_before, tracked_back
-from tracker.cycle import Cycle, State, settled
+from tracker.cycle import Cycle, State
+from tracker.cycle_turn import settled
 from tracker.errors import InitializationError
 from tracker.estimate import Status
 from tracker.frame import Frame

@@ -8,7 +8,8 @@ from statistics import fmean
 from typing import TypeVar
 
 from tracker.body import BodyModel
-from tracker.cycle import Cycle, State, advance, settled
+from tracker.cycle import Cycle, State
+from tracker.cycle_turn import advance, settled
 from tracker.estimate import Estimate, Status
 from tracker.evidence import GUESSED
 from tracker.frame import Frame

@@ -29,6 +29,13 @@ def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
     """
     body = objective.body
     whole = objective(np.array([mine.q, rival.q]))
+    apart = bool(are_apart(body, mine.q, rival.q))
+
+    def cost_px(q: Array) -> float:
+        return objective.deciding_px(q) if apart else float(objective(q[None])[0])
+
+    if apart:
+        whole = np.array([cost_px(mine.q), cost_px(rival.q)])
     changes = bool(whole[1] < whole[0] - _LEAD_PX)
     best, other = (rival, mine) if changes else (mine, rival)
     q, least, theirs = best.q, float(whole[int(changes)]), np.zeros(body.dof, dtype=np.bool_)
@@ -39,9 +46,9 @@ def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
     ]
     for group in limbs:
         tried = taken_over(body, q, other.q, group)
-        distance = float(objective(tried[None])[0])
-        if distance < least - _LEAD_PX:
-            q, least = tried, distance
+        cost = cost_px(tried)
+        if cost < least - _LEAD_PX:
+            q, least = tried, cost
             theirs[body.group(group)] = True
     if q is mine.q:
         return mine

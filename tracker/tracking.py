@@ -11,7 +11,8 @@ from types import MappingProxyType
 import cv2
 
 from tracker.clock import Clock
-from tracker.cycle import Cycle, State, advance, bootstrap, unfound
+from tracker.cycle import Cycle, State
+from tracker.cycle_turn import advance, bootstrap, unfound
 from tracker.easier_start import LedBack, led_back
 from tracker.estimate import Status
 from tracker.frame import Frame

@@ -17,7 +17,7 @@ from tracker.estimation import Estimation
 from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.geometry.halton import halton
-from tracker.limbs import exchanged, mirrored
+from tracker.limbs import are_apart, exchanged, mirrored
 from tracker.objective import Objective
 
 
@@ -121,7 +121,7 @@ class HybridEstimation:
             before = refined.distance_px
             for change in (self._exchanged, self._searched_limbs, self._searched_together):
                 if weak:
-                    refined = _better(refined, change(objective, refined, weak))
+                    refined = _likelier(objective, refined, change(objective, refined, weak))
                     weak = self._weak_groups(objective, refined)
             if not weak or before - refined.distance_px < self.worth_px:
                 break
@@ -235,6 +235,14 @@ def _better(one: Estimate, other: Estimate) -> Estimate:
     if other is one:
         return one
     best = other if other.distance_px < one.distance_px else one
+    return replace(best, evaluations=one.evaluations + other.evaluations)
+
+
+def _likelier(objective: Objective, one: Estimate, other: Estimate) -> Estimate:
+    """The estimate that contours speak for, and where limbs are in other places the colours of parts as well."""
+    if other is one or not are_apart(objective.body, other.q, one.q):
+        return _better(one, other)
+    best = min(one, other, key=lambda estimate: objective.deciding_px(estimate.q))
     return replace(best, evaluations=one.evaluations + other.evaluations)
 
 

@@ -1,0 +1,86 @@
+"""Limbs of a start pose are put where contours and colours speak for them, and stay where they are right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache, partial
+
+import numpy as np
+import pytest
+from recordings import joint_errors_mm, small_simulation
+
+from tracker.arrays import Array
+from tracker.comparison import Comparison
+from tracker.estimate import Status
+from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.evidence.auto import AutoEvidence
+from tracker.objective import Objective
+from tracker.other_places import in_likeliest_places
+from tracker.part_colours import part_colours
+from tracker.sight import Sight
+from tracker.simulation.sequence import Simulation
+from tracker.synthesis.cpu import CpuSynthesis
+
+
+@pytest.fixture(scope="module")
+def filmed() -> Simulation:
+    return small_simulation("squat", n_frames=24, size=(720, 576), model="human")
+
+
+FRAME = 20
+
+
+@pytest.fixture(scope="module")
+def objective(filmed: Simulation) -> Objective:
+    """Of the frame in which arms are raised forwards and knees are bent."""
+    frame = next(frame for frame in filmed.frames() if frame.index == FRAME)
+    scene = filmed.scene.with_pose(0, filmed.poses[0][FRAME])
+    sight, synthesis = Sight(frame, filmed.plates), CpuSynthesis()
+    evidence = AutoEvidence()
+    observed = evidence.observe(sight, synthesis.contours(scene))
+    objective = Objective(Comparison(scene, 0, synthesis, observed), evidence)
+    return replace(objective, colours=cache(partial(part_colours, sight, scene)))
+
+
+def moved(filmed: Simulation, **degrees: float) -> Array:
+    body, q = filmed.scene.persons[0].body, filmed.poses[0][FRAME].copy()
+    for name, value in degrees.items():
+        q[body.index(name)] = np.radians(value)
+    return body.clamped(q)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"right_arm_elevation": -20.0, "right_arm_extension": 10.0},
+        {"left_arm_elevation": -10.0, "left_arm_abduction": 0.0, "left_arm_extension": 0.0},
+        {"left_arm_abduction": 120.0, "right_arm_elevation": -30.0},
+    ],
+)
+def test_a_limb_in_the_wrong_place_is_found(filmed, objective: Objective, wrong: dict[str, float]) -> None:
+    estimate = TwistIcpEstimation().estimate(objective, moved(filmed, **wrong)[None])
+    found = in_likeliest_places(objective, estimate)
+    body = objective.body
+    joints = [k for k, name in enumerate(body.landmark_names) if name.endswith(("elbow", "wrist", "knee", "ankle"))]
+    assert joint_errors_mm(filmed, 0, FRAME, found.q)[joints].max() < 40
+    assert objective.deciding_px(found.q) <= objective.deciding_px(estimate.q)
+
+
+def test_a_right_pose_stays(filmed, objective: Objective) -> None:
+    estimate = TwistIcpEstimation().estimate(objective, filmed.poses[0][FRAME][None])
+    assert in_likeliest_places(objective, estimate) is estimate
+
+
+def test_nothing_is_tried_of_who_is_lost_or_where_no_colours_are_asked_for(filmed, objective: Objective) -> None:
+    wrong = objective.estimate(moved(filmed, right_arm_elevation=-20.0), np.eye(objective.body.dof), 1)
+    lost = replace(wrong, status=Status.LOST)
+    assert in_likeliest_places(objective, lost) is lost
+    assert in_likeliest_places(replace(objective, colours=None), wrong) is wrong
+
+
+def test_colours_decide_beside_distances_alone(filmed, objective: Objective) -> None:
+    true, wrong = filmed.poses[0][FRAME], moved(filmed, right_arm_elevation=-20.0)
+    contours = replace(objective, colours=None)
+    assert contours.deciding_px(true) == pytest.approx(float(objective(true[None])[0]))
+    lead = contours.deciding_px(wrong) - contours.deciding_px(true)
+    assert objective.deciding_px(wrong) - objective.deciding_px(true) > lead + 0.1

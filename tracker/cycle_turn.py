@@ -1,0 +1,218 @@
+"""One turn of the cycle: a frame's estimates from those of the frame before, or without."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache, partial
+
+import numpy as np
+
+from tracker.arrays import Array
+from tracker.clock import Clock
+from tracker.comparison import Comparison
+from tracker.contours import joined
+from tracker.cycle import Cycle, State
+from tracker.errors import InitializationError
+from tracker.estimate import Estimate, Status
+from tracker.evidence import Observed
+from tracker.in_space import judged_in_space
+from tracker.loss import is_out_of_sight, judged, sought_anew
+from tracker.objective import Objective
+from tracker.other_places import in_likeliest_places
+from tracker.outcome import finished, still_lost
+from tracker.part_colours import PartColours, part_colours
+from tracker.rivals import weighed
+from tracker.scene import Scene
+from tracker.sight import Sight
+from tracker.single_view import with_vague_limbs
+from tracker.start import Start
+from tracker.strangers import hide_strangers
+from tracker.trajectory import History, Step
+
+# What a pose found anew must be closer than one that was tracked: the least that images say of a limb, see Objective.
+_CLEARLY_PX = 0.2
+
+
+def advance(
+    sight: Sight,
+    scene: Scene,
+    cycle: Cycle,
+    state: State,
+    clock: Clock | None = None,
+    rivals: Sequence[Estimate] = (),
+) -> Step:
+    """One frame: predict, expect, observe, estimate; lost persons are looked for anew.
+
+    Args:
+        sight: the images, perhaps with what was seen in them ahead.
+        scene: all persons at their last poses.
+        cycle: the components.
+        state: histories up to the frame before.
+        clock: with the time spent on the frame before.
+        rivals: for each person what was found in another way in this frame; empty for nothing.
+    """
+    clock = clock or Clock()
+    with clock("prediction"):
+        candidates = _predictions(scene, cycle, state, sight.frame.time_s)
+        predicted = scene.with_poses(tuple(poses[0] for poses in candidates))
+    with clock("synthesis"):
+        around = [np.vstack([poses, *(one.q for one in rivals[k : k + 1])]) for k, poses in enumerate(candidates)]
+        expected = joined([cycle.synthesis.contours(predicted, k, poses) for k, poses in enumerate(around)])
+    with clock("observation"):
+        if not any(state.frames_lost):  # or they may be whom we look for
+            hide_strangers(sight, predicted, cycle.synthesis)
+        observed = cycle.evidence.observe(sight, expected, state.memory)
+    estimates, current = [], predicted
+    colours = cache(partial(part_colours, sight, predicted))
+    with clock("refinement"):
+        for k, poses in enumerate(candidates):
+            # Earlier persons are at their best poses by now, later ones as predicted (paper, figure 2).
+            objective = objective_of(current, k, cycle, observed, state.histories[k])
+            nearby = is_out_of_sight(state.frames_lost[k], cycle.loss)
+            objective = replace(objective, nearby=nearby, colours=colours)
+            estimate = cycle.estimation.estimate(objective, poses)
+            if rivals and not rivals[k].lost:
+                estimate = weighed(objective, estimate, rivals[k])
+            estimate = judged(objective.body, estimate, cycle.loss)
+            estimates.append(with_vague_limbs(objective, estimate, cycle.loss.elsewhere_px))
+            current = current.with_pose(k, estimate.q)
+    clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
+    start = None
+    # who sits in somebody else's contours, or where no view shows him, is lost, or would be looked for anew in every
+    # frame, as if just found: 5 s each, of somebody who had not come in yet
+    estimates = list(judged_in_space(current, tuple(estimates)))
+    estimates = still_lost(sight, current, cycle.synthesis, estimates, state.frames_lost, cycle.loss.least_views)
+    waits = enumerate(zip(estimates, state.frames_lost, state.frames_doubted, strict=True))
+    sought = [k for k, since in waits if sought_anew(*since, cycle.loss)]
+    if sought:
+        with clock("initialization"):
+            current, estimates, start = _recover(sight, current, cycle, state, estimates, sought)
+    step = _finished(sight, current, cycle, tuple(estimates), observed, clock)
+    return replace(step, start=start, predicted=predicted, expected=expected)
+
+
+def bootstrap(
+    sight: Sight, scene: Scene, cycle: Cycle, give_up: bool = False, choose: Callable[[Start], Start] | None = None
+) -> Step:
+    """Finds all persons without a prediction; a step of lost persons where none can be found.
+
+    Args:
+        sight: the images.
+        scene: the persons and the rig.
+        cycle: the components.
+        give_up: raise instead of reporting the persons lost.
+        choose: has the last word on what was found.
+
+    Raises:
+        InitializationError: nothing was found and `give_up` is set.
+    """
+    clock = Clock()
+    start: Start | None = None
+    with clock("initialization"):
+        try:
+            start = cycle.initialization.start(sight.frame, scene, cycle.stages)
+            start = start if choose is None else choose(start)
+            scene = scene.with_poses(start.poses)
+        except InitializationError:
+            if give_up:
+                raise
+    with clock("observation"):
+        expected = None if start is None else cycle.synthesis.contours(scene)
+        if start is not None:
+            hide_strangers(sight, scene, cycle.synthesis)
+        observed = cycle.evidence.observe(sight, expected)
+    if start is None:
+        return _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), observed, clock)
+    with clock("refinement"):
+        estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED, partial(part_colours, sight, scene))
+    clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
+    if give_up and all(estimate.lost for estimate in estimates):
+        share = max(estimate.account.explained for estimate in estimates)
+        raise InitializationError(
+            f"frame {sight.frame.index}: the best start pose explains {share:.0%} of the model's contour, expected at "
+            f"least {cycle.loss.lost_below:.0%}; check the background plates, the calibration and the model's "
+            'size, or give a pose with initialization = { use = "given", poses = "start.csv" }'
+        )
+    return replace(_finished(sight, scene, cycle, estimates, observed, clock), start=start)
+
+
+def unfound(sight: Sight, scene: Scene, cycle: Cycle) -> Step:
+    """A frame in which nobody is looked for."""
+    clock = Clock()
+    with clock("observation"):
+        observed = cycle.evidence.observe(sight, None)
+    return _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), observed, clock)
+
+
+def settled(
+    scene: Scene, cycle: Cycle, observed: Observed, found: Status, colours: Callable[[], PartColours] | None = None
+) -> tuple[tuple[Estimate, ...], Scene]:
+    """Estimates of all persons started from the poses of the scene itself, and by colours, if told, limb by limb."""
+    estimates, colours = [], None if colours is None else cache(colours)
+    for k, person in enumerate(scene.persons):
+        objective = replace(objective_of(scene, k, cycle, observed), colours=colours)
+        estimate = in_likeliest_places(objective, cycle.estimation.estimate(objective, person.q[None]))
+        estimate = judged(person.body, estimate, cycle.loss, found)
+        estimates.append(with_vague_limbs(objective, estimate, cycle.loss.elsewhere_px))
+        scene = scene.with_pose(k, estimate.q)
+    return tuple(estimates), scene
+
+
+def objective_of(scene: Scene, k: int, cycle: Cycle, observed: Observed, history: History | None = None) -> Objective:
+    """What poses of a scene's person k are judged by, the others where they are."""
+    return Objective(Comparison(scene, k, cycle.synthesis, observed), cycle.evidence, history).by_surface()
+
+
+def _of_nobody(scene: Scene, cycle: Cycle, observed: Observed) -> tuple[Estimate, ...]:
+    """Estimates of persons of whom nothing is known."""
+    estimates = []
+    for k, person in enumerate(scene.persons):
+        objective = objective_of(scene, k, cycle, observed)
+        nothing = np.full((person.body.dof, person.body.dof), np.nan)
+        estimates.append(replace(objective.estimate(person.q, nothing, 0), status=Status.LOST))
+    return tuple(estimates)
+
+
+def _predictions(scene: Scene, cycle: Cycle, state: State, time_s: float) -> list[Array]:
+    """Candidate poses of each person; one that is lost waits where it was seen last."""
+    candidates = []
+    for person, history, lost in zip(scene.persons, state.histories, state.frames_lost, strict=True):
+        if history is None or lost:
+            candidates.append((person.q if history is None else history.poses[-1])[None])
+        else:
+            candidates.append(cycle.prediction.predict(person.body, history, time_s))
+    return candidates
+
+
+def _recover(
+    sight: Sight, scene: Scene, cycle: Cycle, state: State, estimates: list[Estimate], sought: list[int]
+) -> tuple[Scene, list[Estimate], Start | None]:
+    """Initializes anew and takes over the poses of the persons sought where they explain the images better."""
+    recovered = list(estimates)
+    for k in sought:
+        if not recovered[k].lost and state.frames_lost[k]:
+            recovered[k] = replace(recovered[k], status=Status.RECOVERED)
+    held = tuple(k for k in range(len(scene.persons)) if k not in sought)
+    try:
+        start = cycle.initialization.start(sight.frame, scene, replace(cycle.stages, held=held, seen_before=True))
+    except InitializationError:
+        return scene, recovered, None
+    poses = [start.poses[k] if k in sought else person.q for k, person in enumerate(scene.persons)]
+    trial = scene.with_poses(tuple(poses))
+    expected = joined([cycle.synthesis.contours(scene), cycle.synthesis.contours(trial)])
+    observed = cycle.evidence.observe(sight, expected, state.memory)
+    again, _ = settled(trial, cycle, observed, Status.RECOVERED, partial(part_colours, sight, trial))
+    for k in sought:
+        old_px = float(objective_of(scene, k, cycle, observed)(scene.persons[k].q[None])[0])
+        lead_px = 0.0 if state.frames_lost[k] else _CLEARLY_PX
+        if not again[k].lost and (recovered[k].lost or again[k].distance_px < old_px - lead_px):
+            recovered[k] = again[k]
+            scene = scene.with_pose(k, again[k].q)
+    return scene, recovered, start
+
+
+def _finished(
+    sight: Sight, scene: Scene, cycle: Cycle, estimates: tuple[Estimate, ...], observed: Observed, clock: Clock
+) -> Step:
+    return finished(sight, scene, cycle.synthesis, estimates, observed, clock, cycle.loss.least_views)

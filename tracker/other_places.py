@@ -1,0 +1,98 @@
+"""Limbs of a start pose, which may be anywhere: put where contours and the colours of parts together speak for them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from tracker.arrays import Array, Integers, Mask
+from tracker.body import BodyModel
+from tracker.estimate import Estimate
+from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.geometry.halton import halton
+from tracker.limbs import apart_m, are_apart
+from tracker.objective import Objective
+
+# Places of a limb over all its joints allow, and how many of the nearest ones are refined.
+_TRIED, _REFINED = 600, 8
+# What a place may cost more than the one found before it is refined, and after, px.
+_PROMISING_PX, _WITHIN_PX = 1.0, 0.6
+# Limits that leave a joint less than this leave its limb about where it is.
+_WIDE_RAD = np.radians(89.0)
+# How often all limbs are looked for: of two arms that cross, one is found when the other one is.
+_ROUNDS = 2
+
+_LEAD_PX = 0.05
+"""What another place must be better by."""
+
+_REFINEMENT = TwistIcpEstimation()
+
+
+def in_likeliest_places(objective: Objective, estimate: Estimate) -> Estimate:
+    """The estimate, perhaps with limbs elsewhere: where contours and the colours of parts together speak for them.
+
+    Otherwise limbs are searched where their contours are poor, see `Objective.deciding_px`.
+
+    Args:
+        objective: of the frame, with the other persons where they are.
+        estimate: of a person whose trunk is found.
+    """
+    if estimate.lost or objective.colours is None:
+        return estimate
+    body, best, least_px = objective.body, estimate, objective.deciding_px(estimate.q)
+    for _ in range(_ROUNDS):
+        before = best
+        for group in (group for group in body.fine_groups if body.partner_of(group)):
+            for one in _elsewhere(objective, best, group):
+                if (cost_px := objective.deciding_px(one.q)) < least_px - _LEAD_PX:
+                    best, least_px = one, cost_px
+        if best is before:
+            break
+    return best
+
+
+def _elsewhere(objective: Objective, estimate: Estimate, group: str) -> Iterator[Estimate]:
+    """Refined poses that cost hardly more, with a limb elsewhere."""
+    body, marks = objective.body, objective.body.landmarks_of(group)
+    poses = _over_all_places(body, estimate.q, group)
+    distances = objective(poses)
+    order = np.argsort(distances, kind="stable")
+    promising = poses[order[distances[order] < estimate.distance_px + _PROMISING_PX]]
+    for q in _different(body, promising, group):
+        refined = _REFINEMENT.estimate(objective, q[None])
+        near = refined.distance_px < estimate.distance_px + _WITHIN_PX
+        if near and are_apart(body, refined.q, estimate.q, marks):
+            yield refined
+
+
+def _over_all_places(body: BodyModel, q: Array, group: str) -> Array:
+    """(N, dof) poses with a limb everywhere its wide joints allow; narrow ones and its end are as usual."""
+    columns = body.group(group)
+    wide = columns[_leads_far(body, columns, group)]
+    low, high = body.limits[wide].T
+    poses = np.tile(q, (_TRIED, 1))
+    poses[:, columns] = body.rest()[columns]
+    poses[:, wide] = low + halton(_TRIED, len(wide)) * (high - low)
+    return poses
+
+
+def _leads_far(body: BodyModel, columns: Integers, group: str) -> Mask:
+    """(N,) whether parameters of a limb turn far, and more than its last part alone."""
+    parts = np.flatnonzero(body.parts_of(group))
+    moves = body.moves[np.ix_(columns, body.part_parameters[parts])]
+    wide = np.ptp(body.limits[columns], axis=1) > _WIDE_RAD
+    far: Mask = wide & ((moves.sum(axis=1) > 1) | (len(parts) == 1))
+    return far
+
+
+def _different(body: BodyModel, poses: Array, group: str) -> list[Array]:
+    """The first of some poses (N, dof) whose limbs are in different places."""
+    joints = body.landmarks_in_world(poses)[:, body.landmarks_of(group)]
+    left = np.arange(len(poses))
+    chosen: list[Array] = []
+    while len(left) and len(chosen) < _REFINED:
+        chosen.append(poses[left[0]])
+        gaps = np.linalg.norm(joints[left] - joints[left[0]], axis=2).max(axis=1, initial=0.0)
+        left = left[gaps > apart_m(body)]
+    return chosen
