@@ -86,6 +86,9 @@ CLIPS = {
     "lift": Clip("", "rita", "P-Floor", heading_deg=200, movement="lift"),
     "running": Clip("", "rita", "V-Dance", heading_deg=-75, movement="running_on_the_spot"),
     "throw": Clip("", "theo", "K-Kick", heading_deg=20, movement="throw"),
+    "hands_behind_back_1": Clip("", "rita", "K-Kick", heading_deg=40, movement="hands_behind_back"),
+    "hands_behind_back_2": Clip("", "theo", "N-Stride", heading_deg=170, movement="hands_behind_back"),
+    "kneeling": Clip("", "rita", "V-Dance", heading_deg=10, movement="kneeling"),
     "hands_behind_head": Clip("", "theo", "P-Floor", heading_deg=-110, movement="hands_behind_head"),
 }
 
