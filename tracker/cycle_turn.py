@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import cache, partial
 
@@ -125,7 +125,8 @@ def bootstrap(
     if start is None:
         return _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), observed, clock)
     with clock("refinement"):
-        estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED, partial(part_colours, sight, scene))
+        colours, everybody = partial(part_colours, sight, scene), range(len(scene.persons))
+        estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED, colours, everybody)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     if give_up and all(estimate.lost for estimate in estimates):
         share = max(estimate.account.explained for estimate in estimates)
@@ -146,13 +147,29 @@ def unfound(sight: Sight, scene: Scene, cycle: Cycle) -> Step:
 
 
 def settled(
-    scene: Scene, cycle: Cycle, observed: Observed, found: Status, colours: Callable[[], PartColours] | None = None
+    scene: Scene,
+    cycle: Cycle,
+    observed: Observed,
+    found: Status,
+    colours: Callable[[], PartColours] | None = None,
+    whom: Collection[int] = (),
 ) -> tuple[tuple[Estimate, ...], Scene]:
-    """Estimates of all persons started from the poses of the scene itself, and by colours, if told, limb by limb."""
+    """Estimates of all persons started from the poses of the scene itself.
+
+    Args:
+        scene: the persons.
+        cycle: the components.
+        observed: by the evidence.
+        found: what becomes of who is not lost.
+        colours: of the frame.
+        whom: persons whose limbs are looked for wherever they may be, by these colours as well.
+    """
     estimates, colours = [], None if colours is None else cache(colours)
     for k, person in enumerate(scene.persons):
         objective = replace(objective_of(scene, k, cycle, observed), colours=colours)
-        estimate = in_likeliest_places(objective, cycle.estimation.estimate(objective, person.q[None]))
+        estimate = cycle.estimation.estimate(objective, person.q[None])
+        if k in whom:
+            estimate = in_likeliest_places(objective, estimate)
         estimate = judged(person.body, estimate, cycle.loss, found)
         estimates.append(with_vague_limbs(objective, estimate, cycle.loss.elsewhere_px))
         scene = scene.with_pose(k, estimate.q)
@@ -202,7 +219,7 @@ def _recover(
     trial = scene.with_poses(tuple(poses))
     expected = joined([cycle.synthesis.contours(scene), cycle.synthesis.contours(trial)])
     observed = cycle.evidence.observe(sight, expected, state.memory)
-    again, _ = settled(trial, cycle, observed, Status.RECOVERED, partial(part_colours, sight, trial))
+    again, _ = settled(trial, cycle, observed, Status.RECOVERED, partial(part_colours, sight, trial), sought)
     for k in sought:
         old_px = float(objective_of(scene, k, cycle, observed)(scene.persons[k].q[None])[0])
         lead_px = 0.0 if state.frames_lost[k] else _CLEARLY_PX
