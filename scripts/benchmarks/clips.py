@@ -88,6 +88,9 @@ CLIPS = {
     "throw": Clip("", "theo", "K-Kick", heading_deg=20, movement="throw"),
     "hands_behind_back_1": Clip("", "rita", "K-Kick", heading_deg=40, movement="hands_behind_back"),
     "hands_behind_back_2": Clip("", "theo", "N-Stride", heading_deg=170, movement="hands_behind_back"),
+    "tree": Clip("", "theo", "P-Floor", heading_deg=60, movement="tree"),
+    "legs_crossed": Clip("", "rita", "N-Stride", heading_deg=-40, movement="legs_crossed"),
+    "pockets": Clip("", "theo", "V-Dance", heading_deg=-150, movement="pockets"),
     "kneeling": Clip("", "rita", "V-Dance", heading_deg=10, movement="kneeling"),
     "hands_behind_head": Clip("", "theo", "P-Floor", heading_deg=-110, movement="hands_behind_head"),
 }
