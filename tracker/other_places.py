@@ -14,9 +14,11 @@ from tracker.geometry.halton import halton
 from tracker.limbs import apart_m, are_apart
 from tracker.objective import Objective
 
-# Places of a limb over all its joints allow, and how many of the nearest ones are refined.
+# Places of a limb over all its joints allow, and how many of the nearest ones are refined: four limbs take 0.4 s of CPU
+# with plates, 0.8 to 1.2 s without.
 _TRIED, _REFINED = 600, 8
-# What a place may cost more than the one found before it is refined, and after, px.
+# What a place may cost more than the one found before it is refined, and after, px: of scaled bodies the true place of
+# three wrong arms cost 0.56 px more at most, and the colours spoke for it.
 _PROMISING_PX, _WITHIN_PX = 1.0, 0.6
 # Limits that leave a joint less than this leave its limb about where it is.
 _WIDE_RAD = np.radians(89.0)
@@ -24,7 +26,7 @@ _WIDE_RAD = np.radians(89.0)
 _ROUNDS = 2
 
 _LEAD_PX = 0.05
-"""What another place must be better by."""
+"""What another place must be better by: more than a refinement that begins elsewhere gains in the same place."""
 
 _REFINEMENT = TwistIcpEstimation()
 
