@@ -14,12 +14,12 @@ from tracker.geometry.halton import halton
 from tracker.limbs import apart_m, are_apart
 from tracker.objective import Objective
 
-# Places of a limb over all its joints allow, and how many of the nearest ones are refined: four limbs take 0.4 s of CPU
-# with plates, 0.8 to 1.2 s without.
-_TRIED, _REFINED = 600, 8
-# What a place may cost more than the one found before it is refined, and after, px: of scaled bodies the true place of
-# three wrong arms cost 0.56 px more at most, and the colours spoke for it.
-_PROMISING_PX, _WITHIN_PX = 1.0, 0.6
+# Places of a limb over all its joints allow; how many of the nearest ones are looked at for colours, and how many of
+# these refined. Four limbs take a second of CPU.
+_TRIED, _LOOKED_AT, _REFINED = 600, 24, 6
+# What a place may cost more than the one found before it is refined, and after, px. That of a leg that was put into the
+# other one, where it has no contour to be wrong, costs 1.05 px less than the true one; colours are worth 17 px there.
+_PROMISING_PX, _WITHIN_PX = 2.5, 1.5
 # Limits that leave a joint less than this leave its limb about where it is.
 _WIDE_RAD = np.radians(89.0)
 # How often all limbs are looked for: of two arms that cross, one is found when the other one is.
@@ -61,7 +61,8 @@ def _elsewhere(objective: Objective, estimate: Estimate, group: str) -> Iterator
     distances = objective(poses)
     order = np.argsort(distances, kind="stable")
     promising = poses[order[distances[order] < estimate.distance_px + _PROMISING_PX]]
-    for q in _different(body, promising, group):
+    different = _different(body, promising, group)
+    for q in sorted(different, key=objective.deciding_px)[:_REFINED]:
         refined = _REFINEMENT.estimate(objective, q[None])
         near = refined.distance_px < estimate.distance_px + _WITHIN_PX
         if near and are_apart(body, refined.q, estimate.q, marks):
@@ -93,7 +94,7 @@ def _different(body: BodyModel, poses: Array, group: str) -> list[Array]:
     joints = body.landmarks_in_world(poses)[:, body.landmarks_of(group)]
     left = np.arange(len(poses))
     chosen: list[Array] = []
-    while len(left) and len(chosen) < _REFINED:
+    while len(left) and len(chosen) < _LOOKED_AT:
         chosen.append(poses[left[0]])
         gaps = np.linalg.norm(joints[left] - joints[left[0]], axis=2).max(axis=1, initial=0.0)
         left = left[gaps > apart_m(body)]
