@@ -24,7 +24,7 @@ import typer
 from benchmarks.carried import laden
 from benchmarks.clips import CLIPS, Clip, names_of, others
 from benchmarks.films import CONDITIONS, Condition
-from benchmarks.furniture import Box, chair, cupboards, furnished
+from benchmarks.furniture import chair_below, cupboards, furnished
 from benchmarks.laboratory import laboratory_poses
 from benchmarks.motion_files import MotionFile, read_cmu, read_deepmimic
 from benchmarks.moved_scans import poses_like
@@ -143,7 +143,7 @@ def _simulated(clips: tuple[Clip, ...], condition: Condition, models: tuple[Path
         one[:, _on_floor(body)] += room.middle[:2]
     boxes = cupboards(rig, condition.n_boxes, poses[0][:, _on_floor(bodies[0])])
     if condition.sits:
-        boxes += _chair(bodies[0], poses[0][0])
+        boxes += chair_below(bodies[0], poses[0][0])
     pictures, away_m = furnished([picture for _, picture in films], rig, boxes)
     recipe = replace(
         filmed,
@@ -158,17 +158,6 @@ def _simulated(clips: tuple[Clip, ...], condition: Condition, models: tuple[Path
     if condition.carried is not None:
         simulation = laden(simulation, condition.carried)
     return simulation if condition.change is None else refilmed(simulation, condition.change)
-
-
-def _chair(body: BodyModel, q: Array) -> list[Box]:
-    """A chair on which a body sits whose skin is there."""
-    assert body.skin is not None
-    names = [part.name for part in body.parts]
-    placed = body.world_from_part(q)
-    sits = np.isin(body.skin.labels, [names.index(name) for name in ("pelvis", "left_thigh", "right_thigh")])
-    ahead = placed[names.index("pelvis"), :2, 0]
-    low = float(body.skin.world_points(placed)[sits, 2].min())
-    return chair(placed[names.index("pelvis"), :2, 3], float(np.arctan2(ahead[1], ahead[0])), low)
 
 
 def _side_by_side(poses: list[Array], bodies: list[BodyModel]) -> list[Array]:

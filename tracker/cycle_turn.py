@@ -125,7 +125,7 @@ def bootstrap(
     if start is None:
         return _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), observed, clock)
     with clock("refinement"):
-        colours, everybody = partial(part_colours, sight, scene), range(len(scene.persons))
+        colours, everybody = cache(partial(part_colours, sight, scene)), range(len(scene.persons))
         estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED, colours, everybody)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     if give_up and all(estimate.lost for estimate in estimates):
@@ -161,10 +161,10 @@ def settled(
         cycle: the components.
         observed: by the evidence.
         found: what becomes of who is not lost.
-        colours: of the frame.
+        colours: those of the frame, found once.
         whom: persons whose limbs are looked for wherever they may be, by these colours as well.
     """
-    estimates, colours = [], None if colours is None else cache(colours)
+    estimates = []
     for k, person in enumerate(scene.persons):
         objective = replace(objective_of(scene, k, cycle, observed), colours=colours)
         estimate = cycle.estimation.estimate(objective, person.q[None])
@@ -219,7 +219,7 @@ def _recover(
     trial = scene.with_poses(tuple(poses))
     expected = joined([cycle.synthesis.contours(scene), cycle.synthesis.contours(trial)])
     observed = cycle.evidence.observe(sight, expected, state.memory)
-    again, _ = settled(trial, cycle, observed, Status.RECOVERED, partial(part_colours, sight, trial), sought)
+    again, _ = settled(trial, cycle, observed, Status.RECOVERED, cache(partial(part_colours, sight, trial)), sought)
     for k in sought:
         old_px = float(objective_of(scene, k, cycle, observed)(scene.persons[k].q[None])[0])
         lead_px = 0.0 if state.frames_lost[k] else _CLEARLY_PX

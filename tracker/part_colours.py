@@ -24,6 +24,7 @@ from tracker.synthesis.cpu import CpuSynthesis
 _SMALLER = 2
 # Where no foreground is known, what is beside a person counts as far as this share of its size.
 _AROUND = 0.25
+# Whatever renderer a run has: small pictures of one pose are the CPU's, and the same on every machine.
 _SYNTHESIS = CpuSynthesis()
 
 

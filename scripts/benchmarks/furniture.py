@@ -9,6 +9,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Array32, Image
+from tracker.body import BodyModel
 from tracker.camera import Camera
 from tracker.kernels.pictures.rasterization import rasterize
 from tracker.rig import Rig
@@ -79,6 +80,17 @@ def chair(hips: Array, heading: float, seat_m: float) -> list[Box]:
     seat = at(0.0, 0.0, seat_m - 0.02, (2 * _BACKREST_AWAY_M, 0.44, 0.04))
     backrest = at(-_BACKREST_AWAY_M, 0.0, seat_m + 0.24, (0.03, 0.44, 0.44))
     return [*legs, seat, backrest]
+
+
+def chair_below(body: BodyModel, q: Array) -> list[Box]:
+    """The chair on which a body with a skin sits at a pose (dof,): its thighs lie on the seat."""
+    assert body.skin is not None
+    names = [part.name for part in body.parts]
+    placed = body.world_from_part(q)
+    pelvis = placed[names.index("pelvis")]
+    sits = np.isin(body.skin.labels, [names.index(name) for name in ("pelvis", "left_thigh", "right_thigh")])
+    seat_m = float(body.skin.world_points(placed)[sits, 2].min())
+    return chair(pelvis[:2, 3], float(np.arctan2(pelvis[1, 0], pelvis[0, 0])), seat_m)
 
 
 def furnished(pictures: list[Image], rig: Rig, boxes: list[Box]) -> tuple[list[Image], tuple[Array32, ...]]:
