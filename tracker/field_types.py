@@ -27,9 +27,10 @@ def path_mark(kind: Any) -> RelativePath | None:
 
 
 def entries_of(kind: Any) -> Any:
-    """X of tuple[X, ...]; None for other types."""
-    arguments = typing.get_args(kind)
-    return arguments[0] if typing.get_origin(kind) is tuple and arguments[1:] == (Ellipsis,) else None
+    """X of tuple[X, ...] and of tuple[X, ...] | None; None for other types."""
+    told = [option for option in options_of(kind) if option is not type(None)]
+    arguments = typing.get_args(told[0]) if len(told) == 1 and typing.get_origin(told[0]) is tuple else ()
+    return arguments[0] if arguments[1:] == (Ellipsis,) else None
 
 
 def named_of(kind: Any) -> Any:

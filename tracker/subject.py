@@ -36,8 +36,9 @@ class Subject:
     who move, the nearest one is taken. None leaves that to statures, and to how well the models fit. One person alone
     without plates is looked for all over the floor all the same."""
 
-    carries: tuple[Carried, ...] = ()
-    """What the person holds or wears all the time, a racket or a rucksack: it is tracked as parts of the body."""
+    carries: tuple[Carried, ...] | None = None
+    """What the person holds or wears all the time, a racket or a rucksack: it is tracked as parts of the body. None: it
+    is found, roughly, where the body is fitted; `[]` for nothing."""
 
     shape: Literal["recording", "model"] | None = None
     """`recording`: lengths and shapes are fitted to the first frames before these are tracked; `model`: they are those
@@ -67,7 +68,7 @@ class Subject:
             if description.stature_m <= 0:
                 raise ConfigError(f'person "{self.name}": stature_m given, but {self.model} does not tell its own')
             description = description.scaled(self.stature_m / description.stature_m)
-        return with_carried(description, self.carries)
+        return with_carried(description, self.carries or ())
 
     def body(self) -> BodyModel:
         """The body model, scaled.

@@ -13,6 +13,7 @@ from tracker.acquisition.calibrated_views import ViewSettings
 from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.result import model_of
 from tracker.acquisition.shape_space import space_of
+from tracker.acquisition.things import told_of_things
 from tracker.body_description import BodyDescription
 from tracker.body_files import read_description, save_description
 from tracker.cycle import Cycle
@@ -91,7 +92,8 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
         return opened, cycle
     sequence, models = opened.sequence, dict(opened.models)
     reopen = partial(frames_in_view, sequence.frames, cycle)
-    found = fit_bodies(spaces, opened.scene, cycle, reopen, sequence.n_frames, settings)
+    untold = [k for k in spaces if persons[k].carries is None]
+    found = fit_bodies(spaces, opened.scene, cycle, reopen, sequence.n_frames, settings, untold)
     for k, words in found.told.items():
         name = persons[k].name
         log.info("%s: lengths and shapes %s", name, words)
@@ -101,7 +103,8 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     scene = opened.scene.with_bodies({k: models[persons[k].name].build() for k in found.fits})
     if not found.steps:
         return opened, cycle
-    findings = told_of_views(found.steps, scene, sequence.interval_s, cycle.progress)
+    laden = tuple(told_of_things(persons[k].name, things) for k, things in found.things.items())
+    findings = (*told_of_views(found.steps, scene, sequence.interval_s, cycle.progress), *laden)
     steps = [as_kept(step) for step in found.steps]
     known = {step.frame.index: step.estimates for step in steps}
     opened = replace(opened, models=models, scene=scene, fitted_at=tuple(map(line_of, steps)), findings=findings)

@@ -21,7 +21,7 @@ from tracker.acquisition.calibrated_views import (
 )
 from tracker.acquisition.figures import Panel
 from tracker.acquisition.fitting import Fit
-from tracker.acquisition.from_recording import best_seen
+from tracker.acquisition.rounds import best_seen
 from tracker.acquisition.shape_space import space_of
 from tracker.arrays import Array
 from tracker.body_files import read_description, save_description

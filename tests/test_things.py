@@ -1,0 +1,183 @@
+"""What persons carry that nobody told of: found with its place, its size and its segment, or not at all."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recordings import TrueStart, cycle_for, small_simulation
+from test_from_recording import QUICK
+
+from tracker.acquisition.beside import CELL_M, Moment, moment, seen_in
+from tracker.acquisition.from_recording import fit_bodies
+from tracker.acquisition.moving_along import most_moving
+from tracker.acquisition.shape_space import ShapePrior, space_of
+from tracker.acquisition.things import things_of, told_of_things
+from tracker.body_description import BodyDescription
+from tracker.body_files import read_description, save_description
+from tracker.carried import Carried, with_carried
+from tracker.config import build_class
+from tracker.resources import model_path
+from tracker.scene import Person, Scene
+from tracker.simulation.sequence import Simulation
+from tracker.subject import Subject
+from tracker.synthesis.cpu import CpuSynthesis
+from tracker.trajectory import Step
+from tracker.windows import there
+
+N_FRAMES = 24
+BALL = Carried(name="ball", by="right_wrist", start=(0.0, 0.0, -0.15), end=(0.0, 0.0, -0.35), radii=(0.1, 0.1))
+RUCKSACK = Carried(name="rucksack", by="neck", start=(-0.24, 0.0, -0.5), end=(-0.24, 0.0, -0.08), radii=(0.1, 0.15))
+
+
+@pytest.fixture(scope="module")
+def general() -> BodyDescription:
+    return read_description(model_path("gavrila22"))
+
+
+def filmed(folder: Path, description: BodyDescription, *things: Carried) -> Simulation:
+    """Somebody with things, of whom the tracker has the model without."""
+    path = folder / "laden.toml"
+    save_description(with_carried(description, things), path, decimals=None)
+    return small_simulation("arm_swing", n_frames=N_FRAMES, model=str(path), fps=10.0, seconds=N_FRAMES / 10)
+
+
+def followed(simulation: Simulation, description: BodyDescription) -> list[Step]:
+    """The frames, tracked with the model that knows of no thing."""
+    return there(
+        list(simulation.frames()), untold(simulation, description), cycle_for(simulation, TrueStart(simulation))
+    )[0]
+
+
+def untold(simulation: Simulation, description: BodyDescription) -> Scene:
+    body = description.build()
+    return Scene((Person("person1", body, body.rest()),), simulation.scene.rig)
+
+
+def found_in(simulation: Simulation, description: BodyDescription) -> tuple[Carried, ...]:
+    steps = followed(simulation, description)
+    return things_of(steps, 0, description, simulation.plates, CpuSynthesis())
+
+
+def middle(body: BodyDescription, one: Carried) -> np.ndarray:
+    """(3,) in the reference pose, metres."""
+    return np.array(body.landmarks[one.by].at) + (np.array(one.start) + one.end) / 2
+
+
+def sizes(one: Carried) -> list[float]:
+    """Three, the largest first, metres."""
+    return sorted([float(np.linalg.norm(np.subtract(one.end, one.start))), *(2 * r for r in one.radii)], reverse=True)
+
+
+@pytest.fixture(scope="module")
+def with_ball(tmp_path_factory: pytest.TempPathFactory, general: BodyDescription) -> Simulation:
+    return filmed(tmp_path_factory.mktemp("ball"), general, BALL)
+
+
+def test_a_ball_is_found_in_the_hand_that_swings(with_ball: Simulation, general: BodyDescription) -> None:
+    (one,) = found_in(with_ball, general)
+    body = general.build()
+    ends = {mark.name: mark.parameter for mark in body.landmarks}
+    assert ends[one.by] == ends["right_wrist"]
+    assert np.linalg.norm(middle(general, one) - middle(general, BALL)) < 2 * CELL_M
+    # what is 5 cm beside the silhouette of the hand may be the hand's
+    assert all(0.2 - 0.05 - CELL_M < size < 0.2 + 2 * CELL_M for size in sizes(one))
+
+
+def test_who_carries_two_things_has_both(tmp_path: Path, general: BodyDescription) -> None:
+    found = found_in(filmed(tmp_path, general, BALL, RUCKSACK), general)
+    assert [one.name for one in found][:2] == ["carried_1", "carried_2"]
+    for thing in (BALL, RUCKSACK):
+        gaps = [np.linalg.norm(middle(general, one) - middle(general, thing)) for one in found]
+        assert min(gaps) < 0.1
+
+
+def test_who_carries_nothing_has_nothing(tmp_path: Path, general: BodyDescription) -> None:
+    assert found_in(filmed(tmp_path, general), general) == ()
+
+
+def test_what_is_told_is_not_found_again(with_ball: Simulation, general: BodyDescription) -> None:
+    assert found_in(with_ball, with_carried(general, [BALL])) == ()
+
+
+def test_without_frames_nothing_is_found(with_ball: Simulation, general: BodyDescription) -> None:
+    assert things_of([], 0, general, with_ball.plates, CpuSynthesis()) == ()
+
+
+def moments_of(simulation: Simulation, description: BodyDescription, steps: Sequence[Step]) -> list[Moment]:
+    scenes = [untold(simulation, description).with_pose(0, step.estimates[0].q) for step in steps]
+    return [
+        moment(s.frame, scene, 0, simulation.plates, CpuSynthesis()) for s, scene in zip(steps, scenes, strict=True)
+    ]
+
+
+def test_cells_of_a_ball_are_in_the_ball(with_ball: Simulation, general: BodyDescription) -> None:
+    """All of its own are found, and none is further from it than a cell and what poses are off."""
+    body = general.build()
+    moving = most_moving(moments_of(with_ball, general, followed(with_ball, general)), body)
+    assert moving is not None
+    assert body.names[moving.end].startswith("right_")
+    far = np.linalg.norm(moving.points - middle(general, BALL), axis=1)
+    assert far.max() < 0.1 + 2 * CELL_M
+    volume = 4 / 3 * np.pi * 0.1**3
+    assert 0.5 * volume < len(moving.points) * CELL_M**3 < 3 * volume
+
+
+def test_what_is_beside_the_persons_is_what_every_cell_tried_shows(
+    with_ball: Simulation, general: BodyDescription
+) -> None:
+    """A brute-force twin: all cells around the ball, instead of those behind what views show."""
+    steps = followed(with_ball, general)
+    (one,) = moments_of(with_ball, general, steps[:1])
+    numbers = np.round(one.beside / CELL_M).astype(int)
+    low, high = numbers.min(axis=0) - 5, numbers.max(axis=0) + 6
+    lattice = np.stack(np.meshgrid(*map(np.arange, low, high), indexing="ij"), axis=-1).reshape(-1, 3)
+    empty, n_apart = seen_in(one.views, lattice * CELL_M)
+    there_are = {tuple(cell) for cell in lattice[~empty & (n_apart >= 2)]}
+    ours = {tuple(cell) for cell in numbers}
+    assert ours <= there_are
+    assert len(ours) > 0.8 * len(there_are)
+
+
+def test_bodies_are_fitted_with_what_is_carried(with_ball: Simulation, general: BodyDescription) -> None:
+    cycle, spaces = cycle_for(with_ball, TrueStart(with_ball)), {0: space_of(general, ShapePrior())}
+    asked = (spaces, untold(with_ball, general), cycle, with_ball.frames, N_FRAMES, QUICK)
+    found, without = fit_bodies(*asked, untold=[0]), fit_bodies(*asked)
+    assert [one.name for one in found.things[0]] == ["carried_1"]
+    assert "carried_1" in [part.name for part in found.fits[0].body.parts]
+    assert not without.things
+    assert len(without.fits[0].body.parts) == len(general.parts)
+
+    def left_over(steps: Sequence[Step]) -> float:
+        return float(np.mean([step.estimates[0].account.left_over for step in steps]))
+
+    assert left_over(found.steps) < left_over(without.steps)
+
+
+def test_the_lines_told_are_those_of_a_configuration() -> None:
+    things = (
+        Carried(name="carried_1", by="neck", start=(-0.2, 0, 0), end=(-0.2, 0, 0.4), radii=(0.1, 0.2), front=(0, 1, 0)),
+        BALL,
+    )
+    told = told_of_things("anna", things)
+    assert told.startswith("anna: ")
+    assert "40 x 40 x 20 cm" in told
+    table = tomllib.loads("carries = " + told.split("carries = ")[-1])
+    again = build_class(Subject, {"model": str(model_path("gavrila22")), **table}, "persons[0]", Path())
+    assert again.carries is not None
+    for one, other in zip(again.carries, things, strict=True):
+        assert (one.name, one.by, one.start, one.end, one.radii) == (
+            other.name,
+            other.by,
+            other.start,
+            other.end,
+            other.radii,
+        )
+
+
+@pytest.mark.parametrize(("told", "carries"), [({}, None), ({"carries": []}, ())])
+def test_nothing_told_is_not_that_nothing_is_carried(told: dict[str, object], carries: object) -> None:
+    assert build_class(Subject, told, "persons[0]", Path()).carries == carries

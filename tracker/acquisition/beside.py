@@ -1,0 +1,156 @@
+"""What stands out in the images of a frame beside the persons' bodies: cells of space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from tracker.arrays import Array, Integers, Mask
+from tracker.camera import Camera
+from tracker.frame import Frame
+from tracker.plate import Plate
+from tracker.scene import Scene
+from tracker.sight import Sight
+from tracker.strangers import hide_strangers
+from tracker.synthesis import Synthesis
+
+CELL_M = 0.03
+"""Edge of the cells, metres."""
+
+_SAMPLING = 2
+"""Every second pixel is looked at, along both axes."""
+
+_OWN_M = 0.05
+"""What stands out so near to a person's silhouette is the person's: hair, wide clothes, what a model has not."""
+
+_AROUND_M = 1.5
+"""How far from the middle of a person cells are looked for, metres."""
+
+_LEAST_CELLS = 5
+"""Fewer cells beside the persons, 0.14 l, are none of the things looked for."""
+
+
+@dataclass(frozen=True)
+class View:
+    """A view that knows its background, every second pixel of it."""
+
+    camera: Camera
+    changed: Mask
+    """(h, w) the foreground, a little enlarged, and what is not known."""
+
+    apart: Mask
+    """(h, w) the foreground that is not near a person."""
+
+    px_per_m: float
+    """Where the person is."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A frame: where the segments of a person are, and what stands out beside all persons."""
+
+    world_from_reference: Array
+    """(dof + 1, 4, 4) how far what hangs on each parameter has moved from the reference pose."""
+
+    views: tuple[View, ...]
+    beside: Array
+    """(N, 3) middles of cells that two views show beside the persons and none as empty, metres."""
+
+    @property
+    def tells(self) -> bool:
+        """Whether there is enough beside the persons."""
+        return len(self.beside) >= _LEAST_CELLS
+
+
+def moment(frame: Frame, scene: Scene, person: int, plates: tuple[Plate | None, ...], synthesis: Synthesis) -> Moment:
+    """What stands out in a frame.
+
+    Args:
+        frame: its images.
+        scene: all persons at their poses.
+        person: the one who is looked at.
+        plates: of the views.
+        synthesis: draws them.
+    """
+    sight, one = Sight(frame, plates), scene.persons[person]
+    models, middle = synthesis.silhouettes(scene), one.body.landmarks_in_world(one.q).mean(axis=0)
+    for v, model in enumerate(models):
+        sight.changes(v, (0, 0, model.shape[1], model.shape[0]))
+    hide_strangers(sight, scene, synthesis)
+    found = (_view(sight, v, model, scene.rig.cameras[v], middle) for v, model in enumerate(models))
+    views = tuple(view for view in found if view is not None)
+    return Moment(one.body.world_from_parameters(one.q), views, _beside(views, middle))
+
+
+def _view(sight: Sight, v: int, model: Mask, camera: Camera, middle: Array) -> View | None:
+    silhouette, unknown, hidden = sight.silhouette(v), sight.unknown(v), sight.occluder(v)
+    if silhouette is None:
+        return None
+    px_per_m = float(camera.matrix[0, 0]) / max(float(camera.in_camera(middle[None])[0, 2]), 0.1) / _SAMPLING
+    foreground = np.ascontiguousarray(silhouette[::_SAMPLING, ::_SAMPLING])
+    own = _grown(np.ascontiguousarray(model[::_SAMPLING, ::_SAMPLING]), _OWN_M * px_per_m)
+    apart, changed = foreground & ~own, _grown(foreground, CELL_M / 2 * px_per_m)
+    for other in (unknown, hidden):
+        if other is not None:
+            changed |= other[::_SAMPLING, ::_SAMPLING]
+    return View(camera, changed, apart, px_per_m)
+
+
+def _beside(views: Sequence[View], middle: Array) -> Array:
+    """The cells (N, 3) around a place that two views show beside the persons and none as empty."""
+    # one of the two is not the view that shows most there
+    fewest = sorted(views, key=lambda view: np.count_nonzero(view.apart))[:-1]
+    along = [_along_rays(view, middle) for view in fewest]
+    points = np.unique(np.round(np.concatenate([np.zeros((0, 3)), *along]) / CELL_M), axis=0) * CELL_M
+    empty, n_apart = seen_in(views, points)
+    found: Array = points[~empty & (n_apart >= 2)]
+    return found
+
+
+def _along_rays(view: View, middle: Array) -> Array:
+    """Points (N, 3) around a place, behind what a view shows beside the persons."""
+    y, x = np.nonzero(view.apart)
+    spacing = max(1, round(CELL_M * view.px_per_m))
+    kept = (x % spacing == 0) & (y % spacing == 0)
+    rays = view.camera.rays(np.stack([x[kept], y[kept]], axis=-1).astype(np.float64) * _SAMPLING)
+    far = np.linalg.norm(middle - view.camera.centre) + np.arange(-_AROUND_M, _AROUND_M, CELL_M)
+    return (view.camera.centre + far[:, None, None] * rays).reshape(-1, 3)
+
+
+def seen_in(views: Sequence[View], points: Array) -> tuple[Mask, Integers]:
+    """Which of points a view shows as empty, or fewer than two see, and how many views show each beside the persons.
+
+    Args:
+        views: of one frame.
+        points: (N, 3) in the world, metres.
+    """
+    empty = np.zeros(len(points), dtype=np.bool_)
+    n_seen, n_apart = np.zeros((2, len(points)), dtype=np.int64)
+    for view in views:
+        at, seen = _pixels(view, points)
+        x, y = at[seen].T
+        empty[seen] |= ~view.changed[y, x]
+        n_apart[seen] += view.apart[y, x]
+        n_seen += seen
+    empty |= n_seen < 2
+    return empty, n_apart
+
+
+def _pixels(view: View, points: Array) -> tuple[Integers, Mask]:
+    """The pixels (N, 2) of points (N, 3), and which of these (N,) the view sees."""
+    before = view.camera.in_camera(points)[:, 2] > 0.1
+    pixels = np.nan_to_num(view.camera.project(points) / _SAMPLING, nan=-1.0)
+    at = np.round(np.clip(pixels, -1, 1e6)).astype(np.int64)
+    height, width = view.changed.shape
+    seen: Mask = before & (at >= 0).all(axis=1) & (at < (width, height)).all(axis=1)
+    return at, seen
+
+
+def _grown(mask: Mask, radius: float) -> Mask:
+    size = 2 * max(1, round(radius)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    grown: Mask = cv2.dilate(mask.view(np.uint8), disc) > 0
+    return grown
