@@ -1,4 +1,4 @@
-"""What scanned persons wear or carry that no model has: a skirt, a rucksack, a racket, a ball."""
+"""What scanned persons wear or carry that no model has: a skirt, a rucksack, a racket, a ball, a stick, a barbell."""
 
 from __future__ import annotations
 
@@ -79,6 +79,23 @@ def racket(body: BodyModel) -> Thing:
     points = np.concatenate([handle.vertices + np.array([0, 0, 0.18]), face])
     faces = np.concatenate([handle.faces, head.faces + len(handle.vertices)])
     return _held(body, "right_hand", points, faces, (40, 170, 60))
+
+
+def barbell(body: BodyModel) -> Thing:
+    """A bar of 2.2 m behind the neck, with discs of 45 cm."""
+    bar = trimesh.creation.cylinder(0.015, 2.2, sections=12)
+    discs = [trimesh.creation.cylinder(0.225, 0.06) for _ in range(2)]
+    for disc, side in zip(discs, (-1, 1), strict=True):
+        disc.apply_translation((0, 0, 0.95 * side))
+    whole = trimesh.util.concatenate([bar, *discs])
+    across = whole.vertices[:, [0, 2, 1]] * (1, -1, 1) + (-0.13, 0, 0.22)
+    return _held(body, "chest", across, whole.faces, (60, 60, 60))
+
+
+def stick(body: BodyModel) -> Thing:
+    """A walking stick of 90 cm, in the right hand, where the forearm points."""
+    shape = trimesh.creation.cylinder(0.014, 0.9, sections=12)
+    return _held(body, "right_hand", shape.vertices + np.array([0, 0, 0.42]), shape.faces, (40, 70, 110))
 
 
 def skirt(body: BodyModel) -> Thing:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from benchmarks.carried import Carried, ball, racket, rucksack, skirt
+from benchmarks.carried import Carried, ball, barbell, racket, rucksack, skirt, stick
 from benchmarks.refilmed import Change, adapting, grey, shaken, switched
 from benchmarks.rooms import Standpoint
 from tracker.simulation.sequence import Recipe
@@ -97,6 +97,8 @@ CONDITIONS = {
     "skirt": Condition(carried=skirt),
     "rucksack": Condition(carried=rucksack),
     "racket": Condition(carried=racket),
+    "barbell": Condition(carried=barbell),
+    "stick": Condition(carried=stick),
     "ball": Condition(carried=ball),
     "together": Condition(n_others=1),
     "three_together": Condition(n_others=2),

@@ -96,8 +96,7 @@ def fit_bodies(
         return Fitting({}, dict.fromkeys(spaces, few), (), None, {})
     following = _Following(frames, reopen, settings)
     way = following.back(_named(following.there(scene, spaces, cycle), scene, following))
-    things = {k: _things(way.found, k, cycle) for k in way.found.fits if k in untold}
-    things = {k: some for k, some in things.items() if some}
+    things = {k: some for k in spaces if k in untold and (some := _things(way, k))}
     if things:
         cycle.progress("bodies: tracked anew with what is carried")
         with_things = {k: _with(spaces[k], some) for k, some in things.items()}
@@ -167,9 +166,11 @@ def _named(way: _Way, scene: Scene, following: _Following) -> _Way:
     return replace(other, cycle=way.cycle)
 
 
-def _things(found: Round, k: int, cycle: Cycle) -> tuple[Carried, ...]:
-    fit = found.fits[k]
-    return things_of(found.steps, k, fit.space.described(fit.shape), cycle.plates, cycle.synthesis)
+def _things(way: _Way, k: int) -> tuple[Carried, ...]:
+    """What a person carries: one who wears a skirt may be in doubt everywhere, and the body not fitted."""
+    fit = way.found.fits.get(k)
+    description = way.spaces[k].description if fit is None else fit.space.described(fit.shape)
+    return things_of(way.found.steps, k, description, way.cycle.plates, way.cycle.synthesis)
 
 
 def _with(space: ShapeSpace, things: Sequence[Carried]) -> ShapeSpace:
