@@ -24,7 +24,7 @@ LAYERS = (
     "comparison outlines correspondences strangers part_colours lsm following result ball_joints",
     "similarity evidence objective",
     "estimation initialization",
-    "rivals single_view other_places outcome cycle cycle_turn bridges jumps rehearsal backwards easier_start "
+    "rivals single_view other_places outcome cycle cycle_turn even_ways bridges jumps rehearsal backwards easier_start "
     "found_before tracking recorded_plates windows coming_in two_passes",
     "acquisition alignment recognition evaluation simulation inspection",
     "jobs rig_check export smoothed aligned batching run forecast draft footage viewing",
