@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from tracker.body_files import load_body
 from tracker.errors import SequenceError
-from tracker.evaluation.comparison import error_figure, evaluate, flexion
+from tracker.evaluation.comparison import error_figure, evaluate
 from tracker.evaluation.joint_names import JointNames, names_of
+from tracker.evaluation.person_errors import flexion
 from tracker.resources import model_path
 
 N_FRAMES = 12

@@ -12,7 +12,8 @@ from rich.console import Console, Group
 
 from tracker.commands import evaluate
 from tracker.commands.terminal import ProgressBar
-from tracker.evaluation.comparison import Evaluation, PersonErrors
+from tracker.evaluation.comparison import Evaluation
+from tracker.evaluation.person_errors import PersonErrors
 from tracker.jobs import load_job
 
 DETAIL = "12.5 frames/s (search 41 evidence 20 synthesis 9 ms), 3 lost, 12 doubtful"

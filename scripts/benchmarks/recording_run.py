@@ -19,7 +19,8 @@ from benchmarks.trial import LIMB_MM, TRACKED_MM
 from tracker.arrays import Array, Mask
 from tracker.config_files import Table
 from tracker.errors import SequenceError
-from tracker.evaluation.comparison import PersonErrors, evaluate
+from tracker.evaluation.comparison import evaluate
+from tracker.evaluation.person_errors import PersonErrors
 from tracker.evaluation.tables import read_rows
 
 _RECORDINGS = ["csv_table", "run_json", "benchmarks.processor_clock:ProcessorClock"]

@@ -25,7 +25,8 @@ from benchmarks.recording_run import Asked, described
 from tracker.arrays import Array
 from tracker.config_files import Table as Configuration
 from tracker.errors import TrackerError
-from tracker.evaluation.comparison import PersonErrors, evaluate
+from tracker.evaluation.comparison import evaluate
+from tracker.evaluation.person_errors import PersonErrors
 from tracker.evaluation.tables import read_rows
 from tracker.outlines import overlap
 from tracker.result import load_result

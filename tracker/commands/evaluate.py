@@ -12,7 +12,8 @@ from rich.table import Table
 from tracker.commands.terminal import console
 
 if TYPE_CHECKING:
-    from tracker.evaluation.comparison import Evaluation, PersonErrors
+    from tracker.evaluation.comparison import Evaluation
+    from tracker.evaluation.person_errors import PersonErrors
 
 
 def evaluate(

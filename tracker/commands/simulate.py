@@ -12,7 +12,7 @@ from tracker.commands.terminal import ProgressBar, console
 from tracker.errors import InitializationError
 
 if TYPE_CHECKING:
-    from tracker.evaluation.comparison import PersonErrors
+    from tracker.evaluation.person_errors import PersonErrors
     from tracker.simulation.filming import Plan
     from tracker.simulation.prospect import Prospect, Views
 
