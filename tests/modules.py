@@ -21,7 +21,7 @@ LAYERS = (
     "equations plate sight estimate in_view in_space loss start carried subject trajectory doubts triangulation views "
     "shown_size",
     "reading calibration prediction synthesis analysis recording smoothing",
-    "comparison outlines correspondences strangers part_colours lsm following result ball_joints",
+    "comparison outlines correspondences strangers part_colours lsm following person_track result ball_joints",
     "similarity evidence objective",
     "estimation initialization",
     "rivals single_view other_places outcome cycle cycle_turn even_ways bridges jumps rehearsal backwards easier_start "

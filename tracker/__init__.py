@@ -10,7 +10,7 @@ import importlib
 
 __version__ = "0.1.0"
 
-_OFFERED = {"load_result": "result", "Result": "result", "Track": "result", "load_run": "run", "Run": "run"}
+_OFFERED = {"load_result": "result", "Result": "result", "Track": "person_track", "load_run": "run", "Run": "run"}
 """What the package offers by itself -> its module, which loads when it is asked for; `__init__.pyi` has the types."""
 
 

@@ -1,6 +1,6 @@
 # The types of what `tracker` offers by itself.
+from tracker.person_track import Track as Track
 from tracker.result import Result as Result
-from tracker.result import Track as Track
 from tracker.result import load_result as load_result
 from tracker.run import Run as Run
 from tracker.run import load_run as load_run

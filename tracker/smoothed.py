@@ -17,8 +17,9 @@ from tracker.config import describe
 from tracker.estimate import Estimate, Status
 from tracker.export import write_result
 from tracker.files import whole_folder
+from tracker.person_track import Track
 from tracker.recording.csv_table import parameter_columns
-from tracker.result import Result, Track
+from tracker.result import Result
 from tracker.smoothing import Smoothed, Smoothing, Stretch, stretches_of
 
 FOLDER = "smoothed"

@@ -13,8 +13,8 @@ from tracker.commands.terminal import console
 from tracker.errors import ConfigError
 
 if TYPE_CHECKING:
+    from tracker.person_track import Track
     from tracker.recognition.timeline import Stretch
-    from tracker.result import Track
 
 BUNDLED = "bundled"
 """The library that comes with the package, where a folder is expected."""
