@@ -27,7 +27,7 @@ LAYERS = (
     "rivals single_view other_places outcome cycle cycle_turn even_ways bridges jumps rehearsal backwards easier_start "
     "found_before tracking recorded_plates windows coming_in two_passes",
     "acquisition alignment recognition evaluation simulation inspection",
-    "jobs rig_check export smoothed aligned batching run forecast draft footage viewing",
+    "jobs rig_check epipolar_picture export smoothed aligned batching run forecast draft footage viewing",
     "cli commands __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}

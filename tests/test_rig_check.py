@@ -11,9 +11,10 @@ from bars import recorded
 from typer.testing import CliRunner
 
 from tracker.cli import app
+from tracker.epipolar_picture import epipolar_picture
 from tracker.errors import CalibrationError
 from tracker.rig import Rig
-from tracker.rig_check import check_points, check_rig, epipolar_picture
+from tracker.rig_check import check_points, check_rig
 from tracker.rig_layouts import load_rig, save_rig
 
 

@@ -32,7 +32,8 @@ def rig_check(
 ) -> None:
     """Looks a rig over: geometry, who sees whom, reprojection, scale, and epipolar lines over the views."""
     from tracker.calibration import read_points
-    from tracker.rig_check import check_points, check_rig, epipolar_picture, write_picture
+    from tracker.epipolar_picture import epipolar_picture, write_picture
+    from tracker.rig_check import check_points, check_rig
     from tracker.rig_layouts import read_rig
 
     opened = read_rig(rig)
