@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from tracker.acquisition.scan import Joint, Scan
 from tracker.arrays import Array
-from tracker.body_description import AxisEntry, BodyDescription, SegmentEntry
+from tracker.body_description import BodyDescription
+from tracker.body_entries import AxisEntry, SegmentEntry
 from tracker.mirror import Mirror
 
 # How much the direction of the next hinge counts against that of the bone itself.

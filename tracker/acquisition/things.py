@@ -10,7 +10,8 @@ from tracker.acquisition.beside import CELL_M, moment
 from tracker.acquisition.moving_along import Moving, most_moving
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_description import BodyDescription, Vector
+from tracker.body_description import BodyDescription
+from tracker.body_entries import Vector
 from tracker.carried import Carried, with_carried
 from tracker.plate import Plate
 from tracker.scene import Scene
