@@ -20,7 +20,8 @@ from tracker.acquisition.calibrated_views import (
     _own,
     check_overlaps,
 )
-from tracker.acquisition.fitting import FitSettings, Task, fit
+from tracker.acquisition.fit_task import FitSettings, Task
+from tracker.acquisition.fitting import fit
 from tracker.acquisition.looks import Look
 from tracker.acquisition.part_search import section_distances
 from tracker.acquisition.pictures import Pair, Picture, orthographic_camera, read_silhouette

@@ -13,7 +13,7 @@ from test_shape_space import some_shape, space
 
 import tracker.acquisition.from_recording as from_recording
 from tracker.acquisition.calibrated_views import ViewSettings, Watching, fit_to_views, view_overlaps
-from tracker.acquisition.fitting import FitSettings
+from tracker.acquisition.fit_task import FitSettings
 from tracker.acquisition.from_recording import best_seen, fit_bodies
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.body_description import BodyDescription

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pydantic
 
-from tracker.acquisition.fitting import Fit, FitSettings, Task, fit
+from tracker.acquisition.fit_task import FitSettings, Task
+from tracker.acquisition.fitting import Fit, fit
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
 from tracker.analysis import Analysis

@@ -15,7 +15,8 @@ import pydantic
 from tracker.acquisition._surface_rows import outside
 from tracker.acquisition._tied import Tracks
 from tracker.acquisition.clouds import Cloud
-from tracker.acquisition.fitting import Fit, FitSettings, Task, fit
+from tracker.acquisition.fit_task import FitSettings, Task
+from tracker.acquisition.fitting import Fit, fit
 from tracker.acquisition.looks import Look, Mark
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
 from tracker.acquisition.standing_points import Posed, moved_to, standing_among

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pydantic
 
-from tracker.acquisition.fitting import Fit, FitSettings, Task, fit
+from tracker.acquisition.fit_task import FitSettings, Task
+from tracker.acquisition.fitting import Fit, fit
 from tracker.acquisition.looks import Look, Mark
 from tracker.acquisition.part_search import searched_parts
 from tracker.acquisition.pictures import Pair, Silhouette, read_silhouette
