@@ -26,7 +26,8 @@ from tracker.acquisition.looks import Look
 from tracker.acquisition.part_search import section_distances
 from tracker.acquisition.pictures import Pair, Picture, orthographic_camera, read_silhouette
 from tracker.acquisition.result import bone_lengths, model_of, stature_of
-from tracker.acquisition.two_silhouettes import SilhouetteSettings, acquire
+from tracker.acquisition.silhouette_task import SilhouetteSettings
+from tracker.acquisition.two_silhouettes import acquire
 from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel

@@ -9,7 +9,8 @@ import pydantic
 
 from tracker.acquisition.figures import Panel
 from tracker.acquisition.pictures import Pair, read_silhouette
-from tracker.acquisition.two_silhouettes import SilhouetteSettings, acquire
+from tracker.acquisition.silhouette_task import SilhouetteSettings
+from tracker.acquisition.two_silhouettes import acquire
 from tracker.body_description import BodyDescription
 from tracker.body_files import read_description
 from tracker.components import ModelFile, component
