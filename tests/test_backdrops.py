@@ -26,7 +26,8 @@ from tracker.initialization._hypotheses import least_left
 from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.stance import StanceInitialization
 from tracker.outlines import outline_observation
-from tracker.plate import Plate, changed
+from tracker.plate import Plate
+from tracker.plate_changes import changed
 from tracker.reading._plates import backdrop
 from tracker.reading._recorded_plate import recorded_plate
 from tracker.reading.video import VideoReading

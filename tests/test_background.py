@@ -9,7 +9,8 @@ import pytest
 from tracker.arrays import Array, Image, Mask, frozen
 from tracker.kernels.images.changes import large_regions, mark_changes, median_change
 from tracker.kernels.images.shadows import MARGIN, without_shadows
-from tracker.plate import _SHADOW, Plate, changed, difference, foreground, threshold_level
+from tracker.plate import Plate, threshold_level
+from tracker.plate_changes import _SHADOW, changed, difference, foreground
 
 SIZE = 240, 320
 BOX = slice(60, 180), slice(120, 180)

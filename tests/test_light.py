@@ -13,7 +13,8 @@ from recordings import small_simulation
 from tracker.arrays import Array, Image, Mask
 from tracker.imaging.light import Light, light_of, sparse
 from tracker.kernels.images.light import DARK, block_ratios, relight, smooth_surface
-from tracker.plate import Plate, changed, threshold_level
+from tracker.plate import Plate, threshold_level
+from tracker.plate_changes import changed
 from tracker.reading.video import open_clip
 from tracker.simulation.sequence import Simulation
 from tracker.synthesis.cpu import CpuSynthesis

@@ -14,7 +14,8 @@ from tracker.comparison import Comparison
 from tracker.errors import CalibrationError, SequenceError
 from tracker.evidence.contours import ContourEvidence
 from tracker.observation import HIDDEN
-from tracker.plate import Plate, changed
+from tracker.plate import Plate
+from tracker.plate_changes import changed
 from tracker.reading._occluders import load_occluders, with_occluders
 from tracker.reading.images import ImageReading
 from tracker.reading.video import VideoReading

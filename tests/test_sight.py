@@ -16,7 +16,8 @@ from tracker.errors import InitializationError
 from tracker.frame import Frame
 from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.pca import PcaInitialization
-from tracker.plate import Plate, changed
+from tracker.plate import Plate
+from tracker.plate_changes import changed
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.synthesis.cpu import CpuSynthesis

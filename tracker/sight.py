@@ -10,7 +10,8 @@ import numpy as np
 
 from tracker.arrays import Array, Mask, Region
 from tracker.frame import Frame
-from tracker.plate import MOST_LEVEL, Lit, Plate, changed, lit_by, sparse_changes
+from tracker.plate import MOST_LEVEL, Lit, Plate, lit_by
+from tracker.plate_changes import changed, sparse_changes
 
 _Found = TypeVar("_Found")
 _Part = TypeVar("_Part")

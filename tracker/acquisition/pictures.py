@@ -14,7 +14,8 @@ from tracker.camera import Camera
 from tracker.components import FilePath, component
 from tracker.errors import CalibrationError, ConfigError, SequenceError
 from tracker.outlines import largest_region
-from tracker.plate import Plate, foreground
+from tracker.plate import Plate
+from tracker.plate_changes import foreground
 from tracker.rig_layouts import load_rig
 
 # An orthographic picture is one from very far: over the depth of a body its scale changes by less than 0.1 %.

@@ -12,7 +12,8 @@ from tracker.arrays import Array32, Image, Mask
 from tracker.frame import Frame
 from tracker.imaging.densities import colour_codes, densities
 from tracker.imaging.level_set import Forces, threshold_dynamics
-from tracker.plate import Plate, departing
+from tracker.plate import Plate
+from tracker.plate_changes import departing
 
 # A limb that is missing in a mask is worse than a speck, which is nothing in space: less than in tracking.
 _SIGMAS = 4.0

@@ -11,7 +11,8 @@ import numpy as np
 from tracker.arrays import Mask
 from tracker.frame import Frame
 from tracker.inspection._survey import LEAST_SHARE, is_cut, small, small_plates
-from tracker.plate import MOST_LEVEL, Plate, changed
+from tracker.plate import MOST_LEVEL, Plate
+from tracker.plate_changes import changed
 from tracker.progress import Progress, silent
 
 _LEAST_VIEWS = 2

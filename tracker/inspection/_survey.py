@@ -13,7 +13,8 @@ import numpy as np
 from tracker.arrays import Array, Image, Mask, frozen
 from tracker.frame import Frame
 from tracker.imaging.opening import opened
-from tracker.plate import Plate, changed
+from tracker.plate import Plate
+from tracker.plate_changes import changed
 from tracker.rig import Rig
 from tracker.scene import Scene
 

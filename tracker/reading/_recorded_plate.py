@@ -11,7 +11,8 @@ import numpy as np
 from tracker.arrays import Image, Mask
 from tracker.imaging.light import Light, light_of, sparse
 from tracker.kernels.images.modes import dominant_modes
-from tracker.plate import Plate, changed
+from tracker.plate import Plate
+from tracker.plate_changes import changed
 
 N_SAMPLES = 25
 """Images, spread over a recording, that a plate is made of."""
