@@ -24,7 +24,8 @@ from tracker.errors import ConfigError, SequenceError
 from tracker.estimate import Estimate, Status
 from tracker.recording import DEFAULTS, RunContext, chosen_recordings
 from tracker.recording._kept_covariance import covariance_of, kept, unpacked
-from tracker.recording._series import Series, parameter_figure
+from tracker.recording._series import Series
+from tracker.recording._series_figures import parameter_figure
 from tracker.recording.csv_table import CsvTable
 from tracker.recording.journal import FILE, Expected, Journal, as_kept, open_journal
 from tracker.recording.overlay import Overlay

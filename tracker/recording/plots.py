@@ -9,7 +9,8 @@ import pydantic
 from tracker.components import component
 from tracker.files import replacing
 from tracker.recording import RunContext
-from tracker.recording._series import Series, parameter_figure
+from tracker.recording._series import Series
+from tracker.recording._series_figures import parameter_figure
 from tracker.trajectory import Step
 
 

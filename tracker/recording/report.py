@@ -19,7 +19,8 @@ from tracker.pages import filled
 from tracker.recording import RunContext
 from tracker.recording._drawing import STATUS_COLOURS, draw_axes, draw_step, encoded, tile
 from tracker.recording._player import Player
-from tracker.recording._series import Series, distance_figure, parameter_figure
+from tracker.recording._series import Series
+from tracker.recording._series_figures import distance_figure, parameter_figure
 from tracker.start import Hypothesis, Start
 from tracker.trajectory import Step
 
