@@ -17,9 +17,10 @@ from tracker.lsm.coverage import Attempt, Coverage, coverage_of
 from tracker.lsm.curvature import corrected_for_curvature
 from tracker.lsm.filters import NeighbourhoodFilter
 from tracker.lsm.growth import Growth, MatchField
+from tracker.lsm.image_features import Candidates
 from tracker.lsm.matching import LeastSquaresMatching, Matches, PatchImage
 from tracker.lsm.points import SurfacePoints, intersect, voxel_filtered
-from tracker.lsm.seeds import Candidates, Seeds, matched_seeds
+from tracker.lsm.seeds import Seeds, matched_seeds
 from tracker.lsm.views import Preparation, PreparedView
 from tracker.progress import Progress, silent, within
 from tracker.rig import Rig
