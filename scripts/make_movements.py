@@ -18,7 +18,8 @@ from benchmarks.motion_files import read_deepmimic
 
 from tracker.body import BodyModel
 from tracker.body_files import load_body
-from tracker.recognition.library import Description, add_performance, bundled_library
+from tracker.recognition.additions import add_performance
+from tracker.recognition.library import Description, bundled_library
 from tracker.recognition.limb_directions import Course, course, course_of
 from tracker.resources import model_path
 from tracker.simulation.movements import poses_of

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from tracker.body_files import load_body
 from tracker.errors import ConfigError, ModelError
 from tracker.kernels.movements.warping import direction_gaps, warp_sequence
-from tracker.recognition.library import Description, Library, Movement, add_performance, load_library, one_round
+from tracker.recognition.additions import add_performance, one_round
+from tracker.recognition.library import Description, Library, Movement, load_library
 from tracker.recognition.limb_directions import (
     FEATURES,
     JOINTS,

@@ -12,7 +12,8 @@ from typer.testing import CliRunner
 from tracker.body_files import load_body
 from tracker.cli import app
 from tracker.errors import ConfigError, ModelError
-from tracker.recognition.library import Description, add_performance, load_library
+from tracker.recognition.additions import add_performance
+from tracker.recognition.library import Description, load_library
 from tracker.recognition.limb_directions import (
     Course,
 )

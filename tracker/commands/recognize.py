@@ -98,7 +98,8 @@ def _add(
     chosen: tuple[list[str] | None, str | None, str | None, str | None],
     told: tuple[bool, str],
 ) -> None:
-    from tracker.recognition.library import Description, add_performance
+    from tracker.recognition.additions import add_performance
+    from tracker.recognition.library import Description
     from tracker.recognition.limb_directions import RATE_HZ, course_of
     from tracker.result import load_result
 
