@@ -4,29 +4,24 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import tomli_w
 from rich.console import Console
 from rich.table import Table
-from scipy.spatial.transform import Rotation
 
 from benchmarks.motion_files import read_cmu
+from benchmarks.performances import DISTURBED, Performance, other_bodies, other_persons, performers
 from benchmarks.recorded import recorded
-from tracker.arrays import Array, Array32
-from tracker.body_files import load_body
+from tracker.arrays import Array32
 from tracker.evaluation.tables import read_joints
 from tracker.jobs import execute, load_job
 from tracker.recognition.library import Library, load_library
 from tracker.recognition.limb_directions import JOINTS, RATE_HZ, Course, course, course_of
 from tracker.recognition.matching import Recognized, recognize
 from tracker.recognition.timeline import timeline
-from tracker.resources import model_path
 from tracker.result import load_result
-from tracker.simulation.movements import poses_of
 
 # What rendered persons of BODYTRACK_DATA/room do; no entry of the library is made of these pictures, and those of
 # N-WalkCircle, N-Stride, D-TwoElbowRot and R-Turn move otherwise than any of them.
@@ -41,16 +36,6 @@ _ROOM = {
     "P-Floor": "get_up_from_front",
 }
 _NONE = "nothing known"
-_DISTURBED = "the library's performances, disturbed: posture 6 deg, extent, tempo, 3 deg of noise"
-
-
-@dataclass(frozen=True)
-class Performance:
-    """A movement to be recognized."""
-
-    group: str
-    movement: str
-    course: Course
 
 
 def compare(console: Console, tracked: bool, quick: bool) -> None:
@@ -66,13 +51,13 @@ def compare(console: Console, tracked: bool, quick: bool) -> None:
         console.print("BODYTRACK_DATA is not set: no movements of other persons to recognize")
         return
     motions = Path(os.environ["BODYTRACK_DATA"]) / "motions" / "cmu"
-    asked = [*_other_persons(motions), *_other_bodies(quick), *_performers(library, 1 if quick else 5)]
+    asked = [*other_persons(motions), *other_bodies(quick), *performers(library, 1 if quick else 5)]
     begin = time.process_time()
     answers = [(one, _named(one.course, recognize(one.course, library))) for one in asked]
     seconds = time.process_time() - begin
     for group in dict.fromkeys(one.group for one in asked):
         _print_confusion(console, group, [(one.movement, found) for one, found in answers if one.group == group])
-    strange = [one.movement == found for one, found in answers if one.group != _DISTURBED]
+    strange = [one.movement == found for one, found in answers if one.group != DISTURBED]
     right = sum(strange), sum(one.movement == found for one, found in answers)
     console.print(
         f"of other persons and bodies {right[0]} of {len(strange)} right ({100 * right[0] / len(strange):.1f} %), "
@@ -96,76 +81,6 @@ def _named(asked: Course, found: tuple[Recognized, ...]) -> str:
         shares[one.movement] = shares.get(one.movement, 0.0) + one.end_s - one.start_s + 1 / RATE_HZ
     best = max(shares, key=lambda name: shares[name], default="")
     return best if best and shares[best] > 0.5 * asked.seconds else _NONE
-
-
-def _other_persons(folder: Path) -> Iterator[Performance]:
-    """Persons of CMU's database, who are not in the library."""
-    group = "persons of CMU's database, nobody of whom is in the library"
-    for path in sorted(folder.glob("07_*-walk.amc")):
-        motion = read_cmu(path)
-        yield Performance(group, "walk", course(motion.times_s, motion.joints))
-    motion = read_cmu(folder / "09_06-run.amc")
-    yield Performance(group, "run", course(motion.times_s, motion.joints))
-    # both begin with a person who stands: looked at
-    for name, seconds in (("131_04-dance", 0.8), ("135_06-martialArts", 1.6)):
-        motion = read_cmu(folder / f"{name}.amc").part(0.0, seconds)
-        yield Performance(group, "standing", course(motion.times_s, motion.joints))
-
-
-def _other_bodies(quick: bool) -> Iterator[Performance]:
-    """The simulated movements with another body model, other tempo, and arms and legs that swing more or less."""
-    body = load_body(model_path("human"))
-    group = "simulated with another body model, 0.8 to 1.25 times as fast, 0.8 to 1.2 times as far"
-    for name in list(body.movements)[: 2 if quick else None]:
-        if name not in load_library(()).movements:
-            continue
-        for tempo in (0.8, 1.0, 1.25):
-            for size in (0.8, 1.2):
-                times = np.arange(0.0, 5.2, 0.04)
-                poses = poses_of(name, body, times * tempo)
-                usual = poses.mean(axis=0)
-                larger = body.clamped(np.where(body.rotates, usual + size * (poses - usual), poses))
-                # the turn about the vertical is not to be made larger
-                larger[:, body.root.turn] = poses[:, body.root.turn]
-                end = 4.0 / tempo if name == "two_elbow_rotation" else 2.64 / tempo if name == "squat" else 5.2
-                kept = times < end
-                yield Performance(group, name, course_of(body, times[kept], larger[kept]))
-
-
-def _performers(library: Library, n: int) -> Iterator[Performance]:
-    """The library's movements as others might do them.
-
-    A posture of one's own (every limb turned by 6 degrees standard deviation), limbs that swing 0.8 to 1.2 times as
-    far, a tempo that wanders between 0.75 and 1.3, and 3 degrees of noise in every frame, which is what tracking adds.
-    """
-    for name, movement in library.movements.items():
-        for key, directions in movement.performances.items():
-            for k in range(n):
-                rng = np.random.default_rng([k, *key.encode(), *name.encode()])
-                rounds = 2 if movement.description.repeats else 1
-                yield Performance(
-                    _DISTURBED,
-                    name,
-                    _disturbed(np.tile(directions, (rounds, 1, 1)).astype(np.float64), rng),
-                )
-
-
-def _disturbed(directions: Array, rng: np.random.Generator) -> Course:
-    n_frames = len(directions)
-    knots = np.cumsum(1 / rng.uniform(0.75, 1.3, max(n_frames // 12, 2)))
-    times = np.interp(np.arange(n_frames), np.linspace(0, n_frames - 1, len(knots)), knots)
-    times = (times - times[0]) / (times[-1] - times[0]) * (n_frames - 1) / rng.uniform(0.75, 1.3)
-    even = np.arange(0, times[-1])
-    warped = np.stack([np.interp(even, times, column) for column in directions.reshape(n_frames, -1).T], axis=1)
-    warped = warped.reshape(len(even), -1, 3)
-    usual = warped.mean(axis=0)
-    larger = usual + rng.uniform(0.8, 1.2) * (warped - usual)
-    for limb in range(larger.shape[1]):
-        posture = Rotation.from_rotvec(np.radians(6.0) * rng.standard_normal(3))
-        noise = Rotation.from_rotvec(np.radians(3.0) * rng.standard_normal((len(even), 3)))
-        larger[:, limb] = noise.apply(posture.apply(larger[:, limb]))
-    larger /= np.linalg.norm(larger, axis=-1, keepdims=True)
-    return Course(0.0, larger.astype(np.float32), np.ones(len(even), dtype=np.bool_))
 
 
 def _print_confusion(console: Console, group: str, answers: list[tuple[str, str]]) -> None:
