@@ -7,13 +7,12 @@ import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import tomli_w
 
 from fuzzing import samples
+from fuzzing.image_readers import image_readers
 from fuzzing.mutations import BINARY, TEXT
 from fuzzing.trial import Reader
-from tracker.acquisition.pictures import Picture, read_silhouette
 from tracker.body_files import load_body, read_description
 from tracker.calibration import read_points
 from tracker.config_files import read_config
@@ -23,9 +22,6 @@ from tracker.jobs import INPUTS, check_inputs, check_same, load_job
 from tracker.jobs.acquire import acquisition_from
 from tracker.keypoint_layouts import open_keypoints
 from tracker.marker_layouts import read_markers
-from tracker.reading.images import ImageReading
-from tracker.reading.stills import StillReading
-from tracker.reading.video import VideoReading
 from tracker.recognition.library import bundled_library, load_library
 from tracker.resources import model_path
 from tracker.result import load_result
@@ -48,7 +44,7 @@ MIDDLEBURY = "2\n" + "".join(f"{k}.png 60 0 32 0 60 24 0 0 1 1 0 0 0 1 0 0 0 1 {
 
 def readers() -> tuple[Reader, ...]:
     """All of them."""
-    return (*_rigs(), *_configurations(), *_tables(), *_images(), *_results())
+    return (*_rigs(), *_configurations(), *_tables(), *image_readers(), *_results())
 
 
 def _text(name: str, content: str, read: Callable[[Path], object], file: str) -> Reader:
@@ -174,83 +170,6 @@ def _library() -> Reader:
         return load_library((folder / "library",))
 
     return Reader("movements", sample, read, TEXT, ("library/wave/movement.toml", "library/wave/anna.csv"))
-
-
-def _images() -> list[Reader]:
-    return [
-        *(_stills(suffix) for suffix in (".png", ".jpg", ".tif", ".bmp", ".webp")),
-        _video(),
-        _numbered(),
-        _silhouette(),
-    ]
-
-
-def _stills(suffix: str) -> Reader:
-    def sample(folder: Path) -> None:
-        save_rig(samples.sample_rig(), folder / "rig.toml")
-        for view in samples.VIEWS:
-            samples.write_picture(folder / f"{view}{suffix}")
-
-    def read(folder: Path) -> object:
-        opened = StillReading(
-            path=str(folder / f"{{view}}{suffix}"),
-            rig=folder / "rig.toml",
-            background=str(folder / f"{{view}}{suffix}"),
-        ).open()
-        return list(opened.frames())
-
-    return Reader(f"picture {suffix}", sample, read, BINARY, (f"left{suffix}",))
-
-
-def _video() -> Reader:
-    def sample(folder: Path) -> None:
-        save_rig(samples.sample_rig(), folder / "rig.toml")
-        for view in samples.VIEWS:
-            samples.write_video(folder / f"{view}.mp4")
-
-    def read(folder: Path) -> object:
-        path = str(folder / "{view}.mp4")
-        skipping = VideoReading(path=path, rig=folder / "rig.toml", on_missing="skip").open()
-        seen = [frame.missing for frame in skipping.frames()]
-        strict = VideoReading(path=path, rig=folder / "rig.toml", background=path).open()
-        return seen, [frame.missing for frame in strict.frames()]
-
-    return Reader("video", sample, read, BINARY, ("left.mp4",), share=1)
-
-
-def _numbered() -> Reader:
-    def sample(folder: Path) -> None:
-        save_rig(samples.sample_rig(), folder / "rig.toml")
-        for view in samples.VIEWS:
-            for kind in ("images", "masks"):
-                (folder / kind / view).mkdir(parents=True)
-                for k in range(3):
-                    samples.write_picture(folder / kind / view / f"{k:03d}.png", k)
-
-    def read(folder: Path) -> object:
-        opened = ImageReading(
-            path=str(folder / "images" / "{view}" / "{frame}.png"),
-            rig=folder / "rig.toml",
-            fps=25.0,
-            masks=str(folder / "masks" / "{view}" / "{frame}.png"),
-        ).open()
-        return [frame.masks for frame in opened.frames()]
-
-    return Reader("masks", sample, read, BINARY, ("masks/left/001.png", "images/right/002.png"), share=1)
-
-
-def _silhouette() -> Reader:
-    def sample(folder: Path) -> None:
-        import cv2
-
-        mask = np.zeros((200, 100), dtype=np.uint8)
-        cv2.ellipse(mask, (50, 100), (25, 80), 0, 0, 360, 255, -1)
-        (folder / "mask.png").write_bytes(cv2.imencode(".png", mask)[1].tobytes())
-
-    def read(folder: Path) -> object:
-        return read_silhouette(Picture(mask=folder / "mask.png", px_per_m=100.0), "front", None)
-
-    return Reader("silhouette", sample, read, BINARY, ("mask.png",), share=2)
 
 
 def _results() -> list[Reader]:
