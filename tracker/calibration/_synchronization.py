@@ -7,16 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from tracker.arrays import Array
+from tracker.calibration._adjustment import Adjustment
 from tracker.calibration._bundle import Noise, Observations, State, adjust, noise_of, normal_equations, residuals
+from tracker.calibration._calibrated import Measure
 from tracker.calibration._consensus import exchange_swapped_ends, with_consensus
 from tracker.calibration._states import GROUPS
 from tracker.errors import CalibrationError
-from tracker.kernels.rows import bundle_camera
+from tracker.kernels.rows import bundle_camera, bundle_unknown
 from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
 _OFFSET = GROUPS["time_offset"][0]
 # Free-running cameras are up to half a frame apart; by fewer than 20 moving points nothing is told: a choice.
 _ALLOWED_FRAMES, _FEWEST_MOVING = 0.5, 20
+
+NOTICED_FRAMES, NOTICED_SIGMAS = 0.03, 5.0
+"""From such a time offset on it is determined with the rest, lest it spoils them."""
 
 
 def time_offsets(state: State, observations: Observations, sigma_px: float) -> tuple[Array, Array]:
@@ -84,4 +89,25 @@ def check_synchronized(names: Sequence[str], offsets: Array, sigmas: Array) -> N
     raise CalibrationError(
         f"the views are not synchronized: {' and '.join(words)} compared with the others; start the cameras "
         f"together, or set offsets = {{ {table} }} in [views]"
+    )
+
+
+def lag_advice(adjustment: Adjustment) -> tuple[str, ...]:
+    """Says which cameras expose noticeably before or after the others."""
+    return tuple(
+        f"camera {measure.name.removeprefix('time offset of ')} exposes {abs(measure.value):.2f} frames "
+        f"{'after' if measure.value > 0 else 'before'} the others; the calibration allows for it, tracking cannot"
+        for measure in lag_measures(adjustment)
+        if abs(measure.value) > NOTICED_FRAMES
+    )
+
+
+def lag_measures(adjustment: Adjustment) -> tuple[Measure, ...]:
+    """The time offset of every camera where they were determined, else nothing."""
+    if not adjustment.free[:, bundle_unknown.DELAY].any():
+        return ()
+    lags = adjustment.state.cameras[:, bundle_camera.DELAY]
+    return tuple(
+        Measure(f"time offset of {name}", float(lag - np.median(lags)), "frames", "behind the others")
+        for name, lag in zip(adjustment.names, lags, strict=True)
     )

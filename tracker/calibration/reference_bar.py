@@ -18,11 +18,17 @@ from tracker.calibration._objects import Bars
 from tracker.calibration._self_calibration import chosen_unknowns, self_calibrated
 from tracker.calibration._start import bar_observations, start_values
 from tracker.calibration._states import nominal_state
-from tracker.calibration._synchronization import check_synchronized, time_offsets
+from tracker.calibration._synchronization import (
+    NOTICED_FRAMES,
+    NOTICED_SIGMAS,
+    check_synchronized,
+    lag_advice,
+    lag_measures,
+    time_offsets,
+)
 from tracker.calibration._world import WorldFrame
 from tracker.components import component
 from tracker.errors import CalibrationError
-from tracker.kernels.rows import bundle_camera, bundle_unknown
 from tracker.progress import Progress
 from tracker.rig import Rig
 from tracker.views import Views
@@ -33,9 +39,6 @@ Group = Literal["camera_constant", "principal_point", "affinity", "radial", "dec
 
 _FOCAL_GUESSES = (1.2, 0.9, 1.6, 0.7, 2.2)
 """Multiples of the image width tried where no focal length is given."""
-
-_NOTICED_FRAMES, _NOTICED_SIGMAS = 0.03, 5.0
-"""From such a time offset on it is determined with the rest, lest it spoils them."""
 
 
 @component
@@ -106,8 +109,8 @@ class ReferenceBarCalibration:
             rig=rig,
             adjustment=adjustment,
             n_objects=n_bars,
-            measures=(*self._measures(adjustment), *_lag_measures(adjustment)),
-            advice=(*advice(adjustment, "bar", n_bars), *_lag_advice(adjustment)),
+            measures=(*self._measures(adjustment), *lag_measures(adjustment)),
+            advice=(*advice(adjustment, "bar", n_bars), *lag_advice(adjustment)),
             world=source,
             points=ends.reshape(-1, 3) @ motion[:3, :3].T + motion[:3, 3],
         )
@@ -127,7 +130,7 @@ class ReferenceBarCalibration:
         offsets, sigmas = time_offsets(found.state, found.observations, self.sigma_px)
         check_synchronized(images.names, offsets, sigmas)
         views = list(zip(images.names, images.sizes, strict=True))
-        late = np.nan_to_num(np.abs(offsets) - _NOTICED_SIGMAS * sigmas).max() > _NOTICED_FRAMES
+        late = np.nan_to_num(np.abs(offsets) - NOTICED_SIGMAS * sigmas).max() > NOTICED_FRAMES
         groups = (*self.estimated, "time_offset") if late else self.estimated
         wanted = chosen_unknowns(groups, len(views))
         return self_calibrated(found.state, found.observations, wanted, self.sigma_px, views), chosen
@@ -244,22 +247,3 @@ def _determined(adjustment: Adjustment) -> Mask:
     """(B, 2) ends with two good images or more."""
     counted = adjustment.observations.counted(adjustment.used, len(adjustment.state.objects.points))
     return np.asarray((counted >= 2).reshape(-1, 2))
-
-
-def _lag_advice(adjustment: Adjustment) -> tuple[str, ...]:
-    return tuple(
-        f"camera {measure.name.removeprefix('time offset of ')} exposes {abs(measure.value):.2f} frames "
-        f"{'after' if measure.value > 0 else 'before'} the others; the calibration allows for it, tracking cannot"
-        for measure in _lag_measures(adjustment)
-        if abs(measure.value) > _NOTICED_FRAMES
-    )
-
-
-def _lag_measures(adjustment: Adjustment) -> tuple[Measure, ...]:
-    if not adjustment.free[:, bundle_unknown.DELAY].any():
-        return ()
-    lags = adjustment.state.cameras[:, bundle_camera.DELAY]
-    return tuple(
-        Measure(f"time offset of {name}", float(lag - np.median(lags)), "frames", "behind the others")
-        for name, lag in zip(adjustment.names, lags, strict=True)
-    )
