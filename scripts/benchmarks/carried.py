@@ -87,9 +87,11 @@ def barbell(body: BodyModel) -> Thing:
     discs = [trimesh.creation.cylinder(0.225, 0.06) for _ in range(2)]
     for disc, side in zip(discs, (-1, 1), strict=True):
         disc.apply_translation((0, 0, 0.95 * side))
-    whole = trimesh.util.concatenate([bar, *discs])
-    across = whole.vertices[:, [0, 2, 1]] * (1, -1, 1) + (-0.13, 0, 0.22)
-    return _held(body, "chest", across, whole.faces, (60, 60, 60))
+    points = np.concatenate([one.vertices for one in (bar, *discs)])
+    starts = np.cumsum([0, len(bar.vertices), len(discs[0].vertices)])
+    faces = np.concatenate([one.faces + start for one, start in zip((bar, *discs), starts, strict=True)])
+    across = points[:, [0, 2, 1]] * (1, -1, 1) + (-0.13, 0, 0.22)
+    return _held(body, "chest", across, faces, (60, 60, 60))
 
 
 def stick(body: BodyModel) -> Thing:
