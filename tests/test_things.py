@@ -12,11 +12,13 @@ import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 from test_from_recording import QUICK
 
-from tracker.acquisition.beside import CELL_M, Moment, moment, seen_in
+from tracker.acquisition.beside import CELL_M, Moment, moment, shown_in
+from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.moving_along import most_moving
 from tracker.acquisition.shape_space import ShapePrior, space_of
-from tracker.acquisition.things import things_of, told_of_things
+from tracker.acquisition.things import entry_of, things_of, told_of_things
+from tracker.analysis.contours import ContourAnalysis
 from tracker.body_description import BodyDescription
 from tracker.body_files import read_description, save_description
 from tracker.carried import Carried, with_carried
@@ -59,8 +61,15 @@ def untold(simulation: Simulation, description: BodyDescription) -> Scene:
 
 
 def found_in(simulation: Simulation, description: BodyDescription) -> tuple[Carried, ...]:
-    steps = followed(simulation, description)
-    return things_of(steps, 0, description, simulation.plates, CpuSynthesis())
+    return things_of(seen_in(followed(simulation, description)), 0, description, watching(simulation))
+
+
+def seen_in(steps: Sequence[Step]) -> list[Seen]:
+    return [Seen(step.frame, step.scene.with_pose(0, step.estimates[0].q)) for step in steps]
+
+
+def watching(simulation: Simulation) -> Watching:
+    return Watching(simulation.scene.rig, CpuSynthesis(), ContourAnalysis(), simulation.plates)
 
 
 def middle(body: BodyDescription, one: Carried) -> np.ndarray:
@@ -86,7 +95,7 @@ def ball_steps(with_ball: Simulation, general: BodyDescription) -> list[Step]:
 def test_a_ball_is_found_in_the_hand_that_swings(
     with_ball: Simulation, ball_steps: list[Step], general: BodyDescription
 ) -> None:
-    (one,) = things_of(ball_steps, 0, general, with_ball.plates, CpuSynthesis())
+    (one,) = things_of(seen_in(ball_steps), 0, general, watching(with_ball))
     body = general.build()
     ends = {mark.name: mark.parameter for mark in body.landmarks}
     assert ends[one.by] == ends["right_wrist"]
@@ -111,18 +120,15 @@ def test_what_is_told_is_not_found_again(
     with_ball: Simulation, ball_steps: list[Step], general: BodyDescription
 ) -> None:
     told = with_carried(general, [BALL])
-    assert things_of(ball_steps, 0, told, with_ball.plates, CpuSynthesis()) == ()
+    assert things_of(seen_in(ball_steps), 0, told, watching(with_ball)) == ()
 
 
 def test_without_frames_nothing_is_found(with_ball: Simulation, general: BodyDescription) -> None:
-    assert things_of([], 0, general, with_ball.plates, CpuSynthesis()) == ()
+    assert things_of([], 0, general, watching(with_ball)) == ()
 
 
-def moments_of(simulation: Simulation, description: BodyDescription, steps: Sequence[Step]) -> list[Moment]:
-    scenes = [untold(simulation, description).with_pose(0, step.estimates[0].q) for step in steps]
-    return [
-        moment(s.frame, scene, 0, simulation.plates, CpuSynthesis()) for s, scene in zip(steps, scenes, strict=True)
-    ]
+def moments_of(simulation: Simulation, steps: Sequence[Step]) -> list[Moment]:
+    return [moment(one, 0, watching(simulation)) for one in seen_in(steps)]
 
 
 def test_cells_of_a_ball_are_in_the_ball(
@@ -130,7 +136,7 @@ def test_cells_of_a_ball_are_in_the_ball(
 ) -> None:
     """All of its own are found, and none is further from it than a cell and what poses are off."""
     body = general.build()
-    moving = most_moving(moments_of(with_ball, general, ball_steps), body)
+    moving = most_moving(moments_of(with_ball, ball_steps), body)
     assert moving is not None
     assert body.names[moving.end].startswith("right_")
     far = np.linalg.norm(moving.points - middle(general, BALL), axis=1)
@@ -143,11 +149,11 @@ def test_what_is_beside_the_persons_is_what_every_cell_tried_shows(
     with_ball: Simulation, ball_steps: list[Step], general: BodyDescription
 ) -> None:
     """A brute-force twin: all cells around the ball, instead of those behind what views show."""
-    (one,) = moments_of(with_ball, general, ball_steps[:1])
+    (one,) = moments_of(with_ball, ball_steps[:1])
     numbers = np.round(one.beside / CELL_M).astype(int)
     low, high = numbers.min(axis=0) - 5, numbers.max(axis=0) + 6
     lattice = np.stack(np.meshgrid(*map(np.arange, low, high), indexing="ij"), axis=-1).reshape(-1, 3)
-    empty, n_apart = seen_in(one.views, lattice * CELL_M)
+    empty, n_apart = shown_in(one.views, lattice * CELL_M)
     there_are = {tuple(cell) for cell in lattice[~empty & (n_apart >= 2)]}
     ours = {tuple(cell) for cell in numbers}
     assert ours <= there_are
@@ -175,10 +181,8 @@ def test_the_lines_told_are_those_of_a_configuration() -> None:
         Carried(name="carried_1", by="neck", start=(-0.2, 0, 0), end=(-0.2, 0, 0.4), radii=(0.1, 0.2), front=(0, 1, 0)),
         BALL,
     )
-    told = told_of_things("anna", things)
-    assert told.startswith("anna: ")
-    assert "40 x 40 x 20 cm" in told
-    table = tomllib.loads("carries = " + told.split("carries = ")[-1])
+    assert told_of_things("anna", things[:1]).endswith("40 x 40 x 20 cm large, with the segment of neck")
+    table = tomllib.loads(entry_of(things))
     again = build_class(Subject, {"model": str(model_path("gavrila22")), **table}, "persons[0]", Path())
     assert again.carries is not None
     for one, other in zip(again.carries, things, strict=True):

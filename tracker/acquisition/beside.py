@@ -8,14 +8,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.arrays import Array, Integers, Mask
 from tracker.camera import Camera
-from tracker.frame import Frame
-from tracker.plate import Plate
-from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.strangers import hide_strangers
-from tracker.synthesis import Synthesis
 
 CELL_M = 0.03
 """Edge of the cells, metres."""
@@ -65,17 +62,16 @@ class Moment:
         return len(self.beside) >= _LEAST_CELLS
 
 
-def moment(frame: Frame, scene: Scene, person: int, plates: tuple[Plate | None, ...], synthesis: Synthesis) -> Moment:
+def moment(seen: Seen, person: int, watching: Watching) -> Moment:
     """What stands out in a frame.
 
     Args:
-        frame: its images.
-        scene: all persons at their poses.
+        seen: its images, and all persons at their poses.
         person: the one who is looked at.
-        plates: of the views.
-        synthesis: draws them.
+        watching: the cameras, and what is known of their views.
     """
-    sight, one = Sight(frame, plates), scene.persons[person]
+    scene, synthesis = seen.scene, watching.synthesis
+    sight, one = Sight(seen.frame, watching.plates), scene.persons[person]
     models, middle = synthesis.silhouettes(scene), one.body.landmarks_in_world(one.q).mean(axis=0)
     for v, model in enumerate(models):
         sight.changes(v, (0, 0, model.shape[1], model.shape[0]))
@@ -105,7 +101,7 @@ def _beside(views: Sequence[View], middle: Array) -> Array:
     fewest = sorted(views, key=lambda view: np.count_nonzero(view.apart))[:-1]
     along = [_along_rays(view, middle) for view in fewest]
     points = np.unique(np.round(np.concatenate([np.zeros((0, 3)), *along]) / CELL_M), axis=0) * CELL_M
-    empty, n_apart = seen_in(views, points)
+    empty, n_apart = shown_in(views, points)
     found: Array = points[~empty & (n_apart >= 2)]
     return found
 
@@ -120,7 +116,7 @@ def _along_rays(view: View, middle: Array) -> Array:
     return (view.camera.centre + far[:, None, None] * rays).reshape(-1, 3)
 
 
-def seen_in(views: Sequence[View], points: Array) -> tuple[Mask, Integers]:
+def shown_in(views: Sequence[View], points: Array) -> tuple[Mask, Integers]:
     """Which of points a view shows as empty, or fewer than two see, and how many views show each beside the persons.
 
     Args:

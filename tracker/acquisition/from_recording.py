@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from tracker.acquisition.calibrated_views import ViewSettings
+from tracker.acquisition.calibrated_views import Seen, ViewSettings
 from tracker.acquisition.fitting import Fit
 from tracker.acquisition.rounds import LEAST_OUTLINED, LEAST_SEEN, Round, best_seen, n_sure
 from tracker.acquisition.shape_space import ShapeSpace, space_of
@@ -96,7 +96,7 @@ def fit_bodies(
         return Fitting({}, dict.fromkeys(spaces, few), (), None, {})
     following = _Following(frames, reopen, settings)
     way = following.back(_named(following.there(scene, spaces, cycle), scene, following))
-    things = {k: some for k in spaces if k in untold and (some := _things(way, k))}
+    things = {k: some for k in spaces if k in untold and (some := _things(way, k, settings))}
     if things:
         cycle.progress("bodies: tracked anew with what is carried")
         with_things = {k: _with(spaces[k], some) for k, some in things.items()}
@@ -166,11 +166,12 @@ def _named(way: _Way, scene: Scene, following: _Following) -> _Way:
     return replace(other, cycle=way.cycle)
 
 
-def _things(way: _Way, k: int) -> tuple[Carried, ...]:
+def _things(way: _Way, k: int, settings: ViewSettings) -> tuple[Carried, ...]:
     """What a person carries: one who wears a skirt may be in doubt everywhere, and the body not fitted."""
     fit = way.found.fits.get(k)
     description = way.spaces[k].description if fit is None else fit.space.described(fit.shape)
-    return things_of(way.found.steps, k, description, way.cycle.plates, way.cycle.synthesis)
+    seen = [Seen(step.frame, step.scene) for step in way.found.steps if not step.estimates[k].lost]
+    return things_of(seen, k, description, way.found.watching(way.cycle, settings))
 
 
 def _with(space: ShapeSpace, things: Sequence[Carried]) -> ShapeSpace:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from tracker.acquisition.beside import CELL_M, Moment, seen_in
+from tracker.acquisition.beside import CELL_M, Moment, shown_in
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 
@@ -104,7 +104,7 @@ def _shares(moments: Sequence[Moment], end: int, points: Array) -> tuple[Array, 
     n = np.zeros((3, len(points)))
     for one in moments:
         motion = one.world_from_reference[end]
-        empty, n_apart = seen_in(one.views, points @ motion[:3, :3].T + motion[:3, 3])
+        empty, n_apart = shown_in(one.views, points @ motion[:3, :3].T + motion[:3, 3])
         n += empty, ~empty & (n_apart >= 1), ~empty & (n_apart >= 2)
     empty_in, beside_in, apart_in = n / max(len(moments), 1)
     return empty_in, beside_in, apart_in

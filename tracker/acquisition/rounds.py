@@ -36,6 +36,10 @@ class Round:
     scene: Scene
     steps: Sequence[Step]
 
+    def watching(self, cycle: Cycle, settings: ViewSettings) -> Watching:
+        """The cameras, and what is made of their images."""
+        return Watching(self.scene.rig, cycle.synthesis, settings.analysis, cycle.plates)
+
     def fitted(
         self,
         spaces: Mapping[int, ShapeSpace],
@@ -44,8 +48,7 @@ class Round:
         in_spite: Collection[int] = (),
     ) -> Round:
         """Bodies fitted to the poses, of some in spite of doubts; the steps are then of these bodies."""
-        watching = Watching(self.scene.rig, cycle.synthesis, settings.analysis, cycle.plates)
-        fits = dict(self.fits)
+        watching, fits = self.watching(cycle, settings), dict(self.fits)
         for k, space in spaces.items():
             seen = best_seen(self.steps, k, len(self.steps), settings.frames, doubted_too=k in in_spite)
             if len(seen) >= LEAST_SEEN:

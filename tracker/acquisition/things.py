@@ -7,16 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from tracker.acquisition.beside import CELL_M, moment
+from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.acquisition.moving_along import Moving, most_moving
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.body_description import BodyDescription
 from tracker.body_entries import Vector
 from tracker.carried import Carried, with_carried
-from tracker.plate import Plate
-from tracker.scene import Scene
-from tracker.synthesis import Synthesis
-from tracker.trajectory import Step
 
 _N_MOMENTS = 20
 """Frames that are looked at, at most."""
@@ -29,27 +26,21 @@ _PER_DEVIATION = 2.0
 
 
 def things_of(
-    steps: Sequence[Step],
-    person: int,
-    description: BodyDescription,
-    plates: tuple[Plate | None, ...],
-    synthesis: Synthesis,
+    seen: Sequence[Seen], person: int, description: BodyDescription, watching: Watching
 ) -> tuple[Carried, ...]:
     """What a person carries, as far as it stands out beside the body and moves with one of its segments.
 
     Args:
-        steps: the frames, tracked.
-        person: place in the scene.
+        seen: frames in which the person is, at different poses.
+        person: place in their scenes.
         description: the body, fitted to them.
-        plates: of the views.
-        synthesis: draws the persons.
+        watching: the cameras, and what is known of their views.
     """
     found: list[Carried] = []
-    seen = [step for step in steps if not step.estimates[person].lost]
     seen = seen[:: -(-len(seen) // _N_MOMENTS) or 1]
     while len(found) < _MOST_THINGS:
         body = with_carried(description, found).build()
-        moments = [moment(step.frame, _posed(step, person, body), person, plates, synthesis) for step in seen]
+        moments = [moment(_with_body(one, person, body), person, watching) for one in seen]
         moving = most_moving(moments, body)
         if moving is None:
             break
@@ -57,9 +48,10 @@ def things_of(
     return tuple(found)
 
 
-def _posed(step: Step, person: int, body: BodyModel) -> Scene:
-    """All persons at the poses of a step, one of them with another body."""
-    return step.scene.with_bodies({person: body}).with_poses(tuple(one.q for one in step.estimates))
+def _with_body(seen: Seen, person: int, body: BodyModel) -> Seen:
+    """The same with another body of a person, at the same pose."""
+    poses = tuple(one.q for one in seen.scene.persons)
+    return Seen(seen.frame, seen.scene.with_bodies({person: body}).with_poses(poses))
 
 
 def _thing(moving: Moving, body: BodyModel, name: str) -> Carried:
@@ -85,18 +77,19 @@ def _vector(values: Array) -> Vector:
 
 
 def told_of_things(name: str, things: Sequence[Carried]) -> str:
-    """What is said of a person who carries things, with the lines that tell of them.
+    """What is said of a person who carries things.
 
     Args:
         name: the person's.
         things: what was found.
     """
     places = " and ".join(f"{_size_cm(one)} cm large, with the segment of {one.by}" for one in things)
-    entries = ", ".join(_entry(one) for one in things)
-    return (
-        f"{name}: something that is no part of the body moves along, {places}; it is tracked as carried. If it is not, "
-        f"set carries = []; else tell its true size: carries = [{entries}]"
-    )
+    return f"{name}: something that is no part of the body moves along, {places}"
+
+
+def entry_of(things: Sequence[Carried]) -> str:
+    """The line of a configuration that tells of things; see `tracker.subject.Subject.carries`."""
+    return f"carries = [{', '.join(map(_entry, things))}]"
 
 
 def _size_cm(one: Carried) -> str:

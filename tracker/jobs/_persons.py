@@ -13,7 +13,7 @@ from tracker.acquisition.calibrated_views import ViewSettings
 from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.result import model_of
 from tracker.acquisition.shape_space import space_of
-from tracker.acquisition.things import told_of_things
+from tracker.acquisition.things import entry_of, told_of_things
 from tracker.body_description import BodyDescription
 from tracker.body_files import read_description, save_description
 from tracker.cycle import Cycle
@@ -103,7 +103,11 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     scene = opened.scene.with_bodies({k: models[persons[k].name].build() for k in found.fits})
     if not found.steps:
         return opened, cycle
-    laden = tuple(told_of_things(persons[k].name, things) for k, things in found.things.items())
+    laden = tuple(
+        f"{told_of_things(persons[k].name, things)}; it is tracked as carried. If nothing is, set carries = []; "
+        f"else tell its true size: {entry_of(things)}"
+        for k, things in found.things.items()
+    )
     findings = (*told_of_views(found.steps, scene, sequence.interval_s, cycle.progress), *laden)
     steps = [as_kept(step) for step in found.steps]
     known = {step.frame.index: step.estimates for step in steps}

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import logging
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -23,8 +24,10 @@ from tracker.acquisition.figures import Panel
 from tracker.acquisition.fitting import Fit
 from tracker.acquisition.rounds import best_seen
 from tracker.acquisition.shape_space import space_of
+from tracker.acquisition.things import entry_of, things_of, told_of_things
 from tracker.arrays import Array
 from tracker.body_files import read_description, save_description
+from tracker.carried import Carried
 from tracker.components import component
 from tracker.config_files import Table
 from tracker.errors import ConfigError, nearest
@@ -37,6 +40,8 @@ from tracker.jobs.track import OpenedTrack, TrackJob
 from tracker.progress import Progress, silent
 from tracker.tracking import track
 from tracker.trajectory import Step
+
+log = logging.getLogger("tracker")
 
 __all__ = ["AcquireJob", "AcquireOutcome", "acquire_to", "acquisition_from"]
 
@@ -74,6 +79,9 @@ class AcquireJob(TrackJob):
                 before = view_overlaps(replace(fitted, shape=shape, poses=poses), seen, watching)
             found = fitted
         assert found is not None
+        if self.persons[person].carries is None:
+            things = things_of(seen, person, space.described(found.shape), watching)
+            _tell_of_things(name, things, progress)
         overlaps = view_overlaps(found, seen, watching)
         views = watching.rig.names
         check_overlaps(overlaps, views, settings)
@@ -111,6 +119,16 @@ def _told(steps: Iterator[Step], n_frames: int, progress: Progress) -> Iterator[
     for n, step in enumerate(steps, start=1):
         progress("tracking", n, n_frames)
         yield step
+
+
+def _tell_of_things(name: str, things: Sequence[Carried], progress: Progress) -> None:
+    """A model is of the body alone: what is carried is for the user to tell."""
+    if things:
+        told = (
+            f"{told_of_things(name, things)}; the model is fitted without it. To fit better, tell: {entry_of(things)}"
+        )
+        log.warning("%s", told)
+        progress(f"input: {told}")
 
 
 def _known(names: tuple[str, ...], shares: Array) -> dict[str, float]:
