@@ -17,7 +17,7 @@ from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.moving_along import most_moving
 from tracker.acquisition.shape_space import ShapePrior, space_of
-from tracker.acquisition.things import entry_of, things_of, told_of_things
+from tracker.acquisition.things import Thing, carried_of, entry_of, things_of, told_of_things
 from tracker.analysis.contours import ContourAnalysis
 from tracker.body_description import BodyDescription
 from tracker.body_files import read_description, save_description
@@ -60,7 +60,7 @@ def untold(simulation: Simulation, description: BodyDescription) -> Scene:
     return Scene((Person("person1", body, body.rest()),), simulation.scene.rig)
 
 
-def found_in(simulation: Simulation, description: BodyDescription) -> tuple[Carried, ...]:
+def found_in(simulation: Simulation, description: BodyDescription) -> tuple[Thing, ...]:
     return things_of(seen_in(followed(simulation, description)), 0, description, watching(simulation))
 
 
@@ -95,7 +95,9 @@ def ball_steps(with_ball: Simulation, general: BodyDescription) -> list[Step]:
 def test_a_ball_is_found_in_the_hand_that_swings(
     with_ball: Simulation, ball_steps: list[Step], general: BodyDescription
 ) -> None:
-    (one,) = things_of(seen_in(ball_steps), 0, general, watching(with_ball))
+    (thing,) = things_of(seen_in(ball_steps), 0, general, watching(with_ball))
+    assert not thing.around
+    one = thing.carried
     body = general.build()
     ends = {mark.name: mark.parameter for mark in body.landmarks}
     assert ends[one.by] == ends["right_wrist"]
@@ -105,7 +107,7 @@ def test_a_ball_is_found_in_the_hand_that_swings(
 
 
 def test_who_carries_two_things_has_both(tmp_path: Path, general: BodyDescription) -> None:
-    found = found_in(filmed(tmp_path, general, BALL, RUCKSACK), general)
+    found = carried_of(found_in(filmed(tmp_path, general, BALL, RUCKSACK), general))
     assert [one.name for one in found][:2] == ["carried_1", "carried_2"]
     for thing in (BALL, RUCKSACK):
         gaps = [np.linalg.norm(middle(general, one) - middle(general, thing)) for one in found]
@@ -121,6 +123,18 @@ def test_what_is_told_is_not_found_again(
 ) -> None:
     told = with_carried(general, [BALL])
     assert things_of(seen_in(ball_steps), 0, told, watching(with_ball)) == ()
+
+
+def test_a_skirt_is_found_and_is_no_part_of_the_body(tmp_path: Path, general: BodyDescription) -> None:
+    """Legs are in it: tracked as carried it would make their contours what it hides."""
+    skirt = Carried(
+        name="skirt", by="pelvis", start=(0, 0, 0.05), end=(0, 0, -0.6), radii=(0.28, 0.32), squareness=(0.3, 1.0)
+    )
+    assert skirt.by in general.landmarks
+    found = found_in(filmed(tmp_path, general, skirt), general)
+    assert any("thigh" in one.around for one in found)
+    assert "a skirt or wide clothes?" in told_of_things("anna", found)
+    assert not any(np.linalg.norm(middle(general, one) - middle(general, skirt)) < 0.2 for one in carried_of(found))
 
 
 def test_without_frames_nothing_is_found(with_ball: Simulation, general: BodyDescription) -> None:
@@ -167,7 +181,7 @@ def test_bodies_are_fitted_with_what_is_carried(
     scene = untold(with_ball, general)
     settings = replace(QUICK, fit=replace(QUICK.fit, iterations=2))
     found = fit_bodies(spaces, scene, cycle, with_ball.frames, N_FRAMES, settings, untold=[0])
-    assert [one.name for one in found.things[0]] == ["carried_1"]
+    assert [one.carried.name for one in found.things[0]] == ["carried_1"]
     assert "carried_1" in [part.name for part in found.fits[0].body.parts]
 
     def left_over(steps: Sequence[Step]) -> float:
@@ -181,7 +195,7 @@ def test_the_lines_told_are_those_of_a_configuration() -> None:
         Carried(name="carried_1", by="neck", start=(-0.2, 0, 0), end=(-0.2, 0, 0.4), radii=(0.1, 0.2), front=(0, 1, 0)),
         BALL,
     )
-    assert told_of_things("anna", things[:1]).endswith("40 x 40 x 20 cm large, with the segment of neck")
+    assert told_of_things("anna", [Thing(things[0])]).endswith("40 x 40 x 20 cm large, with the segment of neck")
     table = tomllib.loads(entry_of(things))
     again = build_class(Subject, {"model": str(model_path("gavrila22")), **table}, "persons[0]", Path())
     assert again.carries is not None

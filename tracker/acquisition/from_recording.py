@@ -15,7 +15,7 @@ from tracker.acquisition.calibrated_views import Seen, ViewSettings
 from tracker.acquisition.fitting import Fit
 from tracker.acquisition.rounds import LEAST_OUTLINED, LEAST_SEEN, Round, best_seen, n_sure
 from tracker.acquisition.shape_space import ShapeSpace, space_of
-from tracker.acquisition.things import things_of
+from tracker.acquisition.things import Thing, carried_of, things_of
 from tracker.acquisition.who_is_who import apart_m, whose
 from tracker.body import BodyModel
 from tracker.carried import Carried, with_carried
@@ -53,8 +53,8 @@ class Fitting:
     start: Start | None
     """How persons were found."""
 
-    things: Mapping[int, tuple[Carried, ...]]
-    """Place -> what the person carries that nobody told of; these are parts of the body fitted."""
+    things: Mapping[int, tuple[Thing, ...]]
+    """Place -> what the person holds or wears that nobody told of; what may be is a part of the body fitted."""
 
 
 def fit_bodies(
@@ -97,16 +97,16 @@ def fit_bodies(
     following = _Following(frames, reopen, settings)
     way = following.back(_named(following.there(scene, spaces, cycle), scene, following))
     things = {k: some for k in spaces if k in untold and (some := _things(way, k, settings))}
-    if things:
+    if any(map(carried_of, things.values())):
         cycle.progress("bodies: tracked anew with what is carried")
-        with_things = {k: _with(spaces[k], some) for k, some in things.items()}
+        with_things = {k: _with(spaces[k], carried_of(some)) for k, some in things.items()}
         laden = scene.with_bodies({k: space.description.build() for k, space in with_things.items()})
         known = knowing(cycle, *_as_found(way.found.steps), believed=True)
         way = following.back(following.there(laden, {**spaces, **with_things}, known))
     found = way.found
     start = next((step.start for step in found.steps if step.start is not None), None)
     told = {k: found.told(k, k in way.unlike) for k in spaces}
-    return Fitting(found.fits, told, found.steps, start, {k: things[k] for k in things if k in found.fits})
+    return Fitting(found.fits, told, found.steps, start, things)
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def _named(way: _Way, scene: Scene, following: _Following) -> _Way:
     return replace(other, cycle=way.cycle)
 
 
-def _things(way: _Way, k: int, settings: ViewSettings) -> tuple[Carried, ...]:
+def _things(way: _Way, k: int, settings: ViewSettings) -> tuple[Thing, ...]:
     """What a person carries: one who wears a skirt may be in doubt everywhere, and the body not fitted."""
     fit = way.found.fits.get(k)
     description = way.spaces[k].description if fit is None else fit.space.described(fit.shape)

@@ -13,7 +13,7 @@ from tracker.acquisition.calibrated_views import ViewSettings
 from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.result import model_of
 from tracker.acquisition.shape_space import space_of
-from tracker.acquisition.things import entry_of, told_of_things
+from tracker.acquisition.things import Thing, carried_of, entry_of, told_of_things
 from tracker.body_description import BodyDescription
 from tracker.body_files import read_description, save_description
 from tracker.cycle import Cycle
@@ -103,16 +103,21 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     scene = opened.scene.with_bodies({k: models[persons[k].name].build() for k in found.fits})
     if not found.steps:
         return opened, cycle
-    laden = tuple(
-        f"{told_of_things(persons[k].name, things)}; it is tracked as carried. If nothing is, set carries = []; "
-        f"else tell its true size: {entry_of(things)}"
-        for k, things in found.things.items()
-    )
+    laden = tuple(_told(persons[k].name, things, k in found.fits) for k, things in found.things.items())
     findings = (*told_of_views(found.steps, scene, sequence.interval_s, cycle.progress), *laden)
     steps = [as_kept(step) for step in found.steps]
     known = {step.frame.index: step.estimates for step in steps}
     opened = replace(opened, models=models, scene=scene, fitted_at=tuple(map(line_of, steps)), findings=findings)
     return opened, knowing(cycle, known, found.start)
+
+
+def _told(name: str, things: Sequence[Thing], is_fitted: bool) -> str:
+    """What is said of things that nobody told of."""
+    carried = carried_of(things) if is_fitted else ()
+    told = told_of_things(name, things)
+    if not carried:
+        return f"{told}; it draws limbs to it, and hides them: look at the overlay"
+    return f"{told}; tracked as carried. If nothing is, set carries = []; else tell its true size: {entry_of(carried)}"
 
 
 def frames_in_view(frames: Reopen, cycle: Cycle) -> Iterator[Frame]:

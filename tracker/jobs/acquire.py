@@ -24,10 +24,9 @@ from tracker.acquisition.figures import Panel
 from tracker.acquisition.fitting import Fit
 from tracker.acquisition.rounds import best_seen
 from tracker.acquisition.shape_space import space_of
-from tracker.acquisition.things import entry_of, things_of, told_of_things
+from tracker.acquisition.things import Thing, entry_of, things_of, told_of_things
 from tracker.arrays import Array
 from tracker.body_files import read_description, save_description
-from tracker.carried import Carried
 from tracker.components import component
 from tracker.config_files import Table
 from tracker.errors import ConfigError, nearest
@@ -121,12 +120,12 @@ def _told(steps: Iterator[Step], n_frames: int, progress: Progress) -> Iterator[
         yield step
 
 
-def _tell_of_things(name: str, things: Sequence[Carried], progress: Progress) -> None:
+def _tell_of_things(name: str, things: Sequence[Thing], progress: Progress) -> None:
     """A model is of the body alone: what is carried is for the user to tell."""
     if things:
-        told = (
-            f"{told_of_things(name, things)}; the model is fitted without it. To fit better, tell: {entry_of(things)}"
-        )
+        carried = carried_of(things)
+        tell = f"; tell of it: {entry_of(carried)}" if carried else ""
+        told = f"{told_of_things(name, things)}; the model is fitted without it{tell}"
         log.warning("%s", told)
         progress(f"input: {told}")
 
