@@ -24,7 +24,7 @@ from tracker.acquisition.figures import Panel
 from tracker.acquisition.fitting import Fit
 from tracker.acquisition.rounds import best_seen
 from tracker.acquisition.shape_space import space_of
-from tracker.acquisition.things import Thing, entry_of, things_of, told_of_things
+from tracker.acquisition.things import Thing, carried_of, entry_of, things_of, told_of_things
 from tracker.arrays import Array
 from tracker.body_files import read_description, save_description
 from tracker.components import component
