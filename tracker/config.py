@@ -114,7 +114,7 @@ def _value(kind: Any, value: Any, where: str, folder: Path) -> Any:
             return mark.function(value, where, folder)
     entries = entries_of(kind)
     if entries is not None:
-        if not isinstance(value, list):
+        if not isinstance(value, (list, tuple)):
             raise ConfigError(f"{where}: expected a list, found {value!r}")
         numbered = (f"{where[:-1]} {k}]" if where.endswith("]") else f"{where} {k}" for k in itertools.count(1))
         return tuple(_value(entries, entry, next(numbered), folder) for entry in value)
