@@ -17,7 +17,7 @@ from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.moving_along import most_moving
 from tracker.acquisition.shape_space import ShapePrior, space_of
-from tracker.acquisition.things import Thing, carried_of, entry_of, things_of, told_of_things
+from tracker.acquisition.things import Thing, _around, carried_of, entry_of, things_of, told_of_things
 from tracker.analysis.contours import ContourAnalysis
 from tracker.body_description import BodyDescription
 from tracker.body_files import read_description, save_description
@@ -133,8 +133,20 @@ def test_a_skirt_is_found_and_is_no_part_of_the_body(tmp_path: Path, general: Bo
     assert skirt.by in general.landmarks
     found = found_in(filmed(tmp_path, general, skirt), general)
     assert any("thigh" in one.around for one in found)
-    assert "a skirt or wide clothes?" in told_of_things("anna", found)
+    assert "(a skirt, wide clothes?)" in told_of_things("anna", found)
     assert not any(np.linalg.norm(middle(general, one) - middle(general, skirt)) < 0.2 for one in carried_of(found))
+
+
+@pytest.mark.parametrize(("part", "around"), [("right_thigh", "right_thigh"), ("right_forearm", ""), ("head", "")])
+def test_a_forearm_may_have_been_drawn_into_a_thing_and_a_thigh_is_in_it(
+    part: str, around: str, general: BodyDescription
+) -> None:
+    """A fighter's forearm was in his rucksack, 0.2 m from where it should be: that is what things are found for."""
+    inside, neck = next(one for one in general.parts if one.name == part), np.array(general.landmarks["neck"].at)
+    start, end = np.array(inside.start) - neck, np.array(inside.end) - neck
+    thing = Carried(name="thing", by="neck", start=tuple(start), end=tuple(end), radii=(0.2, 0.2))
+    body = with_carried(general, [thing]).build()
+    assert _around(body, body.rest()[None]) == around
 
 
 def test_without_frames_nothing_is_found(with_ball: Simulation, general: BodyDescription) -> None:
