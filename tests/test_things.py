@@ -144,7 +144,7 @@ def test_a_forearm_may_have_been_drawn_into_a_thing_and_a_thigh_is_in_it(
     """A fighter's forearm was in his rucksack, 0.2 m from where it should be: that is what things are found for."""
     inside, neck = next(one for one in general.parts if one.name == part), np.array(general.landmarks["neck"].at)
     start, end = np.array(inside.start) - neck, np.array(inside.end) - neck
-    thing = Carried(name="thing", by="neck", start=tuple(start), end=tuple(end), radii=(0.2, 0.2))
+    thing = Carried(name="thing", by="neck", start=tuple(start), end=tuple(end), radii=(0.06, 0.06))
     body = with_carried(general, [thing]).build()
     assert _around(body, body.rest()[None]) == around
 
