@@ -1,4 +1,4 @@
-"""Opening of masks, as laws."""
+"""Opening and growing of masks, as laws."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.ndimage import distance_transform_edt
 
 from tracker.arrays import Mask
+from tracker.imaging.growing import grown
 from tracker.imaging.opening import opened
 
 
@@ -47,3 +49,14 @@ def test_pixels_and_lines_of_one_go_also_at_the_border() -> None:
     lines = np.zeros((12, 12), dtype=np.bool_)
     lines[0], lines[:, -1], lines[5, 2:9], lines[8, 8] = True, True, True, True
     assert not opened(lines).any()
+
+
+@pytest.mark.parametrize("radius_px", [0.0, 1.0, 3.4, 6.0])
+def test_a_grown_mask_holds_what_is_near_and_nothing_that_is_far(radius_px: float) -> None:
+    mask = np.random.default_rng(3).random((40, 50)) < 0.01
+    far_px = distance_transform_edt(~mask)
+    within = max(1, round(radius_px))
+    found = grown(mask, radius_px)
+    # discs of pixels: cv2's are up to a pixel narrower between the axes
+    assert found[far_px <= within - 1].all()
+    assert not found[far_px > within + 0.5].any()

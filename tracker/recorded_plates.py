@@ -14,6 +14,7 @@ from tracker.cycle import Cycle, State
 from tracker.errors import InitializationError
 from tracker.found_before import knowing
 from tracker.frame import Frame
+from tracker.imaging.growing import grown
 from tracker.plate import Plate
 from tracker.rehearsal import Reopen
 from tracker.scene import Scene
@@ -112,7 +113,6 @@ def _unknown_behind(plate: Plate, sight: Sight, view: int, model: Mask, stand_ou
     moving = np.zeros_like(model) if changes is None else changes.moving
     doubted = model & ~moving if stand_out else model | moving
     radius = max(2, round(_AROUND * float(np.sqrt(np.count_nonzero(model)))))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
     opened = cv2.morphologyEx(doubted.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    unknown: Mask = cv2.dilate(opened, disc) > 0
+    unknown = grown(opened.view(np.bool_), radius)
     return replace(plate, unknown=unknown if plate.unknown is None else unknown | plate.unknown, stays=True)

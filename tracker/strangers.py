@@ -12,6 +12,7 @@ from scipy.spatial import KDTree
 
 from tracker.arrays import Array, Integers, Mask
 from tracker.camera import Camera
+from tracker.imaging.growing import grown
 from tracker.imaging.light import SAMPLING
 from tracker.scene import Scene
 from tracker.sight import Sight
@@ -119,7 +120,7 @@ def _views(sight: Sight, scene: Scene, synthesis: Synthesis, bones: Array) -> li
             continue
         camera, unknown = scene.rig.cameras[v], sight.unknown(v)
         model = np.ascontiguousarray(models[v][::SAMPLING, ::SAMPLING])
-        apart = differing & ~_grown(model, _OWN_M * _px_per_m(camera, bones))
+        apart = differing & ~grown(model, _OWN_M * _px_per_m(camera, bones))
         changed = differing if unknown is None else differing | unknown[::SAMPLING, ::SAMPLING]
         views.append(_View(v, camera, changed, apart, model))
     return views
@@ -194,11 +195,11 @@ def _shown(view: _View, bodies: Sequence[Array], middle: Array) -> Mask:
     shown: Mask = np.zeros_like(view.model)
     for cells in bodies:
         rim = _RIM_M * _px_per_m(view.camera, cells)
-        region = _spots(view, cells) & _grown(view.changed, rim)
+        region = _spots(view, cells) & grown(view.changed, rim)
         depths = view.camera.in_camera(np.stack([cells.mean(axis=0), middle]))[:, 2]
         behind = depths[0] > depths[1]
-        shown |= region & ~_grown(view.model, rim) if behind else region
-        shown |= _grown(_pieces_in(region, view.apart), rim)
+        shown |= region & ~grown(view.model, rim) if behind else region
+        shown |= grown(_pieces_in(region, view.apart), rim)
     return shown
 
 
@@ -235,15 +236,8 @@ def _spots(view: _View, cells: Array) -> Mask:
     spots = np.zeros_like(view.model)
     if seen.any():
         spots[at[seen, 1], at[seen, 0]] = True
-        spots = _grown(spots, _CELL_M * _px_per_m(view.camera, cells))
+        spots = grown(spots, _CELL_M * _px_per_m(view.camera, cells))
     return spots
-
-
-def _grown(mask: Mask, radius: float) -> Mask:
-    size = 2 * max(1, round(radius)) + 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    grown: Mask = cv2.dilate(mask.view(np.uint8), disc) > 0
-    return grown
 
 
 def _enlarged(mask: Mask, size: tuple[int, int]) -> Mask:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.arrays import Array, Integers, Mask
 from tracker.camera import Camera
+from tracker.imaging.growing import grown
 from tracker.sight import Sight
 from tracker.strangers import hide_strangers
 
@@ -87,8 +87,8 @@ def _view(sight: Sight, v: int, model: Mask, camera: Camera, middle: Array) -> V
         return None
     px_per_m = float(camera.matrix[0, 0]) / max(float(camera.in_camera(middle[None])[0, 2]), 0.1) / _SAMPLING
     foreground = np.ascontiguousarray(silhouette[::_SAMPLING, ::_SAMPLING])
-    own = _grown(np.ascontiguousarray(model[::_SAMPLING, ::_SAMPLING]), _OWN_M * px_per_m)
-    apart, changed = foreground & ~own, _grown(foreground, CELL_M / 2 * px_per_m)
+    own = grown(np.ascontiguousarray(model[::_SAMPLING, ::_SAMPLING]), _OWN_M * px_per_m)
+    apart, changed = foreground & ~own, grown(foreground, CELL_M / 2 * px_per_m)
     for other in (unknown, hidden):
         if other is not None:
             changed |= other[::_SAMPLING, ::_SAMPLING]
@@ -143,10 +143,3 @@ def _pixels(view: View, points: Array) -> tuple[Integers, Mask]:
     height, width = view.changed.shape
     seen: Mask = before & (at >= 0).all(axis=1) & (at < (width, height)).all(axis=1)
     return at, seen
-
-
-def _grown(mask: Mask, radius: float) -> Mask:
-    size = 2 * max(1, round(radius)) + 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    grown: Mask = cv2.dilate(mask.view(np.uint8), disc) > 0
-    return grown

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from scipy import ndimage
 
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.camera import Camera
 from tracker.imaging.edges import distance_to
+from tracker.imaging.growing import grown
 from tracker.rig import Rig
 
 STEP_M = 0.04
@@ -103,9 +103,7 @@ def shadow(rig: Rig, v: int, points: Array, margin_m: float) -> Mask:
         return mask.astype(np.bool_)
     mask[rounded[seen, 1], rounded[seen, 0]] = 1
     radius = int(np.ceil(camera.matrix[0, 0] * margin_m / np.percentile(depth[seen], 5)))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    covered: Mask = cv2.dilate(mask, disc) > 0
-    return covered
+    return grown(mask.view(np.bool_), radius)
 
 
 def within_all(rig: Rig, masks: tuple[Mask, ...], points: Array) -> Mask:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from tracker.arrays import Image, Mask
+from tracker.imaging.growing import grown
 from tracker.imaging.light import Light, light_of, sparse
 from tracker.kernels.images.modes import dominant_modes
 from tracker.plate import Plate
@@ -81,7 +82,4 @@ def _sizes(masks: Mask, within: Mask | None = None) -> list[int]:
 def _grown(doubted: Mask) -> Mask:
     """Without specks, and wider by `_GROWN`."""
     opened = cv2.morphologyEx(doubted.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    radius = max(1, round(_GROWN * max(doubted.shape)))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    grown: Mask = cv2.dilate(opened, disc) > 0
-    return grown
+    return grown(opened.view(np.bool_), _GROWN * max(doubted.shape))
