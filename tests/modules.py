@@ -19,7 +19,8 @@ LAYERS = (
     "kinematic_tree body body_defaults body_facts body_skin body_entries body_description body_files body_surface "
     "limbs scene contours expectation observation keypoints keypoint_layouts skeletons markers marker_layouts account "
     "hidden equations plate plate_changes sight estimate in_view in_space loss start carried subject trajectory doubts "
-    "triangulation views shown_size",
+    "triangulation views shown_size "
+    "seen_pixels",
     "reading calibration prediction synthesis analysis recording smoothing",
     "comparison outlines correspondences strangers part_colours lsm following person_track result ball_joints",
     "similarity evidence objective",

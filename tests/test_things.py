@@ -12,7 +12,7 @@ import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 from test_from_recording import QUICK
 
-from tracker.acquisition.beside import CELL_M, Moment, moment, shown_in
+from tracker.acquisition.beside import CELL_M, Surroundings, shown_in, sight_of, surroundings
 from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.moving_along import most_moving
@@ -23,6 +23,7 @@ from tracker.body_description import BodyDescription
 from tracker.body_files import read_description, save_description
 from tracker.carried import Carried, with_carried
 from tracker.config import build_class
+from tracker.jobs._persons import _told
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.simulation.sequence import Simulation
@@ -137,7 +138,7 @@ def test_a_skirt_is_found_and_is_no_part_of_the_body(tmp_path: Path, general: Bo
     assert not any(np.linalg.norm(middle(general, one) - middle(general, skirt)) < 0.2 for one in carried_of(found))
 
 
-@pytest.mark.parametrize(("part", "around"), [("right_thigh", "right_thigh"), ("right_forearm", ""), ("head", "")])
+@pytest.mark.parametrize(("part", "around"), [("right_thigh", "right_thigh"), ("right_forearm", ""), ("head", "head")])
 def test_a_forearm_may_have_been_drawn_into_a_thing_and_a_thigh_is_in_it(
     part: str, around: str, general: BodyDescription
 ) -> None:
@@ -149,12 +150,47 @@ def test_a_forearm_may_have_been_drawn_into_a_thing_and_a_thigh_is_in_it(
     assert _around(body, body.rest()[None]) == around
 
 
+def test_a_thing_gets_a_name_that_the_body_has_not(
+    with_ball: Simulation, ball_steps: list[Step], general: BodyDescription
+) -> None:
+    """A model from a result may have a thing of an earlier run."""
+    first = Carried(name="carried_1", by="neck", start=(0, 0, -0.1), end=(0, 0, 0), radii=(0.02, 0.02))
+    found = things_of(seen_in(ball_steps), 0, with_carried(general, [first]), watching(with_ball))
+    assert [one.carried.name for one in found] == ["carried_2"]
+
+
+def test_who_is_elsewhere_is_no_thing(with_ball: Simulation, ball_steps: list[Step], general: BodyDescription) -> None:
+    """All of the person stands out beside a model that was put somewhere else: no view tells of things then."""
+    moved = shift(general)
+    away = [Seen(one.frame, one.scene.with_pose(0, one.scene.persons[0].q + moved)) for one in seen_in(ball_steps)]
+    assert things_of(away, 0, general, watching(with_ball)) == ()
+
+
+def shift(body: BodyDescription) -> np.ndarray:
+    """A pose's change by a metre to the side."""
+    change = np.zeros(body.build().dof)
+    change[body.build().index("torso_x")] = 1.0
+    return change
+
+
+def test_what_is_tracked_and_what_is_not_is_said_apart() -> None:
+    things = Thing(BALL), Thing(RUCKSACK, "right_thigh")
+    tracked, other = _told("anna", things, True)
+    assert "with the segment of right_wrist; tracked as carried" in tracked
+    assert "around right_thigh" in other
+    assert "look at the overlay" in other
+    (both,) = _told("anna", things, False)
+    assert "right_wrist" in both
+    assert "tracked as carried" not in both
+
+
 def test_without_frames_nothing_is_found(with_ball: Simulation, general: BodyDescription) -> None:
     assert things_of([], 0, general, watching(with_ball)) == ()
 
 
-def moments_of(simulation: Simulation, steps: Sequence[Step]) -> list[Moment]:
-    return [moment(one, 0, watching(simulation)) for one in seen_in(steps)]
+def around(simulation: Simulation, steps: Sequence[Step]) -> list[Surroundings]:
+    told = watching(simulation)
+    return [surroundings(sight_of(one, told), one.scene, 0, told.synthesis) for one in seen_in(steps)]
 
 
 def test_cells_of_a_ball_are_in_the_ball(
@@ -162,7 +198,7 @@ def test_cells_of_a_ball_are_in_the_ball(
 ) -> None:
     """All of its own are found, and none is further from it than a cell and what poses are off."""
     body = general.build()
-    moving = most_moving(moments_of(with_ball, ball_steps), body)
+    moving = most_moving(around(with_ball, ball_steps), body)
     assert moving is not None
     assert body.names[moving.end].startswith("right_")
     far = np.linalg.norm(moving.points - middle(general, BALL), axis=1)
@@ -175,7 +211,7 @@ def test_what_is_beside_the_persons_is_what_every_cell_tried_shows(
     with_ball: Simulation, ball_steps: list[Step], general: BodyDescription
 ) -> None:
     """A brute-force twin: all cells around the ball, instead of those behind what views show."""
-    (one,) = moments_of(with_ball, ball_steps[:1])
+    (one,) = around(with_ball, ball_steps[:1])
     numbers = np.round(one.beside / CELL_M).astype(int)
     low, high = numbers.min(axis=0) - 5, numbers.max(axis=0) + 6
     lattice = np.stack(np.meshgrid(*map(np.arange, low, high), indexing="ij"), axis=-1).reshape(-1, 3)

@@ -15,6 +15,7 @@ from tracker.camera import Camera
 from tracker.imaging.growing import grown
 from tracker.imaging.light import SAMPLING
 from tracker.scene import Scene
+from tracker.seen_pixels import seen_pixels
 from tracker.sight import Sight
 from tracker.synthesis import Synthesis
 
@@ -164,7 +165,7 @@ def _foreign(views: Sequence[_View], points: Array) -> Integers:
     left = np.arange(len(points))
     n_views, n_apart = np.zeros((2, len(points)), dtype=np.int64)
     for view in views:
-        at, seen = _pixels(view, points[left])
+        at, seen = seen_pixels(view.camera, points[left], SAMPLING)
         x, y = at[seen].T
         n_views[left[seen]] += 1
         n_apart[left[seen]] += view.apart[y, x]
@@ -175,7 +176,7 @@ def _foreign(views: Sequence[_View], points: Array) -> Integers:
     sure = n_apart[left] >= np.minimum(n_views[left], 3)
     needed = sure.copy()
     for view in views:
-        shown, (at, seen) = _spots(view, points[left[sure]]), _pixels(view, points[left])
+        shown, (at, seen) = _spots(view, points[left[sure]]), seen_pixels(view.camera, points[left], SAMPLING)
         x, y = at[seen].T
         needed[seen] |= view.apart[y, x] & ~shown[y, x]
     return left[needed]
@@ -219,20 +220,9 @@ def _px_per_m(camera: Camera, points: Array) -> float:
     return float(camera.matrix[0, 0]) / max(depth, 0.1) / SAMPLING
 
 
-def _pixels(view: _View, points: Array) -> tuple[Integers, Mask]:
-    """Sparse pixels (N, 2) of points (N, 3), and which of these (N,) the view sees."""
-    before = view.camera.in_camera(points)[:, 2] > 0.1
-    pixels = np.full((len(points), 2), -1.0)
-    pixels[before] = view.camera.project(points[before]) / SAMPLING
-    at = np.round(np.clip(pixels, -1, 1e6)).astype(np.int64)
-    height, width = view.model.shape
-    seen: Mask = before & (at >= 0).all(axis=1) & (at < (width, height)).all(axis=1)
-    return at, seen
-
-
 def _spots(view: _View, cells: Array) -> Mask:
     """(h, w) the sparse pixels that cells at points (N, 3) may cover."""
-    at, seen = _pixels(view, cells)
+    at, seen = seen_pixels(view.camera, cells, SAMPLING)
     spots = np.zeros_like(view.model)
     if seen.any():
         spots[at[seen, 1], at[seen, 0]] = True

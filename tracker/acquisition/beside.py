@@ -11,8 +11,11 @@ from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.arrays import Array, Integers, Mask
 from tracker.camera import Camera
 from tracker.imaging.growing import grown
+from tracker.scene import Scene
+from tracker.seen_pixels import seen_pixels
 from tracker.sight import Sight
 from tracker.strangers import hide_strangers
+from tracker.synthesis import Synthesis
 
 CELL_M = 0.03
 """Edge of the cells, metres."""
@@ -25,6 +28,10 @@ _OWN_M = 0.05
 
 _AROUND_M = 1.5
 """How far from the middle of a person cells are looked for, metres."""
+
+_MOST_SHARE = 0.5
+"""Of a model's silhouette: what is more beside the persons is nothing carried. They are elsewhere, or the light has
+changed."""
 
 _LEAST_CELLS = 5
 """Fewer cells beside the persons, 0.14 l, are none of the things looked for."""
@@ -42,12 +49,12 @@ class View:
     """(h, w) the foreground that is not near a person."""
 
     px_per_m: float
-    """Where the person is."""
+    """Of these pixels, where the person is."""
 
 
 @dataclass(frozen=True)
-class Moment:
-    """A frame: where the segments of a person are, and what stands out beside all persons."""
+class Surroundings:
+    """Of a frame: where the segments of a person are, and what stands out beside all persons."""
 
     world_from_reference: Array
     """(dof + 1, 4, 4) how far what hangs on each parameter has moved from the reference pose."""
@@ -62,26 +69,39 @@ class Moment:
         return len(self.beside) >= _LEAST_CELLS
 
 
-def moment(seen: Seen, person: int, watching: Watching) -> Moment:
-    """What stands out in a frame.
+def sight_of(seen: Seen, watching: Watching) -> Sight:
+    """The foreground of all views of a frame, without who is none of the persons.
 
     Args:
         seen: its images, and all persons at their poses.
-        person: the one who is looked at.
         watching: the cameras, and what is known of their views.
     """
-    scene, synthesis = seen.scene, watching.synthesis
-    sight, one = Sight(seen.frame, watching.plates), scene.persons[person]
-    models, middle = synthesis.silhouettes(scene), one.body.landmarks_in_world(one.q).mean(axis=0)
-    for v, model in enumerate(models):
-        sight.changes(v, (0, 0, model.shape[1], model.shape[0]))
-    hide_strangers(sight, scene, synthesis)
+    sight = Sight(seen.frame, watching.plates)
+    for v, camera in enumerate(watching.rig.cameras):
+        sight.changes(v, (0, 0, *camera.size))
+    hide_strangers(sight, seen.scene, watching.synthesis)
+    return sight
+
+
+def surroundings(sight: Sight, scene: Scene, person: int, synthesis: Synthesis) -> Surroundings:
+    """What stands out in a frame.
+
+    Args:
+        sight: see `sight_of`.
+        scene: all persons at their poses.
+        person: the one who is looked at.
+        synthesis: draws them.
+    """
+    one = scene.persons[person]
+    middle = one.body.landmarks_in_world(one.q).mean(axis=0)
+    models = synthesis.silhouettes(scene)
     found = (_view(sight, v, model, scene.rig.cameras[v], middle) for v, model in enumerate(models))
     views = tuple(view for view in found if view is not None)
-    return Moment(one.body.world_from_parameters(one.q), views, _beside(views, middle))
+    return Surroundings(one.body.world_from_parameters(one.q), views, _beside(views, middle))
 
 
 def _view(sight: Sight, v: int, model: Mask, camera: Camera, middle: Array) -> View | None:
+    """What a view shows of a person whose middle is there; None where no background is known."""
     silhouette, unknown, hidden = sight.silhouette(v), sight.unknown(v), sight.occluder(v)
     if silhouette is None:
         return None
@@ -89,6 +109,8 @@ def _view(sight: Sight, v: int, model: Mask, camera: Camera, middle: Array) -> V
     foreground = np.ascontiguousarray(silhouette[::_SAMPLING, ::_SAMPLING])
     own = grown(np.ascontiguousarray(model[::_SAMPLING, ::_SAMPLING]), _OWN_M * px_per_m)
     apart, changed = foreground & ~own, grown(foreground, CELL_M / 2 * px_per_m)
+    if np.count_nonzero(apart) * _SAMPLING**2 > _MOST_SHARE * np.count_nonzero(model):
+        apart = np.zeros_like(apart)
     for other in (unknown, hidden):
         if other is not None:
             changed |= other[::_SAMPLING, ::_SAMPLING]
@@ -126,20 +148,10 @@ def shown_in(views: Sequence[View], points: Array) -> tuple[Mask, Integers]:
     empty = np.zeros(len(points), dtype=np.bool_)
     n_seen, n_apart = np.zeros((2, len(points)), dtype=np.int64)
     for view in views:
-        at, seen = _pixels(view, points)
+        at, seen = seen_pixels(view.camera, points, _SAMPLING)
         x, y = at[seen].T
         empty[seen] |= ~view.changed[y, x]
         n_apart[seen] += view.apart[y, x]
         n_seen += seen
     empty |= n_seen < 2
     return empty, n_apart
-
-
-def _pixels(view: View, points: Array) -> tuple[Integers, Mask]:
-    """The pixels (N, 2) of points (N, 3), and which of these (N,) the view sees."""
-    before = view.camera.in_camera(points)[:, 2] > 0.1
-    pixels = np.nan_to_num(view.camera.project(points) / _SAMPLING, nan=-1.0)
-    at = np.round(np.clip(pixels, -1, 1e6)).astype(np.int64)
-    height, width = view.changed.shape
-    seen: Mask = before & (at >= 0).all(axis=1) & (at < (width, height)).all(axis=1)
-    return at, seen

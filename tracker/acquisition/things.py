@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from tracker.acquisition.beside import CELL_M, moment
+from tracker.acquisition.beside import CELL_M, sight_of, surroundings
 from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.acquisition.moving_along import Moving, most_moving
 from tracker.arrays import Array, Mask
@@ -15,8 +16,9 @@ from tracker.body import BodyModel
 from tracker.body_description import BodyDescription
 from tracker.body_entries import Vector
 from tracker.carried import Carried, with_carried
+from tracker.scene import Scene
 
-_N_MOMENTS = 20
+_N_FRAMES = 20
 """Frames that are looked at, at most."""
 
 _MOST_THINGS = 3
@@ -54,15 +56,19 @@ def things_of(seen: Sequence[Seen], person: int, description: BodyDescription, w
         watching: the cameras, and what is known of their views.
     """
     found: list[Thing] = []
-    seen = seen[:: -(-len(seen) // _N_MOMENTS) or 1]
+    seen = seen[:: -(-len(seen) // _N_FRAMES) or 1]
+    sights = [sight_of(one, watching) for one in seen]
     poses = np.array([one.scene.persons[person].q for one in seen])
+    taken = {part.name for part in description.parts}
+    free = (name for n in itertools.count(1) if (name := f"carried_{n}") not in taken)
     while len(found) < _MOST_THINGS:
         body = with_carried(description, [one.carried for one in found]).build()
-        moments = [moment(_with_body(one, person, body), person, watching) for one in seen]
-        moving = most_moving(moments, body)
+        scenes = (_with_body(one.scene, person, body) for one in seen)
+        around = [surroundings(s, scene, person, watching.synthesis) for s, scene in zip(sights, scenes, strict=True)]
+        moving = most_moving(around, body)
         if moving is None:
             break
-        carried = _carried(moving, body, f"carried_{len(found) + 1}")
+        carried = _carried(moving, body, next(free))
         laden = with_carried(description, [*(one.carried for one in found), carried]).build()
         found.append(Thing(carried, _around(laden, poses)))
     return tuple(found)
@@ -94,14 +100,13 @@ def _is_near_the_trunk(body: BodyModel) -> Mask:
         if body.partner_of(group):
             own = body.parts_of(group)
             near[own] = n_moving[own] == n_moving[own].min()
-    near[ends == ends[-1]] = False  # what carries it
+    near[-1] = False  # the thing itself
     return near
 
 
-def _with_body(seen: Seen, person: int, body: BodyModel) -> Seen:
-    """The same with another body of a person, at the same pose."""
-    poses = tuple(one.q for one in seen.scene.persons)
-    return Seen(seen.frame, seen.scene.with_bodies({person: body}).with_poses(poses))
+def _with_body(scene: Scene, person: int, body: BodyModel) -> Scene:
+    """The scene with another body of a person, at the same poses."""
+    return scene.with_bodies({person: body}).with_poses(tuple(one.q for one in scene.persons))
 
 
 def _carried(moving: Moving, body: BodyModel, name: str) -> Carried:

@@ -8,10 +8,10 @@ import numpy as np
 from scipy import ndimage
 
 from tracker.arrays import Array, Array32, Integers, Mask
-from tracker.camera import Camera
 from tracker.imaging.edges import distance_to
 from tracker.imaging.growing import grown
 from tracker.rig import Rig
+from tracker.seen_pixels import seen_pixels
 
 STEP_M = 0.04
 """Edge of a voxel, metres."""
@@ -98,11 +98,11 @@ def shadow(rig: Rig, v: int, points: Array, margin_m: float) -> Mask:
     camera = rig.cameras[v]
     width, height = camera.size
     mask = np.zeros((height, width), dtype=np.uint8)
-    rounded, depth, seen = _pixels(camera, points)
+    rounded, seen = seen_pixels(camera, points)
     if not seen.any():
         return mask.astype(np.bool_)
     mask[rounded[seen, 1], rounded[seen, 0]] = 1
-    radius = int(np.ceil(camera.matrix[0, 0] * margin_m / np.percentile(depth[seen], 5)))
+    radius = int(np.ceil(camera.matrix[0, 0] * margin_m / np.percentile(camera.in_camera(points[seen])[:, 2], 5)))
     return grown(mask.view(np.bool_), radius)
 
 
@@ -110,7 +110,7 @@ def within_all(rig: Rig, masks: tuple[Mask, ...], points: Array) -> Mask:
     """Which of points (N, 3) lie in the mask (H, W) of every view that sees them."""
     within = np.ones(len(points), dtype=np.bool_)
     for camera, mask in zip(rig.cameras, masks, strict=True):
-        rounded, _, seen = _pixels(camera, points)
+        rounded, seen = seen_pixels(camera, points)
         within[seen] &= mask[rounded[seen, 1], rounded[seen, 0]]
     return within
 
@@ -139,22 +139,10 @@ def _in_foreground(
     for camera, gap in zip(rig.cameras, gaps, strict=True):
         if gap is None:
             continue
-        rounded, depth, seen = _pixels(camera, points)
-        radius = 0.87 * size_m * camera.matrix[0, 0] / np.maximum(depth[seen], 0.1)
+        rounded, seen = seen_pixels(camera, points)
+        radius = 0.87 * size_m * camera.matrix[0, 0] / camera.in_camera(points[seen])[:, 2]
         there = gap[rounded[seen, 1], rounded[seen, 0]] <= radius
         inside[seen] += there
         lacking[seen] += ~there
     share: Array = (inside + lacking) / sum(gap is not None for gap in gaps)
     return (inside >= 2) & (lacking <= most_lacking), lacking, share
-
-
-def _pixels(camera: Camera, points: Array) -> tuple[Integers, Array, Mask]:
-    """Nearest pixels (N, 2) of points (N, 3), their depths (N,) in metres, and which of them the camera sees (N,)."""
-    depth = camera.in_camera(points)[:, 2]
-    # Near the plane of the lens the distortion runs away.
-    before = depth > 0.1
-    pixels = np.full((len(points), 2), -1.0)
-    pixels[before] = camera.project(points[before])
-    rounded = np.round(np.clip(pixels, -1.0, 1e6)).astype(np.int64)
-    seen: Mask = before & (rounded >= 0).all(axis=1) & (rounded < camera.size).all(axis=1)
-    return rounded, depth, seen

@@ -103,21 +103,24 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     scene = opened.scene.with_bodies({k: models[persons[k].name].build() for k in found.fits})
     if not found.steps:
         return opened, cycle
-    laden = tuple(_told(persons[k].name, things, k in found.fits) for k, things in found.things.items())
-    findings = (*told_of_views(found.steps, scene, sequence.interval_s, cycle.progress), *laden)
+    of_views = told_of_views(found.steps, scene, sequence.interval_s, cycle.progress)
+    of_things = (_told(persons[k].name, things, k in found.fits) for k, things in found.things.items())
+    findings = (*of_views, *itertools.chain.from_iterable(of_things))
     steps = [as_kept(step) for step in found.steps]
     known = {step.frame.index: step.estimates for step in steps}
     opened = replace(opened, models=models, scene=scene, fitted_at=tuple(map(line_of, steps)), findings=findings)
     return opened, knowing(cycle, known, found.start)
 
 
-def _told(name: str, things: Sequence[Thing], is_fitted: bool) -> str:
-    """What is said of things that nobody told of."""
-    carried = carried_of(things) if is_fitted else ()
-    told = told_of_things(name, things)
-    if not carried:
-        return f"{told}; it draws limbs to it, and hides them: look at the overlay"
-    return f"{told}; tracked as carried. If nothing is, set carries = []; else tell its true size: {entry_of(carried)}"
+def _told(name: str, things: Sequence[Thing], is_fitted: bool) -> Iterator[str]:
+    """What is said of things that nobody told of: of those that are tracked as carried, and of all others."""
+    carried = [one for one in things if is_fitted and not one.around]
+    others = [one for one in things if one not in carried]
+    if carried:
+        tell = f"set carries = []; else tell its true size: {entry_of(carried_of(carried))}"
+        yield f"{told_of_things(name, carried)}; tracked as carried. If nothing is, {tell}"
+    if others:
+        yield f"{told_of_things(name, others)}; it may hide limbs, or draw them to it: look at the overlay"
 
 
 def frames_in_view(frames: Reopen, cycle: Cycle) -> Iterator[Frame]:
