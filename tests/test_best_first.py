@@ -33,8 +33,8 @@ class Landscape:
         self.asked.append(np.array(poses))
         return self.height(poses)
 
-    def deciding_px(self, q: Array) -> float:
-        return float(self(q[None])[0])
+    def deciding_px(self, poses: Array) -> Array:
+        return self(poses)
 
     def estimate(self, q: Array, covariance: Array, evaluations: int) -> Estimate:
         nothing = np.zeros(0)

@@ -26,6 +26,10 @@ def frame(filmed: Simulation) -> Frame:
     return next(iter(filmed.frames()))
 
 
+def impurity(colours: PartColours, scene: Scene) -> float:
+    return float(colours.impurities(scene, 0, scene.persons[0].q[None])[0])
+
+
 def seen(filmed: Simulation, frame: Frame, plates: bool = True) -> Sight:
     sight = Sight(frame, filmed.plates if plates else ())
     for v, camera in enumerate(filmed.scene.rig.cameras):
@@ -53,14 +57,14 @@ def with_values(scene: Scene, **degrees: float) -> Scene:
 )
 def test_the_true_place_of_a_limb_is_the_purest(filmed, frame, plates: bool, elsewhere: dict[str, float]) -> None:
     colours = part_colours(seen(filmed, frame, plates), filmed.scene)
-    true = colours.impurity(filmed.scene, 0)
-    assert colours.impurity(with_values(filmed.scene, **elsewhere), 0) > true + 0.005
+    true = impurity(colours, filmed.scene)
+    assert impurity(colours, with_values(filmed.scene, **elsewhere)) > true + 0.005
 
 
 def test_what_has_one_colour_everywhere_is_pure(filmed, frame) -> None:
     grey = replace(frame, images=tuple(np.full_like(image, 90) for image in frame.images))
     colours = part_colours(seen(filmed, grey, plates=False), filmed.scene)
-    assert colours.impurity(filmed.scene, 0) == pytest.approx(0, abs=1e-9)
+    assert impurity(colours, filmed.scene) == pytest.approx(0, abs=1e-9)
 
 
 def test_the_entropy_is_that_of_pixels_counted_one_by_one(filmed, frame) -> None:
@@ -81,7 +85,7 @@ def test_the_entropy_is_that_of_pixels_counted_one_by_one(filmed, frame) -> None
     for table in counts.values():
         total = sum(table.values())
         nats -= sum(n * np.log(n / total) for n in table.values())
-    assert colours.impurity(scene, 0) == pytest.approx(nats / colours.n_px[0], rel=1e-9)
+    assert impurity(colours, scene) == pytest.approx(nats / colours.n_px[0], rel=1e-9)
 
 
 def test_views_without_images_do_not_count(filmed, frame) -> None:
@@ -91,10 +95,23 @@ def test_views_without_images_do_not_count(filmed, frame) -> None:
     assert len(colours.numbers[0]) == len(colours.places[0]) == 0
     for one, other in zip(colours.numbers[1:], whole.numbers[1:], strict=True):
         np.testing.assert_array_equal(one, other)
-    assert np.isfinite(colours.impurity(filmed.scene, 0))
+    assert np.isfinite(impurity(colours, filmed.scene))
 
 
 def test_who_is_out_of_sight_divides_by_nothing(filmed, frame) -> None:
     away = filmed.scene.with_pose(0, filmed.scene.persons[0].q + np.eye(filmed.scene.persons[0].body.dof)[0] * 500)
     colours: PartColours = part_colours(seen(filmed, frame, plates=False), away)
-    assert colours.impurity(away, 0) == 0
+    assert impurity(colours, away) == 0
+
+
+@pytest.mark.parametrize("moved", ["left_arm_extension", "torso_twist"])
+def test_many_poses_are_told_what_each_alone_is(filmed, frame, moved: str) -> None:
+    """What stands still in all of them is drawn once; the background of nobody, and of everybody, as well."""
+    colours, person = part_colours(seen(filmed, frame), filmed.scene), filmed.scene.persons[0]
+    poses = np.tile(person.q, (5, 1))
+    poses[:, person.body.index(moved)] += np.radians([0, 20, 40, 60, 20])
+    together = colours.impurities(filmed.scene, 0, poses)
+    alone = [impurity(colours, filmed.scene.with_pose(0, q)) for q in poses]
+    np.testing.assert_array_equal(together, alone)
+    assert len(np.unique(together)) == 4
+    assert len(colours.impurities(filmed.scene, 0, poses[:0])) == 0

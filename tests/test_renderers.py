@@ -103,6 +103,22 @@ def test_part_numbers_are_those_of_the_z_buffer(kind: str, renderer: Any, scenes
         np.testing.assert_array_equal(mask, ids >= 0)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_parts_drawn_row_by_row_are_those_of_the_z_buffer(kind: str, scenes: dict[str, Scene]) -> None:
+    """Of every distance, lens and body, and of who is behind cameras or beside their images."""
+    scene = scenes[kind]
+    first = scene.persons[0].q
+    for shift in (np.zeros(2), np.array([5.0, 5.0]), np.array([60.0, 0.0])):
+        q = first.copy()
+        q[:2] += shift
+        moved = scene.with_pose(0, q)
+        for ids, reference in zip(CpuSynthesis().part_ids(moved), rasterized_ids(moved, 25, 48), strict=True):
+            assert ids.shape == reference.shape
+            wrong = ids != reference
+            assert not wrong[~near_boundary(reference)].any()
+            assert wrong.sum() <= 0.0005 * (reference >= 0).sum()
+
+
 def test_two_renderers_that_share_no_code_see_the_same(
     egl: EglSynthesis, osmesa: OsmesaSynthesis, truth: Scene
 ) -> None:

@@ -66,27 +66,22 @@ class Objective:
 
     def __call__(self, poses: Array) -> Array:
         """Distances (B,) px of poses (B, dof); a body that runs through itself is farther off."""
-        keys = [("distance", pose.tobytes(), 0.0) for pose in poses]
-        fresh = [b for b, key in enumerate(keys) if key not in self._answers]
-        if fresh:
-            asked = poses if len(fresh) == len(poses) else poses[fresh]
-            found = self.evidence.distances(self.asked, asked) + self.penalties(asked)
-            self._answers.update(zip([keys[b] for b in fresh], found.tolist(), strict=True))
-        return np.array([self._answers[key] for key in keys])
+        evidence, question = self.evidence, self.asked
+        return self._each("distance", poses, lambda asked: evidence.distances(question, asked) + self.penalties(asked))
 
-    def deciding_px(self, q: Array) -> float:
-        """What decides between poses (dof,) with limbs in different places: distance, and how mixed parts' colours are.
+    def deciding_px(self, poses: Array) -> Array:
+        """What decides between poses (B, dof) with limbs in different places: distance, and how mixed part colours are.
 
         Contours of a limb that hangs down along trunk and thigh are theirs: of arms crossed before the chest, 0.4 m off
         in all 80 frames of a squat, 3 % of the contour was left over, and the true place cost as much, to 0.03 px.
         """
-        distance = float(self(q[None])[0])
+        distances = self(poses)
         if self.colours is None:
-            return distance
-        asked = self.asked
-        scene, colours = asked.scene.with_pose(asked.person, q), self.colours
-        impurity = self._once("impurity", q, 0.0, lambda: colours().impurity(scene, asked.person))
-        return distance + self.impure_px * impurity
+            return distances
+        colours, (scene, person) = self.colours, (self.asked.scene, self.asked.person)
+        impurities = self._each("impurity", poses, lambda asked: colours().impurities(scene, person, asked))
+        deciding: Array = distances + self.impure_px * impurities
+        return deciding
 
     def penalties(self, poses: Array) -> Array:
         """What poses (B, dof) cost because the body runs through itself or is seldom like that (B,), px."""
@@ -163,6 +158,15 @@ class Objective:
             return account
         account = replace(account, not_shown=not_shown)
         return account if unseen is None else account.without(not_shown & (unseen >= LONG_FRAMES))
+
+    def _each(self, what: str, poses: Array, find: Callable[[Array], Array]) -> Array:
+        """What was found of each of some poses (B, dof) before; else it is found now, of all at once."""
+        keys = [(what, pose.tobytes(), 0.0) for pose in poses]
+        fresh = [b for b, key in enumerate(keys) if key not in self._answers]
+        if fresh:
+            found = find(poses if len(fresh) == len(poses) else poses[fresh])
+            self._answers.update(zip([keys[b] for b in fresh], found.tolist(), strict=True))
+        return np.array([self._answers[key] for key in keys])
 
     def _once(self, what: str, q: Array, gate_px: float, find: Callable[[], _Found]) -> _Found:
         """What was found of a pose (dof,) before; else it is found now."""

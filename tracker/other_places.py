@@ -44,12 +44,12 @@ def in_likeliest_places(objective: Objective, estimate: Estimate) -> Estimate:
     """
     if estimate.lost or objective.colours is None:
         return estimate
-    body, best, least_px = objective.body, estimate, objective.deciding_px(estimate.q)
+    body, best, least_px = objective.body, estimate, float(objective.deciding_px(estimate.q[None])[0])
     for _ in range(_ROUNDS):
         before = best
         for group in (group for group in body.fine_groups if body.partner_of(group)):
             for one in _elsewhere(objective, best, group):
-                if (cost_px := objective.deciding_px(one.q)) < least_px - _LEAD_PX:
+                if (cost_px := float(objective.deciding_px(one.q[None])[0])) < least_px - _LEAD_PX:
                     best, least_px = one, cost_px
         if best is before:
             break
@@ -64,7 +64,7 @@ def _elsewhere(objective: Objective, estimate: Estimate, group: str) -> Iterator
     order = np.argsort(distances, kind="stable")
     promising = poses[order[distances[order] < estimate.distance_px + _PROMISING_PX]]
     different = _different(body, promising, group)
-    for q in sorted(different, key=objective.deciding_px)[:_REFINED]:
+    for q in different[np.argsort(objective.deciding_px(different), kind="stable")[:_REFINED]]:
         refined = _REFINEMENT.estimate(objective, q[None])
         near = refined.distance_px < estimate.distance_px + _WITHIN_PX
         if near and are_apart(body, refined.q, estimate.q, marks):
@@ -91,13 +91,14 @@ def _leads_far(body: BodyModel, columns: Integers, group: str) -> Mask:
     return far
 
 
-def _different(body: BodyModel, poses: Array, group: str) -> list[Array]:
-    """The first of some poses (N, dof) whose limbs are in different places."""
+def _different(body: BodyModel, poses: Array, group: str) -> Array:
+    """The first (n, dof) of some poses (N, dof) whose limbs are in different places."""
     joints = body.landmarks_in_world(poses)[:, body.landmarks_of(group)]
     left = np.arange(len(poses))
-    chosen: list[Array] = []
+    chosen: list[int] = []
     while len(left) and len(chosen) < _LOOKED_AT:
-        chosen.append(poses[left[0]])
+        chosen.append(int(left[0]))
         gaps = np.linalg.norm(joints[left] - joints[left[0]], axis=2).max(axis=1, initial=0.0)
         left = left[gaps > apart_m(body)]
-    return chosen
+    different: Array = poses[chosen]
+    return different

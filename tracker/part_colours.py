@@ -6,12 +6,15 @@ is not where it is. Nothing has to be learnt for that, so that it tells already 
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from tracker.arrays import Image, Integers, Mask, Numbers16, frozen
+from tracker.arrays import Array, Image, Integers, Mask, Numbers16, frozen
 from tracker.body import BodyModel
 from tracker.imaging.appearance import appearance
 from tracker.kernels.regions.colours import N_COLOURS, encode
@@ -44,23 +47,31 @@ class PartColours:
     n_px: tuple[int, ...]
     """About how many pixels of all pictures each person covers."""
 
-    def impurity(self, scene: Scene, person: int) -> float:
+    def impurities(self, scene: Scene, person: int, poses: Array) -> Array:
         """How mixed the colours of a person's parts are: their entropy given the part, nats for each pixel of hers.
 
         Both sides' parts have the same colours, as clothes do; what counts and is covered by no part is one more.
 
         Args:
-            scene: all persons at poses.
+            scene: all persons, the others at their poses.
             person: whose parts are meant.
+            poses: (B, dof) hers, rad and metres; those that have most in common take the least time.
+
+        Returns:
+            (B,)
         """
-        ids = _SYNTHESIS.part_ids(Scene(scene.persons, self.rig))
         kinds = _kinds(scene, person)
+        nats = [self._entropy(ids, kinds) for ids in _ids_of_poses(Scene(scene.persons, self.rig), person, poses)]
+        return np.array(nats) / max(self.n_px[person], 1)
+
+    def _entropy(self, ids: Sequence[NDArray[Any]], kinds: Integers) -> float:
+        """Nats in the colours of what each view's pixels (H, W) show; see `_kinds`."""
         counts = np.zeros((int(kinds.max()) + 1) * N_COLOURS, dtype=np.int64)
         for seen, numbers, places in zip(ids, self.numbers, self.places, strict=True):
             # the last kind is that of -1, of no part
             kind = kinds[seen.ravel()[places]]
             counts += np.bincount(kind * N_COLOURS + numbers, minlength=len(counts))
-        return _entropy(counts.reshape(-1, N_COLOURS)) / max(self.n_px[person], 1)
+        return _entropy(counts.reshape(-1, N_COLOURS))
 
 
 def part_colours(sight: Sight, scene: Scene) -> PartColours:
@@ -80,6 +91,13 @@ def part_colours(sight: Sight, scene: Scene) -> PartColours:
         places.append(counted)
     covered = (sum(int(np.count_nonzero(mask)) for mask in masks) for masks in alone)
     return PartColours(rig, tuple(numbers), tuple(places), tuple(covered))
+
+
+def _ids_of_poses(scene: Scene, person: int, poses: Array) -> Iterator[Sequence[NDArray[Any]]]:
+    """What views show in poses (B, dof) of a person, by his surface where it is known."""
+    if not scene.has_skins:
+        return _SYNTHESIS.ids_of_poses(scene, person, poses)
+    return (_SYNTHESIS.part_ids(scene.with_pose(person, q)) for q in poses)
 
 
 def _counted(sight: Sight, view: int, model: Mask) -> Mask:

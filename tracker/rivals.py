@@ -28,14 +28,10 @@ def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
         The one that explains the images better, perhaps with limbs of the other one.
     """
     body = objective.body
-    whole = objective(np.array([mine.q, rival.q]))
     apart = bool(are_apart(body, mine.q, rival.q))
 
-    def cost_px(q: Array) -> float:
-        return objective.deciding_px(q) if apart else float(objective(q[None])[0])
-
-    if apart:
-        whole = np.array([cost_px(mine.q), cost_px(rival.q)])
+    cost_px = objective.deciding_px if apart else objective.__call__
+    whole = cost_px(np.array([mine.q, rival.q]))
     changes = bool(whole[1] < whole[0] - _LEAD_PX)
     best, other = (rival, mine) if changes else (mine, rival)
     q, least, theirs = best.q, float(whole[int(changes)]), np.zeros(body.dof, dtype=np.bool_)
@@ -46,7 +42,7 @@ def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
     ]
     for group in limbs:
         tried = taken_over(body, q, other.q, group)
-        cost = cost_px(tried)
+        cost = float(cost_px(tried[None])[0])
         if cost < least - _LEAD_PX:
             q, least = tried, cost
             theirs[body.group(group)] = True

@@ -242,7 +242,8 @@ def _likelier(objective: Objective, one: Estimate, other: Estimate) -> Estimate:
     """The estimate that contours speak for, and where limbs are in other places the colours of parts as well."""
     if other is one or not are_apart(objective.body, other.q, one.q):
         return _better(one, other)
-    best = min(one, other, key=lambda estimate: objective.deciding_px(estimate.q))
+    costs = objective.deciding_px(np.array([one.q, other.q]))
+    best = other if costs[1] < costs[0] else one
     return replace(best, evaluations=one.evaluations + other.evaluations)
 
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.arrays import Array, Integers, Mask
+from tracker.arrays import Array, Integers, Mask, frozen
 from tracker.geometry.superquadric_meshes import meshes_of
 from tracker.kernels.pictures.nearest import draw_nearest, project_surfaces
 from tracker.scene import Scene
@@ -59,7 +59,8 @@ def seen_parts(scene: Scene, view: int) -> Shown:
     """
     camera, meshes = scene.rig.cameras[view], meshes_of(scene.shapes, *_GRID)
     seen = np.empty((len(scene.shapes), 3, meshes.points.shape[1]))
-    project_surfaces(scene.world_from_parts()[0], _GROWN * meshes.points, scene.rig.packed[view], seen)
+    points, wanted = frozen(_GROWN * meshes.points), np.ones(len(scene.shapes), dtype=np.bool_)
+    project_surfaces(scene.world_from_parts()[0], points, wanted, scene.rig.packed[view], seen)
     pixels = seen[~np.isnan(seen[:, 0, 0]), :2]
     if not len(pixels):
         return Shown(np.zeros(2, dtype=np.int64), np.full((1, 1), -1, dtype=np.int16))

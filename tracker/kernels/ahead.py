@@ -190,7 +190,7 @@ def _motion_calls() -> list[tuple[Any, tuple[Any, ...]]]:
         (anchor_residuals, (placed, cameras, carried, 0.01, found)),
         (anchor_equations, (placed, carried, found, _own(_F8, 0), *chains)),
         (meet_parts, (placed[0], _frozen(_F8, 1, 7), _own(_F8, 3), _own(_F8, 0, 3), _own(_I8, 0), found)),
-        (project_surfaces, (placed[0], _own(_F8, 1, 4, 3), cameras[0], seen)),
+        (project_surfaces, (placed[0], _frozen(_F8, 1, 4, 3), _own(_B1, 1), cameras[0], seen)),
         (draw_nearest, (seen, _frozen(_I8, 0, 3), (0, 0), _own(_F4, 1, 1), _own(_I2, 1, 1))),
     ]
 

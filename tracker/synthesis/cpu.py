@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -21,7 +22,7 @@ from tracker.kernels.regions.lines import Lines
 from tracker.kernels.regions.scoring import score_regions
 from tracker.observation import Observation
 from tracker.scene import Scene
-from tracker.synthesis._pictures import rasterized_ids
+from tracker.synthesis._part_ids import PartIds, ids_of_poses
 from tracker.synthesis._skins import fill_skins, ids_of_skins, skinned_parts, with_skins
 
 # A part shows about 2 n_eta pieces, long ones cut at step_px: 64 were never reached at the default step.
@@ -30,6 +31,7 @@ _SAMPLES_PER_PART = 64
 # Grid for pictures. Chords lie inside: at 720 x 576 silhouettes are 0.2 % smaller than those of a very fine grid, and
 # with 9 x 16 half a percent.
 _FINE = (13, 24)
+_FINEST = (2 * _FINE[0] - 1, 2 * _FINE[1])
 
 
 @component
@@ -186,7 +188,12 @@ class CpuSynthesis:
         """The part seen at every pixel; see `tracker.synthesis.Synthesis.part_ids`."""
         if scene.has_skins:
             return ids_of_skins(scene)
-        return rasterized_ids(scene, 2 * _FINE[0] - 1, 2 * _FINE[1])
+        (ids,) = ids_of_poses(scene, None, None, *_FINEST)
+        return tuple(view.astype(np.int64) for view in ids)
+
+    def ids_of_poses(self, scene: Scene, person: int, poses: Array) -> Iterator[tuple[PartIds, ...]]:
+        """The same for poses (B, dof) of a person, one after the other; of parts without a skin."""
+        return ids_of_poses(scene, person, poses, *_FINEST)
 
 
 _TRACED: OrderedDict[bytes, Contours] = OrderedDict()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.arrays import Array, Array32, Integers
+from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_grid
 
@@ -17,17 +17,19 @@ _LEVEL_PX = 1e-9
 
 
 @compiled
-def project_surfaces(placements: Array, surfaces: Array, camera: Array, seen: Array) -> None:
+def project_surfaces(placements: Array, surfaces: Array, wanted: Mask, camera: Array, seen: Array) -> None:
     """Images of the points of parts.
 
     Args:
         placements: (P, 4, 4) world_from_part, metres.
         surfaces: (P, N, 3) points in the parts' frames, metres.
+        wanted: (P,) parts that are meant.
         camera: (28,) row of `Rig.packed`.
-        seen: (P, 3, N) output: pixels and inverse depths, 1 / m; NaN for parts that are not wholly before the camera.
+        seen: (P, 3, N) output: pixels and inverse depths, 1 / m; NaN for parts that are not meant, or not wholly before
+            the camera.
     """
     for p in range(len(placements)):
-        if project_grid(placements[p], surfaces[p], camera, seen[p]) < _NEAREST_M:
+        if not wanted[p] or project_grid(placements[p], surfaces[p], camera, seen[p]) < _NEAREST_M:
             seen[p] = np.nan
         else:
             seen[p, 2] = 1.0 / seen[p, 2]
@@ -95,7 +97,8 @@ def _draw(
         other = ax + upper * (y - ay) if y < by else bx + lower * (y - by)
         first, last = max(int(np.ceil(min(one, other))), 0), min(int(np.floor(max(one, other))), width - 1)
         for x in range(first, last + 1):
-            inverse = base + along_x * x + along_y * y
-            if inverse > depths[y, x]:
+            inverse = np.float32(base + along_x * x + along_y * y)
+            # of two parts in one place the first one, in whatever order they are drawn
+            if inverse > depths[y, x] or (inverse == depths[y, x] and part < parts[y, x]):
                 depths[y, x] = inverse
                 parts[y, x] = part

@@ -1,0 +1,64 @@
+"""Which part each pixel shows in many poses of a person, with what stands still drawn once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.arrays import Array, Array32, Mask
+from tracker.geometry.superquadric_meshes import meshes_of
+from tracker.kernels.contours.scoring import moving_parts
+from tracker.kernels.pictures.nearest import draw_nearest, project_surfaces
+from tracker.scene import Scene
+
+PartIds = NDArray[np.int16]
+"""(H, W) scene-wide part number seen at each pixel's centre, -1 for none."""
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """What views show of some parts."""
+
+    depths: tuple[Array32, ...]
+    """(H, W) of each view: inverse depths, 1 / m, 0 where there is nothing."""
+
+    ids: tuple[PartIds, ...]
+
+
+def ids_of_poses(
+    scene: Scene, person: int | None, poses: Array | None, n_eta: int, n_omega: int
+) -> Iterator[tuple[PartIds, ...]]:
+    """The nearest part at every pixel of all views, pose after pose.
+
+    The same as `rasterized_ids`, in a quarter of the time where all parts move and in a tenth where a limb does: sides
+    that face the camera alone are drawn, row by row, and of a batch only what moves in it.
+
+    Args:
+        scene: persons and rig.
+        person: whose poses are given; None for the scene as it is.
+        poses: (B, dof) rad and metres; None for the scene as it is.
+        n_eta, n_omega: latitudes and longitudes of the parts' meshes.
+    """
+    placements = scene.world_from_parts(person, poses)
+    moving = moving_parts(placements)
+    empty = _Drawn(
+        tuple(np.zeros(camera.size[::-1], dtype=np.float32) for camera in scene.rig.cameras),
+        tuple(np.full(camera.size[::-1], -1, dtype=np.int16) for camera in scene.rig.cameras),
+    )
+    still = _with_parts(empty, scene, placements[0], ~moving, (n_eta, n_omega)) if len(placements) else empty
+    for placed in placements:
+        yield _with_parts(still, scene, placed, moving, (n_eta, n_omega)).ids
+
+
+def _with_parts(drawn: _Drawn, scene: Scene, placements: Array, wanted: Mask, grid: tuple[int, int]) -> _Drawn:
+    """The same with some parts (P,), placed at (P, 4, 4), drawn as well."""
+    meshes = meshes_of(scene.shapes, *grid)
+    seen = np.empty((len(scene.shapes), 3, meshes.points.shape[1]))
+    after = _Drawn(tuple(view.copy() for view in drawn.depths), tuple(view.copy() for view in drawn.ids))
+    for row, depths, ids in zip(scene.rig.packed, after.depths, after.ids, strict=True):
+        project_surfaces(placements, meshes.points, wanted, row, seen)
+        draw_nearest(seen, meshes.triangles, (0, 0), depths, ids)
+    return after
