@@ -17,7 +17,7 @@ from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.moving_along import most_moving
 from tracker.acquisition.shape_space import ShapePrior, space_of
-from tracker.acquisition.things import Thing, _around, carried_of, entry_of, things_of, told_of_things
+from tracker.acquisition.things import Thing, _around, carried_of, entry_of, things_of, told_of_things, tracked_with
 from tracker.analysis.contours import ContourAnalysis
 from tracker.body_description import BodyDescription
 from tracker.body_files import read_description, save_description
@@ -148,6 +148,12 @@ def test_a_forearm_may_have_been_drawn_into_a_thing_and_a_thigh_is_in_it(
     thing = Carried(name="thing", by="neck", start=tuple(start), end=tuple(end), radii=(0.06, 0.06))
     body = with_carried(general, [thing]).build()
     assert _around(body, body.rest()[None]) == around
+    # carried before something else, and looked at again when both were tracked
+    above = Carried(name="above", by="neck", start=(0, 0, 0.5), end=(0, 0, 0.6), radii=(0.1, 0.1))
+    both = with_carried(general, [thing, above]).build()
+    again = tracked_with([Thing(above), Thing(thing), Thing(RUCKSACK, "head")], both, both.rest()[None])
+    assert [one.hides for one in again] == ["", around, ""]
+    assert tracked_with([Thing(thing)], both, np.zeros((0, both.dof))) == (Thing(thing),), "lost throughout"
 
 
 def test_a_thing_gets_a_name_that_the_body_has_not(
@@ -179,6 +185,8 @@ def test_what_is_tracked_and_what_is_not_is_said_apart() -> None:
     assert "with the segment of right_wrist; tracked as carried" in tracked
     assert "around right_thigh" in other
     assert "look at the overlay" in other
+    (hiding,) = _told("anna", [replace(things[0], hides="left_thigh")], True)
+    assert "around left_thigh (a skirt, wide clothes?); tracked as carried, and what it hides nobody sees" in hiding
     (both,) = _told("anna", things, False)
     assert "right_wrist" in both
     assert "tracked as carried" not in both

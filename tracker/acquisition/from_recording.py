@@ -11,12 +11,15 @@ import itertools
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from tracker.acquisition.calibrated_views import Seen, ViewSettings
 from tracker.acquisition.fitting import Fit
 from tracker.acquisition.rounds import LEAST_OUTLINED, LEAST_SEEN, Round, best_seen, n_sure
 from tracker.acquisition.shape_space import ShapeSpace, space_of
-from tracker.acquisition.things import Thing, carried_of, things_of
+from tracker.acquisition.things import Thing, carried_of, things_of, tracked_with
 from tracker.acquisition.who_is_who import apart_m, whose
+from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.carried import Carried, with_carried
 from tracker.cycle import Cycle, State
@@ -103,6 +106,7 @@ def fit_bodies(
         laden = scene.with_bodies({k: space.description.build() for k, space in with_things.items()})
         known = knowing(cycle, *_as_found(way.found.steps), believed=True)
         way = following.back(following.there(laden, {**spaces, **with_things}, known))
+        things = {k: tracked_with(some, *_poses(way, k)) for k, some in things.items()}
     found = way.found
     start = next((step.start for step in found.steps if step.start is not None), None)
     told = {k: found.told(k, k in way.unlike) for k in spaces}
@@ -172,6 +176,13 @@ def _things(way: _Way, k: int, settings: ViewSettings) -> tuple[Thing, ...]:
     description = way.spaces[k].description if fit is None else fit.space.described(fit.shape)
     seen = [Seen(step.frame, step.scene) for step in way.found.steps if not step.estimates[k].lost]
     return things_of(seen, k, description, way.found.watching(way.cycle, settings))
+
+
+def _poses(way: _Way, k: int) -> tuple[BodyModel, Array]:
+    """The body that a person was followed with, and the poses (N, dof) of frames in which she is not lost."""
+    found = [step.estimates[k].q for step in way.found.steps if not step.estimates[k].lost]
+    body = way.found.steps[-1].scene.persons[k].body
+    return body, np.array(found).reshape(-1, body.dof)
 
 
 def _with(space: ShapeSpace, things: Sequence[Carried]) -> ShapeSpace:

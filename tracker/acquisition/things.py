@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,6 +45,9 @@ class Thing:
     """A part of the body that lies in it, as a thigh does in a skirt: what it hides nobody sees, and it is not to be
     tracked by. Empty for none."""
 
+    hides: str = ""
+    """The same where it came to lie in it while it was tracked: of four skirts, two were found beside the legs."""
+
 
 def things_of(seen: Sequence[Seen], person: int, description: BodyDescription, watching: Watching) -> tuple[Thing, ...]:
     """What a person carries, as far as it stands out beside the body and moves with one of its segments.
@@ -79,14 +82,21 @@ def carried_of(things: Sequence[Thing]) -> tuple[Carried, ...]:
     return tuple(one.carried for one in things if not one.around)
 
 
-def _around(body: BodyModel, poses: Array) -> str:
-    """The part that lies in the last one at poses (N, dof), if one does, and that could not have been drawn to it."""
+def tracked_with(things: Sequence[Thing], body: BodyModel, poses: Array) -> tuple[Thing, ...]:
+    """The things, and what lies in those that are parts of the body at poses (N, dof)."""
+    places = {part.name: p for p, part in enumerate(body.parts) if len(poses)}
+    shown = ((one, places.get(one.carried.name)) for one in things)
+    return tuple(one if place is None else replace(one, hides=_around(body, poses, place)) for one, place in shown)
+
+
+def _around(body: BodyModel, poses: Array, thing: int = -1) -> str:
+    """The part that lies in a thing at poses (N, dof), if one does, and that could not have been drawn to it."""
     placed = body.world_from_part(poses)
     steps = _ALONG[:, None] * body.shapes[:, 2]
     points = placed[:, None, :, :3, 3] + steps[..., None] * placed[:, None, :, :3, 2]
-    local = np.einsum("nji,nkpj->nkpi", placed[:, -1, :3, :3], points - placed[:, None, None, -1, :3, 3])
-    inside = (np.square(local / body.shapes[-1, :3]).sum(axis=-1) < 1).mean(axis=(0, 1))
-    inside[~_is_near_the_trunk(body)] = 0.0
+    local = np.einsum("nji,nkpj->nkpi", placed[:, thing, :3, :3], points - placed[:, None, None, thing, :3, 3])
+    inside = (np.square(local / body.shapes[thing, :3]).sum(axis=-1) < 1).mean(axis=(0, 1))
+    inside[~_is_near_the_trunk(body)] = inside[thing] = 0.0
     most = int(inside.argmax())
     return body.parts[most].name if inside[most] > _MOST_INSIDE else ""
 
@@ -100,7 +110,6 @@ def _is_near_the_trunk(body: BodyModel) -> Mask:
         if body.partner_of(group):
             own = body.parts_of(group)
             near[own] = n_moving[own] == n_moving[own].min()
-    near[-1] = False  # the thing itself
     return near
 
 
@@ -148,7 +157,9 @@ def entry_of(things: Sequence[Carried]) -> str:
 
 
 def _place(one: Thing) -> str:
-    where = f"around {one.around} (a skirt, wide clothes?)" if one.around else f"with the segment of {one.carried.by}"
+    inside = one.around or one.hides
+    around = f"around {inside} (a skirt, wide clothes?)" if inside else ""
+    where = around if one.around else ", ".join(filter(None, (f"with the segment of {one.carried.by}", around)))
     return f"{_size_cm(one.carried)} cm large, {where}"
 
 

@@ -118,7 +118,8 @@ def _told(name: str, things: Sequence[Thing], is_fitted: bool) -> Iterator[str]:
     others = [one for one in things if one not in carried]
     if carried:
         tell = f"set carries = []; else tell its true size: {entry_of(carried_of(carried))}"
-        yield f"{told_of_things(name, carried)}; tracked as carried. If nothing is, {tell}"
+        unseen = ", and what it hides nobody sees: look at the overlay" if any(one.hides for one in carried) else ""
+        yield f"{told_of_things(name, carried)}; tracked as carried{unseen}. If nothing is, {tell}"
     if others:
         yield f"{told_of_things(name, others)}; it may hide limbs, or draw them to it: look at the overlay"
 
