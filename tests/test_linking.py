@@ -10,7 +10,10 @@ import pytest
 
 from tracker.arrays import Array32, Image, Integers
 from tracker.imaging.edges import canny, gradient
-from tracker.kernels.images.linking import Pixels, edge_profile, link_edges, split_segments, trace_segments
+from tracker.kernels.images.constant_curvature import split_segments
+from tracker.kernels.images.edge_segments import trace_segments
+from tracker.kernels.images.linking import Pixels, link_edges
+from tracker.kernels.images.profiles import edge_profile
 
 RULE = (4, float(np.radians(20.0)), 8)
 

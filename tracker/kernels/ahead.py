@@ -26,8 +26,8 @@ from tracker.kernels.images.acceptance import expected_distances, marked
 from tracker.kernels.images.appearance import mark_appearance
 from tracker.kernels.images.changes import large_regions, mark_changes, median_change
 from tracker.kernels.images.distance_images import chamfer_distances
+from tracker.kernels.images.edge_segments import trace_segments
 from tracker.kernels.images.light import block_ratios, connected_blocks, relight, smooth_surface
-from tracker.kernels.images.linking import trace_segments
 from tracker.kernels.images.modes import dominant_modes
 from tracker.kernels.images.shadows import MARGIN, without_shadows
 from tracker.kernels.images.slopes import strongest_slopes
