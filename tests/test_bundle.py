@@ -12,7 +12,8 @@ from tracker.calibration._objects import Bars, Boards, MeasuredPoints
 from tracker.calibration._precision import precision
 from tracker.calibration._self_calibration import self_calibrated
 from tracker.calibration._states import GROUPS, PARAMETERS, camera_of, moved, rigid_motions, state_of
-from tracker.kernels.adjustment.bundle import N_OBJECT, project_with_slopes
+from tracker.kernels.adjustment.bundle import N_OBJECT
+from tracker.kernels.adjustment.projecting import project_with_slopes
 from tracker.kernels.rows import bundle_camera
 from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 from tracker.simulation.bars import SIZE, Faults
