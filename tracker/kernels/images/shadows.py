@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.arrays import Image, Integers
+from tracker.arrays import Image
 from tracker.kernels.compilation import compiled
 from tracker.kernels.images.linking import Pixels
+from tracker.kernels.images.texture import correlation, sum_columns
 
-# Half the window of the texture's correlation, px; half the distance over which the ratio's slope is taken, px.
-_WINDOW, _STEP = 4, 2
+# Half the distance over which the ratio's slope is taken, px.
+_STEP = 2
 MARGIN = 6
 """Pixels that the smoothed pictures show beyond the area looked at; smoothing may spoil the outer two."""
 
@@ -61,8 +62,8 @@ def without_shadows(
             elif ratio > rule[1]:
                 mask[y, x] = _SHADOW
             else:
-                _sum_columns(now, before, x, y, known, sums)
-                if _correlation(sums, x) > rule[4]:
+                sum_columns(now, before, x + MARGIN, y + MARGIN, known, sums)
+                if correlation(sums, x + MARGIN) > rule[4]:
                     mask[y, x] = _SHADOW
                 else:
                     mask[y, x] = _UNDECIDED
@@ -105,60 +106,6 @@ def _shadow_ratio(now: Image, before: Image, x: int, y: int, rule: ShadowRule) -
         if abs(now[y, x, c] * square - before[y, x, c] * both) >= rule[3] * square:
             return 0.0
     return float(both / square)
-
-
-@compiled
-def _sum_columns(now: Image, before: Image, x: int, y: int, known: Integers, sums: Integers) -> None:
-    """Sums and products of the grey values in the columns of the window around a pixel.
-
-    Args:
-        now, before: smoothed image and plate.
-        x, y: the pixel, without the margin.
-        known: (w + 2 m,) row for which the sums of each column are known; from the row before, they take two
-            pixels each.
-        sums: (w + 2 m, 5) output, a row for each column.
-    """
-    top, bottom = y + MARGIN - _WINDOW, y + MARGIN + _WINDOW
-    for column in range(x + MARGIN - _WINDOW, x + MARGIN + _WINDOW + 1):
-        if known[column] == y:
-            continue
-        if known[column] == y - 1:
-            _add_pixel(now, before, column, top - 1, -1, sums)
-            _add_pixel(now, before, column, bottom, 1, sums)
-        else:
-            for k in range(5):
-                sums[column, k] = 0
-            for row in range(top, bottom + 1):
-                _add_pixel(now, before, column, row, 1, sums)
-        known[column] = y
-
-
-@compiled
-def _add_pixel(now: Image, before: Image, x: int, y: int, sign: int, sums: Integers) -> None:
-    """Adds a pixel to the sums of its column, or takes it away."""
-    a = np.int64(now[y, x, 0]) + np.int64(now[y, x, 1]) + np.int64(now[y, x, 2])
-    b = np.int64(before[y, x, 0]) + np.int64(before[y, x, 1]) + np.int64(before[y, x, 2])
-    sums[x, 0] += sign * a
-    sums[x, 1] += sign * b
-    sums[x, 2] += sign * a * a
-    sums[x, 3] += sign * b * b
-    sums[x, 4] += sign * a * b
-
-
-@compiled
-def _correlation(sums: Integers, x: int) -> float:
-    """Normalized cross-correlation in the window around column x, near 0 where there is no texture."""
-    a = b = aa = bb = ab = 0
-    for column in range(x + MARGIN - _WINDOW, x + MARGIN + _WINDOW + 1):
-        a += sums[column, 0]
-        b += sums[column, 1]
-        aa += sums[column, 2]
-        bb += sums[column, 3]
-        ab += sums[column, 4]
-    n = float((2 * _WINDOW + 1) ** 2)
-    # The least variance is that of a grey level; three channels are summed.
-    varying = max(aa / n - (a / n) ** 2, 9.0) * max(bb / n - (b / n) ** 2, 9.0)
-    return float((ab / n - (a / n) * (b / n)) / np.sqrt(varying))
 
 
 @compiled
