@@ -197,7 +197,7 @@ def poor_files(modules: Modules) -> list[str]:
     return faults
 
 
-KERNELS, COMPILATION, AHEAD = "tracker.kernels", "tracker.kernels.compilation", "tracker.kernels.ahead"
+KERNELS, COMPILATION, CALLS = "tracker.kernels", "tracker.kernels.compilation", "tracker.kernels.calls"
 
 
 def unlike_kernels(modules: Modules) -> list[str]:
@@ -232,9 +232,10 @@ def compiled_late(modules: Modules) -> list[str]:
         for node in module.tree.body
         if isinstance(node, Function) and _compiled(node)
     }
-    ahead = set(imported(modules[AHEAD], modules)) if AHEAD in modules else set()
+    calling = (module for name, module in modules.items() if name.startswith(f"{CALLS}."))
+    ahead = {kernel for module in calling for kernel in imported(module, modules)}
     return [
-        f"{module.name} calls {target}.{name}, which {AHEAD} does not compile"
+        f"{module.name} calls {target}.{name}, which {CALLS} does not call ahead"
         for module in modules.values()
         if not f"{module.name}.".startswith(f"{KERNELS}.")
         for target, name in imported(module, modules)

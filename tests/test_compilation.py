@@ -13,6 +13,7 @@ import pytest
 import tracker.kernels.compilation
 from tracker.kernels import ahead
 from tracker.kernels.compilation import sources_of
+from tracker.kernels.contours.scoring import score_poses
 
 INNER = """
 from tracker.kernels.compilation import compiled
@@ -103,7 +104,7 @@ def test_a_kernel_is_made_of_all_that_it_imports_by_whatever_way():
 
 def test_outdated_code_is_deleted_when_asked(tmp_path, monkeypatch):
     monkeypatch.setattr("tracker.kernels.compilation.code_folder", lambda: tmp_path)
-    current = tmp_path / Path(ahead.score_poses.stats.cache_path).parent.name
+    current = tmp_path / Path(score_poses.stats.cache_path).parent.name
     other, foreign = tmp_path / "occlusion-0123456789abcdef", tmp_path / "notes"
     for folder in (current, other, foreign):
         folder.mkdir()
