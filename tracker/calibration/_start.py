@@ -5,9 +5,7 @@ Focal lengths need to be known to about 10 %; the two-view solution is adjusted 
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -16,40 +14,14 @@ from scipy.spatial.transform import Rotation
 from tracker.arrays import Array, Mask
 from tracker.calibration._bundle import Noise, Observations, State, adjust, noise_of, residuals
 from tracker.calibration._objects import Bars
+from tracker.calibration._relative_orientation import FEWEST_BARS, best_pair
 from tracker.calibration._states import GROUPS
 from tracker.errors import CalibrationError
 from tracker.kernels.rows import bundle_camera
 from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
-_EPIPOLAR_PX, _RESECTION_PX = 4.0, 20.0
+_RESECTION_PX = 20.0
 """Errors that are taken for distortion and a wrong focal length."""
-
-# Ten bars are 20 points, four times the five that an essential matrix needs; of many, 100 spread evenly do.
-_FEWEST_BARS, _SAMPLED_BARS = 10, 100
-
-
-@dataclass(frozen=True)
-class _Pair:
-    """Two views oriented to each other."""
-
-    views: tuple[int, int]
-    flipped: bool
-    rotation: Array
-    translation: Array
-    n_fitting: int
-    n_shared: int
-    spread: float
-    """Median deviation of the bar's length from its median, as a share of it."""
-
-    @property
-    def score(self) -> float:
-        """Higher is better."""
-        return self.n_fitting / (0.02 + self.spread)
-
-    @property
-    def good(self) -> bool:
-        """Whether no other pair need be looked at."""
-        return self.n_fitting > 0.6 * self.n_shared and self.spread < 0.05
 
 
 def bar_observations(pixels: Array, velocities: Array) -> Observations:
@@ -77,7 +49,7 @@ def start_values(pixels: Array, nominal: Array, bar: tuple[float, float], names:
         CalibrationError: two views share too few bars, or no two views fit together.
     """
     plane = (pixels - nominal[:, None, None, 13:15]) / nominal[:, None, None, 12:13]
-    pair = _best_pair(plane, nominal, names)
+    pair = best_pair(plane, nominal, names)
     flipped = np.zeros(len(nominal), dtype=np.bool_)
     flipped[pair.views[1]] = pair.flipped
     cameras = nominal.copy()
@@ -99,59 +71,6 @@ def start_values(pixels: Array, nominal: Array, bar: tuple[float, float], names:
 
 def _orient(camera: Array, rotation: Array, translation: Array) -> None:
     camera[bundle_camera.ROTATION], camera[bundle_camera.CENTRE] = rotation.ravel(), -rotation.T @ translation
-
-
-def _best_pair(plane: Array, nominal: Array, names: Sequence[str]) -> _Pair:
-    """The two views with most bars that agree with one relative orientation and one bar length."""
-    seen: Mask = np.asarray(np.isfinite(plane).all(axis=(2, 3)))
-    shared = {(i, j): int((seen[i] & seen[j]).sum()) for i, j in itertools.combinations(range(len(seen)), 2)}
-    chosen = sorted(shared, key=lambda pair: -shared[pair])[:12]
-    if shared[chosen[0]] < _FEWEST_BARS:
-        i, j = chosen[0]
-        raise CalibrationError(
-            f"no two views show {_FEWEST_BARS} common bar positions ({names[i]} and {names[j]} share {shared[i, j]}, "
-            "the most): move the bar where two cameras see both its ends"
-        )
-    best: _Pair | None = None
-    for pair, flip in itertools.product(chosen, (False, True)):
-        found = _relative(plane, nominal, pair, flip) if shared[pair] >= _FEWEST_BARS else None
-        if found is not None and (best is None or found.score > best.score):
-            best = found
-        if best is not None and best.good:
-            break
-    if best is None:
-        raise CalibrationError(
-            "no two views fit together: are they synchronized, are the focal lengths right to 10 %, and is the bar "
-            "moved in all directions?"
-        )
-    return best
-
-
-def _relative(plane: Array, nominal: Array, views: tuple[int, int], flip: bool) -> _Pair | None:
-    """Relative orientation by RANSAC over the five-point solution (Nister 2004)."""
-    i, j = views
-    first, second = plane[i], plane[j][:, ::-1] if flip else plane[j]
-    both = np.asarray(np.isfinite(first).all(axis=(1, 2)) & np.isfinite(second).all(axis=(1, 2)))
-    chosen = np.flatnonzero(both)
-    chosen = chosen[np.linspace(0, len(chosen) - 1, min(len(chosen), _SAMPLED_BARS)).astype(int)]
-    a, b = first[chosen].reshape(-1, 2), second[chosen].reshape(-1, 2)
-    threshold = _EPIPOLAR_PX / float(np.sqrt(nominal[i, 12] * nominal[j, 12]))
-    essential, mask = cv2.findEssentialMat(a, b, np.eye(3), cv2.RANSAC, 0.999, threshold, 300)
-    if essential is None or essential.shape != (3, 3):
-        return None
-    n, rotation, translation, mask = cv2.recoverPose(essential, a, b, np.eye(3), mask=mask)
-    points = cv2.triangulatePoints(np.eye(3, 4), np.hstack([rotation, translation]), a.T, b.T)
-    inside = mask.ravel().reshape(-1, 2).astype(bool).all(axis=1)
-    if n < _FEWEST_BARS or inside.sum() < _FEWEST_BARS // 2:
-        return None
-    with np.errstate(all="ignore"):
-        space = (points[:3] / points[3]).T.reshape(-1, 2, 3)[inside]
-    lengths = np.linalg.norm(space[:, 1] - space[:, 0], axis=1)
-    middle = float(np.median(lengths))
-    spread = float(np.median(np.abs(lengths - middle))) / max(middle, 1e-9)
-    if not np.isfinite(spread):
-        return None
-    return _Pair(views, flip, rotation, translation.ravel(), int(n), len(a), spread)
 
 
 def _labelled(values: Array, flipped: Mask) -> Array:
@@ -189,17 +108,17 @@ def _resect_next(
         [(np.isfinite(p).all(axis=2) & found).sum() if v not in known else -1 for v, p in enumerate(plane)]
     )
     view = int(n_shown.argmax())
-    if n_shown[view] < 2 * _FEWEST_BARS:
+    if n_shown[view] < 2 * FEWEST_BARS:
         raise CalibrationError(
             f'camera "{names[view]}" shows {max(0, n_shown[view]) // 2} of the bar positions that the others see, '
-            f"expected {_FEWEST_BARS}: move the bar where its view overlaps with another camera's"
+            f"expected {FEWEST_BARS}: move the bar where its view overlaps with another camera's"
         )
     best = _resection(ends, plane[view], cameras[view, bundle_camera.C])
     if best[0] < 0.6 * n_shown[view]:
         other = _resection(ends, plane[view][:, ::-1], cameras[view, bundle_camera.C])
         flipped[view] = other[0] > best[0]
         best = max(best, other, key=lambda resection: resection[0])
-    if best[0] < _FEWEST_BARS:
+    if best[0] < FEWEST_BARS:
         raise CalibrationError(
             f'camera "{names[view]}" fits the others in {best[0]} of {n_shown[view]} images of targets: is it '
             "synchronized with them, and its focal length right to 10 %?"
