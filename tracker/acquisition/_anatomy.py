@@ -1,4 +1,4 @@
-"""The numbers of a body model file as arrays, and how they change together when a body grows."""
+"""The numbers of a body model file as arrays."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tracker.body_description import BodyDescription
 _FIELDS = ("joints", "starts", "ends", "radii", "squareness", "taper", "landmarks")
 
 # Landmarks this close to the end of a part, or to the middle of two joints, are that point, metres.
-_SAME_M = 0.006
+SAME_M = 0.006
 
 SQUARENESS = (0.1, 1.0)
 """Exponents a superquadric may have here: below 0.1 it has corners, above 1 it is no longer convex (Solina & Bajcsy
@@ -117,7 +117,7 @@ class Anatomy:
             start += old.size
         return replace(self, **values)
 
-    def _still(self) -> Anatomy:
+    def still(self) -> Anatomy:
         """No change at all, of the same layout."""
         return replace(self, **{name: np.zeros_like(getattr(self, name)) for name in _FIELDS})
 
@@ -125,7 +125,7 @@ class Anatomy:
         """Segments that hang on segment k."""
         return tuple(j for j, parent in enumerate(self.parents) if parent == k)
 
-    def _below(self, k: int) -> list[int]:
+    def below(self, k: int) -> list[int]:
         """Segment k and all that hang on it."""
         found = [k]
         for j, parent in enumerate(self.parents):
@@ -133,80 +133,18 @@ class Anatomy:
                 found.append(j)
         return found
 
-    def _carry(self, change: Anatomy, k: int, shift: Array) -> None:
-        """Moves segment k with all that hangs on it."""
-        below = set(self._below(k))
-        for j in below:
-            change.joints[j] += shift
-        for p, segment in enumerate(self.part_segments):
-            if segment in below:
-                change.starts[p] += shift
-                change.ends[p] += shift
-        for m, segment in enumerate(self.landmark_segments):
-            if segment in below:
-                change.landmarks[m] += shift
-
-    def grown(self) -> Array:
-        """The whole body larger: change per relative unit."""
-        change = replace(self._still(), radii=np.ones_like(self.radii))
-        same = {name: getattr(self, name) for name in ("joints", "starts", "ends", "landmarks")}
-        return replace(change, **same).packed()
-
-    def fattened(self) -> Array:
-        """All radii larger: change per relative unit."""
-        return replace(self._still(), radii=np.ones_like(self.radii)).packed()
-
     def length_axis(self, k: int) -> Array | None:
         """(3,) from the joint of a segment to the next one, or to its farthest landmark or part; None if none is."""
         ends = [self.joints[j] for j in self.children(k)]
         if not ends:
             ends = [self.landmarks[m] for m, segment in enumerate(self.landmark_segments) if segment == k]
-            ends = [end for end in ends if np.linalg.norm(end - self.joints[k]) > _SAME_M]
+            ends = [end for end in ends if np.linalg.norm(end - self.joints[k]) > SAME_M]
         if not ends:
             ends = [self.ends[p] for p, segment in enumerate(self.part_segments) if segment == k]
         gaps = [end - self.joints[k] for end in ends]
         longest = max(gaps, key=lambda gap: float(np.linalg.norm(gap)), default=np.zeros(3))
         length = float(np.linalg.norm(longest))
-        return longest / length if length > _SAME_M else None
-
-    def lengthened(self, k: int) -> Array:
-        """A segment longer along its axis: change per relative unit."""
-        change, axis = self._still(), self.length_axis(k)
-        assert axis is not None
-        self._stretch(change, k, np.outer(axis, axis))
-        return change.packed()
-
-    def widened(self, k: int, axis: int) -> Array:
-        """A segment with several joints larger along one axis of the reference pose: change per relative unit."""
-        change, unit = self._still(), np.eye(3)[axis]
-        self._stretch(change, k, np.outer(unit, unit))
-        for p, segment in enumerate(self.part_segments):
-            if segment == k:
-                _, front, side = self.part_axes(p)
-                change.radii[p] += (front @ unit) ** 2, (side @ unit) ** 2
-        return change.packed()
-
-    def _stretch(self, change: Anatomy, k: int, along: Array) -> None:
-        joint = self.joints[k]
-        for j in self.children(k):
-            self._carry(change, j, along @ (self.joints[j] - joint))
-        for p, segment in enumerate(self.part_segments):
-            if segment == k:
-                change.starts[p] += along @ (self.starts[p] - joint)
-                change.ends[p] += along @ (self.ends[p] - joint)
-        for m, segment in enumerate(self.landmark_segments):
-            if segment == k:
-                change.landmarks[m] += along @ (self.landmarks[m] - joint)
-
-    def shifted(self, k: int, shift: Array) -> Array:
-        """A joint elsewhere on its parent: change per metre; landmarks between it and its mate follow half."""
-        change = self._still()
-        self._carry(change, k, shift)
-        middle = (self.joints[k] + self.joints[self.segment_mates[k]]) / 2
-        for m, segment in enumerate(self.landmark_segments):
-            if segment == self.parents[k] and np.linalg.norm(self.landmarks[m] - middle) < _SAME_M:
-                change.landmarks[m] += shift / (1 if self.segment_mates[k] == k else 2)
-        return change.packed()
+        return longest / length if length > SAME_M else None
 
     def part_axes(self, p: int) -> tuple[Array, Array, Array]:
         """(3,) each: unit vectors along, to the front and to the side of a part."""
@@ -216,24 +154,15 @@ class Anatomy:
         side /= np.linalg.norm(side)
         return along, np.cross(side, along), side
 
-    def end_moved(self, p: int, end: str, shift: Array) -> Array:
-        """One end of a part elsewhere: change per metre; landmarks there follow."""
-        change, points = self._still(), self.starts if end == "start" else self.ends
-        (change.starts if end == "start" else change.ends)[p] += shift
-        for m, segment in enumerate(self.landmark_segments):
-            if segment == self.part_segments[p] and np.linalg.norm(self.landmarks[m] - points[p]) < _SAME_M:
-                change.landmarks[m] += shift
-        return change.packed()
-
     def one(self, name: str, p: int, k: int) -> Array:
         """One number of a part: change per unit."""
-        change = self._still()
+        change = self.still()
         getattr(change, name)[p, k] = 1.0
         return change.packed()
 
     def mirrored(self, change: Array) -> Array:
         """A change (n,) as the other side has it."""
-        given = self._still().plus(change)
+        given = self.still().plus(change)
         flip = np.eye(3) - 2 * np.outer(self.across, self.across)
         return Anatomy.packed(
             replace(

@@ -10,6 +10,7 @@ import numpy as np
 import pydantic
 
 from tracker.acquisition._anatomy import MOST_TAPER, SQUARENESS, Anatomy
+from tracker.acquisition._growth import end_moved, fattened, grown, lengthened, shifted, widened
 from tracker.acquisition._variants import Variants
 from tracker.arrays import Array, frozen
 from tracker.body import BodyModel
@@ -126,8 +127,8 @@ class ShapeSpace:
 
 
 def _parameters(anatomy: Anatomy, body: BodyDescription, prior: ShapePrior) -> Iterable[ShapeParameter]:
-    yield ShapeParameter("stature", prior.stature, anatomy.grown())
-    yield ShapeParameter("girth", prior.girth, anatomy.fattened())
+    yield ShapeParameter("stature", prior.stature, grown(anatomy))
+    yield ShapeParameter("girth", prior.girth, fattened(anatomy))
     for k, segment in enumerate(body.segments):
         sides = _sides(anatomy.segment_mates[k], k, prior)
         if sides is None:
@@ -135,12 +136,12 @@ def _parameters(anatomy: Anatomy, body: BodyDescription, prior: ShapePrior) -> I
         if len(anatomy.children(k)) > 1:
             for axis, name in enumerate(("depth", "width", "height")):
                 yield ShapeParameter(
-                    f"{segment.name}.{name}", prior.length, _both(anatomy, anatomy.widened(k, axis), sides)
+                    f"{segment.name}.{name}", prior.length, _both(anatomy, widened(anatomy, k, axis), sides)
                 )
             for child in anatomy.children(k):
                 yield from _joint_parameters(anatomy, body, child, prior)
         elif anatomy.length_axis(k) is not None:
-            yield ShapeParameter(f"{segment.name}.length", prior.length, _both(anatomy, anatomy.lengthened(k), sides))
+            yield ShapeParameter(f"{segment.name}.length", prior.length, _both(anatomy, lengthened(anatomy, k), sides))
     for p, part in enumerate(body.parts):
         sides = _sides(anatomy.part_mates[p], p, prior)
         if sides is not None:
@@ -171,7 +172,7 @@ def _joint_parameters(anatomy: Anatomy, body: BodyDescription, k: int, prior: Sh
     if sides is None:
         return
     for axis, name in enumerate("xyz"):
-        direction = anatomy.shifted(k, np.eye(3)[axis])
+        direction = shifted(anatomy, k, np.eye(3)[axis])
         if prior.symmetric and mate == k:
             direction = anatomy.symmetrized(direction)
         if np.abs(direction).max() > 0.1:
@@ -188,7 +189,7 @@ def _part_changes(
     for end in ("start", "end"):
         for axis, name in zip(anatomy.part_axes(p), ("along", "front", "side"), strict=True):
             sigma = prior.end_m if name == "along" else prior.offset_m
-            yield f"{end}_{name}", sigma, anatomy.end_moved(p, end, axis), free
+            yield f"{end}_{name}", sigma, end_moved(anatomy, p, end, axis), free
     low, high = SQUARENESS
     for k, name in enumerate(("front", "side")):
         yield f"radius_{name}", prior.radius, anatomy.one("radii", p, k), free
