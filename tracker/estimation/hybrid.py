@@ -9,15 +9,13 @@ from typing import Literal
 import numpy as np
 import pydantic
 
-from tracker.arrays import Array, Integers, Mask
-from tracker.body import BodyModel
+from tracker.arrays import Array, Mask
 from tracker.components import component
 from tracker.estimate import Estimate
 from tracker.estimation import Estimation
 from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
-from tracker.geometry.halton import halton
-from tracker.limbs import are_apart, exchanged, mirrored
+from tracker.limbs import are_apart, exchanged, mirrored, scattered_evenly
 from tracker.objective import Objective
 
 
@@ -166,7 +164,7 @@ class HybridEstimation:
         """A limb searched from where it is and from the best of poses scattered over its joint limits."""
         q, columns = estimate.q, objective.body.group(group)
         rough = objective.by_parts()
-        scattered = _scattered(objective.body, q, columns, self.scatter)
+        scattered = scattered_evenly(objective.body, q, columns, self.scatter)
         best = self._promising(rough, scattered, q, 2)[: self.restarts]
         poses, n_searched = self.limb.search_from(rough, np.array([q, *best]), columns)
         refined = self.then.estimate(objective, poses[np.argsort(objective(poses), kind="stable")[:2]])
@@ -183,7 +181,7 @@ class HybridEstimation:
         columns = np.concatenate([body.group(group) for group in groups])
         neutral = q.copy()
         neutral[columns] = body.rest()[columns]
-        scattered = np.concatenate([neutral[None], _scattered(body, q, columns, self.scatter)])
+        scattered = np.concatenate([neutral[None], scattered_evenly(body, q, columns, self.scatter)])
         best = scattered[np.argsort(rough(scattered), kind="stable")[: self.restarts]]
         found, n_evaluations = np.array([neutral, *best]), len(scattered)
         for n_left, group in zip(range(len(groups), 0, -1), groups, strict=True):
@@ -245,13 +243,3 @@ def _likelier(objective: Objective, one: Estimate, other: Estimate) -> Estimate:
     costs = objective.deciding_px(np.array([one.q, other.q]))
     best = other if costs[1] < costs[0] else one
     return replace(best, evaluations=one.evaluations + other.evaluations)
-
-
-def _scattered(body: BodyModel, q: Array, columns: Integers, n: int) -> Array:
-    """(n, dof) poses with some parameters spread evenly over their limits, at most half a turn and 0.5 m from q."""
-    reach = np.where(body.rotates[columns], np.pi / 2, 0.5)
-    low = np.maximum(body.limits[columns, 0], q[columns] - reach)
-    high = np.minimum(body.limits[columns, 1], q[columns] + reach)
-    poses = np.tile(q, (n, 1))
-    poses[:, columns] = low + halton(n, len(columns)) * (high - low)
-    return poses
