@@ -41,6 +41,12 @@ class Attachments:
         whole = np.zeros(0, dtype=np.int64)
         return Attachments(whole, whole, whole, np.zeros((0, 3)), np.zeros((0, 3, 3)), whole)
 
+    @staticmethod
+    def of(points: Integers, part: Integers, place: Array, covariance: Array) -> Attachments:
+        """Attachments of the first table."""
+        whole = np.zeros(len(points), dtype=np.int64)
+        return Attachments(whole, points, part, place, covariance, whole)
+
     def joined(self, other: Attachments) -> Attachments:
         """These and others."""
         fields = self.__dataclass_fields__

@@ -226,7 +226,7 @@ class PointEvidence(Evidence):
         lateral = np.sqrt(np.trace(noise, axis1=1, axis2=2) / 2) * depth / camera.matrix[0, 0]
         along = np.einsum("nji,nj->ni", rotations, rays)
         covariance = ray_covariances(along, met.facing, lateral, self.surface_m)
-        return _attached(points, part, met.point, covariance)
+        return Attachments.of(points, part, met.point, covariance)
 
     def _in_space(self, scene: Scene, points: Integers, places: Array, noise: Array) -> Attachments:
         """Points in space, on the nearest part; none where two parts are equally near."""
@@ -236,13 +236,7 @@ class PointEvidence(Evidence):
         rotations = placed[part, :3, :3]
         local = np.einsum("nji,nj->ni", rotations, places - placed[part, :3, 3])
         covariance = rotations.transpose(0, 2, 1) @ noise @ rotations
-        return _attached(points, part, local, covariance)
-
-
-def _attached(points: Integers, part: Integers, place: Array, covariance: Array) -> Attachments:
-    """Attachments of the first table."""
-    whole = np.zeros(len(points), dtype=np.int64)
-    return Attachments(whole, points, part, place, covariance, whole)
+        return Attachments.of(points, part, local, covariance)
 
 
 def _anywhere(trusted: Mask) -> Mask:
