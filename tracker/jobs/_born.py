@@ -28,6 +28,11 @@ Places = tuple[tuple[float, float], ...] | dict[str, tuple[float, float]]
 _NO_NEW = "no new surface could be measured"
 
 
+def position(place: object) -> object:
+    """What was clicked, whole numbers as fractions; anything else as it is."""
+    return tuple(map(float, place)) if isinstance(place, tuple | list) and len(place) == 2 else place
+
+
 @dataclass(frozen=True)
 class Born:
     """What is followed from a frame on."""

@@ -32,7 +32,7 @@ from tracker.following.snakes import Contour, Snake, snake_faults
 from tracker.following.summary import Course, Summary, summarized
 from tracker.frame import Frame
 from tracker.jobs import ResultFolder, described
-from tracker.jobs._born import Born, Places
+from tracker.jobs._born import Born, Places, position
 from tracker.jobs._second_look import SecondLook
 from tracker.jobs._sightings import RECORD, begun, record_sightings
 from tracker.jobs._trajectory_files import Around, TrajectoryFiles
@@ -120,8 +120,8 @@ class FollowJob:
     @classmethod
     def _whole_numbers_are_positions(cls, points: object) -> object:
         if isinstance(points, dict):
-            return {name: _position(place) for name, place in points.items()}
-        return tuple(map(_position, points)) if isinstance(points, tuple | list) else points
+            return {name: position(place) for name, place in points.items()}
+        return tuple(map(position, points)) if isinstance(points, tuple | list) else points
 
     @pydantic.field_validator("key_points", mode="before")
     @classmethod
@@ -129,7 +129,7 @@ class FollowJob:
         if not isinstance(clicks, dict):
             return clicks
         return {
-            name: {view: _position(place) for view, place in views.items()} if isinstance(views, dict) else views
+            name: {view: position(place) for view, place in views.items()} if isinstance(views, dict) else views
             for name, views in clicks.items()
         }
 
@@ -230,10 +230,6 @@ class FollowJob:
         write_json(folder / "follow.json", {"config": described(self), **asdict(summary)})
         write_whole(folder / "report.html", report_html(self.name, summary, folder, flat=self.view is not None))
         return FollowOutcome(folder=folder, **asdict(summary))
-
-
-def _position(place: object) -> object:
-    return tuple(map(float, place)) if isinstance(place, tuple | list) and len(place) == 2 else place
 
 
 @dataclass(frozen=True)
