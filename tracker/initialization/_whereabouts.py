@@ -18,6 +18,8 @@ from tracker.scene import Scene
 
 # The middle of a piece is up to 0.15 m from that of the person, who reaches as far as a stride.
 _AROUND_M = 0.8
+# Who was lost is not far from where it was seen last: two running strides.
+_NEAR_M = 2.0
 
 
 class Whereabouts(NamedTuple):
@@ -39,6 +41,13 @@ class Whereabouts(NamedTuple):
         """Those of places (N, 2) on the floor inside."""
         inside: Array = places[np.linalg.norm(places - self.middle, axis=1) < self.radius_m]
         return inside
+
+
+def last_seen(scene: Scene, k: int, stages: Stages) -> Whereabouts | None:
+    """Where person k was seen last, if it was."""
+    person = scene.persons[k]
+    marks = person.body.landmarks_in_world(person.q)[:, :2]
+    return Whereabouts(marks.mean(axis=0), _NEAR_M) if stages.seen_before else None
 
 
 def whereabouts(frame: Frame, scene: Scene, stages: Stages) -> list[Whereabouts]:

@@ -22,7 +22,7 @@ from tracker.initialization._likeness import size_of
 from tracker.initialization._limbs_anew import limbs_anew
 from tracker.initialization._scattering import ROUNDS, scattered
 from tracker.initialization._stances import on_floor, posed, turned
-from tracker.initialization._whereabouts import Whereabouts, whereabouts
+from tracker.initialization._whereabouts import Whereabouts, last_seen, whereabouts
 from tracker.plate import Plate
 from tracker.scene import Scene
 from tracker.sight import LEAST_COVERED
@@ -35,8 +35,6 @@ _WHOLE, _PARTLY = 0.9, 0.6
 _AGAIN, _APART_M = 60, 0.25
 # Of the poses that are refined, so many are stances as they are: of who stands they are often nearer.
 _PLAIN = 2
-# Who was lost is not far from where it was seen last: two running strides.
-_NEAR_M = 2.0
 
 
 @component
@@ -94,7 +92,7 @@ class StanceInitialization:
         edges = direction_images(frame, self.reach)
         if edges.empty:
             raise InitializationError(f"frame {frame.index}: the images have no edges, nobody can be looked for")
-        near = whereabouts(frame, scene, stages) if len(sought) > 1 else [_last_seen(scene, sought[0], stages)]
+        near = whereabouts(frame, scene, stages) if len(sought) > 1 else [last_seen(scene, sought[0], stages)]
         try:
             return self._found(frame, scene, stages, edges, near)
         except InitializationError:
@@ -231,13 +229,6 @@ class StanceInitialization:
             ways = np.repeat(turned(body, q, headings), len(places), axis=0)
             found.append(on_floor(body, ways, np.tile(places, (len(headings), 1)), self.floor_m))
         return np.concatenate(found)
-
-
-def _last_seen(scene: Scene, k: int, stages: Stages) -> Whereabouts | None:
-    """Where person k was seen last, if it was."""
-    person = scene.persons[k]
-    marks = person.body.landmarks_in_world(person.q)[:, :2]
-    return Whereabouts(marks.mean(axis=0), _NEAR_M) if stages.seen_before else None
 
 
 def _start(scene: Scene, rankings: Mapping[int, tuple[Hypothesis, ...]], sure: Mapping[int, float]) -> Start:
