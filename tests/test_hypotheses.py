@@ -11,7 +11,7 @@ from tests.motions import estimate_of
 from tests.observations import bent
 from tracker.body import BodyModel
 from tracker.body_files import load_body
-from tracker.initialization._hypotheses import apart, coarse_poses, ranked, turned_round
+from tracker.initialization._hypotheses import apart, coarse_poses, finalists, ranked, turned_round
 from tracker.resources import model_path
 from tracker.start import Hypothesis, confidence, limbs_shown, sureness
 
@@ -56,6 +56,20 @@ def test_the_same_pose_counts_once_and_the_best_comes_first(body: BodyModel) -> 
     other = turned_round(body, q)
     order = ranked(body, [tried(other, 0.5), tried(q, 0.4), tried(q + 1e-3, 0.45)])
     assert [one.left_over for one in order] == [0.4, 0.5]
+
+
+def test_somebody_who_faces_the_other_way_stays_among_those_followed(body: BodyModel) -> None:
+    """Of somebody whose legs no view shows the first ones may differ in these alone."""
+
+    def facing(turn_deg: float) -> Hypothesis:
+        return replace(tried(bent(body), 0.4), turn_deg=turn_deg)
+
+    front = [facing(turn_deg) for turn_deg in (144.0, 143.0, -170.0)]
+    aside, back, again = facing(60.0), facing(-55.0), facing(-40.0)
+    assert finalists([*front, aside, back, again], 3) == (*front, back)
+    assert finalists([*front, aside], 3) == tuple(front), "nobody faces the other way"
+    assert finalists([*front[:2], back, again], 3) == (*front[:2], back), "somebody does already"
+    assert finalists(front[:1], 3) == (front[0],)
 
 
 def test_the_lead_and_the_contour_explained_make_sure(body: BodyModel) -> None:

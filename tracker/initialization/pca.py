@@ -19,6 +19,7 @@ from tracker.initialization._clearing import cleared
 from tracker.initialization._coarse_search import CoarseSearch, check_values
 from tracker.initialization._foregrounds import foregrounds, outlined, segmented
 from tracker.initialization._hypotheses import (
+    finalists,
     hypothesis,
     least_left,
     likeliest,
@@ -192,7 +193,7 @@ class PcaInitialization:
         stages.progress("bootstrapping: the best hypothesis turned round")
         best = ranked(body, refined)[0].q
         refined.append(self._refined(objective, turned_round(body, best)))
-        return ranked(body, refined)[: _MORE_OF_LOW * self.finalists if low else self.finalists]
+        return finalists(ranked(body, refined), _MORE_OF_LOW * self.finalists if low else self.finalists)
 
     def _coarse(self, objective: Objective) -> CoarseSearch:
         """The coarse search as configured, with the values of the body's file where none are."""
@@ -224,7 +225,8 @@ class PcaInitialization:
             ranking = again[k]
             objective = objective.about(scene, k)
             estimates = [stages.estimation.estimate(objective, one.q[None]) for one in ranking]
-            again[k] = ranked(objective.body, [hypothesis(objective.body, one) for one in estimates])[: self.finalists]
+            every = ranked(objective.body, [hypothesis(objective.body, one) for one in estimates])
+            again[k] = finalists(every, self.finalists)
             scene = scene.with_pose(k, again[k][0].q)
         return again
 

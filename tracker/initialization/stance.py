@@ -17,7 +17,7 @@ from tracker.initialization import Stages
 from tracker.initialization._directions import DirectionImages, direction_images
 from tracker.initialization._edge_ranking import Clues, refined_on_edges
 from tracker.initialization._floor import floor_places, shown_share
-from tracker.initialization._hypotheses import different, turned_round, with_held
+from tracker.initialization._hypotheses import different, finalists, turned_round, with_held
 from tracker.initialization._likeness import size_of
 from tracker.initialization._limbs_anew import limbs_anew
 from tracker.initialization._scattering import ROUNDS, scattered
@@ -171,7 +171,7 @@ class StanceInitialization:
         ranking = clues.ranked(scene, [*refined, refined_on_edges(frame, scene, stages, back)])
         if self._is_there(scene, ranking[0], clues):
             ranking = clues.ranked(scene, [*ranking, *limbs_anew(frame, scene, stages, clues, ranking[0])])
-        return ranking[: self.finalists]
+        return finalists(ranking, self.finalists)
 
     def _tried(self, frame: Frame, scene: Scene, stages: Stages, clues: Clues, near: Whereabouts | None) -> list[Array]:
         """The poses (dof,) of the scene's last person that the edges speak for, the likeliest first."""
