@@ -32,7 +32,7 @@ from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.synthesis import _atlas, _graphics
 from tracker.synthesis._pictures import rasterized_ids
-from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.cpu import FINEST, CpuSynthesis
 from tracker.synthesis.egl import EglSynthesis
 from tracker.synthesis.osmesa import OsmesaSynthesis
 
@@ -112,7 +112,7 @@ def test_parts_drawn_row_by_row_are_those_of_the_z_buffer(kind: str, scenes: dic
         q = first.copy()
         q[:2] += shift
         moved = scene.with_pose(0, q)
-        for ids, reference in zip(CpuSynthesis().part_ids(moved), rasterized_ids(moved, 25, 48), strict=True):
+        for ids, reference in zip(CpuSynthesis().part_ids(moved), rasterized_ids(moved, *FINEST), strict=True):
             assert ids.shape == reference.shape
             wrong = ids != reference
             assert not wrong[~near_boundary(reference)].any()

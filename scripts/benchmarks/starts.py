@@ -1,14 +1,17 @@
-"""How long a start takes where part of the background is known: in threads, beside the same in a loop."""
+"""What starts cost: in threads beside a loop, and which part each pixel shows beside rasterization."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.timing import seconds
 from tracker.arrays import Array
 from tracker.cycle import Cycle
 from tracker.estimation.hybrid import HybridEstimation
@@ -21,7 +24,11 @@ from tracker.prediction.polynomial import PolynomialPrediction
 from tracker.rehearsal import rehearsed
 from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, simulate
-from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis._pictures import rasterized_ids
+from tracker.synthesis.cpu import FINEST, CpuSynthesis
+
+_N_POSES = 24
+"""Places of a limb whose colours are looked at."""
 
 
 def compare(console: Console, quick: bool) -> None:
@@ -57,6 +64,29 @@ def compare(console: Console, quick: bool) -> None:
         same = "yes" if np.array_equal(q, loop[2]) else "NO"
         table.add_row(way, f"{wall_s:.1f}", f"{cpu_s:.1f}", f"{loop[0] / wall_s:.2f}x", same)
     console.print(table)
+    console.print(_shown_parts(scene))
+
+
+def _shown_parts(scene: Scene) -> Table:
+    """Which parts the pixels of half-size views show in poses with an arm elsewhere, as limbs of starts are judged."""
+    small, person = Scene(scene.persons, scene.rig.downscaled(2)), scene.persons[0]
+    poses = np.tile(person.q, (_N_POSES, 1))
+    poses[:, person.body.index("left_arm_extension")] += np.linspace(0.0, 0.5, _N_POSES)
+    synthesis = CpuSynthesis()
+    ways: dict[str, Callable[[], Sequence[Sequence[NDArray[np.signedinteger]]]]] = {
+        "rasterized": lambda: [rasterized_ids(small.with_pose(0, q), *FINEST) for q in poses],
+        "row by row": lambda: [synthesis.part_ids(small.with_pose(0, q)) for q in poses],
+        "still parts once": lambda: list(synthesis.ids_of_poses(small, 0, poses)),
+    }
+    table = Table(title=f"parts seen by {len(small.rig)} views, {_N_POSES} poses of an arm", title_justify="left")
+    for column in ("way", "ms a pose", "ratio to rasterized", "pixels that differ"):
+        table.add_column(column, justify="left" if column == "way" else "right")
+    times = {way: seconds(work, 3) / _N_POSES for way, work in ways.items()}
+    first, *_ = found = [np.concatenate([ids.ravel() for views in work() for ids in views]) for work in ways.values()]
+    for (way, time_s), ids in zip(times.items(), found, strict=True):
+        differ = f"{np.count_nonzero(ids != first)} of {np.count_nonzero(first >= 0)}"
+        table.add_row(way, f"{1000 * time_s:.2f}", f"{times['rasterized'] / time_s:.1f}x", differ)
+    return table
 
 
 def _started(cycle: Cycle, scene: Scene, frames: list[Frame]) -> tuple[float, float, Array]:

@@ -33,7 +33,7 @@ def ids_of_poses(
 ) -> Iterator[tuple[PartIds, ...]]:
     """The nearest part at every pixel of all views, pose after pose.
 
-    The same as `rasterized_ids`, in a quarter of the time where all parts move and in a tenth where a limb does: sides
+    The same as `rasterized_ids`, in a third of the time where all parts move and in a twentieth where a limb does: sides
     that face the camera alone are drawn, row by row, and of a batch only what moves in it.
 
     Args:

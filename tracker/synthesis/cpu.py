@@ -31,7 +31,8 @@ _SAMPLES_PER_PART = 64
 # Grid for pictures. Chords lie inside: at 720 x 576 silhouettes are 0.2 % smaller than those of a very fine grid, and
 # with 9 x 16 half a percent.
 _FINE = (13, 24)
-_FINEST = (2 * _FINE[0] - 1, 2 * _FINE[1])
+FINEST = (2 * _FINE[0] - 1, 2 * _FINE[1])
+"""The same for which part each pixel shows."""
 
 
 @component
@@ -188,12 +189,12 @@ class CpuSynthesis:
         """The part seen at every pixel; see `tracker.synthesis.Synthesis.part_ids`."""
         if scene.has_skins:
             return ids_of_skins(scene)
-        (ids,) = ids_of_poses(scene, None, None, *_FINEST)
+        (ids,) = ids_of_poses(scene, None, None, *FINEST)
         return tuple(view.astype(np.int64) for view in ids)
 
     def ids_of_poses(self, scene: Scene, person: int, poses: Array) -> Iterator[tuple[PartIds, ...]]:
         """The same for poses (B, dof) of a person, one after the other; of parts without a skin."""
-        return ids_of_poses(scene, person, poses, *_FINEST)
+        return ids_of_poses(scene, person, poses, *FINEST)
 
 
 _TRACED: OrderedDict[bytes, Contours] = OrderedDict()
