@@ -17,14 +17,15 @@ from tracker.cycle import Cycle
 from tracker.estimation.hybrid import HybridEstimation
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
+from tracker.geometry.superquadric_meshes import meshes_of
 from tracker.initialization.pca import PcaInitialization
+from tracker.kernels.pictures.rasterization import rasterize
 from tracker.loss import LossRule
 from tracker.plate import Plate
 from tracker.prediction.polynomial import PolynomialPrediction
 from tracker.rehearsal import rehearsed
 from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, simulate
-from tracker.synthesis._pictures import rasterized_ids
 from tracker.synthesis.cpu import FINEST, CpuSynthesis
 
 _N_POSES = 24
@@ -74,7 +75,7 @@ def _shown_parts(scene: Scene) -> Table:
     poses[:, person.body.index("left_arm_extension")] += np.linspace(0.0, 0.5, _N_POSES)
     synthesis = CpuSynthesis()
     ways: dict[str, Callable[[], Sequence[Sequence[NDArray[np.signedinteger]]]]] = {
-        "rasterized": lambda: [rasterized_ids(small.with_pose(0, q), *FINEST) for q in poses],
+        "rasterized": lambda: [_rasterized(small.with_pose(0, q)) for q in poses],
         "row by row": lambda: [synthesis.part_ids(small.with_pose(0, q)) for q in poses],
         "still parts once": lambda: list(synthesis.ids_of_poses(small, 0, poses)),
     }
@@ -87,6 +88,19 @@ def _shown_parts(scene: Scene) -> Table:
         differ = f"{np.count_nonzero(ids != first)} of {np.count_nonzero(first >= 0)}"
         table.add_row(way, f"{1000 * time_s:.2f}", f"{times['rasterized'] / time_s:.1f}x", differ)
     return table
+
+
+def _rasterized(scene: Scene) -> list[NDArray[np.signedinteger]]:
+    """Part numbers (H, W) in each view from the z-buffer of all triangles, -1 for none."""
+    meshes, placements = meshes_of(scene.shapes, *FINEST), scene.world_from_parts()[0]
+    points = (meshes.points @ np.swapaxes(placements[:, :3, :3], -1, -2) + placements[:, None, :3, 3]).reshape(-1, 3)
+    firsts = meshes.points.shape[1] * np.arange(len(scene.shapes))
+    triangles, found = (firsts[:, None, None] + meshes.triangles).reshape(-1, 3), []
+    for camera in scene.rig.cameras:
+        buffers = np.zeros((*camera.size[::-1], 4), dtype=np.float32)
+        rasterize(camera.project(points), camera.in_camera(points)[:, 2], triangles, (0, 0), buffers)
+        found.append(np.where(buffers[..., 0] > 0, buffers[..., 1].astype(np.int64) // len(meshes.triangles), -1))
+    return found
 
 
 def _started(cycle: Cycle, scene: Scene, frames: list[Frame]) -> tuple[float, float, Array]:

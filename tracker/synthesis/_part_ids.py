@@ -33,8 +33,8 @@ def ids_of_poses(
 ) -> Iterator[tuple[PartIds, ...]]:
     """The nearest part at every pixel of all views, pose after pose.
 
-    The same as `rasterized_ids`, in a third of the time where all parts move and in a twentieth where a limb does: sides
-    that face the camera alone are drawn, row by row, and of a batch only what moves in it.
+    The same as `rasterized_ids`, in a third of the time where all parts move and in a fifteenth where a limb does
+    (`benchmark.py starts`): sides that face the camera alone are drawn, row by row, and of a batch only what moves.
 
     Args:
         scene: persons and rig.
