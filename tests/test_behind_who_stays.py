@@ -147,9 +147,11 @@ def test_a_run_says_what_it_knows_of_who_stays_and_resumes_with_the_same(
 def test_plates_are_left_alone_where_they_tell_nothing_or_nobody_was_surely_found(simulation: Simulation) -> None:
     cycle = staying(simulation)
     one_view = replace(cycle, backdrops=lambda: (cycle.backdrops()[0], None, None, None))
-    in_doubt = replace(cycle, loss=LossRule(doubtful_above=0.0))
-    for left in (one_view, in_doubt):
-        assert behind_who_stays(left, simulation.scene, simulation.frames) is left
+    assert behind_who_stays(one_view, simulation.scene, simulation.frames) is one_view
+    in_doubt = behind_who_stays(replace(cycle, loss=LossRule(doubtful_above=0.0)), simulation.scene, simulation.frames)
+    assert in_doubt.plates == cycle.plates
+    assert isinstance(in_doubt.initialization, StartedBefore), "the same would be looked for again"
+    assert in_doubt.initialization.frame == 0
 
 
 def test_who_stands_out_from_the_backdrops_may_be_in_doubt(simulation: Simulation) -> None:

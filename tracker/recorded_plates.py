@@ -65,7 +65,8 @@ def behind_who_stays(cycle: Cycle, scene: Scene, reopen: Reopen) -> Cycle:
     views and no plates, was lost without (94 mm, a joint off in 55 of 100 frames).
 
     Args:
-        cycle: the components; returned as it is if it has plates, or persons are not found in the first frame.
+        cycle: the components; returned as it is if persons are not found in the first frame, and without such plates if
+            they are in doubt in it.
         scene: the persons and the rig.
         reopen: opens the recording.
     """
@@ -79,18 +80,20 @@ def behind_who_stays(cycle: Cycle, scene: Scene, reopen: Reopen) -> Cycle:
     stand_out = sight.covered(models) >= LEAST_COVERED
     # what stands out speaks for a pose that edges doubt in clutter: martial arts of another person's were 45 mm off
     # without such plates, an arm in 44 of 61 frames
-    if any(one.lost or (one.doubtful and not stand_out) for one in step.estimates):
+    if any(one.lost for one in step.estimates):
         return cycle
+    doubted = any(one.doubtful for one in step.estimates) and not stand_out
     known, start = {frame.index: step.estimates}, step.start
     if led is not None:
         # what it was found by shows another frame
         known = {k: one.estimates for k, one in sorted(led.replays.items())}
         start = Start((), sureness=led.start.sureness)
     plates = tuple(
-        None if plate is None else _unknown_behind(plate, sight, v, model, stand_out)
+        None if plate is None or doubted else _unknown_behind(plate, sight, v, model, stand_out)
         for v, (plate, model) in enumerate(zip(backdrops, models, strict=True))
     )
-    # in doubt, too: before these plates another start could be found than they are made for
+    # in doubt, too: before these plates another start could be found than they are made for, and without them the same
+    # would be looked for again, 200 s for R-UpperBody's
     return knowing(replace(cycle, plates=plates), known, start, believed=True)
 
 
