@@ -79,7 +79,8 @@ class PcaInitialization:
     """Refinement of what the fine search finds."""
 
     finalists: int = pydantic.Field(default=3, ge=1)
-    """Refined hypotheses, different from one another, that the run's own estimation decides between."""
+    """Refined hypotheses, different from one another, that the run's own estimation decides between; one
+    more where all of them face one way."""
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Needs the plates of two views; see `tracker.initialization.Initialization.check`."""

@@ -66,7 +66,8 @@ class StanceInitialization:
     """Poses that are refined, different from one another."""
 
     finalists: int = pydantic.Field(default=3, ge=1)
-    """Refined hypotheses, different from one another, that may be tracked into the next frames to choose between."""
+    """Refined hypotheses, different from one another, that may be tracked into the next frames to choose between; one
+    more where all of them face one way."""
 
     least_score: float = pydantic.Field(default=0.16, ge=0, le=1)
     """Least share of what edges can gain that the best refined pose gains, chance being 0; below it nobody was found.
