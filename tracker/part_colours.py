@@ -6,7 +6,7 @@ is not where it is. Nothing has to be learnt for that, so that it tells already 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,8 +60,8 @@ class PartColours:
         Returns:
             (B,)
         """
-        kinds = _kinds(scene, person)
-        nats = [self._entropy(ids, kinds) for ids in _ids_of_poses(Scene(scene.persons, self.rig), person, poses)]
+        kinds, small = _kinds(scene, person), Scene(scene.persons, self.rig)
+        nats = [self._entropy(ids, kinds) for ids in _SYNTHESIS.ids_of_poses(small, person, poses)]
         return np.array(nats) / max(self.n_px[person], 1)
 
     def _entropy(self, ids: Sequence[NDArray[Any]], kinds: Integers) -> float:
@@ -91,13 +91,6 @@ def part_colours(sight: Sight, scene: Scene) -> PartColours:
         places.append(counted)
     covered = (sum(int(np.count_nonzero(mask)) for mask in masks) for masks in alone)
     return PartColours(rig, tuple(numbers), tuple(places), tuple(covered))
-
-
-def _ids_of_poses(scene: Scene, person: int, poses: Array) -> Iterator[Sequence[NDArray[Any]]]:
-    """What views show in poses (B, dof) of a person, by his surface where it is known."""
-    if not scene.has_skins:
-        return _SYNTHESIS.ids_of_poses(scene, person, poses)
-    return (_SYNTHESIS.part_ids(scene.with_pose(person, q)) for q in poses)
 
 
 def _counted(sight: Sight, view: int, model: Mask) -> Mask:

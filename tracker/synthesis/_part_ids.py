@@ -13,6 +13,7 @@ from tracker.geometry.superquadric_meshes import meshes_of
 from tracker.kernels.contours.scoring import moving_parts
 from tracker.kernels.pictures.nearest import draw_nearest, project_surfaces
 from tracker.scene import Scene
+from tracker.synthesis._skins import ids_of_skins
 
 PartIds = NDArray[np.int16]
 """(H, W) scene-wide part number seen at each pixel's centre, -1 for none."""
@@ -35,6 +36,7 @@ def ids_of_poses(
 
     The same as `rasterized_ids`, in a third of the time where all parts move and in a fifteenth where a limb does
     (`benchmark.py starts`): sides that face the camera alone are drawn, row by row, and of a batch only what moves.
+    Where somebody's own surface is known, it is rasterized pose by pose.
 
     Args:
         scene: persons and rig.
@@ -42,6 +44,10 @@ def ids_of_poses(
         poses: (B, dof) rad and metres; None for the scene as it is.
         n_eta, n_omega: latitudes and longitudes of the parts' meshes.
     """
+    if scene.has_skins:
+        posed = [scene] if person is None or poses is None else (scene.with_pose(person, q) for q in poses)
+        yield from (tuple(view.astype(np.int16) for view in ids_of_skins(one)) for one in posed)
+        return
     placements = scene.world_from_parts(person, poses)
     moving = moving_parts(placements)
     empty = _Drawn(

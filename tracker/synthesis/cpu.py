@@ -23,7 +23,7 @@ from tracker.kernels.regions.scoring import score_regions
 from tracker.observation import Observation
 from tracker.scene import Scene
 from tracker.synthesis._part_ids import PartIds, ids_of_poses
-from tracker.synthesis._skins import fill_skins, ids_of_skins, skinned_parts, with_skins
+from tracker.synthesis._skins import fill_skins, skinned_parts, with_skins
 
 # A part shows about 2 n_eta pieces, long ones cut at step_px: 64 were never reached at the default step.
 _SAMPLES_PER_PART = 64
@@ -187,13 +187,11 @@ class CpuSynthesis:
 
     def part_ids(self, scene: Scene) -> tuple[Integers, ...]:
         """The part seen at every pixel; see `tracker.synthesis.Synthesis.part_ids`."""
-        if scene.has_skins:
-            return ids_of_skins(scene)
         (ids,) = ids_of_poses(scene, None, None, *FINEST)
         return tuple(view.astype(np.int64) for view in ids)
 
     def ids_of_poses(self, scene: Scene, person: int, poses: Array) -> Iterator[tuple[PartIds, ...]]:
-        """The same for poses (B, dof) of a person, one after the other; of parts without a skin."""
+        """The same for poses (B, dof) of a person, one after the other; what stands still in all is drawn once."""
         return ids_of_poses(scene, person, poses, *FINEST)
 
 
