@@ -17,7 +17,7 @@ from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.evidence import Observed
 from tracker.in_space import judged_in_space
-from tracker.loss import is_out_of_sight, judged, sought_anew
+from tracker.loss import is_looked_about, is_out_of_sight, judged, sought_anew
 from tracker.objective import Objective
 from tracker.other_places import in_likeliest_places
 from tracker.outcome import finished, still_lost
@@ -74,9 +74,8 @@ def advance(
             estimate = cycle.estimation.estimate(objective, poses)
             if rivals and not rivals[k].lost:
                 estimate = weighed(objective, estimate, rivals[k])
-            estimate = judged(objective.body, estimate, cycle.loss)
-            estimates.append(with_vague_limbs(objective, estimate, cycle.loss.elsewhere_px))
-            current = current.with_pose(k, estimate.q)
+            estimates.append(_looked_about(objective, estimate, state.frames_doubted[k], cycle.loss))
+            current = current.with_pose(k, estimates[k].q)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     start = None
     # who sits in somebody else's contours, or where no view shows him, is lost, or would be looked for anew in every
@@ -170,8 +169,7 @@ def settled(
         estimate = cycle.estimation.estimate(objective, person.q[None])
         if k in whom:
             estimate = in_likeliest_places(objective, estimate)
-        estimate = judged(person.body, estimate, cycle.loss, found)
-        estimates.append(with_vague_limbs(objective, estimate, cycle.loss.elsewhere_px))
+        estimates.append(_judged(objective, estimate, cycle.loss, found))
         scene = scene.with_pose(k, estimate.q)
     return tuple(estimates), scene
 
@@ -179,6 +177,19 @@ def settled(
 def objective_of(scene: Scene, k: int, cycle: Cycle, observed: Observed, history: History | None = None) -> Objective:
     """What poses of a scene's person k are judged by, the others where they are."""
     return Objective(Comparison(scene, k, cycle.synthesis, observed), cycle.evidence, history).by_surface()
+
+
+def _looked_about(objective: Objective, estimate: Estimate, frames_doubted: int, loss: LossRule) -> Estimate:
+    """The estimate, judged; with limbs long in doubt elsewhere where contours and colours clearly speak for that."""
+    estimate = _judged(objective, estimate, loss)
+    if not is_looked_about(estimate, frames_doubted, loss):
+        return estimate
+    limbs = None if estimate.doubtful else estimate.limbs_in_doubt
+    return _judged(objective, in_likeliest_places(objective, estimate, limbs, _CLEARLY_PX), loss)
+
+
+def _judged(objective: Objective, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
+    return with_vague_limbs(objective, judged(objective.body, estimate, loss, found), loss.elsewhere_px)
 
 
 def _of_nobody(scene: Scene, cycle: Cycle, observed: Observed) -> tuple[Estimate, ...]:

@@ -79,9 +79,10 @@ class LossRule:
     frames 8, 21, 33 and 58 are 0.17 sure at most, and 85 to 360 mm off, that in frame 72 0.94 (35 mm)."""
 
     again_after: int = pydantic.Field(default=5, ge=1)
-    """Frames doubted one after the other after which a person is looked for as if never seen; what is found is taken
-    where the images clearly speak for it. Doubted on, again after twice as many, and so on. In R-Turn the legs are
-    exchanged for 40 frames; looked for anew, they are found at once."""
+    """Frames doubted one after the other after which limbs in doubt are looked for wherever they may be, and a person
+    who is still doubted then as if never seen; what is found is taken where the images clearly speak for it. Doubted
+    on, limbs again after as many, a person after twice as many, and so on. In R-Turn the legs are exchanged for 40
+    frames; looked for anew, they are found at once."""
 
 
 def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
@@ -153,6 +154,20 @@ def sought_anew(estimate: Estimate, frames_lost: int, frames_doubted: int, loss:
         return _is_due(frames_lost, loss)
     times, rest = divmod(frames_doubted + 1, loss.again_after)
     return frames_lost > 0 or (doubted(estimate) and rest == 0 and times.bit_count() == 1)
+
+
+def is_looked_about(estimate: Estimate, frames_doubted: int, loss: LossRule) -> bool:
+    """Whether limbs in doubt are looked for wherever they may be in this frame.
+
+    Doubted on, again after as many frames: unlike who is looked for as a whole, a limb costs 0.1 s. In R-UpperBody,
+    without plates, shins that had bent backwards were 0.6 m off for 50 frames.
+
+    Args:
+        estimate: in this frame.
+        frames_doubted: for how many frames before this one the person was doubted.
+        loss: the rule.
+    """
+    return doubted(estimate) and (frames_doubted + 1) % loss.again_after == 0
 
 
 def is_out_of_sight(frames_lost: int, loss: LossRule) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
@@ -32,7 +32,9 @@ _LEAD_PX = 0.05
 _REFINEMENT = TwistIcpEstimation()
 
 
-def in_likeliest_places(objective: Objective, estimate: Estimate) -> Estimate:
+def in_likeliest_places(
+    objective: Objective, estimate: Estimate, limbs: Collection[str] | None = None, lead_px: float = _LEAD_PX
+) -> Estimate:
     """The estimate, perhaps with limbs elsewhere: where contours and the colours of parts together speak for them.
 
     Estimations search limbs whose contours are poor; those of a limb in the wrong place need not be, see
@@ -41,15 +43,18 @@ def in_likeliest_places(objective: Objective, estimate: Estimate) -> Estimate:
     Args:
         objective: of the frame, with the other persons where they are.
         estimate: of a person whose trunk is found.
+        limbs: those that are looked for, None for all.
+        lead_px: what another place must be better by, px.
     """
     if estimate.lost or objective.colours is None:
         return estimate
     body, best, least_px = objective.body, estimate, float(objective.deciding_px(estimate.q[None])[0])
+    sought = [group for group in body.fine_groups if body.partner_of(group) and (limbs is None or group in limbs)]
     for _ in range(_ROUNDS):
         before = best
-        for group in (group for group in body.fine_groups if body.partner_of(group)):
+        for group in sought:
             for one in _elsewhere(objective, best, group):
-                if (cost_px := float(objective.deciding_px(one.q[None])[0])) < least_px - _LEAD_PX:
+                if (cost_px := float(objective.deciding_px(one.q[None])[0])) < least_px - lead_px:
                     best, least_px = one, cost_px
         if best is before:
             break
