@@ -11,8 +11,10 @@ from recordings import cycle_for, joint_errors_mm, small_simulation
 
 from tracker.arrays import Array
 from tracker.comparison import Comparison
-from tracker.cycle_turn import bootstrap
-from tracker.estimate import Status
+from tracker.cycle import State
+from tracker.cycle_turn import advance, bootstrap
+from tracker.errors import InitializationError
+from tracker.estimate import Estimate, Status
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
@@ -25,6 +27,7 @@ from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.start import Start
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.trajectory import History
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +46,20 @@ class Given:
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         return self.told
+
+
+class Nobody:
+    """Finds nobody."""
+
+    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        raise InitializationError("nobody is to be found")
+
+
+class Staying:
+    """Leaves persons where they are predicted."""
+
+    def estimate(self, objective: Objective, starts: Array) -> Estimate:
+        return objective.estimate(starts[0], 1e-6 * np.eye(objective.body.dof), 1)
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +102,28 @@ def test_a_limb_in_the_wrong_place_is_found(filmed, objective: Objective, wrong:
 def test_a_right_pose_stays(filmed, objective: Objective) -> None:
     estimate = TwistIcpEstimation().estimate(objective, filmed.poses[0][FRAME][None])
     assert in_likeliest_places(objective, estimate) is estimate
+
+
+def test_only_limbs_asked_for_are_moved(filmed, objective: Objective) -> None:
+    wrong = {"left_arm_abduction": 120.0, "right_arm_elevation": -30.0}
+    estimate = TwistIcpEstimation().estimate(objective, moved(filmed, **wrong)[None])
+    found = in_likeliest_places(objective, estimate, ("left_arm",))
+    errors_mm = dict(zip(objective.body.landmark_names, joint_errors_mm(filmed, 0, FRAME, found.q), strict=True))
+    assert errors_mm["left_wrist"] < 40
+    assert errors_mm["right_wrist"] > 200
+    assert in_likeliest_places(objective, estimate, ("left_arm",), 1e3) is estimate
+
+
+@pytest.mark.parametrize(("frames_doubted", "is_found"), [(0, False), (3, False), (4, True), (5, False), (9, True)])
+def test_a_limb_long_in_doubt_is_looked_for_wherever_it_may_be(filmed, frames_doubted: int, is_found: bool) -> None:
+    wrong = moved(filmed, right_arm_abduction=120.0, right_arm_extension=0.0)
+    frame = next(frame for frame in filmed.frames() if frame.index == FRAME)
+    cycle = cycle_for(filmed, Nobody(), evidence=AutoEvidence(), estimation=Staying())
+    state = State((History.start(frame.time_s - 0.04, wrong),), (0,), (frames_doubted,))
+    (estimate,) = advance(Sight(frame, filmed.plates), filmed.scene.with_pose(0, wrong), cycle, state).estimates
+    wrist = filmed.scene.persons[0].body.landmark_names.index("right_wrist")
+    assert (joint_errors_mm(filmed, 0, FRAME, estimate.q)[wrist] < 40) == is_found
+    assert ("right_arm" in estimate.limbs_in_doubt) != is_found
 
 
 def test_nothing_is_tried_of_who_is_lost_or_where_no_colours_are_asked_for(filmed, objective: Objective) -> None:

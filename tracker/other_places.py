@@ -1,4 +1,4 @@
-"""Limbs of a start pose, which may be anywhere: put where contours and the colours of parts together speak for them."""
+"""Limbs that may be anywhere, of a start pose or long in doubt: put where contours and colours of parts speak for them."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from tracker.limbs import apart_m, are_apart
 from tracker.objective import Objective
 
 # Places of a limb over all its joints allow; how many of the nearest ones are looked at for colours, and how many of
-# these refined. Four limbs take 0.4 s of CPU a start (simulated squat, 720x576): in a run's frames that would be dear,
-# so there colours are asked for only where limbs are in two places.
+# these refined. Four limbs take 0.4 s of CPU a start (simulated squat, 720x576): in every frame of a run that would be
+# dear, so there it is done for limbs long in doubt alone.
 _TRIED, _LOOKED_AT, _REFINED = 600, 24, 6
 # What a place may cost more than the one found before it is refined, and after, px. That of a leg that was put into the
 # other one, where it has no contour to be wrong, costs 1.05 px less than the true one; colours are worth 17 px there.

@@ -11,7 +11,7 @@ import numpy as np
 
 from tracker.arrays import Image, Mask, Region, frozen
 from tracker.imaging.light import SAMPLING, Light, light_of, sparse
-from tracker.kernels.images.changes import median_change
+from tracker.kernels.images.changes import median_level
 from tracker.kernels.images.shadows import MARGIN
 
 MOST_LEVEL = 80.0
@@ -100,6 +100,9 @@ class Lit(NamedTuple):
     level: float
     """Threshold of their difference from the noise of the whole image, grey levels."""
 
+    sparse: Image
+    """(h / 4, w / 4) their largest channel difference in every fourth pixel, grey levels."""
+
 
 def lit_by(image: Image, plate: Plate, sigmas: float = 6.0, least: float = 14.0) -> Lit:
     """The light of an image (h, w, 3) against its plate's, and the threshold of their difference.
@@ -110,7 +113,15 @@ def lit_by(image: Image, plate: Plate, sigmas: float = 6.0, least: float = 14.0)
     now = sparse(image)
     light = light_of(now, plate.sparse)
     expected = plate.sparse if light is None else light.on(plate.sparse, spacing=SAMPLING)
-    return Lit(light, max(least, sigmas * median_change(now, expected, 1) / 0.954))
+    differences = largest_difference(now, expected)
+    return Lit(light, max(least, sigmas * median_level(differences) / 0.954), differences)
+
+
+def largest_difference(image: Image, other: Image) -> Image:
+    """(h, w) the largest channel difference of two pictures (h, w, 3), grey levels."""
+    blue, green, red = cv2.split(cv2.absdiff(image, other))
+    largest: Image = cv2.max(cv2.max(blue, green), red)
+    return largest
 
 
 def cut(picture: Image, region: Region, margin: int) -> Image:

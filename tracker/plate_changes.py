@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 
 from tracker.arrays import Image, Mask, Region
-from tracker.imaging.light import SAMPLING, Light, light_of, sparse
+from tracker.imaging.light import Light, light_of, sparse
 from tracker.kernels.images.changes import large_regions, mark_changes
 from tracker.kernels.images.shadows import MARGIN, ShadowRule, without_shadows
-from tracker.plate import MOST_LEVEL, Lit, Plate, cut, lit_by, threshold_level
+from tracker.plate import MOST_LEVEL, Lit, Plate, cut, largest_difference, lit_by, threshold_level
 
 # A shadow keeps the colour to 8 grey levels and loses up to 55 % of the light. Grey trousers before a grey floor
 # keep the colour too: where the texture does not show (correlation 0.7), only up to 20 % of loss is always a shadow,
@@ -32,9 +32,7 @@ def difference(image: Image, plate: Plate) -> Image:
     """Largest channel difference (h, w) uint8 of an image (h, w, 3) to a plate in its light, lightly smoothed."""
     light = light_of(sparse(image), plate.sparse)
     expected = plate.fine if light is None else light.on(plate.fine)
-    blue, green, red = cv2.split(cv2.absdiff(cv2.GaussianBlur(image, (3, 3), 0), expected))
-    largest: Image = cv2.max(cv2.max(blue, green), red)
-    return largest
+    return largest_difference(cv2.GaussianBlur(image, (3, 3), 0), expected)
 
 
 def departing(image: Image, plate: Plate, sigmas: float) -> Mask | None:
@@ -43,20 +41,11 @@ def departing(image: Image, plate: Plate, sigmas: float) -> Mask | None:
     return None if level > MOST_LEVEL * sigmas / 6.0 else difference(image, plate) > level
 
 
-def sparse_changes(image: Image, plate: Plate, lit: Lit) -> Mask | None:
-    """Every fourth pixel (h / 4, w / 4) that differs from the plate, shadows included; None where everything does.
-
-    Args:
-        image: BGR (h, w, 3), of the plate's size.
-        plate: what the view shows without persons.
-        lit: of the image, see `lit_by`.
-    """
+def sparse_changes(lit: Lit) -> Mask | None:
+    """Every fourth pixel (h / 4, w / 4) that differs from the plate, shadows included; None where everything does."""
     if lit.level > MOST_LEVEL:
         return None
-    expected = plate.sparse if lit.light is None else lit.light.on(plate.sparse, spacing=SAMPLING)
-    blue, green, red = cv2.split(cv2.absdiff(sparse(image), expected))
-    differing = (cv2.max(cv2.max(blue, green), red) > lit.level).view(np.uint8)
-    opened: Mask = cv2.morphologyEx(differing, cv2.MORPH_OPEN, _SQUARE) > 0
+    opened: Mask = cv2.morphologyEx((lit.sparse > lit.level).view(np.uint8), cv2.MORPH_OPEN, _SQUARE) > 0
     return opened
 
 
@@ -85,7 +74,8 @@ def changed(image: Image, plate: Plate, region: Region | None = None, lit: Lit |
         lit: of the image, where it is known.
     """
     region = region or (0, 0, image.shape[1], image.shape[0])
-    light, level = lit or lit_by(image, plate)
+    lit = lit or lit_by(image, plate)
+    light, level = lit.light, lit.level
     moving = _moving(image, _lit(plate.fine, light, region), region, level)
     anything, mask = np.zeros(image.shape[:2], dtype=np.bool_), np.zeros(image.shape[:2], dtype=np.bool_)
     anything[_slices(region)] = moving

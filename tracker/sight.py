@@ -153,8 +153,8 @@ class Sight:
 
     def sparse_changes(self, view: int) -> Mask | None:
         """Every fourth pixel (h / 4, w / 4) of a view that differs from the plate; None where that is not known."""
-        image, plate, lit = self.frame.images[view], self.plates[view], self.lit(view)
-        return None if image is None or plate is None or lit is None else sparse_changes(image, plate, lit)
+        lit = self.lit(view)
+        return None if lit is None else sparse_changes(lit)
 
     def covered(self, models: Sequence[Mask]) -> float:
         """Of models' silhouettes (H, W) the share before what has changed or is not known, mean of the views."""

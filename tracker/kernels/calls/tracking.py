@@ -12,7 +12,7 @@ from tracker.kernels.contours.scoring import moving_parts, score_poses, trace_st
 from tracker.kernels.contours.shares import edge_shares
 from tracker.kernels.contours.tracing import trace_contours
 from tracker.kernels.images.acceptance import expected_distances, marked
-from tracker.kernels.images.changes import large_regions, mark_changes, median_change
+from tracker.kernels.images.changes import large_regions, mark_changes, median_level
 from tracker.kernels.images.distance_images import chamfer_distances
 from tracker.kernels.images.edge_segments import trace_segments
 from tracker.kernels.images.light import block_ratios, connected_blocks, relight, smooth_surface
@@ -62,7 +62,7 @@ def tracking_calls() -> list[Call]:
         (expected_distances, (found[0], found[0], own(F4, 0, 4), 20.0, 56.0)),
         (marked, (found[0], grey, (0, 0), own(B1, 0))),
         (chamfer_distances, (own(I4, 0, 2), 40.0, own(F4, 1, 1))),
-        (median_change, (picture, picture, 4)),
+        (median_level, (grey,)),
         (mark_changes, (seen, seen, (0, 0), 14.0, grey)),
         (without_shadows, (seen, seen, (0, 0), grey, (0.5, 0.8, 0.9, 8.0, 0.7, 8.0), grey)),
         (block_ratios, (own(U1, 1, 1, 3), own(U1, 1, 1, 3), 1, 1)),

@@ -38,23 +38,20 @@ def _mark_row(row: Image, plate: Image, most: np.int16, moving: Image) -> None:
 
 
 @compiled
-def median_change(image: Image, plate: Image, step: int) -> float:
-    """Median over every `step`-th pixel in x of the largest channel difference of two pictures (h, w, 3)."""
+def median_level(picture: Image) -> float:
+    """Median of the grey levels of a picture (h, w)."""
     counts = np.zeros(256, dtype=np.int64)
-    for y in range(image.shape[0]):
-        for x in range(0, image.shape[1], step):
-            largest = np.int64(0)
-            for c in range(3):
-                largest = max(largest, abs(np.int64(image[y, x, c]) - np.int64(plate[y, x, c])))
-            counts[largest] += 1
+    for row in picture:
+        for level in row:
+            counts[level] += 1
     n = counts.sum()
     total = 0
     for rank in ((n - 1) // 2, n // 2):
-        level, below = 0, counts[0]
-        while below <= rank and level < 255:
-            level += 1
-            below += counts[level]
-        total += level
+        least, below = 0, counts[0]
+        while below <= rank and least < 255:
+            least += 1
+            below += counts[least]
+        total += least
     return 0.5 * total
 
 
