@@ -17,7 +17,7 @@ from recordings import TrueStart, cycle_for, small_simulation
 from tracker.doubts import Doubts, ranges
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
-from tracker.loss import LossRule, doubted, judged, limb_spreads_m, sought_anew, trusted_parts
+from tracker.loss import LossRule, doubted, is_looked_about, judged, limb_spreads_m, sought_anew, trusted_parts
 from tracker.observation import Observation
 from tracker.outcome import judged_as_wholes
 from tracker.recording import RunContext
@@ -210,6 +210,19 @@ def test_who_is_lost_for_long_is_looked_for_more_seldom(truth: Scene, observatio
     looked = [n for n in range(100) if sought_anew(lost, n, 0, LossRule())]
     assert looked == [0, 3, 6, 12, 24, 48, 72, 96]
     assert [n for n in range(7) if sought_anew(lost, n, 0, LossRule(restart_every=1))] == [0, 1, 2, 4]
+
+
+def test_for_a_single_limb_nobody_is_looked_for_anew(truth: Scene, observation: Observation) -> None:
+    sure = estimate_of(truth, observation)
+    limb, limbs = sure.doubting(["left_arm"]), sure.doubting(["left_arm", "right_leg"])
+    for one, looked, looked_about in (
+        (sure, [], []),
+        (limb, [], [4, 9, 14, 19, 24, 29]),
+        (limbs, [4, 9, 19], [4, 9, 14, 19, 24, 29]),
+        (replace(sure, doubtful=True), [4, 9, 19], [4, 9, 14, 19, 24, 29]),
+    ):
+        assert [n for n in range(30) if sought_anew(one, 0, n, LossRule())] == looked
+        assert [n for n in range(30) if is_looked_about(one, n, LossRule())] == looked_about
 
 
 def test_a_limb_whose_place_nothing_tells_is_told_and_not_searched(truth: Scene, observation: Observation) -> None:

@@ -80,9 +80,9 @@ class LossRule:
 
     again_after: int = pydantic.Field(default=5, ge=1)
     """Frames doubted one after the other after which limbs in doubt are looked for wherever they may be, and a person
-    who is still doubted then as if never seen; what is found is taken where the images clearly speak for it. Doubted
-    on, limbs again after as many, a person after twice as many, and so on. In R-Turn the legs are exchanged for 40
-    frames; looked for anew, they are found at once."""
+    who is doubtful then, or of whom several limbs are in doubt, as if never seen; what is found is taken where the
+    images clearly speak for it. Doubted on, limbs again after as many, a person after twice as many, and so on. In
+    R-Turn the legs are exchanged for 40 frames; looked for anew, they are found at once."""
 
 
 def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
@@ -142,7 +142,8 @@ def left_over_of(limb: Account) -> float:
 def sought_anew(estimate: Estimate, frames_lost: int, frames_doubted: int, loss: LossRule) -> bool:
     """Whether a person is looked for anew in this frame.
 
-    One that was lost is, even when the pose it was lost at explains the images again: limbs have moved meanwhile.
+    One that was lost is, even when the pose it was lost at explains the images again: limbs have moved meanwhile. For a
+    single limb in doubt it would be dear: of R-Turn's way there, without plates, a half (see `is_looked_about`).
 
     Args:
         estimate: in this frame.
@@ -153,7 +154,8 @@ def sought_anew(estimate: Estimate, frames_lost: int, frames_doubted: int, loss:
     if estimate.lost:
         return _is_due(frames_lost, loss)
     times, rest = divmod(frames_doubted + 1, loss.again_after)
-    return frames_lost > 0 or (doubted(estimate) and rest == 0 and times.bit_count() == 1)
+    as_a_whole = estimate.doubtful or len(estimate.limbs_in_doubt) > 1
+    return frames_lost > 0 or (as_a_whole and rest == 0 and times.bit_count() == 1)
 
 
 def is_looked_about(estimate: Estimate, frames_doubted: int, loss: LossRule) -> bool:
