@@ -17,7 +17,7 @@ from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.evidence import Observed
 from tracker.in_space import judged_in_space
-from tracker.loss import is_looked_about, is_out_of_sight, judged, sought_anew
+from tracker.loss import LossRule, is_looked_about, is_out_of_sight, judged, sought_anew
 from tracker.objective import Objective
 from tracker.other_places import in_likeliest_places
 from tracker.outcome import finished, still_lost

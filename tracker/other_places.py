@@ -1,4 +1,4 @@
-"""Limbs that may be anywhere, of a start pose or long in doubt: put where contours and colours of parts speak for them."""
+"""Limbs that may be anywhere, of a start or long in doubt: put where contours and colours of parts speak for them."""
 
 from __future__ import annotations
 

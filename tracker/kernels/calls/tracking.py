@@ -38,7 +38,7 @@ def tracking_calls() -> list[Call]:
     first_pose = own(F4, 0, 1, 5), own(I8, 0, 1), own(I8, 0)
     pairs = own(I8, 0, 4), own(F4, 1, 1, 5), own(F4, 1, 1, 3), own(I8, 1, 1), own(I8, 1)
     slopes, found = (own(I2, 1, 1), own(I2, 1, 1)), (own(F4, 0, 2), own(F4, 0, 2), own(I8, 0))
-    picture, seen = own(U1, 1, 1, 3), own(U1, 1 + 2 * MARGIN, 1 + 2 * MARGIN, 3)
+    seen = own(U1, 1 + 2 * MARGIN, 1 + 2 * MARGIN, 3)
     grey, depths = own(U1, 1, 1), own(F4, 1, 1)
     spots, weighted = frozen(F4, 1, 9 * 16, 3), (frozen(I8, 1, 3), frozen(F4, 0, 2))
     still, asked = (own(B1, 0), own(F8, 1, 2)), (own(F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02))
