@@ -75,9 +75,17 @@ def test_recognition_prints_its_columns(data: Callable[[str], Path]) -> None:
     assert len(re.findall("^│", printed, re.MULTILINE)) >= 10
 
 
-def test_recognition_says_what_it_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_following_prints_its_columns(data: Callable[[str], Path]) -> None:
+    printed = benchmark("follow", "--only", "shirt", BODYTRACK_DATA=str(data("closerange").parent))
+    for word in ("key patches", "error / sigma", "the paper", "Lucas-Kanade's median error / ours", ">= 3"):
+        assert word in printed
+    assert len(re.findall("^│", printed, re.MULTILINE)) >= 8
+
+
+@pytest.mark.parametrize("name", ["recognition", "follow"])
+def test_what_benchmarks_lack_is_said(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("BODYTRACK_DATA", raising=False)
-    assert "BODYTRACK_DATA is not set" in benchmark("recognition")
+    assert "BODYTRACK_DATA is not set" in benchmark(name)
 
 
 @pytest.fixture(scope="module")
