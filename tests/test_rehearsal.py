@@ -13,12 +13,15 @@ from tracker.arrays import Array
 from tracker.cycle import Cycle
 from tracker.cycle_turn import advance
 from tracker.doubts import Doubts
+from tracker.estimate import Estimate
+from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._hypotheses import turned_round
 from tracker.initialization.given import GivenInitialization
 from tracker.jobs._starts import told_of_start
 from tracker.loss import LossRule
+from tracker.objective import Objective
 from tracker.rehearsal import _following, rehearsed
 from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
@@ -72,6 +75,28 @@ def test_a_hypothesis_in_doubt_is_not_rescued_by_a_start_anew(simulation: Simula
     initialization, rule = Once(simulation, sure=0.1), LossRule(doubtful_above=0.0, ambiguous_above=0.0, again_after=2)
     ranked(simulation, cycle_for(simulation, initialization, loss=rule))
     assert initialization.n_asked == 1
+
+
+def test_a_hypothesis_is_judged_with_its_limbs_where_they_are_likeliest(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that faces as she does lost by limbs that were elsewhere to one that was turned round."""
+
+    class Staying:
+        def estimate(self, objective: Objective, starts: Array) -> Estimate:
+            return objective.estimate(starts[0], 1e-6 * np.eye(objective.body.dof), 1)
+
+    initialization, body = WrongFirst(simulation, sure=0.1), simulation.scene.persons[0].body
+    raised = simulation.poses[0][0].copy()
+    raised[body.index("right_arm_abduction")] = np.radians(120.0)
+    hypotheses = tuple(replace(one, q=body.clamped(raised)) for one in initialization.found.hypotheses[0])
+    initialization.found = replace(initialization.found, poses=(hypotheses[0].q,), hypotheses=(hypotheses,))
+    cycle = cycle_for(simulation, initialization, evidence=AutoEvidence(), estimation=Staying())
+    looked_for = ranked(simulation, cycle).hypotheses[0][0]
+    monkeypatch.setattr("tracker.cycle_turn.in_likeliest_places", lambda objective, estimate, *rest: estimate)
+    left = ranked(simulation, cycle).hypotheses[0][0]
+    np.testing.assert_array_equal(looked_for.q, left.q)
+    assert looked_for.limbs_left_over["right_arm"] < 0.3 < 0.6 < left.limbs_left_over["right_arm"]
 
 
 @pytest.mark.parametrize(("doubtful_above", "n_frames"), [(0.0, 4), (0.25, 9)])

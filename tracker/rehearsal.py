@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from statistics import fmean
 from typing import TypeVar
 
@@ -14,6 +15,7 @@ from tracker.estimate import Estimate, Status
 from tracker.evidence import GUESSED
 from tracker.frame import Frame
 from tracker.loss import LossRule, limbs_left_over
+from tracker.part_colours import part_colours
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.start import Hypothesis, Start, limbs_shown, sureness
@@ -124,7 +126,9 @@ def _begun(one: Hypothesis, start: Start, k: int, frame: Frame, scene: Scene, cy
     sight = Sight(frame, cycle.plates)
     hide_strangers(sight, scene, cycle.synthesis)
     observed = cycle.evidence.observe(sight, cycle.synthesis.contours(scene), GUESSED)
-    estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED)
+    # or the right one loses by limbs that are elsewhere: the one of R-UpperBody's frame 10 that faces as she does
+    colours = cache(partial(part_colours, sight, scene))
+    estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED, colours, (k,))
     step = Step(frame, scene, estimates, cycle.synthesis.contours(scene))
     state = State.before(scene).after(sight, step, cycle.evidence)
     return _Trial(one, scene, state, (estimates[k],))
