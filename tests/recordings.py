@@ -9,12 +9,14 @@ import numpy as np
 
 from tracker.arrays import Array, Image
 from tracker.cycle import Cycle
+from tracker.estimate import Estimate
 from tracker.estimation.hybrid import HybridEstimation
 from tracker.evidence.contours import ContourEvidence
 from tracker.frame import Frame
 from tracker.initialization import Initialization, Stages
 from tracker.initialization.pca import PcaInitialization
 from tracker.loss import LossRule
+from tracker.objective import Objective
 from tracker.prediction.polynomial import PolynomialPrediction
 from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, Simulation, simulate
@@ -45,6 +47,13 @@ class TrueStart:
 def small_simulation(movement: str = "arm_swing", n_frames: int = 8, **changes: object) -> Simulation:
     recipe = Recipe(movement, seconds=n_frames / 25, size=SMALL)
     return simulate(replace(recipe, **changes))  # type: ignore[arg-type]
+
+
+class Staying:
+    """An estimation that leaves persons where they are predicted."""
+
+    def estimate(self, objective: Objective, starts: Array) -> Estimate:
+        return objective.estimate(starts[0], 1e-6 * np.eye(objective.body.dof), 1)
 
 
 def cycle_for(simulation: Simulation, start: Initialization | None = None, **changes: object) -> Cycle:

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import cycle_for, joint_errors_mm, small_simulation
+from recordings import Staying, cycle_for, joint_errors_mm, small_simulation
 
 from tracker.arrays import Array
 from tracker.cycle import Cycle
 from tracker.cycle_turn import advance
 from tracker.doubts import Doubts
-from tracker.estimate import Estimate
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
 from tracker.initialization import Stages
@@ -21,7 +20,6 @@ from tracker.initialization._hypotheses import turned_round
 from tracker.initialization.given import GivenInitialization
 from tracker.jobs._starts import told_of_start
 from tracker.loss import LossRule
-from tracker.objective import Objective
 from tracker.rehearsal import _following, rehearsed
 from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
@@ -81,10 +79,6 @@ def test_a_hypothesis_is_judged_with_its_limbs_where_they_are_likeliest(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One that faces as she does lost by limbs that were elsewhere to one that was turned round."""
-
-    class Staying:
-        def estimate(self, objective: Objective, starts: Array) -> Estimate:
-            return objective.estimate(starts[0], 1e-6 * np.eye(objective.body.dof), 1)
 
     initialization, body = WrongFirst(simulation, sure=0.1), simulation.scene.persons[0].body
     raised = simulation.poses[0][0].copy()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,6 +50,7 @@ def in_likeliest_places(
     """
     if estimate.lost or objective.colours is None:
         return estimate
+    begin = time.perf_counter()
     body, best, least_px = objective.body, estimate, float(objective.deciding_px(estimate.q[None])[0])
     sought = [group for group in body.fine_groups if body.partner_of(group) and (limbs is None or group in limbs)]
     for _ in range(_ROUNDS):
@@ -58,7 +61,7 @@ def in_likeliest_places(
                     best, least_px = one, cost_px
         if best is before:
             break
-    return best
+    return replace(best, search_s=estimate.search_s + time.perf_counter() - begin)
 
 
 def _elsewhere(objective: Objective, estimate: Estimate, group: str) -> Iterator[Estimate]:

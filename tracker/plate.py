@@ -100,7 +100,7 @@ class Lit(NamedTuple):
     level: float
     """Threshold of their difference from the noise of the whole image, grey levels."""
 
-    sparse: Image
+    differences: Image
     """(h / 4, w / 4) their largest channel difference in every fourth pixel, grey levels."""
 
 

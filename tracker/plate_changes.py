@@ -45,7 +45,7 @@ def sparse_changes(lit: Lit) -> Mask | None:
     """Every fourth pixel (h / 4, w / 4) that differs from the plate, shadows included; None where everything does."""
     if lit.level > MOST_LEVEL:
         return None
-    opened: Mask = cv2.morphologyEx((lit.sparse > lit.level).view(np.uint8), cv2.MORPH_OPEN, _SQUARE) > 0
+    opened: Mask = cv2.morphologyEx((lit.differences > lit.level).view(np.uint8), cv2.MORPH_OPEN, _SQUARE) > 0
     return opened
 
 
