@@ -8,12 +8,18 @@ import numpy as np
 import pytest
 
 from tests.motions import estimate_of
-from tests.observations import bent
+from tests.observations import bent, four_views
 from tracker.body import BodyModel
 from tracker.body_files import load_body
+from tracker.frame import Frame
+from tracker.initialization._drafts import Draft, likeliest_of
 from tracker.initialization._hypotheses import apart, coarse_poses, finalists, ranked, turned_round
 from tracker.resources import model_path
+from tracker.scene import Person, Scene
 from tracker.start import Hypothesis, confidence, limbs_shown, sureness
+
+# Of the same four poses in two foregrounds.
+LEFT_OVER = (0.3, 0.4, 0.5, 0.6), (0.45, 0.7, 0.8, 0.35)
 
 
 def tried(q: np.ndarray, left_over: float) -> Hypothesis:
@@ -70,6 +76,41 @@ def test_somebody_who_faces_the_other_way_stays_among_those_followed(body: BodyM
     assert finalists([*front, aside], 3) == tuple(front), "nobody faces the other way"
     assert finalists([*front[:2], back, again], 3) == (*front[:2], back), "somebody does already"
     assert finalists(front[:1], 3) == (front[0],)
+
+
+def drafted(body: BodyModel, *rankings: tuple[Hypothesis, ...]) -> list[list[Draft]]:
+    """One person in as many foregrounds."""
+    scene = Scene((Person("one", body, body.rest()),), four_views())
+    frame = Frame(0, 0.0, (None,) * 4)
+    return [[Draft(frame, scene.with_pose(0, own[0].q), (), ((),), (own,))] for own in rankings]
+
+
+def test_of_several_foregrounds_the_best_hypotheses_of_all_are_estimated(body: BodyModel) -> None:
+    """In each of three the best seven took half of a start, though one foreground had all that could be right."""
+    q = bent(body)
+    poses = [q + shift * np.eye(body.dof)[0] for shift in (0.0, 0.5, 1.0, 1.5)]
+    near, far = [tuple(tried(pose, left) for pose, left in zip(poses, lefts, strict=True)) for lefts in LEFT_OVER]
+    kept = likeliest_of(drafted(body, near, far, (tried(poses[1], 0.9),)), 3)
+    assert [[one.left_over for one in ways[0].hypotheses[0]] for ways in kept] == [[0.3, 0.4], [0.35]]
+    np.testing.assert_array_equal(kept[1][0].scene.persons[0].q, poses[3], "in the best that is left")
+    assert kept[0][0].sought == [0]
+
+
+def test_among_those_estimated_one_faces_the_other_way(body: BodyModel) -> None:
+    q = bent(body)
+    front = tuple(replace(tried(q + shift * np.eye(body.dof)[0], 0.3), turn_deg=5.0) for shift in (0.0, 0.5))
+    back = replace(tried(turned_round(body, q), 0.9), turn_deg=-170.0)
+    kept = likeliest_of(drafted(body, front, (back,)), 2)
+    assert [ways[0].hypotheses[0] for ways in kept] == [front, (back,)]
+
+
+def test_several_bodies_or_a_single_foreground_keep_all_hypotheses(body: BodyModel) -> None:
+    rankings = tuple((tried(bent(body) + shift * np.eye(body.dof)[0], 0.3),) for shift in (0.0, 0.5, 1.0))
+    one, two, three = drafted(body, *rankings)
+    several = [[*one, *two], three]
+    assert likeliest_of(several, 1) is several
+    assert likeliest_of([one], 1) == [one]
+    assert likeliest_of([], 1) == []
 
 
 def test_the_lead_and_the_contour_explained_make_sure(body: BodyModel) -> None:

@@ -93,19 +93,46 @@ def test_a_hypothesis_is_judged_with_its_limbs_where_they_are_likeliest(
     assert looked_for.limbs_left_over["right_arm"] < 0.3 < 0.6 < left.limbs_left_over["right_arm"]
 
 
+@pytest.fixture
+def seen(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Numbers of the frames that hypotheses are followed into, one of each."""
+    numbers: list[int] = []
+    monkeypatch.setattr(
+        "tracker.rehearsal.advance", lambda sight, *rest: numbers.append(sight.frame.index) or advance(sight, *rest)
+    )
+    return numbers
+
+
 @pytest.mark.parametrize(("doubtful_above", "n_frames"), [(0.0, 4), (0.25, 9)])
 def test_where_all_hypotheses_are_doubtful_a_rehearsal_ends(
-    simulation: Simulation, monkeypatch: pytest.MonkeyPatch, doubtful_above: float, n_frames: int
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch, seen: list[int], doubtful_above: float, n_frames: int
 ) -> None:
     """One of them is true: with the usual bound it runs through the nine frames that there are."""
-    seen: list[int] = []
-    monkeypatch.setattr(
-        "tracker.rehearsal.advance", lambda sight, *rest: seen.append(sight.frame.index) or advance(sight, *rest)
-    )
+    monkeypatch.setattr("tracker.rehearsal._BEATEN", np.inf)
     rule = LossRule(doubtful_above=doubtful_above)
     start = ranked(simulation, cycle_for(simulation, WrongFirst(simulation, sure=0.1), loss=rule))
     assert sorted(seen) == sorted([*range(1, n_frames + 1)] * 2)
     np.testing.assert_array_equal(start.poses[0], simulation.poses[0][0])
+
+
+def test_who_is_beaten_is_not_followed_to_the_end(simulation: Simulation, seen: list[int]) -> None:
+    start = ranked(simulation, cycle_for(simulation, WrongFirst(simulation, sure=0.1)))
+    assert sorted(seen) == sorted([*range(1, 5)] * 2), "four frames tell, and one alone is left"
+    truth, wrong = start.hypotheses[0]
+    assert wrong.left_over > 1.5 * truth.left_over, "both are told"
+
+
+def test_hypotheses_that_come_to_one_pose_are_one(simulation: Simulation, seen: list[int]) -> None:
+    """Two that differed in their arms at first made each other unsure, though both had been the same ever since."""
+    initialization, body = WrongFirst(simulation, sure=0.1), simulation.scene.persons[0].body
+    wrong, truth = initialization.found.hypotheses[0]
+    beside = replace(truth, q=truth.q + np.radians(5.0) * (np.arange(body.dof) == body.index("left_arm_extension")))
+    initialization.found = replace(initialization.found, hypotheses=((wrong, truth, beside),))
+    start = ranked(simulation, cycle_for(simulation, initialization))
+    assert sorted(seen) == sorted([1, 1, 1, *[2, 3, 4] * 2])
+    assert len(start.hypotheses[0]) == 2
+    assert joint_errors_mm(simulation, 0, 0, start.poses[0]).max() < 50
+    assert start.sureness[0] > 0.7, "the lead is that over the one turned round"
 
 
 @pytest.mark.parametrize(("known", "factor"), [(True, 1.0), (False, 0.5)])

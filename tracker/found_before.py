@@ -42,7 +42,7 @@ def knowing(
 
 @dataclass(frozen=True)
 class StartedBefore:
-    """Starts in one frame with the poses that it was left with before, and in others as ever."""
+    """Starts in one frame as was found before, and in others, or where somebody was seen before it, as ever."""
 
     found: Start
     frame: int
@@ -54,4 +54,5 @@ class StartedBefore:
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """See `tracker.initialization.Initialization.start`."""
-        return self.found if frame.index == self.frame else self.otherwise.start(frame, scene, stages)
+        known = frame.index == self.frame and not (stages.held or stages.seen_before)
+        return self.found if known else self.otherwise.start(frame, scene, stages)

@@ -12,7 +12,7 @@ import numpy as np
 from tracker.arrays import Mask
 from tracker.cycle import Cycle, State
 from tracker.errors import InitializationError
-from tracker.found_before import knowing
+from tracker.found_before import StartedBefore, knowing
 from tracker.frame import Frame
 from tracker.imaging.growing import grown
 from tracker.plate import Plate
@@ -36,7 +36,7 @@ def without_persons(cycle: Cycle, scene: Scene, frames: Callable[[], Iterator[Fr
     """The cycle without plates of the recording's own where they show a person at the start.
 
     A passer-by makes the views look as if everybody walked about; who sits there all the time is background to them.
-    Nobody in the first frame is no fault of theirs.
+    Nobody in the first frame is no fault of theirs. Where they stay, so does the start that was found before them.
 
     Args:
         cycle: the components and plates.
@@ -52,7 +52,7 @@ def without_persons(cycle: Cycle, scene: Scene, frames: Callable[[], Iterator[Fr
         return cycle
     covered = Sight(frame, cycle.plates).covered(cycle.synthesis.silhouettes(scene.with_poses(start.poses)))
     if covered >= LEAST_COVERED:
-        return cycle
+        return replace(cycle, initialization=StartedBefore(start, frame.index, cycle.initialization))
     log.info("plates of the recording's own are not used: %.0f %% of the persons stand out", 100 * covered)
     return replace(cycle, plates=tuple(None if plate is None or plate.recorded else plate for plate in cycle.plates))
 

@@ -17,6 +17,7 @@ from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._clearing import cleared
 from tracker.initialization._coarse_search import CoarseSearch, check_values
+from tracker.initialization._drafts import Draft, likeliest_of
 from tracker.initialization._foregrounds import foregrounds, outlined, segmented
 from tracker.initialization._hypotheses import (
     finalists,
@@ -35,7 +36,7 @@ from tracker.objective import Objective
 from tracker.plate import Plate
 from tracker.rig import Rig
 from tracker.scene import Scene
-from tracker.start import AxisFit, Hypothesis, Start, sureness
+from tracker.start import AxisFit, Hypothesis, Start
 from tracker.synthesis import side_by_side
 
 # Of somebody low shadows hide more: in frame 0 of V-Dance and frame 20 of P-Floor the right pose was fourth to sixth
@@ -102,24 +103,25 @@ class PcaInitialization:
         masks = foregrounds(frame, stages.plates)
         _enough(masks, frame, scene)
         if not any(plate is not None and plate.unknown is not None for plate in stages.plates):
-            return self._started(frame, scene, stages, masks)
+            return self._settled(self._drafts(frame, scene, stages, masks), stages)
         drawn = segmented(frame, stages.plates)
         tried = (frame, drawn), (frame, masks), (outlined(frame, stages.plates, drawn), drawn)
 
-        def started(one: tuple[Frame, tuple[Mask | None, ...]]) -> Start | InitializationError:
+        def drafted(one: tuple[Frame, tuple[Mask | None, ...]]) -> list[Draft] | InitializationError:
             try:
-                return self._started(one[0], scene, stages, one[1])
+                return self._drafts(one[0], scene, stages, one[1])
             except InitializationError as fault:
                 return fault
 
-        outcomes = side_by_side(stages.synthesis, started, tried)
-        starts = [one for one in outcomes if isinstance(one, Start)]
-        if not starts:
+        outcomes = side_by_side(stages.synthesis, drafted, tried)
+        drafts = likeliest_of([one for one in outcomes if isinstance(one, list)], 2 * self.finalists)
+        if not drafts:
             raise next(one for one in reversed(outcomes) if isinstance(one, InitializationError))
+        starts = side_by_side(stages.synthesis, lambda ways: self._settled(ways, stages), drafts)
         return least_left(starts, scene, self.finalists)
 
-    def _started(self, frame: Frame, scene: Scene, stages: Stages, masks: tuple[Mask | None, ...]) -> Start:
-        """The start from the foregrounds (H, W) of all views."""
+    def _drafts(self, frame: Frame, scene: Scene, stages: Stages, masks: tuple[Mask | None, ...]) -> list[Draft]:
+        """What each way to find the persons in the foregrounds (H, W) of all views comes to."""
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
         persons = tuple(scene.persons[k] for k in sought)
         if stages.seen_before:
@@ -128,17 +130,23 @@ class PcaInitialization:
         # who is looked for again is looked for often
         ways = list(islice(found, 1 if stages.seen_before else None))
         if len(ways) == 1:
-            return self._start_of(ways[0], sought, frame, scene, stages)
-        starts = []
+            return [self._draft(ways[0], sought, frame, scene, stages)]
+        drafts = []
         for way in ways:
             with contextlib.suppress(InitializationError):
-                starts.append(self._start_of(way, sought, frame, scene, stages))
-        if not starts:
+                drafts.append(self._draft(way, sought, frame, scene, stages))
+        if not drafts:
             raise InitializationError(f"frame {frame.index}: {len(ways)} bodies stand out, and none is like a person")
-        return likeliest(starts, scene, self.finalists, bodies=True)
+        return drafts
 
-    def _start_of(self, found: list[Found], sought: list[int], frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """The start of the persons sought who are those found."""
+    def _settled(self, ways: list[Draft], stages: Stages) -> Start:
+        """The start that ways to find the persons in one foreground come to, by the run's own estimation."""
+        stages.progress("bootstrapping: the best hypotheses, everyone in the scene")
+        starts = [draft.settled(stages, self.finalists) for draft in ways]
+        return starts[0] if len(ways) == 1 else likeliest(starts, ways[0].scene, self.finalists, bodies=True)
+
+    def _draft(self, found: list[Found], sought: list[int], frame: Frame, scene: Scene, stages: Stages) -> Draft:
+        """Hypotheses of the persons sought, who are those found, each searched for before the next."""
         persons = tuple(scene.persons[k] for k in sought)
         evidence: list[tuple[AxisFit | None, ...]] = [()] * len(scene.persons)
         hypotheses: list[tuple[Hypothesis, ...]] = [()] * len(scene.persons)
@@ -152,12 +160,7 @@ class PcaInitialization:
                     f"{hypotheses[k][0].left_over:.0%} of the contour over, expected at most {_MOST_LEFT_OVER:.0%}"
                 )
             scene = scene.with_pose(k, hypotheses[k][0].q)
-        hypotheses = self._together(frame, scene, stages, ordered, hypotheses)
-        sureness_of_all = (sureness(ranking) if ranking else 1.0 for ranking in hypotheses)
-        poses = tuple(
-            ranking[0].q if ranking else person.q for person, ranking in zip(scene.persons, hypotheses, strict=True)
-        )
-        return Start(poses, tuple(evidence), tuple(hypotheses), tuple(sureness_of_all))
+        return Draft(frame, scene, tuple(ordered), tuple(evidence), tuple(hypotheses))
 
     def _axes(self, person: Found, rig: Rig) -> tuple[list[TorsoAxis], tuple[AxisFit | None, ...]]:
         """The torso's axis from the views and from the hull, and the picture of how the first was found."""
@@ -206,30 +209,6 @@ class PcaInitialization:
         """What the fine search and the refinement make of a pose."""
         searched = self.fine.estimate(objective, q[None])
         return hypothesis(objective.body, self.refinement.estimate(objective, searched.q[None]))
-
-    def _together(
-        self,
-        frame: Frame,
-        scene: Scene,
-        stages: Stages,
-        found: list[Found],
-        hypotheses: list[tuple[Hypothesis, ...]],
-    ) -> list[tuple[Hypothesis, ...]]:
-        """The best hypotheses estimated and ranked again with everyone in the scene, who hide and are hidden."""
-        stages.progress("bootstrapping: the best hypotheses, everyone in the scene")
-        near = cleared(frame, scene, stages, found)
-        objective = stages.objective(near, scene, 0)
-        again = list(hypotheses)
-        sought = [k for k, ranking in enumerate(hypotheses) if ranking]
-        # The first of several persons is judged again when the others are where they belong.
-        for k in sought if len(sought) == 1 else sought * 2:
-            ranking = again[k]
-            objective = objective.about(scene, k)
-            estimates = [stages.estimation.estimate(objective, one.q[None]) for one in ranking]
-            every = ranked(objective.body, [hypothesis(objective.body, one) for one in estimates])
-            again[k] = finalists(every, self.finalists)
-            scene = scene.with_pose(k, again[k][0].q)
-        return again
 
 
 def _enough(masks: tuple[Mask | None, ...], frame: Frame, scene: Scene) -> None:
