@@ -16,7 +16,7 @@ from test_silhouettes import asked
 from tracker.acquisition.calibrated_views import _silhouette
 from tracker.arrays import Mask
 from tracker.comparison import Comparison
-from tracker.errors import InitializationError
+from tracker.errors import BackdropError, InitializationError
 from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.found_before import StartedBefore
@@ -25,6 +25,7 @@ from tracker.initialization import Backdrops, Stages
 from tracker.initialization._foregrounds import foregrounds, outlined, segmented
 from tracker.initialization._hypotheses import least_left
 from tracker.initialization.auto import AutoInitialization
+from tracker.initialization.pca import _likeliest_fault, _stand_out
 from tracker.initialization.stance import StanceInitialization
 from tracker.outlines import outline_observation
 from tracker.plate import Plate
@@ -287,6 +288,32 @@ def test_plates_of_the_recording_that_show_the_person_are_not_used(
     assert [plate is not None for plate in kept.plates] == [are_used, are_used, True, True]
     assert isinstance(kept.initialization, StartedBefore) == are_used, "before other plates another one may be found"
     assert without_persons(replace(cycle, plates=plates), simulation.scene, simulation.frames).plates == plates
+
+
+def test_whom_the_plates_show_everywhere_is_not_searched_before_them(
+    simulation: Simulation,
+) -> None:
+    """Of a woman who stays what is not known was taken for her: 18 s of search, and a pose 150 m away."""
+
+    class Refusing(TrueStart):
+        def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+            _stand_out(frame, scene, replace(stages, plates=plates), [self.simulation.poses[0][0]])
+            return super().start(frame, scene, stages)
+
+    plates = tuple(replace(plate, recorded=True) for plate in showing(simulation, lambda mask: mask, unknown=False))
+    refused = without_persons(
+        cycle_for(simulation, Refusing(simulation), plates=plates), simulation.scene, simulation.frames
+    )
+    assert refused.plates == (None,) * 4
+    assert isinstance(refused.initialization, Refusing)
+    empty, first = replace(stages_of(simulation, tuple), plates=simulation.plates), next(iter(simulation.frames()))
+    _stand_out(first, simulation.scene, empty, [simulation.poses[0][0]])  # before the empty room she stands out
+
+
+def test_that_the_plates_show_somebody_is_told_before_any_other_fault() -> None:
+    nobody, shown = InitializationError("nobody"), BackdropError("in the plates")
+    assert _likeliest_fault([nobody, shown]) is shown
+    assert _likeliest_fault([nobody, InitializationError("another")]) is nobody
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from tracker.body import BodyModel
 from tracker.body_files import load_body
 from tracker.frame import Frame
 from tracker.initialization._drafts import Draft, likeliest_of
-from tracker.initialization._hypotheses import apart, coarse_poses, finalists, ranked, turned_round
+from tracker.initialization._hypotheses import apart, coarse_poses, finalists, hypothesis, ranked, turned_round
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.start import Hypothesis, confidence, limbs_shown, sureness
@@ -62,6 +62,15 @@ def test_the_same_pose_counts_once_and_the_best_comes_first(body: BodyModel) -> 
     other = turned_round(body, q)
     order = ranked(body, [tried(other, 0.5), tried(q, 0.4), tried(q + 1e-3, 0.45)])
     assert [one.left_over for one in order] == [0.4, 0.5]
+
+
+def test_a_pose_that_no_image_shows_leaves_all_over(body: BodyModel) -> None:
+    estimate = estimate_of(bent(body), len(body.parts), lost=False)
+    assert hypothesis(body, estimate).left_over == estimate.account.left_over < 1
+    nothing = np.zeros(len(body.parts))
+    account = replace(estimate.account, visible_px=nothing, explained_px=nothing, missed_px=nothing)
+    assert account.left_over == 0
+    assert hypothesis(body, replace(estimate, account=account)).left_over == 1
 
 
 def test_somebody_who_faces_the_other_way_stays_among_those_followed(body: BodyModel) -> None:

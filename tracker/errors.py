@@ -49,6 +49,10 @@ class InitializationError(TrackerError):
     """No start pose could be found in the first frames."""
 
 
+class BackdropError(InitializationError):
+    """Whoever is looked for is in the very plates of what the recording shows most of the time, and stands not out."""
+
+
 def nearest(name: str, options: Iterable[str]) -> str:
     """A hint for a misspelt name: the nearest valid one first, then all of them.
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from tracker.arrays import Mask
 from tracker.cycle import Cycle, State
-from tracker.errors import InitializationError
+from tracker.errors import BackdropError, InitializationError
 from tracker.found_before import StartedBefore, knowing
 from tracker.frame import Frame
 from tracker.imaging.growing import grown
@@ -48,12 +48,15 @@ def without_persons(cycle: Cycle, scene: Scene, frames: Callable[[], Iterator[Fr
         return cycle
     try:
         start = cycle.initialization.start(frame, scene, cycle.stages)
+    except BackdropError as fault:
+        log.info("plates of the recording's own are not used: %s", fault)
     except InitializationError:
         return cycle
-    covered = Sight(frame, cycle.plates).covered(cycle.synthesis.silhouettes(scene.with_poses(start.poses)))
-    if covered >= LEAST_COVERED:
-        return replace(cycle, initialization=StartedBefore(start, frame.index, cycle.initialization))
-    log.info("plates of the recording's own are not used: %.0f %% of the persons stand out", 100 * covered)
+    else:
+        covered = Sight(frame, cycle.plates).covered(cycle.synthesis.silhouettes(scene.with_poses(start.poses)))
+        if covered >= LEAST_COVERED:
+            return replace(cycle, initialization=StartedBefore(start, frame.index, cycle.initialization))
+        log.info("plates of the recording's own are not used: %.0f %% of the persons stand out", 100 * covered)
     return replace(cycle, plates=tuple(None if plate is None or plate.recorded else plate for plate in cycle.plates))
 
 

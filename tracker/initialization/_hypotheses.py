@@ -92,14 +92,15 @@ def turned_round(body: BodyModel, q: Array) -> Array:
 
 
 def hypothesis(body: BodyModel, estimate: Estimate) -> Hypothesis:
-    """The hypothesis that an estimate makes."""
+    """The hypothesis that an estimate makes; of what no image shows nothing is known to be right."""
     account = estimate.account
+    left_over = account.left_over if account.explained > 0 else max(account.left_over, 1.0)
     turn_deg = float(np.degrees(_wrapped(estimate.q[turn_of(body)])))
     return Hypothesis(
         estimate.q,
         estimate.distance_px,
         account.explained,
-        account.left_over,
+        left_over,
         turn_deg,
         limbs_left_over(body, account),
     )
