@@ -10,6 +10,7 @@ import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 
 from tracker.initialization.pca import PcaInitialization
+from tracker.initialization.stance import StanceInitialization
 from tracker.rehearsal import rehearsed
 from tracker.start import Start
 from tracker.synthesis import side_by_side
@@ -49,7 +50,18 @@ def started(in_threads: bool, monkeypatch: pytest.MonkeyPatch) -> tuple[Start, S
     return found, rehearsed(found, first, simulation.scene, cycle, simulation.frames)
 
 
-def test_a_start_in_threads_is_that_of_a_loop(monkeypatch):
+def on_edges(in_threads: bool, monkeypatch: pytest.MonkeyPatch) -> tuple[Start]:
+    """A start without plates, limbs looked for anew."""
+    monkeypatch.setattr(CpuSynthesis, "threads", in_threads)
+    monkeypatch.setattr("tracker.initialization._limbs_anew._LEFT_OVER", 0.0)
+    simulation = small_simulation("two_elbow_rotation", n_frames=1)
+    stages = replace(cycle_for(simulation).stages, plates=(None,) * 4)
+    initialization = StanceInitialization(hypotheses=3, step_m=0.6, farthest_m=6.0, least_score=1e-3)
+    return (initialization.start(next(iter(simulation.frames())), simulation.scene, stages),)
+
+
+@pytest.mark.parametrize("started", [started, on_edges])
+def test_a_start_in_threads_is_that_of_a_loop(started, monkeypatch):
     for one, other in zip(started(True, monkeypatch), started(False, monkeypatch), strict=True):
         assert one.sureness == other.sureness
         for mine, its in zip(one.hypotheses[0], other.hypotheses[0], strict=True):

@@ -16,6 +16,7 @@ from tracker.initialization._floor import shown_share
 from tracker.initialization._hypotheses import hypothesis, ranked
 from tracker.scene import Scene
 from tracker.start import Hypothesis
+from tracker.synthesis import side_by_side
 from tracker.synthesis.cpu import CpuSynthesis
 
 # Poses at a time: bounds the memory.
@@ -107,3 +108,8 @@ def refined_on_edges(frame: Frame, scene: Scene, stages: Stages, q: Array) -> Hy
         estimate = stages.estimation.estimate(objective, q[None])
         q = estimate.q
     return hypothesis(objective.body, estimate)
+
+
+def all_refined_on_edges(frame: Frame, scene: Scene, stages: Stages, poses: Sequence[Array]) -> list[Hypothesis]:
+    """The same of several poses (dof,), side by side."""
+    return side_by_side(stages.synthesis, lambda q: refined_on_edges(frame, scene, stages, q), poses)

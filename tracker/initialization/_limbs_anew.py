@@ -8,7 +8,7 @@ from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.frame import Frame
 from tracker.initialization import Stages
-from tracker.initialization._edge_ranking import Clues, refined_on_edges
+from tracker.initialization._edge_ranking import Clues, all_refined_on_edges
 from tracker.initialization._hypotheses import different
 from tracker.scene import Scene
 from tracker.start import Hypothesis
@@ -42,7 +42,7 @@ def limbs_anew(frame: Frame, scene: Scene, stages: Stages, clues: Clues, best: H
         stages.progress(f"bootstrapping: {group.replace('_', ' ')} looked for anew")
         tried = _elsewhere(body, group, best.q)
         tried = tried[np.argsort(-clues.scores(scene, tried), kind="stable")]
-        again = [refined_on_edges(frame, scene, stages, q) for q in different(body, tried, _REFINED, _APART_M)]
+        again = all_refined_on_edges(frame, scene, stages, different(body, tried, _REFINED, _APART_M))
         found += again
         best = clues.ranked(scene, [best, *again])[0]
     return found

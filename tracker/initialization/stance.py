@@ -15,7 +15,7 @@ from tracker.errors import ConfigError, InitializationError
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._directions import DirectionImages, direction_images
-from tracker.initialization._edge_ranking import Clues, refined_on_edges
+from tracker.initialization._edge_ranking import Clues, all_refined_on_edges, refined_on_edges
 from tracker.initialization._floor import floor_places, shown_share
 from tracker.initialization._hypotheses import different, finalists, turned_round, with_held
 from tracker.initialization._likeness import size_of
@@ -69,7 +69,7 @@ class StanceInitialization:
     """Refined hypotheses, different from one another, that may be tracked into the next frames to choose between; one
     more where all of them face one way."""
 
-    least_score: float = pydantic.Field(default=0.16, ge=0, le=1)
+    least_score: float = pydantic.Field(default=0.16, gt=0, le=1)
     """Least share of what edges can gain that the best refined pose gains, chance being 0; below it nobody was found.
     In empty rooms something reached 0.09 to 0.13, up to 94 % of its contour on edges; persons reach 0.2 to 0.37."""
 
@@ -130,7 +130,7 @@ class StanceInitialization:
             others = with_held(scene, k, tuple(other for other in range(len(scene.persons)) if other != k))
             if len(sought) > 1:
                 # Whom the others hide was judged before they were found.
-                again = [refined_on_edges(frame, others, stages, one.q) for one in rankings[k]]
+                again = all_refined_on_edges(frame, others, stages, [one.q for one in rankings[k]])
                 rankings[k] = clue.ranked(others, again)
                 scene = scene.with_pose(k, rankings[k][0].q)
             sure[k] = self._sure(frame, others, rankings[k], clue)
@@ -163,10 +163,9 @@ class StanceInitialization:
         self, frame: Frame, scene: Scene, stages: Stages, clues: Clues, near: Whereabouts | None
     ) -> tuple[Hypothesis, ...]:
         """Refined poses of the scene's last person, the best one first."""
-        refined, body = [], scene.persons[-1].body
-        for n, q in enumerate(self._tried(frame, scene, stages, clues, near), start=1):
-            stages.progress(f"bootstrapping: stance {n} of {self.hypotheses}")
-            refined.append(refined_on_edges(frame, scene, stages, q))
+        tried, body = self._tried(frame, scene, stages, clues, near), scene.persons[-1].body
+        stages.progress(f"bootstrapping: the {len(tried)} likeliest stances")
+        refined = all_refined_on_edges(frame, scene, stages, tried)
         stages.progress("bootstrapping: the best stance turned round")
         back = turned_round(body, clues.ranked(scene, refined)[0].q)
         ranking = clues.ranked(scene, [*refined, refined_on_edges(frame, scene, stages, back)])
