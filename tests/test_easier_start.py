@@ -32,8 +32,16 @@ RULE = LossRule(look_ahead_s=(0.08, 0.2, 0.24), look_on_s=(), rehearse=0)
 class TurnedRoundAtFirst:
     """Somebody turned round, unsurely, before a frame; nobody in it; the truth, surely, after it."""
 
-    def __init__(self, simulation: Simulation, until: int, sure: float = 0.95, at_first: float = 0.2) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        until: int,
+        sure: float = 0.95,
+        at_first: float = 0.2,
+        explained: float | None = None,
+    ) -> None:
         self.simulation, self.until, self.sure, self.at_first = simulation, until, sure, at_first
+        self.explained = at_first if explained is None else explained
         self.asked: list[int] = []
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
@@ -43,7 +51,8 @@ class TurnedRoundAtFirst:
         truth = self.simulation.poses[0][frame.index]
         early = frame.index < self.until
         q = turned_round(scene.persons[0].body, truth) if early else truth
-        return Start((q,), (), ((Hypothesis(q, 3.0, 0.9, 0.1, 0.0),),), (self.at_first if early else self.sure,))
+        one = Hypothesis(q, 3.0, self.explained if early else 0.9, 0.1, 0.0)
+        return Start((q,), (), ((one,),), (self.at_first if early else self.sure,))
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +88,16 @@ def test_where_no_start_is_rather_right_than_wrong_it_is_looked_for_further_on(
     steps = tracked(simulation, cycle_for(simulation, start, loss=rule))
     assert start.asked[: len(asked) + 1] == asked, "the first that is rather right ends it"
     assert (max(errors_mm(simulation, steps)) < 10) == (len(asked) == 3)
+
+
+@pytest.mark.parametrize(("at_first", "asked"), [(0.6, [0]), (0.4, [0, 2, 5])])
+def test_who_is_sure_but_for_limbs_is_not_looked_for_later(
+    simulation: Simulation, at_first: float, asked: list[int]
+) -> None:
+    """What is left over of a limb lowers the sureness alone; below a half it may be the pose as a whole."""
+    start = TurnedRoundAtFirst(simulation, until=2, at_first=at_first, explained=0.9)
+    next(track(simulation.frames(), simulation.scene, cycle_for(simulation, start, loss=RULE), {}, simulation.frames))
+    assert start.asked == asked
 
 
 def test_a_run_that_cannot_look_ahead_starts_where_it_starts(simulation: Simulation) -> None:

@@ -14,7 +14,7 @@ from tracker.frame import Frame
 from tracker.rehearsal import Reopen, rehearsed
 from tracker.scene import Scene
 from tracker.sight import Sight
-from tracker.start import Start
+from tracker.start import Start, sureness
 from tracker.strangers import hide_strangers
 from tracker.trajectory import Replay, Step
 
@@ -52,9 +52,10 @@ def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack 
         reopen: opens the sequence anew.
 
     Returns:
-        None if the start is sure or given, no later one is surer, or the images of the first frame speak for its own.
+        None if the start is sure but for limbs, or given, no later one is surer, or the images of the first frame speak
+        for its own.
     """
-    if step.start is None or step.start.given or step.start.least_sureness >= cycle.loss.sure:
+    if step.start is None or step.start.given or _sure_but_for_limbs(step.start, cycle.loss.sure):
         return None
     found = _surest(step, scene, cycle, reopen)
     if found is None:
@@ -68,6 +69,15 @@ def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack 
         sum(one.distance_px for one in way) for way in (replays[step.frame.index].estimates, step.estimates)
     )
     return LedBack(frame.index, start, replays) if back_px < here_px else None
+
+
+def _sure_but_for_limbs(start: Start, sure: float) -> bool:
+    """Whether a start is sure enough, or likely and in doubt for limbs alone: tracking looks for these in any frame.
+
+    Later starts of P-Floor, R-Turn and R-UpperBody were no surer than such ones, and took half of the run.
+    """
+    as_wholes = min((sureness(ranking) for ranking in start.hypotheses if ranking), default=0.0)
+    return start.least_sureness >= (min(sure, _LIKELY) if as_wholes >= sure else sure)
 
 
 def _surest(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> tuple[Frame, Start] | None:
