@@ -29,7 +29,8 @@ _LEAST_GAP_S = 0.03
 # So many frames in which all hypotheses are doubtful end a rehearsal: every limb of theirs is searched for in each. It
 # took 97 of the 123 s of D-TwoElbowRot's first start without plates, to choose among three that are all wrong.
 _TOLD_AFTER = 4
-# Who left so many times as much over in as many frames is not followed any farther: a fifth less decides. Of K_KNOWN
+# Who left so many times as much over in as many frames is not followed any farther, for a fifth less decides. Of eight
+# starts of six recordings twelve were met by it, 0.18 to 0.6 m off.
 _BEATEN = 1.5
 
 _Value = TypeVar("_Value")
