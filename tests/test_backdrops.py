@@ -290,6 +290,18 @@ def test_plates_of_the_recording_that_show_the_person_are_not_used(
     assert without_persons(replace(cycle, plates=plates), simulation.scene, simulation.frames).plates == plates
 
 
+def test_a_start_before_plates_of_the_recording_is_not_looked_for_again(simulation: Simulation) -> None:
+    plates = tuple(replace(plate, recorded=True) for plate in showing(simulation, trunk, unknown=True))
+    initialization, first = TrueStart(simulation), next(iter(simulation.frames()))
+    kept = without_persons(cycle_for(simulation, initialization, plates=plates), simulation.scene, simulation.frames)
+    stages, scene = kept.stages, simulation.scene
+    found = kept.initialization.start(first, scene, stages)
+    assert initialization.asked == [0]
+    np.testing.assert_array_equal(found.poses[0], TrueStart(simulation).start(first, scene, stages).poses[0])
+    kept.initialization.start(first, scene, replace(stages, seen_before=True))
+    assert initialization.asked == [0, 0], "who was lost since may be elsewhere"
+
+
 def test_whom_the_plates_show_everywhere_is_not_searched_before_them(
     simulation: Simulation,
 ) -> None:
