@@ -50,7 +50,7 @@ class InitializationError(TrackerError):
 
 
 class BackdropError(InitializationError):
-    """Whoever is looked for is in the very plates of what the recording shows most of the time, and does not stand out."""
+    """Who is looked for is in the very plates of what the recording shows most of the time, and does not stand out."""
 
 
 def nearest(name: str, options: Iterable[str]) -> str:
