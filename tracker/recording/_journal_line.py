@@ -60,7 +60,7 @@ def _line(step: Step) -> dict[str, Any]:
     return {
         "frame": step.frame.index,
         "time_s": step.frame.time_s,
-        "seconds": {stage: round(value, 6) for stage, value in step.seconds.items()},
+        "seconds": {stage: round(value, 5) for stage, value in step.seconds.items()},
         "overlap": None if step.overlap is None else _packed(step.overlap),
         "untrusted": {str(v): fault for v, fault in step.untrusted.items()},
         **({"strangers": True} if step.strangers else {}),
