@@ -20,7 +20,7 @@ from tracker.initialization._hypotheses import turned_round
 from tracker.initialization.given import GivenInitialization
 from tracker.jobs._starts import told_of_start
 from tracker.loss import LossRule
-from tracker.rehearsal import _following, rehearsed
+from tracker.rehearsal import _following, _in_order, rehearsed
 from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
 from tracker.start import Hypothesis, Start, sureness
@@ -120,6 +120,15 @@ def test_who_is_beaten_is_not_followed_to_the_end(simulation: Simulation, seen: 
     assert sorted(seen) == sorted([*range(1, 5)] * 2), "four frames tell, and one alone is left"
     truth, wrong = start.hypotheses[0]
     assert wrong.left_over > 1.5 * truth.left_over, "both are told"
+
+
+def test_who_was_beaten_stays_behind_however_hard_the_others_become_to_see(simulation: Simulation) -> None:
+    """Averages over other frames: what was followed to the end left 0.1 over when the other was given up with 0.16."""
+    followed, beaten = (Hypothesis(simulation.poses[0][0], 3.0, 0.9, left, 0.0) for left in (0.2, 0.16))
+    best, behind = _in_order([followed], [beaten])
+    assert best is followed
+    assert behind.left_over == pytest.approx(0.3)
+    assert _in_order([followed], [replace(beaten, left_over=0.5)])[1].left_over == 0.5
 
 
 def test_hypotheses_that_come_to_one_pose_are_one(simulation: Simulation, seen: list[int]) -> None:

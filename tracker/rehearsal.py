@@ -110,15 +110,21 @@ def _ranked(
         trials = [trial for trial in trials if not _beaten(trial, trials[0])]
         if len(trials) == 1 or all(_hopeless(trial, held) for trial in trials):
             break
-    ranking = [_on_average(trial, body) for trial in (*trials, *beaten)]
-    return tuple(sorted(ranking, key=lambda one: one.left_over))
+    return _in_order(*([_on_average(trial, body) for trial in those] for those in (trials, beaten)))
+
+
+def _in_order(followed: list[Hypothesis], beaten: list[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """The best first; the beaten as far behind as when they were, for the frames after that may be harder to see."""
+    least = _BEATEN * min(one.left_over for one in followed)
+    behind = [replace(one, left_over=max(one.left_over, least)) for one in beaten]
+    return tuple(sorted([*followed, *behind], key=lambda one: one.left_over))
 
 
 def _different(trials: list[_Trial], body: BodyModel) -> list[_Trial]:
     """Those that leave least over first; of several that have come to one pose the best, or the one that was given.
 
     Two right hypotheses of K-Kick whose arms differed at first left 0.084 and 0.081 over, so that neither was sure: six
-    more starts were looked for, a minute, though both had been the same for nine frames.
+    more starts were looked for, two minutes, though both had been the same for nine frames.
     """
     kept: list[_Trial] = []
     for trial in sorted(trials, key=lambda one: (not one.hypothesis.given, one.left_over)):

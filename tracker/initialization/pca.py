@@ -45,9 +45,9 @@ from tracker.synthesis import side_by_side
 _MORE_OF_LOW = 2
 # Of who is looked for again: a woman who walked in left 0.12 to 0.27 over, shadows of the man beside her 0.44 to 0.64.
 _MOST_LEFT_OVER = 0.5
-# Of the coarse poses before plates that do not know everywhere what is background: from frames 0, 25 and 50 of eight
-# recordings the best of each is to 0.65 to 1 before what stands out, of R-UpperBody, who is in such plates herself, to
-# 0.45, twice. The search of such poses took 18 s and ended 150 m away.
+# Share of the best coarse pose that lies before what stands out, against plates that do not know everywhere what is
+# background: 0.65 to 1 in frames 0, 25 and 50 of eight recordings; 0.45 in two of R-UpperBody, who is in such plates
+# herself. Searched from there, which took 18 s, she ended 150 m away.
 _LEAST_COVERED = 0.5
 
 
