@@ -140,17 +140,17 @@ def test_the_doubted_are_looked_for_ever_more_rarely(simulation: Simulation) -> 
     step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
     doubtful = replace(step.estimates[0], doubtful=True)
     fine = replace(step.estimates[0], doubtful=False, ambiguous=())
-    asked = [n + 1 for n in range(100) if sought_anew(doubtful, 0, n, LossRule(again_after=5))]
-    assert asked == [5, 10, 20, 40, 80]
-    assert not any(sought_anew(fine, 0, n, LossRule(again_after=5)) for n in range(100))
-    assert sought_anew(fine, 1, 0, LossRule())  # seen again after a loss
+    asked = [n + 1 for n in range(100) if sought_anew(doubtful, 0, n, False, LossRule(again_after=5))]
+    assert asked == [5, 20, 80]
+    assert not any(sought_anew(fine, 0, n, False, LossRule(again_after=5)) for n in range(100))
+    assert sought_anew(fine, 1, 0, False, LossRule())  # seen again after a loss
 
 
 def test_who_is_lost_is_searched_for_at_once_and_then_where_he_is_looked_for_anew(simulation: Simulation) -> None:
     cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=0))
     step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
     lost, rule = replace(step.estimates[0], status=Status.LOST), LossRule(restart_every=3)
-    due = [n for n in range(60) if sought_anew(lost, n, 0, rule)]
+    due = [n for n in range(60) if sought_anew(lost, n, 0, False, rule)]
     assert due == [0, 3, 6, 12, 24, 48]
     assert [n for n in range(60) if not is_out_of_sight(n, rule)] == [0, 1, 2, *due[1:]]
 

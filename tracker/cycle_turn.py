@@ -22,7 +22,7 @@ from tracker.objective import Objective
 from tracker.other_places import in_likeliest_places
 from tracker.outcome import finished, still_lost
 from tracker.part_colours import PartColours, part_colours
-from tracker.rivals import weighed
+from tracker.rivals import found_twice, weighed
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.single_view import with_vague_limbs
@@ -82,8 +82,9 @@ def advance(
     # frame, as if just found: 5 s each, of somebody who had not come in yet
     estimates = list(judged_in_space(current, tuple(estimates)))
     estimates = still_lost(sight, current, cycle.synthesis, estimates, state.frames_lost, cycle.loss.least_views)
-    waits = enumerate(zip(estimates, state.frames_lost, state.frames_doubted, strict=True))
-    sought = [k for k, since in waits if sought_anew(*since, cycle.loss)]
+    twice = found_twice(current, estimates, rivals)
+    waits = zip(estimates, state.frames_lost, state.frames_doubted, twice, strict=True)
+    sought = [k for k, so_far in enumerate(waits) if sought_anew(*so_far, cycle.loss)]
     if sought:
         with clock("initialization"):
             current, estimates, start = _recover(sight, current, cycle, state, estimates, sought)

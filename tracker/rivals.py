@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tracker.arrays import Array, Mask
 from tracker.estimate import Estimate
 from tracker.limbs import are_apart, taken_over
+from tracker.loss import doubted
 from tracker.objective import Objective
+from tracker.scene import Scene
 
 # What another way must be better by, px. In R-Turn from frame 20 and T-Punch-light from frame 0 less than this led from
 # the right pose to a wrong one three times, and never back; more did so once of seven times.
@@ -50,6 +54,22 @@ def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
         return mine
     covariance = _of_both(best.covariance, other.covariance, theirs)
     return objective.estimate(q, covariance, mine.evaluations + 2 + len(limbs))
+
+
+def found_twice(scene: Scene, mine: Sequence[Estimate], rivals: Sequence[Estimate]) -> tuple[bool, ...]:
+    """Of each person, whether two ways have led to the same pose, although it was in doubt on the other one, too.
+
+    Args:
+        scene: the persons.
+        mine: their estimates at hand.
+        rivals: what was found in another way; empty for nothing.
+    """
+    if not rivals:
+        return (False,) * len(mine)
+    return tuple(
+        not one.lost and doubted(rival) and not are_apart(person.body, one.q, rival.q)
+        for person, one, rival in zip(scene.persons, mine, rivals, strict=True)
+    )
 
 
 def _of_both(one: Array, other: Array, theirs: Mask) -> Array:
