@@ -141,7 +141,7 @@ def test_the_doubted_are_looked_for_ever_more_rarely(simulation: Simulation) -> 
     doubtful = replace(step.estimates[0], doubtful=True)
     fine = replace(step.estimates[0], doubtful=False, ambiguous=())
     asked = [n + 1 for n in range(100) if sought_anew(doubtful, 0, n, False, LossRule(again_after=5))]
-    assert asked == [5, 20, 80]
+    assert asked == [5, 10, 40]
     assert not any(sought_anew(fine, 0, n, False, LossRule(again_after=5)) for n in range(100))
     assert sought_anew(fine, 1, 0, False, LossRule())  # seen again after a loss
 

@@ -81,10 +81,10 @@ class LossRule:
     again_after: int = pydantic.Field(default=5, ge=1)
     """Frames doubted one after the other after which limbs in doubt are looked for wherever they may be, and a person
     who is doubtful then, or of whom several limbs are in doubt, as if never seen; what is found is taken where the
-    images clearly speak for it. Doubted on, limbs again after as many, a person after four times as many, and so on:
-    without plates each time takes 15 s, of one of two persons 35 to 75, and for bodies that no model fits, or that the
-    views hardly show, it is in vain. In R-Turn the legs are exchanged for 40 frames; looked for anew, they are found
-    at once."""
+    images clearly speak for it. Doubted on, limbs again after as many, a person after twice as many, and then after
+    four times as many, and so on: without plates each time takes 15 s, of one of two persons 35 to 75, and for bodies
+    that no model fits, or that the views hardly show, it is in vain. In R-Turn the legs are exchanged for 40 frames;
+    looked for anew, they are found at once; without plates, arms and legs in the tenth frame of doubt."""
 
 
 def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
@@ -158,8 +158,8 @@ def sought_anew(estimate: Estimate, frames_lost: int, frames_doubted: int, found
         return _is_due(frames_lost, loss)
     times, rest = divmod(frames_doubted + 1, loss.again_after)
     as_a_whole = estimate.doubtful or len(estimate.limbs_in_doubt) > 1
-    power_of_four = times.bit_count() == 1 and times.bit_length() % 2 == 1
-    return frames_lost > 0 or (as_a_whole and rest == 0 and power_of_four and not found_twice)
+    due = rest == 0 and times.bit_count() == 1 and (times == 1 or times.bit_length() % 2 == 0)  # 1, 2, 8, 32
+    return frames_lost > 0 or (due and as_a_whole and not found_twice)
 
 
 def is_looked_about(estimate: Estimate, frames_doubted: int, loss: LossRule) -> bool:
