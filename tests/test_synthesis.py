@@ -243,7 +243,7 @@ def test_exactly_what_no_other_part_covers_is_drawn(kind: str) -> None:
 def test_edges_between_touching_parts_are_marked() -> None:
     """Marked is what lies inside another part when moved outwards by the contact distance."""
     synthesis, n_marked, n_wrong = CpuSynthesis(contact_m=0.03), 0, 0
-    for person in posed("gavrila22", 8):
+    for person in posed("gavrila22", 10):
         # near the reference pose the limbs hang beside the body
         q = np.where(person.body.rotates, 0.1, 1.0) * person.q
         scene = Scene((replace(person, q=q),), RIGS["narrow"])
