@@ -213,14 +213,12 @@ def test_who_is_lost_for_long_is_looked_for_more_seldom(truth: Scene, observatio
     assert [n for n in range(7) if sought_anew(lost, n, 0, False, LossRule(restart_every=1))] == [0, 1, 2, 4]
 
 
-def test_who_was_looked_for_on_another_way_to_the_same_pose_is_not_again(
+def test_whom_another_way_in_doubt_has_led_to_the_same_pose_is_not_looked_for_anew(
     truth: Scene, observation: Observation
 ) -> None:
-    body, sure = truth.persons[0].body, estimate_of(truth, observation)
+    sure, arm = estimate_of(truth, observation), truth.persons[0].body.index("left_arm_elevation")
     doubtful, elsewhere = replace(sure, doubtful=True), sure.q.copy()
-    elsewhere[body.index("left_arm_elevation")] += np.radians(
-        60 if elsewhere[body.index("left_arm_elevation")] < 0 else -60
-    )
+    elsewhere[arm] += np.radians(60 if elsewhere[arm] < 0 else -60)
     for rival, same in (
         (doubtful, True),
         (sure.doubting(["left_arm"]), True),

@@ -82,9 +82,10 @@ class LossRule:
     """Frames doubted one after the other after which limbs in doubt are looked for wherever they may be, and a person
     who is doubtful then, or of whom several limbs are in doubt, as if never seen; what is found is taken where the
     images clearly speak for it. Doubted on, limbs again after as many, a person after twice as many, and then after
-    four times as many, and so on: without plates each time takes 15 s, of one of two persons 35 to 75, and for bodies
-    that no model fits, or that the views hardly show, it is in vain. In R-Turn the legs are exchanged for 40 frames;
-    looked for anew, they are found at once; without plates, arms and legs in the tenth frame of doubt."""
+    four times as many, and so on, but no person whom another way in doubt has led to the same pose: without plates each
+    time takes 15 s, of one of two persons 35 to 75, and for bodies that no model fits, or that the views hardly show,
+    it is in vain. In R-Turn the legs are exchanged for 40 frames; looked for anew, they are found at once; without
+    plates, arms and legs in the tenth frame of doubt."""
 
 
 def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
@@ -151,7 +152,7 @@ def sought_anew(estimate: Estimate, frames_lost: int, frames_doubted: int, found
         estimate: in this frame.
         frames_lost: for how many frames before this one the person was lost.
         frames_doubted: the same for doubts.
-        found_twice: whether another way, where the person was looked for as well, has led to the same pose.
+        found_twice: whether another way has led to the same pose, in doubt as well; see `tracker.rivals.found_twice`.
         loss: the rule.
     """
     if estimate.lost:
