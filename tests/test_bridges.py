@@ -15,7 +15,7 @@ from tracker.comparison import Comparison
 from tracker.contours import Contours
 from tracker.cycle import Cycle, State
 from tracker.equations import Equations
-from tracker.estimate import Status
+from tracker.estimate import Estimate, Status
 from tracker.evidence import Evidence, Memory
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
@@ -133,3 +133,16 @@ def test_nothing_leads_over_a_frame_in_which_the_person_was_not_tracked(
     even = smoothed(rough, replace(cycle, evidence=Blind()))
     for n in (n for n in range(len(rough)) if n not in JUMPS):
         np.testing.assert_array_equal(even[n].estimates[0].q, rough[n].estimates[0].q)
+
+
+def test_what_was_in_doubt_of_other_limbs_is_so_still(
+    cycle: Cycle, steps: list[Step], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That one view alone shows a leg is no less so because an arm was moved."""
+
+    def legs_too(objective: object, estimate: Estimate, within_px: float) -> Estimate:
+        return replace(estimate, ambiguous=(*estimate.ambiguous, "left_leg"), vague=(*estimate.vague, "left_leg"))
+
+    monkeypatch.setattr("tracker.cycle_turn.with_vague_limbs", legs_too)
+    even = smoothed(jumping(steps), replace(cycle, evidence=Blind()))
+    assert all({"left_leg", "left_arm"} <= set(even[n].estimates[0].ambiguous) for n in JUMPS)

@@ -17,6 +17,7 @@ from tracker.evidence import GUESSED
 from tracker.evidence.departures import DeparturesEvidence
 from tracker.frame import Frame
 from tracker.objective import Objective
+from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
@@ -259,3 +260,11 @@ def test_a_missing_view_says_nothing(scene: Scene, raised: Array) -> None:
     assert account.distance_px > 0
     nothing = replace(question, observed=EVIDENCE.observe(Sight(Frame(1, 0.0, (None,) * 4)), None, memory))
     assert EVIDENCE.distances(nothing, raised[None])[0] == 0
+
+
+def test_views_may_have_images_of_other_sizes(scene: Scene) -> None:
+    cameras = scene.rig.cameras
+    smaller = replace(scene, rig=Rig((*cameras[:3], replace(cameras[3].downscaled(2), downscale=1))))
+    memory = learned(smaller, images_of(smaller))
+    question = asked(smaller, (None, *images_of(smaller)[1:]), memory)
+    assert EVIDENCE.distances(question, smaller.persons[0].q[None])[0] == 0.0

@@ -63,7 +63,7 @@ def test_a_body_elsewhere_is_doubtful(truth: Scene, observation: Observation) ->
 
 def test_somebody_of_whom_most_limbs_are_in_doubt_is_doubtful(truth: Scene, observation: Observation) -> None:
     body = truth.persons[0].body
-    limbs = [group for group in body.fine_groups if body.partner_of(group)]
+    limbs = body.limbs
     sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=(), vague=())
     fitted = objective_of(truth, observation).asked.fine(truth.persons[0].q)
 

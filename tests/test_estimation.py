@@ -80,6 +80,16 @@ def test_refinement_keeps_the_best_start(truth: Scene, observation: Observation)
     assert both.distance_px == objective(both.q[None])[0]
 
 
+@pytest.mark.parametrize("iterations", [1, 2])
+def test_sigmas_are_those_of_the_images_however_short_the_refinement(
+    truth: Scene, observation: Observation, iterations: int
+) -> None:
+    body, q = truth.persons[0].body, truth.persons[0].q
+    starts = np.stack([body.clamped(q + off(body, 2.0, 0.01, seed=seed)) for seed in (1, 2)])
+    found = TwistIcpEstimation(iterations=iterations).estimate(objective_of(truth, observation), starts)
+    assert np.sqrt(np.diag(found.covariance)[:3]).max() < 0.02, "the prior's is 0.15 m"
+
+
 def test_refinement_stops_at_the_joint_limits(body: BodyModel, truth: Scene) -> None:
     """A straight elbow seen a little overstretched stays straight, and does not spoil the other angles."""
     elbow = body.index("left_arm_extension")

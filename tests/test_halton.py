@@ -16,3 +16,7 @@ def test_points_are_scipys_to_the_bit(n, n_dimensions):
 
 def test_the_first_points_are_halves_and_thirds():
     np.testing.assert_allclose(halton(4, 2), [[0, 0], [1 / 2, 1 / 3], [1 / 4, 2 / 3], [3 / 4, 1 / 9]], atol=1e-15)
+
+
+def test_of_no_dimensions_there_is_nothing():
+    assert halton(5, 0).shape == (5, 0)

@@ -65,7 +65,7 @@ def test_what_no_two_views_show_from_different_sides_may_be_anywhere(scene: Scen
 
 
 def test_a_person_of_whom_much_is_left_over_is_not_hidden_but_wrong(scene: Scene, body: BodyModel) -> None:
-    limbs = [group for group in body.fine_groups if body.partner_of(group)]
+    limbs = body.limbs
     assert found(scene, account_of(body, {(2, group): 0.8 for group in limbs})) == set()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from tracker.errors import SequenceError
 from tracker.keypoint_layouts import open_keypoints
+from tracker.keypoint_layouts.views import KeypointViews
 from tracker.keypoints import LAYOUTS, plain_name, swapped_sides
 from tracker.mirror import Mirror
 
@@ -152,6 +154,18 @@ def test_a_malformed_table_is_one_clear_line(name: str, tmp_path: Path) -> None:
     assert told in str(caught.value)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_files_that_have_changed_are_read_anew(tmp_path: Path) -> None:
+    """In a notebook a detector may have run again meanwhile."""
+    file = tmp_path / "one.csv"
+    for k, x in enumerate((10.0, 20.0)):
+        table = f"frame_idx,instance.score,nose.x,nose.y,nose.score\n0,0.9,{x},5,0.9\n"
+        file.write_text(table)
+        os.utime(file, ns=(k, k))
+        views = KeypointViews.open(str(tmp_path / "{view}.csv"), ("one",))
+        assert views.sources[0].at(0).found[0, 0, 0] == x
+        assert KeypointViews.open(str(tmp_path / "{view}.csv"), ("one",)) is views
 
 
 @pytest.mark.parametrize("name", ["absent", "video.mp4"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pydantic
 import pytest
 from recordings import around
 from sections import each, made
@@ -12,7 +13,7 @@ from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.estimate import Estimate, Status
 from tracker.prediction.polynomial import PolynomialPrediction
-from tracker.trajectory import History
+from tracker.trajectory import KEPT, History
 
 DT = 0.04
 
@@ -161,3 +162,9 @@ def test_who_stands_still_is_predicted_to(use, n_frames, truth):
     history = History(0.04 * np.arange(n_frames), np.tile(person.q, (n_frames, 1)))
     candidates = made("prediction", use).predict(person.body, history, 0.04 * n_frames)
     np.testing.assert_allclose(candidates, np.tile(person.q, (len(candidates), 1)), atol=1e-9)
+
+
+@pytest.mark.parametrize("field", ["window", "velocity_window"])
+def test_a_window_longer_than_the_history_is_refused(field: str) -> None:
+    with pytest.raises(pydantic.ValidationError, match=field):
+        PolynomialPrediction(**{field: KEPT + 1})

@@ -155,6 +155,16 @@ def test_limbs_lower_the_confidence_without_plates_alone(
     assert start.sureness[0] > 0
 
 
+def test_masks_are_as_good_as_plates(simulation: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tracker.rehearsal.limbs_shown", lambda best: 0.5)
+    cycle = cycle_for(simulation, WrongFirst(simulation, sure=0.1), plates=(None,) * 4)
+    first = next(iter(simulation.frames()))
+    masks = tuple(np.ones(image.shape[:2], dtype=np.bool_) for image in first.images if image is not None)
+    start = cycle.initialization.start(first, simulation.scene, cycle.stages)
+    found = rehearsed(start, replace(first, masks=masks), simulation.scene, cycle, simulation.frames)
+    assert found.sureness[0] == pytest.approx(sureness(found.hypotheses[0]))
+
+
 @pytest.mark.parametrize("changes", [{"rehearse": 0}, {"sure": 0.05}])
 def test_a_sure_start_needs_no_rehearsal(simulation: Simulation, changes: dict[str, float]) -> None:
     initialization = WrongFirst(simulation, sure=0.1)

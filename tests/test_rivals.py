@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -56,6 +57,7 @@ def test_each_limb_is_taken_from_where_it_is_right(body: BodyModel, mine_first: 
     found = weighed(cast("Objective", landscape), mine, rival)
     np.testing.assert_allclose(body.landmarks_in_world(found.q), body.landmarks_in_world(truth), atol=1e-3)
     assert found.evaluations == 5 + 2 + 2
+    assert weighed(cast("Objective", landscape), replace(mine, search_s=3.0), rival).search_s == 3.0
 
 
 def test_the_uncertainty_of_a_limb_comes_with_it(body: BodyModel) -> None:

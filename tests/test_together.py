@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tracker.account import Account, summed
 from tracker.equations import Equations
 from tracker.errors import ConfigError
 from tracker.evidence.together import TogetherEvidence, _sharpened
@@ -36,3 +37,12 @@ def test_what_says_nothing_is_not_exact() -> None:
 def test_every_kind_has_its_value() -> None:
     with pytest.raises(ConfigError, match="exact_px has 1 values for 2 kinds"):
         TogetherEvidence(exact_px=(1.2,))
+
+
+def test_a_view_that_one_kind_tells_nothing_of_has_the_distance_of_the_others() -> None:
+    none, px = np.zeros(2), np.ones(2)
+    one = Account(3.0, np.array([3.0, np.nan]), px, px, px, none)
+    other = Account(1.0, np.array([1.0, np.nan]), px, px, px, none)
+    silent = Account(0.0, np.array([np.nan, np.nan]), px, none, none, none)
+    found = summed([one, other, silent], [1.0, 2.0, 1.0])
+    np.testing.assert_array_equal(found.per_view_px, [5.0, np.nan])

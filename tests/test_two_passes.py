@@ -15,6 +15,7 @@ import tracker.windows
 from tracker.cycle import Cycle
 from tracker.errors import InitializationError
 from tracker.estimate import Status
+from tracker.evidence.auto import AutoEvidence
 from tracker.loss import LossRule
 from tracker.simulation.sequence import Simulation
 from tracker.tracking import track
@@ -152,3 +153,14 @@ def test_nobody_in_the_first_frames_is_an_error_in_time(simulation: Simulation) 
     dark = with_images(simulation, lambda t, v, image: np.zeros_like(image))
     with pytest.raises(InitializationError):
         list(track_twice(dark, simulation.scene, replace(cycle, plates=(None,) * 4), {}, simulation.frames))
+
+
+@pytest.mark.usefixtures("short_windows")
+def test_who_is_doubtful_for_all_limbs_is_so_for_a_resumed_run(simulation: Simulation) -> None:
+    """Images that tell little of any limb: what frames teach, and which windows are tracked back, hangs on it."""
+    loss = LossRule(vague_above_m=1e-6, doubtful_above=10, ambiguous_above=10)
+    cycle = cycle_for(simulation, TrueStart(simulation), loss=loss, evidence=AutoEvidence(), plates=(None,) * 4)
+    whole = twice(simulation, cycle)
+    assert all(step.estimates[0].doubtful and not step.estimates[0].limbs_in_doubt for step in whole)
+    for one, other in zip(whole, twice(simulation, cycle, kept(whole[:4])), strict=True):
+        np.testing.assert_array_equal(one.estimates[0].q, other.estimates[0].q)

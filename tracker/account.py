@@ -101,10 +101,12 @@ def summed(accounts: Sequence[Account], weights: Sequence[float]) -> Account:
     total = sum(weight for weight, one in pairs if one.visible_px.any()) or 1.0
     known = np.array([np.isfinite(one.per_part_px) for one in accounts])
     parts = np.array([weight * np.nan_to_num(one.per_part_px) for weight, one in pairs])
+    told = np.array([np.isfinite(one.per_view_px) for one in accounts])
+    views = np.array([weight * np.nan_to_num(one.per_view_px) for weight, one in pairs])
     by_view = [weight / total * one.by_view_px for weight, one in pairs if one.by_view_px is not None]
     return Account(
         distance_px=float(sum(weight * one.distance_px for weight, one in pairs)),
-        per_view_px=np.sum([weight * one.per_view_px for weight, one in pairs], axis=0),
+        per_view_px=np.where(told.any(axis=0), views.sum(axis=0), np.nan),
         per_part_px=np.where(known.any(axis=0), parts.sum(axis=0), np.nan),
         visible_px=np.sum([weight / total * one.visible_px for weight, one in pairs], axis=0),
         explained_px=np.sum([weight / total * one.explained_px for weight, one in pairs], axis=0),

@@ -66,7 +66,7 @@ def tracked_back(
         seconds, estimates = ({}, ()) if other is None else (other.seconds, other.estimates)
         step = advance(sight, step.scene, cycle, state, Clock(seconds), estimates)
         state = state.after(sight, step, cycle.evidence)
-        yield replace(step, frame=frame, start=None if other is None else other.start, observed=None)
+        yield replace(step, frame=frame, start=None if other is None else other.start)
 
 
 def turned(state: State, step: Step) -> State:

@@ -103,6 +103,16 @@ class BodyModel(KinematicTree):
         sets = {name: set(members) for name, members in self.groups.items()}
         return tuple(name for name in sets if not any(other < sets[name] for other in sets.values()))
 
+    @cached_property
+    def limbs(self) -> tuple[str, ...]:
+        """Fine groups that have one on the other side: arms and legs, not trunk and head, on which they hang."""
+        return tuple(group for group in self.fine_groups if self.partner_of(group))
+
+    @cached_property
+    def marked_limbs(self) -> tuple[str, ...]:
+        """Limbs that landmarks tell the place of: a model file may give some of the others none."""
+        return tuple(group for group in self.limbs if self.landmarks_of(group).any())
+
     def partner_of(self, group: str) -> str | None:
         """The group of the other side, if the model has one with the same parameters."""
         return self._partners[group]

@@ -17,11 +17,10 @@ from tracker.body import BodyModel
 from tracker.clock import Clock
 from tracker.contours import joined
 from tracker.cycle import Cycle, State
-from tracker.cycle_turn import objective_of
+from tracker.cycle_turn import judged_by, objective_of
 from tracker.estimate import Estimate
 from tracker.even_ways import LEAST_PX, Bridge, candidates
 from tracker.limbs import apart_m
-from tracker.loss import judged
 from tracker.objective import Objective
 from tracker.outcome import finished
 from tracker.sight import Sight
@@ -73,7 +72,8 @@ def _asked(
     for n, step in enumerate(steps[: max(farthest) + 1]):
         sight = Sight(step.frame, cycle.plates, None if before is None else before.model_px)
         if n in farthest:
-            hide_strangers(sight, step.scene, cycle.synthesis)
+            if not any(state.frames_lost):  # as when the frame was tracked
+                hide_strangers(sight, step.scene, cycle.synthesis)
             poses = {k: np.array([step.estimates[k].q, *own]) for k, own in farthest[n].items()}
             around = joined([cycle.synthesis.contours(step.scene, k, own) for k, own in poses.items()])
             observed = cycle.evidence.observe(sight, around, state.memory)
@@ -153,16 +153,8 @@ def _with(steps: Sequence[Step], cycle: Cycle, chosen: Sequence[Bridge], asked: 
             moves = [bridge for bridge in own if bridge.person == k]
             estimates[k] = _moved(asked[n].objectives[k], cycle, estimates[k], moves, n)
         scene = step.scene.with_poses(tuple(estimate.q for estimate in estimates))
-        observed = next(iter(asked[n].objectives.values())).asked.observed
-        done = finished(
-            asked[n].sight,
-            scene,
-            cycle.synthesis,
-            tuple(estimates),
-            observed,
-            Clock(step.seconds),
-            cycle.loss.least_views,
-        )
+        clock, least = Clock(step.seconds), cycle.loss.least_views
+        done = finished(asked[n].sight, scene, cycle.synthesis, tuple(estimates), clock, least)
         changed[n] = replace(done, frame=step.frame, start=step.start)
     return changed
 
@@ -178,5 +170,5 @@ def _moved(objective: Objective, cycle: Cycle, estimate: Estimate, bridges: Iter
             elsewhere.append(bridge.group)
     half = (q - estimate.q) / 2
     found = objective.estimate(q, estimate.covariance + np.outer(half, half), estimate.evaluations)
-    found = judged(body, replace(found, search_s=estimate.search_s), cycle.loss, estimate.status)
+    found = judged_by(objective, replace(found, search_s=estimate.search_s), cycle.loss, estimate.status)
     return found.doubting(elsewhere)

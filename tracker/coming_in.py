@@ -90,6 +90,6 @@ def steps_of(
     for _, frame in zip(numbers, reopen(), strict=False):
         known = replays.get(frame.index)
         if known is None:
-            yield replace(unfound(Sight(frame, cycle.plates), scene, cycle), observed=None)
+            yield unfound(Sight(frame, cycle.plates), scene, cycle)
         else:
             yield replayed(frame, scene, cycle, known)

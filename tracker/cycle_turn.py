@@ -88,8 +88,8 @@ def advance(
     if sought:
         with clock("initialization"):
             current, estimates, start = _recover(sight, current, cycle, state, estimates, sought)
-    step = _finished(sight, current, cycle, tuple(estimates), observed, clock)
-    return replace(step, start=start, predicted=predicted, expected=expected)
+    step = _finished(sight, current, cycle, tuple(estimates), clock)
+    return replace(step, start=start)
 
 
 def bootstrap(
@@ -123,7 +123,7 @@ def bootstrap(
             hide_strangers(sight, scene, cycle.synthesis)
         observed = cycle.evidence.observe(sight, expected)
     if start is None:
-        return _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), observed, clock)
+        return _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), clock)
     with clock("refinement"):
         colours, everybody = cache(partial(part_colours, sight, scene)), range(len(scene.persons))
         estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED, colours, everybody)
@@ -135,7 +135,7 @@ def bootstrap(
             f"least {cycle.loss.lost_below:.0%}; check the background plates, the calibration and the model's "
             'size, or give a pose with initialization = { use = "given", poses = "start.csv" }'
         )
-    return replace(_finished(sight, scene, cycle, estimates, observed, clock), start=start)
+    return replace(_finished(sight, scene, cycle, estimates, clock), start=start)
 
 
 def unfound(sight: Sight, scene: Scene, cycle: Cycle) -> Step:
@@ -143,7 +143,7 @@ def unfound(sight: Sight, scene: Scene, cycle: Cycle) -> Step:
     clock = Clock()
     with clock("observation"):
         observed = cycle.evidence.observe(sight, None)
-    return _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), observed, clock)
+    return _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), clock)
 
 
 def settled(
@@ -170,7 +170,7 @@ def settled(
         estimate = cycle.estimation.estimate(objective, person.q[None])
         if k in whom:
             estimate = in_likeliest_places(objective, estimate)
-        estimates.append(_judged(objective, estimate, cycle.loss, found))
+        estimates.append(judged_by(objective, estimate, cycle.loss, found))
         scene = scene.with_pose(k, estimate.q)
     return tuple(estimates), scene
 
@@ -182,14 +182,15 @@ def objective_of(scene: Scene, k: int, cycle: Cycle, observed: Observed, history
 
 def _looked_about(objective: Objective, estimate: Estimate, frames_doubted: int, loss: LossRule) -> Estimate:
     """The estimate, judged; with limbs long in doubt elsewhere where contours and colours clearly speak for that."""
-    estimate = _judged(objective, estimate, loss)
+    estimate = judged_by(objective, estimate, loss)
     if not is_looked_about(estimate, frames_doubted, loss):
         return estimate
     limbs = None if estimate.doubtful else estimate.limbs_in_doubt
-    return _judged(objective, in_likeliest_places(objective, estimate, limbs, _CLEARLY_PX), loss)
+    return judged_by(objective, in_likeliest_places(objective, estimate, limbs, _CLEARLY_PX), loss)
 
 
-def _judged(objective: Objective, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
+def judged_by(objective: Objective, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
+    """The estimate with its status and all that is in doubt about it."""
     return with_vague_limbs(objective, judged(objective.body, estimate, loss, found), loss.elsewhere_px)
 
 
@@ -241,7 +242,5 @@ def _recover(
     return scene, recovered, start
 
 
-def _finished(
-    sight: Sight, scene: Scene, cycle: Cycle, estimates: tuple[Estimate, ...], observed: Observed, clock: Clock
-) -> Step:
-    return finished(sight, scene, cycle.synthesis, estimates, observed, clock, cycle.loss.least_views)
+def _finished(sight: Sight, scene: Scene, cycle: Cycle, estimates: tuple[Estimate, ...], clock: Clock) -> Step:
+    return finished(sight, scene, cycle.synthesis, estimates, clock, cycle.loss.least_views)

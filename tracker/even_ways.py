@@ -64,9 +64,8 @@ def candidates(steps: Sequence[Step], k: int) -> list[Bridge]:
         np.array([step.estimates[k].status is Status.TRACKED for step in steps]),
         apart_m(body),
     )
-    groups = [group for group in body.fine_groups if body.partner_of(group)]
     ends = [(a, a + span) for span in _SPANS for a in range(1, len(steps) - span - 1)]
-    tried = (way.bridged(group, a, b) for group in groups for a, b in ends)
+    tried = (way.bridged(group, a, b) for group in body.marked_limbs for a, b in ends)
     return [bridge for bridge in tried if bridge is not None]
 
 

@@ -174,3 +174,13 @@ def write_whole(path: Path, content: str | bytes) -> None:
 def write_json(path: Path, content: Any) -> None:
     """Writes plain values as an indented JSON file, as a whole."""
     write_whole(path, json.dumps(content, indent=1) + "\n")
+
+
+Stamp = tuple[str, int]
+"""Where a path leads, and when what is there was changed last, ns; 0 where there is nothing."""
+
+
+def stamp_of(path: Path) -> Stamp:
+    """The stamp of a file or folder, by which what was read of it is known to be of today."""
+    real = path.resolve()
+    return str(real), real.stat().st_mtime_ns if real.exists() else 0

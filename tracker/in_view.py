@@ -66,7 +66,7 @@ def _judged(person: Person, estimate: Estimate, unseen: bool, outside: Mask) -> 
     if unseen:
         return replace(estimate, status=Status.LOST)
     body = person.body
-    limbs = [group for group in body.fine_groups if body.partner_of(group) and outside[body.parts_of(group)].any()]
+    limbs = [group for group in body.limbs if outside[body.parts_of(group)].any()]
     return estimate.doubting(limbs)
 
 

@@ -64,21 +64,20 @@ def with_jumps(steps: Sequence[Step]) -> list[Step]:
         poses[:, body.carrying] = body.rest()[body.carrying]
         on_body = body.landmarks_in_world(poses)
         still = max(_MOST_FRAMES, round(_STILL_S / max(apart_s, 1e-3)))
-        for group in body.fine_groups:
-            if body.partner_of(group):
-                own, kept = (found[:, body.landmarks_of(group)] for found in (places, on_body))
-                bend_m = _BEND * apart_m(body) if apart_s <= _LONE_S else np.inf
-                doubted = np.zeros(len(steps), dtype=np.bool_)
-                for last in _jumps(own, tracked, least_m, bend_m):
-                    before, after = range(last, last - still, -1), range(last + 1, last + 1 + still)
-                    for held, side in ((last, after), (last + 1, before)):
-                        doubted[_elsewhere(own, kept, held, side, least_m)] = True
-                if apart_s <= _LONE_S:
-                    doubted |= _lone(own, tracked, least_m)
-                for n in np.flatnonzero(doubted):
-                    estimates = list(changed[n].estimates)
-                    estimates[k] = estimates[k].doubting([group])
-                    changed[n] = replace(changed[n], estimates=tuple(estimates))
+        for group in body.marked_limbs:
+            own, kept = (found[:, body.landmarks_of(group)] for found in (places, on_body))
+            bend_m = _BEND * apart_m(body) if apart_s <= _LONE_S else np.inf
+            doubted = np.zeros(len(steps), dtype=np.bool_)
+            for last in _jumps(own, tracked, least_m, bend_m):
+                before, after = range(last, last - still, -1), range(last + 1, last + 1 + still)
+                for held, side in ((last, after), (last + 1, before)):
+                    doubted[_elsewhere(own, kept, held, side, least_m)] = True
+            if apart_s <= _LONE_S:
+                doubted |= _lone(own, tracked, least_m)
+            for n in np.flatnonzero(doubted):
+                estimates = list(changed[n].estimates)
+                estimates[k] = estimates[k].doubting([group])
+                changed[n] = replace(changed[n], estimates=tuple(estimates))
     return changed
 
 

@@ -60,7 +60,8 @@ def exchanged(body: BodyModel, q: Array, one: str, other: str) -> Array:
         one, other: groups of mirrored limbs, `left_leg` and `right_leg`.
     """
     marks = np.flatnonzero(body.landmarks_of(one) | body.landmarks_of(other))
-    places = [body.landmark_names.index(body.mirror.of(body.landmark_names[mark])) for mark in marks]
+    names = body.landmark_names
+    places = np.array([names.index(body.mirror.of(names[mark])) for mark in marks], dtype=np.int64)
     columns = np.concatenate([body.group(one), body.group(other)])
     return _reaching(body, mirrored(body, q, one, other), columns, marks, body.landmarks_in_world(q)[places])
 
@@ -105,7 +106,7 @@ def scattered_evenly(body: BodyModel, q: Array, columns: Integers, n: int) -> Ar
 
 def _reaching(body: BodyModel, pose: Array, columns: Integers, marks: Integers, targets: Array) -> Array:
     """The pose (dof,) whose landmarks reach for points (M, 3) with some of its parameters."""
-    ends = np.array([body.landmarks[mark].parameter for mark in marks])
+    ends = np.array([body.landmarks[mark].parameter for mark in marks], dtype=np.int64)
     for _ in range(_STEPS):
         points = body.landmarks_in_world(pose)[marks]
         jacobian = body.point_jacobian(pose, points, ends)[:, :, columns].reshape(-1, len(columns))

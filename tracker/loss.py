@@ -116,8 +116,7 @@ def trusted_parts(body: BodyModel, estimate: Estimate) -> Mask:
 def limbs_left_over(body: BodyModel, account: Account) -> dict[str, float]:
     """Limb -> share of its contour that is left over, see `left_over_of`."""
     # Trunk and head are where the limbs hang; what is left over of them is clothes and hair.
-    limbs = (group for group in body.fine_groups if body.partner_of(group))
-    return {limb: left_over_of(account.of(body.parts_of(limb))) for limb in limbs}
+    return {limb: left_over_of(account.of(body.parts_of(limb))) for limb in body.limbs}
 
 
 def limb_spreads_m(body: BodyModel, estimate: Estimate) -> dict[str, float]:
@@ -132,8 +131,7 @@ def limb_spreads_m(body: BodyModel, estimate: Estimate) -> dict[str, float]:
         moved = body.point_jacobian(estimate.q, points, ends)
         variances = np.linalg.eigvalsh(moved @ estimate.covariance @ moved.transpose(0, 2, 1))[:, -1]
         spreads = np.sqrt(np.maximum(variances, 0.0))
-    limbs = (group for group in body.fine_groups if body.partner_of(group))
-    return {limb: float(spreads[body.landmarks_of(limb)].max(initial=0.0)) for limb in limbs}
+    return {limb: float(spreads[body.landmarks_of(limb)].max(initial=0.0)) for limb in body.limbs}
 
 
 def left_over_of(limb: Account) -> float:

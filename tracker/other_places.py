@@ -52,16 +52,19 @@ def in_likeliest_places(
         return estimate
     begin = time.perf_counter()
     body, best, least_px = objective.body, estimate, float(objective.deciding_px(estimate.q[None])[0])
-    sought = [group for group in body.fine_groups if body.partner_of(group) and (limbs is None or group in limbs)]
+    sought = [group for group in body.limbs if limbs is None or group in limbs]
+    n_evaluations = estimate.evaluations
     for _ in range(_ROUNDS):
         before = best
         for group in sought:
             for one in _elsewhere(objective, best, group):
+                n_evaluations += one.evaluations
                 if (cost_px := float(objective.deciding_px(one.q[None])[0])) < least_px - lead_px:
                     best, least_px = one, cost_px
         if best is before:
             break
-    return replace(best, search_s=estimate.search_s + time.perf_counter() - begin)
+    search_s = estimate.search_s + time.perf_counter() - begin
+    return replace(best, search_s=search_s, evaluations=n_evaluations)
 
 
 def _elsewhere(objective: Objective, estimate: Estimate, group: str) -> Iterator[Estimate]:
@@ -83,6 +86,8 @@ def _over_all_places(body: BodyModel, q: Array, group: str) -> Array:
     """(N, dof) poses with a limb everywhere its wide joints allow; narrow ones and its end are as usual."""
     columns = body.group(group)
     wide = columns[_leads_far(body, columns, group)]
+    if not len(wide):
+        return np.empty((0, body.dof))
     low, high = body.limits[wide].T
     poses = np.tile(q, (_TRIED, 1))
     poses[:, columns] = body.rest()[columns]

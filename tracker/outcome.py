@@ -11,7 +11,6 @@ from tracker.arrays import Array, Mask, frozen
 from tracker.clock import Clock
 from tracker.contours import Contours
 from tracker.estimate import Estimate
-from tracker.evidence import Observed
 from tracker.in_space import judged_in_space
 from tracker.in_view import judged_in_view
 from tracker.scene import Scene
@@ -25,7 +24,6 @@ def finished(
     scene: Scene,
     synthesis: Synthesis,
     estimates: tuple[Estimate, ...],
-    observed: Observed,
     clock: Clock,
     least_views: int,
 ) -> Step:
@@ -36,7 +34,6 @@ def finished(
         scene: the persons at the poses of the estimates.
         synthesis: draws them.
         estimates: one a person.
-        observed: by the evidence.
         clock: with the time spent on the frame.
         least_views: that must show a person.
     """
@@ -48,8 +45,9 @@ def finished(
         estimates = judged_in_view(sight, scene, estimates, _own(scene, synthesis, models), least_views)
         estimates = judged_in_space(scene, estimates)
     overlap = _overlap(models, foregrounds, [sight.unknown(v) for v in range(len(foregrounds))])
-    step = Step(sight.frame, scene, estimates, fitted, clock.seconds, overlap, observed=observed)
-    return replace(step, model_px=covered_px(models, estimates), untrusted=sight.untrusted, strangers=sight.strangers)
+    step = Step(sight.frame, scene, estimates, fitted, clock.seconds, overlap)
+    step = replace(step, model_px=covered_px(models, estimates))
+    return judged_as_wholes(replace(step, untrusted=sight.untrusted, strangers=sight.strangers))
 
 
 def judged_as_wholes(step: Step) -> Step:
@@ -61,7 +59,7 @@ def judged_as_wholes(step: Step) -> Step:
     """
     estimates = list(step.estimates)
     for k, (person, estimate) in enumerate(zip(step.scene.persons, step.estimates, strict=True)):
-        limbs = {group for group in person.body.fine_groups if person.body.partner_of(group)}
+        limbs = set(person.body.limbs)
         if len(limbs) > 2 and 2 * len(limbs.intersection(estimate.ambiguous)) > len(limbs):
             estimates[k] = replace(estimate, doubtful=True)
     return replace(step, estimates=tuple(estimates))

@@ -53,7 +53,10 @@ def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Re
         cycle: the components; its loss rule says in how many frames, and who is uncertain.
         reopen: opens the sequence anew.
     """
-    known = all(plate is not None and plate.unknown is None for plate in cycle.plates)
+    known = all(
+        frame.mask(v) is not None or (plate is not None and plate.unknown is None)
+        for v, plate in enumerate(cycle.plates)
+    )
     for k, sure in enumerate(start.sureness):
         if cycle.loss.rehearse == 0 or sure >= cycle.loss.sure or len(start.hypotheses[k]) < 2:
             continue

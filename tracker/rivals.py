@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -39,11 +40,7 @@ def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
     changes = bool(whole[1] < whole[0] - _LEAD_PX)
     best, other = (rival, mine) if changes else (mine, rival)
     q, least, theirs = best.q, float(whole[int(changes)]), np.zeros(body.dof, dtype=np.bool_)
-    limbs = [
-        group
-        for group in body.fine_groups
-        if body.partner_of(group) and are_apart(body, mine.q, rival.q, body.landmarks_of(group))
-    ]
+    limbs = [group for group in body.limbs if are_apart(body, mine.q, rival.q, body.landmarks_of(group))]
     for group in limbs:
         tried = taken_over(body, q, other.q, group)
         cost = float(cost_px(tried[None])[0])
@@ -53,7 +50,8 @@ def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
     if q is mine.q:
         return mine
     covariance = _of_both(best.covariance, other.covariance, theirs)
-    return objective.estimate(q, covariance, mine.evaluations + 2 + len(limbs))
+    found = objective.estimate(q, covariance, mine.evaluations + 2 + len(limbs))
+    return replace(found, search_s=mine.search_s)
 
 
 def found_twice(scene: Scene, mine: Sequence[Estimate], rivals: Sequence[Estimate]) -> tuple[bool, ...]:

@@ -38,7 +38,7 @@ def with_vague_limbs(objective: Objective, estimate: Estimate, within_px: float)
     body = objective.body
     if estimate.lost or within_px == 0:
         return estimate
-    limbs = (group for group in body.fine_groups if body.partner_of(group) and group not in estimate.ambiguous)
+    limbs = (group for group in body.limbs if group not in estimate.ambiguous)
     shown = [group for group in limbs if _shown_by_one(estimate, _telling(body, group))]
     vague = tuple(group for group in shown if _least_elsewhere_px(objective, estimate, group) < within_px)
     return replace(estimate, ambiguous=(*estimate.ambiguous, *vague), vague=(*estimate.vague, *vague))

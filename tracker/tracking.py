@@ -16,7 +16,7 @@ from tracker.cycle_turn import advance, bootstrap, unfound
 from tracker.easier_start import LedBack, led_back
 from tracker.estimate import Status
 from tracker.frame import Frame
-from tracker.outcome import covered_px, judged_as_wholes
+from tracker.outcome import covered_px
 from tracker.rehearsal import Reopen, rehearsed
 from tracker.scene import Scene
 from tracker.sight import Sight
@@ -68,7 +68,6 @@ def track(
                 step = replayed(frame, scene, cycle, done[frame.index])
             else:
                 step, back = tracked(sight, scene, cycle, state, looking, clock)
-                step = judged_as_wholes(step)
             state = state.after(sight, step, cycle.evidence)
             scene = step.scene
             yield step

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from tracker.start import Start, confidence
 
 @dataclass(frozen=True)
 class Step:
-    """One frame: what was predicted, expected, observed and estimated."""
+    """One frame: what was estimated, and what is told of how it was."""
 
     frame: Frame
     scene: Scene
@@ -48,15 +47,6 @@ class Step:
 
     start: Start | None = None
     """Evidence of the bootstrapping, in the frame in which it happened."""
-
-    predicted: Scene | None = None
-    """All persons as predicted; None in a bootstrapped or replayed frame."""
-
-    expected: Contours | None = None
-    """Contours expected before the estimation."""
-
-    observed: Any = None
-    """What the evidence observed; None in a replayed frame."""
 
     ready: int = 0
     """How many of the steps that follow are there already."""
@@ -98,6 +88,9 @@ class Replay:
 # Weight of a new frame in what is usual: half of it is forgotten in 6 frames.
 _NEWS = 0.11
 
+KEPT = 16
+"""Frames of a history at most."""
+
 
 @dataclass(frozen=True)
 class History:
@@ -129,7 +122,7 @@ class History:
         """The history of a person just found."""
         return History(frozen([time_s]), frozen(q[None]))
 
-    def after(self, time_s: float, estimate: Estimate, window: int = 16) -> History:
+    def after(self, time_s: float, estimate: Estimate, window: int = KEPT) -> History:
         """The history one frame on: extended, begun anew after a recovery, or unchanged by a loss."""
         if estimate.status is Status.LOST:
             return self

@@ -142,18 +142,18 @@ def _forwards(frames: Sequence[Frame], begin: Pass, cycle: Cycle, reopen: Reopen
     """Some frames tracked on from where the first pass is, and where it is then."""
     at, steps = begin, list[Step]()
     with Ahead(frames, cycle) as ahead:
-        for frame in frames:
-            if steps and cycle.leaving():
-                break
-            cycle.progress(f"first pass, frame {frame.index}")
+        while not (steps and cycle.leaving()):
             clock = Clock()
             with clock("waiting"):
-                sight = ahead.next(at.before) or Sight(frame, cycle.plates)
-            n = at.n_frames + (frame.index >= cycle.nobody_before)
+                sight = ahead.next(at.before)
+            if sight is None:
+                break
+            cycle.progress(f"first pass, frame {sight.frame.index}")
+            n = at.n_frames + (sight.frame.index >= cycle.nobody_before)
             looking = Looking(n >= cycle.loss.start_within, reopen, at.back)
             step, back = tracked(sight, at.scene, cycle, at.state, looking, clock)
             at = Pass(step.scene, at.state.after(sight, step, cycle.evidence), step, n, back)
-            steps.append(replace(step, observed=None))
+            steps.append(step)
     return steps, at
 
 

@@ -128,9 +128,7 @@ class HybridEstimation:
     def _exchanged(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
         """One of the groups and its partner on the other side have changed places; of several pairs the best."""
         body, q = objective.body, estimate.q
-        pairs = sorted(
-            {(min(group, other), max(group, other)) for group in groups if (other := body.partner_of(group))}
-        )
+        pairs = sorted({tuple(sorted((group, body.mirror.of(group)))) for group in groups if group in body.limbs})
         if not pairs:
             return estimate
         poses = np.array([place(body, q, *pair) for pair in pairs for place in (mirrored, exchanged)])
@@ -139,6 +137,7 @@ class HybridEstimation:
 
     def _searched_limbs(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
         """Each limb in turn searched, from what was found of the one before or all from the same pose."""
+        estimate = replace(estimate, evaluations=0)  # those before are counted already
         if self.limbs == "compared":
             return self._compared_limbs(objective, estimate, groups)
         for group in groups:
@@ -157,8 +156,7 @@ class HybridEstimation:
             pose[columns] = one.q[columns]
             if float(objective(pose[None])[0]) < best.distance_px:
                 best = _better(best, self.then.estimate(objective, pose[None]))
-        n_evaluations = estimate.evaluations + sum(one.evaluations for _, one in found)
-        return replace(best, evaluations=n_evaluations)
+        return replace(best, evaluations=sum(one.evaluations for _, one in found))
 
     def _searched(self, objective: Objective, estimate: Estimate, group: str) -> Estimate:
         """A limb searched from where it is and from the best of poses scattered over its joint limits."""

@@ -59,8 +59,8 @@ class NeighboursEstimation:
         """The best of what was found and of its refined neighbours."""
         best, body = self.of.estimate(objective, starts), objective.body
         search_s = best.search_s
-        for group in body.fine_groups:
-            if body.partner_of(group) and left_over_of(best.account.of(body.parts_of(group))) > self.above:
+        for group in body.limbs:
+            if left_over_of(best.account.of(body.parts_of(group))) > self.above:
                 best = self._best_neighbour(objective, best, starts, group)
         # neighbours are tried in most frames: what is left over then is no sign that a search was in vain
         return replace(best, search_s=search_s)

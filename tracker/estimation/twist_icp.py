@@ -71,7 +71,7 @@ class TwistIcpEstimation:
         for start in starts:
             if not any((np.abs(start - other) < tolerance).all() for other in distinct):
                 distinct.append(start)
-        n_trial = min(self.trial_iterations, self.iterations) if len(distinct) > 1 else 0
+        n_trial = min(self.trial_iterations, self.iterations - 1) if len(distinct) > 1 else 0
         tried = [self._descend(objective, start, objective.body.clamped(start), gates[:n_trial]) for start in distinct]
         best = int(np.argmin(objective(np.array([q for q, _ in tried])))) if len(tried) > 1 else 0
         q, found = self._descend(objective, distinct[best], tried[best][0], gates[n_trial:])

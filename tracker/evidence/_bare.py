@@ -102,7 +102,7 @@ def missed_by_limbs(asked: Comparison, q: Array) -> Array:
     covered = CpuSynthesis().silhouettes(replace(scene, rig=rig))
     places = scene.world_from_parts()[0][asked.own, :3, 3]
     radii, halves = scene.shapes[asked.own, :2].min(axis=1), scene.shapes[asked.own, 2]
-    limbs = [np.flatnonzero(body.parts_of(group)) for group in body.fine_groups if body.partner_of(group)]
+    limbs = [np.flatnonzero(body.parts_of(group)) for group in body.limbs]
     for camera, mask, model in zip(rig.cameras, seen.masks, covered, strict=True):
         if mask is None or not limbs:
             continue

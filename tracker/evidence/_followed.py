@@ -10,6 +10,7 @@ import numpy as np
 
 from tracker.arrays import Array, Integers
 from tracker.errors import SequenceError
+from tracker.files import Stamp, stamp_of
 from tracker.following.read_tables import TABLE, PointTable, read_trajectories
 
 
@@ -32,9 +33,8 @@ class Followed:
         return seen, self.trajectories.positions[t, seen], self.trajectories.covariances[t, seen]
 
 
-@lru_cache(maxsize=8)
 def open_followed(pattern: str, views: tuple[str, ...], downscales: tuple[float, ...]) -> tuple[Followed, ...]:
-    """The tables that a path means, read once.
+    """The tables that a path means, read once as long as they stay as they are.
 
     Args:
         pattern: a table or a result folder of `bodytrack follow`; with `{view}` one for each view that has one.
@@ -44,6 +44,14 @@ def open_followed(pattern: str, views: tuple[str, ...], downscales: tuple[float,
     Raises:
         SequenceError: there is none, or points of an image without a view.
     """
+    paths = [Path(pattern.replace("{view}", name)) for name in views]
+    return _opened(pattern, views, downscales, tuple(map(stamp_of, paths)))
+
+
+@lru_cache(maxsize=8)
+def _opened(
+    pattern: str, views: tuple[str, ...], downscales: tuple[float, ...], _: tuple[Stamp, ...]
+) -> tuple[Followed, ...]:
     if "{view}" not in pattern:
         found = read_trajectories(Path(pattern))
         if found.flat and len(views) > 1:

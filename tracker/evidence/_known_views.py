@@ -29,6 +29,9 @@ class Levels:
 class KnownView:
     """What is known of one view: what was seen where the person was not, and how the person looks."""
 
+    factor: int
+    """How many pixels of an image, along each side, one of the small picture stands for; the same in all views."""
+
     picture: Array32
     """(h, w, 3) BGR of the small picture."""
 

@@ -18,7 +18,7 @@ from tracker.equations import Equations
 from tracker.evidence import GUESSED, Evidence, Memory
 from tracker.evidence._bare import AtStart, Bare, bare_in, begun_at, covered_by_skins, missed_by_limbs
 from tracker.evidence._known_views import KnownView, Levels, linked
-from tracker.evidence._reduced_images import common_reduction, reduced, reduced_silhouettes, reduction
+from tracker.evidence._reduced_images import reduced, reduced_silhouettes, reduction
 from tracker.evidence._shares import over_views
 from tracker.expectation import expected_region
 from tracker.imaging.densities import colour_codes, densities
@@ -95,7 +95,8 @@ class DeparturesEvidence(Evidence):
         images = sight.frame.images
         known = (None,) * len(images) if memory is None or memory is GUESSED else memory
         views = [self._bare(sight, v, expected, one) for v, one in enumerate(known)]
-        return bare_in(views, common_reduction(images), np.array([image is None for image in images]))
+        factor = next((one.factor for one in known if one is not None), 1)
+        return bare_in(views, factor, np.array([image is None for image in images]))
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) what is left bare, as a share of the person; mean over the views."""
@@ -116,10 +117,10 @@ class DeparturesEvidence(Evidence):
 
     def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Memory:
         """What is seen beside the persons, and how they look; a running mean of both."""
-        known = memory or (None,) * len(scene.rig)
+        known, factor = memory or (None,) * len(scene.rig), reduction(scene.rig)
         return tuple(
-            self._taught(one, sight, v, small, trusted[v])
-            for v, (one, small) in enumerate(zip(known, reduced_silhouettes(scene, sight), strict=True))
+            self._taught(one, sight, v, factor, small, trusted[v])
+            for v, (one, small) in enumerate(zip(known, reduced_silhouettes(scene, factor), strict=True))
         )
 
     def _per_view(self, asked: Comparison, poses: Array) -> Array:
@@ -145,13 +146,13 @@ class DeparturesEvidence(Evidence):
         image = sight.frame.images[v]
         if image is None or known is None or known.looks is None:
             return None, None
-        small, levels = reduced(sight, v, image), self._levels
+        small, levels = reduced(sight, v, image, known.factor), self._levels
         changed = known.changed(small, levels)
         departs = changed & known.of_person(small, levels)
         if expected is not None:
             size = image.shape[1], image.shape[0]
             x, y, width, height = expected_region(expected, v, size, self.around * max(size))
-            near, factor = np.zeros_like(departs), reduction(image)
+            near, factor = np.zeros_like(departs), known.factor
             near[y // factor : (y + height) // factor + 1, x // factor : (x + width) // factor + 1] = True
             departs &= near
         found = linked(opened(departs), known.gaps < self.linked_px) & ~linked(opened(changed), known.strangers)
@@ -162,19 +163,19 @@ class DeparturesEvidence(Evidence):
         return found, opened(known.staying(small, levels))
 
     def _taught(
-        self, known: KnownView | None, sight: Sight, v: int, silhouette: Mask, trusted: Mask
+        self, known: KnownView | None, sight: Sight, v: int, factor: int, silhouette: Mask, trusted: Mask
     ) -> KnownView | None:
         image = sight.frame.images[v]
         if image is None or trusted.mean() < _LEAST_SHARE:
             return known
-        small, factor, levels = reduced(sight, v, image), reduction(image), self._levels
+        small, levels = reduced(sight, v, image, factor), self._levels
         silhouette = silhouette[: small.shape[0], : small.shape[1]]
         gaps = cv2.distanceTransform((~silhouette).astype(np.uint8), cv2.DIST_L2, 3) * factor
         codes, n_person, last = (colour_codes(small),), int(np.count_nonzero(silhouette)), frozen(small, np.float32)
         looks = densities(codes, silhouette, (gaps > 0) & (gaps < self.around * max(image.shape[:2])))
         if known is None:
             away, nobody = frozen(gaps > self.margin_px, np.bool_), np.zeros_like(silhouette)
-            return KnownView(last, away, n_person, gaps, looks, last, silhouette, nobody)
+            return KnownView(factor, last, away, n_person, gaps, looks, last, silhouette, nobody)
         if known.looks is not None:
             looks = known.looks if looks is None else known.looks.mixed(looks, self.news)
         newer, changed = replace(known, looks=looks), known.changed(small, levels)

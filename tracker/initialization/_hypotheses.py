@@ -85,9 +85,8 @@ def turned_round(body: BodyModel, q: Array) -> Array:
     """The pose (dof,) that faces the other way with left and right exchanged: its silhouettes are much the same."""
     flipped, turn = q.copy(), turn_of(body)
     flipped[turn] += np.pi if q[turn] <= 0 else -np.pi
-    for group in body.fine_groups:
-        if other := body.partner_of(group):
-            flipped[body.group(group)] = q[body.group(other)]
+    for group in body.limbs:
+        flipped[body.group(group)] = q[body.group(body.mirror.of(group))]
     return body.clamped(flipped)
 
 

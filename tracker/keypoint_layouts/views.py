@@ -11,6 +11,7 @@ import numpy as np
 from tracker.arrays import Array
 from tracker.camera import Camera
 from tracker.errors import SequenceError
+from tracker.files import Stamp, stamp_of
 from tracker.keypoint_layouts import KeypointSource, open_keypoints
 from tracker.rig import Rig
 
@@ -27,9 +28,8 @@ class KeypointViews:
     sources: tuple[KeypointSource, ...]
 
     @staticmethod
-    @lru_cache(maxsize=8)
     def open(pattern: str, views: tuple[str, ...], names: tuple[str, ...] = ()) -> KeypointViews:
-        """Opens the files of all views, once.
+        """Opens the files of all views, once as long as they stay as they are.
 
         Args:
             pattern: path with `{view}`.
@@ -41,15 +41,8 @@ class KeypointViews:
         """
         if "{view}" not in pattern and len(views) > 1:
             raise SequenceError(f'path = "{pattern}": no {{view}} in it, expected e.g. keypoints/{{view}}_json')
-        sources = tuple(open_keypoints(Path(pattern.replace("{view}", view)), names) for view in views)
-        for view, source in zip(views, sources, strict=True):
-            if source.names != sources[0].names:
-                raise SequenceError(
-                    f'view "{view}" has {len(source.names)} keypoints ({", ".join(source.names[:3])}, ...), '
-                    f'view "{views[0]}" has {len(sources[0].names)} ({", ".join(sources[0].names[:3])}, ...): '
-                    "expected the same ones"
-                )
-        return KeypointViews(views, sources[0].names, sources)
+        paths = tuple(Path(pattern.replace("{view}", view)) for view in views)
+        return _opened(paths, views, names, tuple(map(stamp_of, paths)))
 
     def at(self, frame: int, rig: Rig, downscale: int | None = None, least_confidence: float = 0.0) -> list[Array]:
         """What was found in one frame.
@@ -87,3 +80,18 @@ def _check_size(pixels: Array, camera: Camera, frame: int) -> None:
             f'view "{camera.name}", frame {frame}: keypoints lie as far as ({x:.0f}, {y:.0f}) px, the image has '
             f"{width}x{height} px; expected pixels of the images as recorded: for those of larger ones set downscale"
         )
+
+
+@lru_cache(maxsize=8)
+def _opened(
+    paths: tuple[Path, ...], views: tuple[str, ...], names: tuple[str, ...], _: tuple[Stamp, ...]
+) -> KeypointViews:
+    sources = tuple(open_keypoints(path, names) for path in paths)
+    for view, source in zip(views, sources, strict=True):
+        if source.names != sources[0].names:
+            raise SequenceError(
+                f'view "{view}" has {len(source.names)} keypoints ({", ".join(source.names[:3])}, ...), '
+                f'view "{views[0]}" has {len(sources[0].names)} ({", ".join(sources[0].names[:3])}, ...): '
+                "expected the same ones"
+            )
+    return KeypointViews(views, sources[0].names, sources)

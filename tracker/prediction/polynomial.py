@@ -8,7 +8,7 @@ import pydantic
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.components import component
-from tracker.trajectory import History
+from tracker.trajectory import KEPT, History
 
 
 @component
@@ -22,11 +22,11 @@ class PolynomialPrediction:
     degree: int = pydantic.Field(default=2, ge=0, le=3)
     """Degree of the preferred prediction: 2 constant acceleration, 1 constant velocity, 0 hold."""
 
-    window: int = pydantic.Field(default=5, ge=1)
-    """Number T of frames the polynomial is fitted to."""
+    window: int = pydantic.Field(default=5, ge=1, le=KEPT)
+    """Number T of frames a polynomial of degree 2 or 3 is fitted to."""
 
-    velocity_window: int = pydantic.Field(default=3, ge=2)
-    """Number of frames the constant velocity candidate is fitted to."""
+    velocity_window: int = pydantic.Field(default=3, ge=2, le=KEPT)
+    """Number of frames that constant velocity is fitted to."""
 
     candidates: bool = True
     """Also offer the lower degrees."""
