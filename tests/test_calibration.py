@@ -74,6 +74,7 @@ def test_a_third_of_a_frame_is_measured_and_allowed_for():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
+        (lambda p: p[:1], "north_east alone, expected at least two views"),
         (lambda p: p[:, :6], "common bar positions"),
         (lambda p: np.full_like(p, np.nan), "common bar positions"),
         (lambda p: np.random.default_rng(0).uniform(0, 500, p.shape), "camera|views|bars"),
@@ -82,7 +83,8 @@ def test_a_third_of_a_frame_is_measured_and_allowed_for():
 def test_recordings_that_tell_nothing_are_refused(change, words):
     images = images_of(recorded(14, 60))
     pixels = change(images.pixels)
-    few = BarImages(images.names, images.sizes, images.frames[: pixels.shape[1]], pixels)
+    n, n_bars = pixels.shape[:2]
+    few = BarImages(images.names[:n], images.sizes[:n], images.frames[:n_bars], pixels)
     with pytest.raises(CalibrationError, match=words) as caught:
         calibration().calibrate_images(few)
     assert "\n" not in str(caught.value)

@@ -39,7 +39,10 @@ def three_cameras() -> list[Camera]:
 
 
 def boards_seen(
-    cameras: list[Camera], n: int = 40, imaged: Callable[[Camera, Array], Array] = fisheye_images
+    cameras: list[Camera],
+    n: int = 40,
+    imaged: Callable[[Camera, Array], Array] = fisheye_images,
+    room: tuple[tuple[float, float, float], tuple[float, float, float]] = ((-1.1, 0.6, 0.7), (1.1, 1.8, 2.0)),
 ) -> BoardImages:
     """Corners of a board that is carried through the room before the cameras."""
     rng = np.random.default_rng(3)
@@ -48,7 +51,7 @@ def boards_seen(
     seen = {}
     for frame in range(n):
         turn = Rotation.from_euler("x", 90, degrees=True) * Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3))
-        corners = turn.apply(plan - (0.24, 0.15, 0)) + rng.uniform((-1.1, 0.6, 0.7), (1.1, 1.8, 2.0))
+        corners = turn.apply(plan - (0.24, 0.15, 0)) + rng.uniform(*room)
         for v, camera in enumerate(cameras):
             pixels = imaged(camera, corners) + rng.normal(0, NOISE_PX, (54, 2))
             shown = np.isfinite(pixels).all(axis=1)
@@ -89,6 +92,19 @@ def test_an_equidistant_lens_is_found_from_few_boards() -> None:
     images = boards_seen(three_cameras(), n=12)
     state, _ = board_start(images.seen, images.names, images.sizes, "fisheye")
     np.testing.assert_allclose(state.cameras[:, bundle_camera.C], MATRIX[1, 1], rtol=0.1)
+
+
+def test_radial_terms_of_a_fisheye_lens_are_held_where_it_began() -> None:
+    """Of few boards, all far: with 0 in place of a numerator's term the lens would be none, and nothing would fit."""
+    images = boards_seen(three_cameras(), 12, room=((-0.3, 1.6, 1.0), (0.3, 2.4, 1.4)))
+    calibration = ChessboardCalibration(columns=9, rows=6, square_m=0.06, lens="fisheye", sigma_px=NOISE_PX)
+    found = calibration.calibrate_images(images)
+    radial = [held for held in found.adjustment.held if held.parameter.startswith("radial")]
+    assert radial
+    assert all("held where the adjustment began" in str(held) for held in radial)
+    for v, camera in enumerate(found.rig.cameras):
+        seen = np.concatenate([pixels for (view, _), (_, pixels) in images.seen.items() if view == v])
+        assert np.max(gaps_px(camera, seen)) < 6
 
 
 def test_radial_terms_that_turn_back_inside_the_image_are_held() -> None:

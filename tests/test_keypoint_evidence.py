@@ -201,3 +201,16 @@ def test_files_that_cannot_be_used_are_refused_before_the_first_frame(scene: Sce
     other = KeypointEvidence(path=pattern, names=tuple(f"point{k}" for k in range(17)))
     with pytest.raises(ConfigError, match='no keypoint means a point of model "gavrila22"; keypoints: point0, '):
         other.check(scene)
+
+
+def test_a_point_that_a_view_cannot_show_has_no_place_in_it(scene: Scene, tmp_path: Path) -> None:
+    """Behind a camera: as bad as an outlier, wherever the keypoint is, and nothing pulls it."""
+    views = detected(scene)
+    views[0][..., :2] = 300.0, 200.0
+    evidence, asked = ask(scene, views, tmp_path)
+    q = scene.persons[0].q.copy()
+    q[:3] += 2 * (scene.rig.cameras[0].centre - q[:3])
+    matched = evidence._matched(asked, q[None])
+    np.testing.assert_array_equal(matched.losses[0, 0], 1.0)
+    np.testing.assert_array_equal(matched.weights[0, 0], 0.0)
+    assert (matched.weights[0, 2] > 0).any()

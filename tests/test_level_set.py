@@ -117,6 +117,16 @@ def test_the_prior_holds_where_nothing_is_seen() -> None:
             assert (overlap(region, prior) > 0.95) == (least > 0)
 
 
+@pytest.mark.parametrize("shape", [0.02, 0.04, 0.08])
+def test_both_ways_weigh_the_prior_alike(shape: float) -> None:
+    """Against odds of 1 everywhere a straight contour rests where 2 lambda of its distance are H'(0) = 0.4 (eq. 4)."""
+    prior = np.zeros(SIZE, dtype=np.bool_)
+    prior[:, :60] = True
+    forces = Forces(np.full(SIZE, -1.0, dtype=np.float32), 0.3, signed_distance(prior), shape)
+    for region in (threshold_dynamics(prior, forces, 200), descent(prior, forces, 400)[0]):
+        assert 60 - region[SIZE[0] // 2].sum() == pytest.approx(0.4 / (2 * shape), abs=1)
+
+
 def test_signed_distance_is_zero_between_the_pixels() -> None:
     half = np.zeros((10, 20), dtype=np.bool_)
     half[:, 10:] = True

@@ -14,6 +14,7 @@ from tracker.correspondences import Correspondences
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.evidence.contours import ContourEvidence
 from tracker.scene import Scene
+from tracker.similarity import pluecker
 from tracker.similarity.pluecker import PlueckerSimilarity, incidence
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking import track
@@ -61,6 +62,29 @@ def _raw(pairs: Correspondences, scene: Scene) -> np.ndarray:
         direction = camera.rays(pixel[None])[0]
         found.append(np.cross(x, direction) - np.cross(camera.centre, direction))
     return np.array(found)
+
+
+def test_a_pair_counts_as_two_observations_weighted_as_those_of_chamfer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Geman and McClure's: a quarter at half the gate."""
+    person = posed("gavrila22", 1)[0]
+    body, scene = person.body, Scene((person,), RIGS["narrow"])
+    points = body.landmarks_in_world(person.q)[:1]
+    pixels = scene.rig.cameras[0].project(points)
+    for off_px in (0.0, 10.0):
+        pairs = Correspondences(
+            points,
+            body.part_parameters[:1],
+            np.zeros(1, int),
+            np.zeros((1, 2)),
+            pixels + np.array([off_px, 0.0]),
+            np.ones(1),
+        )
+        monkeypatch.setattr(pluecker, "correspondences", lambda *_, pairs=pairs: pairs)
+        asked = Comparison(scene, 0, CpuSynthesis(), None)
+        found = PlueckerSimilarity().equations(asked, person.q, 20.0)
+        length = np.linalg.norm(incidence(pairs, asked, person.q)[0])
+        assert found.total == pytest.approx(2 / (1 + (length / 10) ** 2) ** 2)
+        assert found.squares == pytest.approx(found.total / 2 * length**2, abs=1e-9)
 
 
 def test_it_tracks() -> None:

@@ -145,7 +145,7 @@ def test_epipolar_lines_leave_out_what_lies_behind_the_target() -> None:
 
 def test_packed_rows_hold_all_of_a_camera() -> None:
     rig, points = four_views(), points_in_the_room(30)
-    assert rig.packed.shape == (4, 28)
+    assert rig.packed.shape == (4, 29)
     for row, camera in zip(rig.packed, rig.cameras, strict=True):
         motion, centre, lens, shear = row[:12].reshape(3, 4), row[12:15], np.r_[row[19:24], row[25:28]], row[24]
         fx, fy, cx, cy = row[15:19]

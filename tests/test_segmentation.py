@@ -67,7 +67,7 @@ def test_chosen_frames_begin_at_a_pose_before_and_end_at_what_is_seen(result: Re
 def test_the_prior_draws_the_contour_to_the_pose_found(result: Result, way: str) -> None:
     """The stronger it is; without it nothing changes with its weight."""
     found = []
-    for shape in (0.0, 0.075, 10.0):
+    for shape in (0.0, 0.03, 10.0):
         by = LevelSetEvidence(way=way, shape=shape)
         found.append(next(iter(segmented(result, by, Chosen(first=5, every=5, back=3)))).overlaps())
     alone, held = np.transpose(found)

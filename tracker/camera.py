@@ -108,22 +108,21 @@ class Camera:
 
     @property
     def reach(self) -> float:
-        """Distance from the axis, in the plane z = 1, at which the radial distortion turns back; inf if it never does.
-
-        What lies farther out would be imaged nearer to the centre again, over other things.
-        """
+        """Distance from the axis, in the plane z = 1, up to which the lens images anything; inf if it has no end."""
         return self._lens.reach
 
     @cached_property
     def turns_back_px(self) -> float | None:
         """Distance from the principal point at which the distortion turns back, px; None if outside the image."""
-        if not np.isfinite(self.reach):
-            return None
+        return self.inside_px(self._lens.turns_back)
+
+    def inside_px(self, distance: float) -> float | None:
+        """How far from the principal point a distance from the axis is imaged, px; None if outside the image."""
         width, height = self.size
         corners = np.array([(0.0, 0.0), (width - 1, 0), (0, height - 1), (width - 1, height - 1)])
-        inverse = np.linalg.inv(self.matrix[:2, :2])
-        farthest = float(np.linalg.norm((corners - self.matrix[:2, 2]) @ inverse.T, axis=1).max())
-        end = self._lens.imaged_reach
+        straight = (corners - self.matrix[:2, 2]) @ np.linalg.inv(self.matrix[:2, :2]).T
+        farthest = float(np.linalg.norm(straight, axis=1).max())
+        end = self._lens.imaged(distance) if np.isfinite(distance) else np.inf
         return float(end * self.matrix[0, 0]) if end <= farthest else None
 
     def in_camera(self, points: Array) -> Array:
@@ -155,14 +154,14 @@ class Camera:
         derivative: Array = self.matrix[:2, :2] @ slope @ perspective @ self.camera_from_world[:3, :3]
         return derivative
 
-    def undistort(self, pixels: Array) -> Array:
-        """Pixels (..., 2) to distortion-free coordinates in the plane z = 1 (..., 2)."""
-        pixels = np.asarray(pixels, dtype=np.float64)
-        return self._lens.undistort((pixels - self.matrix[:2, 2]) @ np.linalg.inv(self.matrix[:2, :2]).T)
+    def undistort(self, pixels: Array, clamped: bool = False) -> Array:
+        """Pixels (..., 2) to the plane z = 1, undistorted (..., 2); beyond its `reach` NaN, or its end if `clamped`."""
+        imaged = (np.asarray(pixels, dtype=np.float64) - self.matrix[:2, 2]) @ np.linalg.inv(self.matrix[:2, :2]).T
+        return self._lens.undistort_clamped(imaged) if clamped else self._lens.undistort(imaged)
 
-    def rays(self, pixels: Array) -> Array:
-        """Unit viewing directions in the world (..., 3) of pixels (..., 2)."""
-        plane = self.undistort(pixels)
+    def rays(self, pixels: Array, clamped: bool = False) -> Array:
+        """Unit viewing directions in the world (..., 3) of pixels (..., 2); see `undistort`."""
+        plane = self.undistort(pixels, clamped)
         local = np.concatenate([plane, np.ones((*plane.shape[:-1], 1))], axis=-1)
         local /= np.linalg.norm(local, axis=-1, keepdims=True)
         directions: Array = local @ self.camera_from_world[:3, :3]
@@ -191,7 +190,7 @@ class Camera:
         """Angles between the middles of the image's left and right, and of its upper and lower side."""
         width, height = self.size
         sides = np.array([(0, height / 2), (width - 1, height / 2), (width / 2, 0), (width / 2, height - 1)])
-        rays = self.rays(sides)
+        rays = self.rays(sides, clamped=True)
         across, down = (float(np.degrees(np.arccos(np.clip(rays[k] @ rays[k + 1], -1, 1)))) for k in (0, 2))
         return across, down
 

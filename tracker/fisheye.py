@@ -2,7 +2,8 @@
 
 The fisheye model of OpenCV (Kannala & Brandt 2006) is a polynomial of the angle to the optical axis. A camera here has
 the rational radial distortion of OpenCV's pinhole model, which six numbers lead along the same curve: to 0.05 px of a
-lens of 900 px over 75 degrees, to a thousandth over 60.
+lens of 900 px over 75 degrees, to a thousandth over 60. At 75 such a lens ends (`Lens.reach`): the quotient would be
+0.6 px off at 77 degrees, 7 at 80, 180 at 85.
 """
 
 from __future__ import annotations
@@ -10,11 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from tracker.arrays import Array
+from tracker.camera import Camera
 from tracker.errors import CalibrationError
-from tracker.lens import Lens
-
-_FARTHEST_DEG = 75.0
-"""From the optical axis. The plane z = 1 has no room for 90 degrees: at 80 the quotient is 0.2 px off, at 85 1.3."""
+from tracker.lens import FARTHEST_DEG, Lens
 
 _LARGEST = 1e6
 """Of a number of the polynomial: a lens has some hundredths."""
@@ -46,7 +45,7 @@ def rational_of(name: str, size: tuple[int, int], matrix: Array, fisheye: Array)
         raise CalibrationError(
             f'camera "{name}": fisheye distortion {fisheye.tolist()} found, expected numbers below {_LARGEST:g}'
         )
-    angles = np.radians(np.linspace(0.1, _FARTHEST_DEG, 1500))
+    angles = np.radians(np.linspace(0.1, FARTHEST_DEG, 1500))
     bent, end = _bent(name, size, matrix, fisheye, angles)
     inside, planes = angles <= end, np.tan(angles)
     lens = _fitted(planes, bent, np.where(inside, 1.0, _BEYOND))
@@ -59,6 +58,18 @@ def rational_of(name: str, size: tuple[int, int], matrix: Array, fisheye: Array)
             f"{_MOST_OFF_PX:g} expected): is it OpenCV's fisheye model? Else undistort the images first"
         )
     return lens
+
+
+def told_end(camera: Camera) -> str | None:
+    """What to know of a wide lens that ends inside the image; None of others."""
+    lens = Lens(camera.distortion)
+    end_px = camera.inside_px(lens.reach) if lens.reach < lens.turns_back else None
+    if end_px is None:
+        return None
+    return (
+        f'camera "{camera.name}": its lens is known to {FARTHEST_DEG:.0f} degrees from the axis, {end_px:.0f} px from '
+        "the principal point, inside the image: what is farther out does not count"
+    )
 
 
 def _bent(name: str, size: tuple[int, int], matrix: Array, fisheye: Array, angles: Array) -> tuple[Array, float]:

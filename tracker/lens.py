@@ -13,6 +13,16 @@ from numpy.polynomial import Polynomial
 
 from tracker.arrays import Array
 
+FARTHEST_DEG = 75.0
+"""From the axis of a wide lens, whose radial distortion is a quotient of polynomials: there it ends. It was fitted to
+directions up to there (`tracker.fisheye`), for the plane z = 1 has no room for 90 degrees; beyond it is anything."""
+
+_MOST_STEPS = 20
+"""Of `undistort`: each doubles the digits, but for directions next to where the distortion turns back."""
+
+_SMALL_STEP, _SETTLED = 1e-13, 1e-6
+"""In the plane z = 1: all is done when no step is longer, and a direction is found if its last step was shorter."""
+
 
 @dataclass(frozen=True)
 class Lens:
@@ -28,7 +38,7 @@ class Lens:
         return Polynomial([1, k1, k2, k3]), Polynomial([1, k4, k5, k6])
 
     @cached_property
-    def reach(self) -> float:
+    def turns_back(self) -> float:
         """Distance from the axis, in the plane z = 1, at which the radial distortion turns back; inf if it never does.
 
         ``r N(r^2) / D(r^2)`` grows up to the first root of ``N D + 2 r^2 (N' D - N D')``, or of ``D``; without a
@@ -41,16 +51,24 @@ class Lens:
         squares = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
         return float(np.sqrt(squares.min())) if len(squares) else np.inf
 
-    @property
-    def imaged_reach(self) -> float:
-        """Distance from the axis at which a finite `reach` is imaged by the radial distortion, in the plane z = 1.
+    @cached_property
+    def reach(self) -> float:
+        """Distance from the axis, in the plane z = 1, up to which the lens images anything; inf if it has no end.
+
+        That is where it turns back, of a quotient of polynomials `FARTHEST_DEG` if it does not before.
+        """
+        wide = self.distortion[5:].any()
+        return min(self.turns_back, float(np.tan(np.radians(FARTHEST_DEG)))) if wide else self.turns_back
+
+    def imaged(self, distance: float) -> float:
+        """Where the radial distortion images a finite distance from the axis, both in the plane z = 1.
 
         Inf where what lies there is imaged infinitely far away.
         """
         over, under = self._radial
-        divisor = under(self.reach**2)
+        divisor = under(distance**2)
         # of a root of the denominator rounding leaves next to nothing, of either sign
-        return float(self.reach * over(self.reach**2) / divisor) if divisor > 1e-9 else np.inf
+        return float(distance * over(distance**2) / divisor) if divisor > 1e-9 else np.inf
 
     def distort(self, plane: Array) -> tuple[Array, Array]:
         """Plane coordinates (..., 2) as they are imaged, and the Jacobian of that (..., 2, 2)."""
@@ -76,15 +94,30 @@ class Lens:
     def undistort(self, imaged: Array) -> Array:
         """The inverse of `distort`: imaged coordinates (..., 2) to those of the plane z = 1 (..., 2).
 
-        Solved by Newton steps on the distortion's Jacobian.
+        Solved by Newton steps on the distortion's Jacobian; NaN where the lens images nothing within its reach to.
         """
         plane: Array = imaged.copy()
         if not self.distortion.any():
             return plane
-        for _ in range(20):
-            value, slope = self.distort(plane)
-            step = np.linalg.solve(slope, (imaged - value)[..., None])[..., 0]
-            plane = plane + step
-            if np.abs(step).max(initial=0.0) < 1e-13:
-                break
-        return plane
+        with np.errstate(all="ignore"):  # what has no solution may run anywhere
+            for _ in range(_MOST_STEPS):
+                value, slope = self.distort(plane)
+                step = _solved(slope, imaged - value)
+                plane = plane + step
+                if not (np.abs(step) >= _SMALL_STEP).any():
+                    break
+            found = (np.abs(step).max(axis=-1) < _SETTLED) & (np.linalg.norm(plane, axis=-1) <= self.reach)
+        return np.where(found[..., None], plane, np.nan)
+
+    def undistort_clamped(self, imaged: Array) -> Array:
+        """`undistort`, but what lies beyond the reach of the lens is at its end, on the same side of the axis."""
+        plane = self.undistort(imaged)
+        distances = np.maximum(np.linalg.norm(imaged, axis=-1, keepdims=True), 1e-12)
+        return np.where(np.isfinite(plane), plane, imaged * (min(self.reach, 1e6) / distances))
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Solutions (..., 2) of symmetric systems (..., 2, 2), (..., 2); not finite for singular ones."""
+    a, b, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 1]
+    x, y = right[..., 0], right[..., 1]
+    return np.stack([d * x - b * y, a * y - b * x], axis=-1) / (a * d - b * b)[..., None]

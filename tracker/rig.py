@@ -139,7 +139,7 @@ class Rig:
 
     @cached_property
     def packed(self) -> Array:
-        """(V, 28) one row a camera for compiled kernels; `tracker.kernels.rows.camera` names the columns."""
+        """(V, 29) one row a camera for compiled kernels; `tracker.kernels.rows.camera` names the columns."""
         rows = [
             np.concatenate(
                 [
@@ -149,6 +149,7 @@ class Rig:
                     camera.distortion[:5],
                     camera.matrix[0, 1:2],
                     camera.distortion[5:],
+                    [camera.reach**2],
                 ]
             )
             for camera in self.cameras

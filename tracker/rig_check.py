@@ -75,7 +75,7 @@ def check_rig(rig: Rig) -> RigCheck:
 def _camera_check(camera: Camera) -> CameraCheck:
     width, height = camera.size
     corners = np.array([(0.0, 0.0), (width - 1, 0), (0, height - 1), (width - 1, height - 1)])
-    plain = camera.undistort(corners) @ camera.matrix[:2, :2].T + camera.matrix[:2, 2]
+    plain = camera.undistort(corners, clamped=True) @ camera.matrix[:2, :2].T + camera.matrix[:2, 2]
     tilt = -float(np.degrees(np.arcsin(np.clip(camera.camera_from_world[2, 2], -1, 1))))
     x, y, z = camera.centre.tolist()
     shift = float(np.linalg.norm(plain - corners, axis=1).max())
@@ -88,6 +88,7 @@ def _pair_check(one: Camera, other: Camera, middle: Array) -> PairCheck:
     width, height = one.size
     columns, rows = np.meshgrid(np.linspace(0, width - 1, 12), np.linspace(0, height - 1, 9))
     rays = one.rays(np.column_stack([columns.ravel(), rows.ravel()]))
+    rays = rays[np.isfinite(rays).all(axis=1)]
     reach = max(float(np.linalg.norm(middle - one.centre)), 0.5)
     points = one.centre + np.linspace(0.6, 1.4, 5)[:, None, None] * reach * rays
     seen = other.project(points.reshape(-1, 3))

@@ -30,7 +30,7 @@ def triangulate(cameras: Sequence[Camera], pixels: Array, sigma_px: float = 1.0)
     if not good.any():
         return points, covariances
     pixels, seen = pixels[:, good], seen[:, good]
-    found = _nearest_to_rays(cameras, pixels, seen)
+    found, seen = _nearest_to_rays(cameras, pixels, seen)
     for _ in range(10):
         normal, step = _reprojection_step(cameras, pixels, seen, found)
         found = found + step
@@ -41,15 +41,19 @@ def triangulate(cameras: Sequence[Camera], pixels: Array, sigma_px: float = 1.0)
     return points, covariances
 
 
-def _nearest_to_rays(cameras: Sequence[Camera], pixels: Array, seen: Mask) -> Array:
-    """(N, 3) points with the least sum of squared distances to their viewing rays."""
+def _nearest_to_rays(cameras: Sequence[Camera], pixels: Array, seen: Mask) -> tuple[Array, Mask]:
+    """(N, 3) points with the least sum of squared distances to their viewing rays; (V, N) which of these there are."""
     matrix, vector = np.zeros((pixels.shape[1], 3, 3)), np.zeros((pixels.shape[1], 3))
+    seen = seen.copy()
     for v, camera in enumerate(cameras):
         rays = camera.rays(np.where(seen[v][:, None], pixels[v], camera.matrix[:2, 2]))
+        # a pixel that the lens images nothing to is no image of a point
+        seen[v] &= np.isfinite(rays).all(axis=1)
+        rays = np.where(seen[v][:, None], rays, 0.0)
         across = (np.eye(3) - rays[:, :, None] * rays[:, None, :]) * seen[v][:, None, None]
         matrix += across
         vector += across @ camera.centre
-    return _solved(matrix, vector[..., None])[..., 0]
+    return _solved(matrix, vector[..., None])[..., 0], seen
 
 
 def _reprojection_step(cameras: Sequence[Camera], pixels: Array, seen: Mask, points: Array) -> tuple[Array, Array]:

@@ -10,9 +10,8 @@ from tracker.arrays import Array, Mask
 from tracker.calibration._bundle import Observations, State
 from tracker.calibration._determinability import Held
 from tracker.calibration._precision import correlation
-from tracker.calibration._states import PARAMETERS, UNITS, camera_of
+from tracker.calibration._states import PARAMETERS, STATE_COLUMNS, UNITS, camera_of
 from tracker.camera import Camera
-from tracker.kernels.rows import bundle_camera
 from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
 
@@ -85,7 +84,6 @@ class Adjustment:
 def parameter_table(adjustment: Adjustment, view: int) -> list[tuple[str, float, float, str, bool]]:
     """Rows of a camera's unknowns: name, value, standard error, unit, determined; rotations have no value."""
     state = adjustment.state.cameras[view]
-    kept = state[[*range(bundle_camera.X, bundle_camera.K4), bundle_camera.DELAY]]
-    values = np.concatenate([np.full(3, np.nan), kept])
+    values = np.where(np.array(STATE_COLUMNS) < 0, np.nan, state[list(STATE_COLUMNS)])
     rows = zip(PARAMETERS, values, adjustment.sigmas[view], UNITS, adjustment.free[view], strict=True)
     return [(name, float(value), float(sigma), unit, bool(free)) for name, value, sigma, unit, free in rows]

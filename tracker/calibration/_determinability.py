@@ -38,15 +38,19 @@ class Held:
     turns_back_px: float | None = None
     """Distance from the principal point at which the lens would image two directions in one place; None if nowhere."""
 
+    at_start: bool = False
+    """Whether it is held where the adjustment began, not at 0: what has a usual value that is another."""
+
     def __str__(self) -> str:
+        place = "where the adjustment began" if self.at_start else "at 0"
         if self.turns_back_px is not None:
             return (
                 f'camera "{self.camera}": with {self.parameter} the distortion turns back {self.turns_back_px:.0f} px '
-                "from the principal point, inside the image: held at 0; show the board near the corners"
+                f"from the principal point, inside the image: held {place}; show the board near the corners"
             )
         return (
             f'camera "{self.camera}": {self.parameter} cannot be determined (standard error {self.sigma:.2g}, '
-            f"{self.limit:.2g} at most; correlation {self.correlation:+.3f} with {self.partner}): held"
+            f"{self.limit:.2g} at most; correlation {self.correlation:+.3f} with {self.partner}): held {place}"
         )
 
 
@@ -81,8 +85,8 @@ def _least_determined(
     partner = PARAMETERS[other % N_UNKNOWNS]
     if other // N_UNKNOWNS != view:
         partner += f' of camera "{names[other // N_UNKNOWNS]}"'
-    entry = Held(names[view], PARAMETERS[k], float(sigmas[view, k]), float(limits[view, k]), partner, float(row[other]))
-    return (int(view), int(k)), entry
+    told = PARAMETERS[k], float(sigmas[view, k]), float(limits[view, k]), partner, float(row[other])
+    return (int(view), int(k)), Held(names[view], *told, at_start=_has_its_own(state.cameras[view], int(k)))
 
 
 def _turning_back(state: State, free: Mask, views: Sequence[NamedSize]) -> tuple[tuple[int, int], Held] | None:
@@ -91,8 +95,16 @@ def _turning_back(state: State, free: Mask, views: Sequence[NamedSize]) -> tuple
         turns_px = camera_of(row, name, size).turns_back_px
         terms = [k for k in (unknown.K3, unknown.K2, unknown.K1) if free[view, k]]
         if turns_px is not None and terms:
-            return (view, terms[0]), Held(name, PARAMETERS[terms[0]], 0.0, 0.0, "", 0.0, turns_px)
+            told = PARAMETERS[terms[0]], 0.0, 0.0, "", 0.0, turns_px, _has_its_own(row, terms[0])
+            return (view, terms[0]), Held(name, *told)
     return None
+
+
+def _has_its_own(camera: Array, k: int) -> bool:
+    """Whether the usual value of an unknown is that of the start: without its numerator a wide lens is no lens."""
+    radial = k in (unknown.K1, unknown.K2, unknown.K3)
+    wide = bool(camera[bundle_camera.K4 : bundle_camera.DELAY].any())
+    return k in (unknown.C, unknown.CX, unknown.CY) or (radial and wide)
 
 
 def _limits(camera: Array, size: tuple[int, int]) -> Array:

@@ -44,7 +44,16 @@ class Pair:
 
 
 def best_pair(plane: Array, nominal: Array, names: Sequence[str]) -> Pair:
-    """The two views with most bars that agree with one relative orientation and one bar length."""
+    """The two views with most bars that agree with one relative orientation and one bar length.
+
+    Raises:
+        CalibrationError: there are not two views, they share too few bars, or none fit together.
+    """
+    if len(names) < 2:
+        raise CalibrationError(
+            f"the bar is seen by {', '.join(names) or 'no view'} alone, expected at least two views: record it with "
+            "all cameras at once"
+        )
     seen: Mask = np.asarray(np.isfinite(plane).all(axis=(2, 3)))
     shared = {(i, j): int((seen[i] & seen[j]).sum()) for i, j in itertools.combinations(range(len(seen)), 2)}
     chosen = sorted(shared, key=lambda pair: -shared[pair])[:12]

@@ -14,15 +14,12 @@ from tracker.calibration._consensus import exchange_swapped_ends, with_consensus
 from tracker.calibration._determinability import undetermined
 from tracker.calibration._objects import Bars
 from tracker.calibration._precision import cluster_robust, precision
-from tracker.calibration._states import GROUPS
+from tracker.calibration._states import GROUPS, STATE_COLUMNS
 from tracker.errors import CalibrationError, nearest
 from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
 _REJECTED_AT = 4.0
 """A residual longer than so many standard deviations is a gross error; 3 of 10 000 right ones are."""
-
-_STATE_OFFSET = 6
-"""The unknown k >= 6 is the number k + 6 of a camera's state."""
 
 
 def chosen_unknowns(groups: Sequence[str], n_cameras: int) -> Mask:
@@ -73,7 +70,8 @@ def self_calibrated(
         free[view, k] = False
         held.append(entry)
         cameras = state.cameras.copy()
-        cameras[view, k + _STATE_OFFSET] = start.cameras[view, k + _STATE_OFFSET] if k < 9 else 0.0
+        column = STATE_COLUMNS[k]
+        cameras[view, column] = start.cameras[view, column] if entry.at_start else 0.0
         state, _ = adjust(replace(state, cameras=cameras), observations, free, Noise(sigma_px, used=used))
     covariance, inflation, bent_m = cluster_robust(covariance, state, observations, used / sigma_px**2, free)
     errors = residuals(state, observations)

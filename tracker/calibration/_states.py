@@ -34,6 +34,9 @@ PARAMETERS = (
 UNITS = ("rad",) * 3 + ("m",) * 3 + ("px",) * 3 + ("",) * 7 + ("frames",)
 """Their units; the rotations are about the camera's own axes."""
 
+STATE_COLUMNS = (-1, -1, -1, *range(bundle_camera.X, bundle_camera.K4), bundle_camera.DELAY)
+"""The number of a camera's state that each of them changes; -1 for the rotations, which change nine."""
+
 GROUPS = {
     "exterior": tuple(range(bundle_unknown.C)),
     "camera_constant": (bundle_unknown.C,),

@@ -17,6 +17,9 @@ from tracker.geometry.rigid_motion import rigid_motion
 from tracker.rig import Rig
 from tracker.source_files import number_in, rows_of
 
+_MISPLACED = 0.1
+"""Share of a floor board's diagonal by which its corners may be beside their places: more is another board."""
+
 
 @component
 class WorldFrame:
@@ -93,14 +96,45 @@ class WorldFrame:
             found = _read(path) if path.is_file() else None
             corners = None if found is None else find_corners(found, size)
             images.append(np.full((size[0] * size[1], 2), np.nan) if corners is None else corners)
-        points, _ = rig.triangulate(np.stack(images))
+        columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
+        plan = self.board_square_m * np.stack([columns, rows, 0.0 * rows], axis=-1).reshape(-1, 3)
+        corners = np.stack(images)
+        # such a board looks the same from both ends: each view has the corners from either
+        if (size[0] - size[1]) % 2 == 0:
+            corners = _from_one_end(rig, corners, plan)
+        points, _ = rig.triangulate(corners)
         if np.isfinite(points).all(axis=1).sum() < 4:
             raise CalibrationError(
                 f"world: fewer than two views show the floor board of {size[0]}x{size[1]} inner corners in {pattern}"
             )
-        columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
-        plan = self.board_square_m * np.stack([columns, rows, 0.0 * rows], axis=-1).reshape(-1, 3)
+        off_m, most_m = _misfit(points, plan), _MISPLACED * float(np.linalg.norm(plan[-1]))
+        if off_m > most_m:
+            raise CalibrationError(
+                f"world: the floor board's corners fit its plan to {off_m:.3f} m only, expected {most_m:.3f} m at "
+                f"most: is board_square_m = {self.board_square_m:g} right, and is the board in one place in {pattern}?"
+            )
         return aligned_to_level(plan, points, rig)
+
+
+def _from_one_end(rig: Rig, corners: Array, plan: Array) -> Array:
+    """Corners (V, N, 2) of a board, in all views in the order of the first one: reversed where they fit better so."""
+    shown = [v for v in range(len(rig)) if np.isfinite(corners[v]).all()]
+    ordered = corners.copy()
+    for v in shown[1:]:
+        pair = Rig((rig.cameras[shown[0]], rig.cameras[v]))
+        orders = corners[v], corners[v, ::-1]
+        ordered[v] = min(orders, key=lambda own: _misfit(pair.triangulate(np.stack([corners[shown[0]], own]))[0], plan))
+    return ordered
+
+
+def _misfit(points: Array, plan: Array) -> float:
+    """RMS distance of points (N, 3) from a plan (N, 3) moved to them, metres; infinite for fewer than four."""
+    known = np.isfinite(points).all(axis=1)
+    if known.sum() < 4:
+        return np.inf
+    motion = rigid_motion(points, plan)
+    gaps = points[known] @ motion[:3, :3].T + motion[:3, 3] - plan[known]
+    return float(np.sqrt((gaps**2).sum(axis=1).mean()))
 
 
 def moved_rig(rig: Rig, world_from_rig: Array) -> Rig:

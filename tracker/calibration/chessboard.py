@@ -20,6 +20,7 @@ from tracker.calibration._self_calibration import chosen_unknowns, self_calibrat
 from tracker.calibration._world import WorldFrame
 from tracker.components import component
 from tracker.errors import CalibrationError
+from tracker.fisheye import told_end
 from tracker.progress import Progress
 from tracker.rig import Rig
 from tracker.views import Views
@@ -133,6 +134,7 @@ class ChessboardCalibration:
                 f"{', '.join(wide)}: more than {_WIDE_DEG:.0f} degrees wide, and the board is off by "
                 f'{adjustment.s0:.1f} times sigma_px: try lens = "fisheye"'
             )
+        yield from filter(None, map(told_end, adjustment.cameras))
 
     def _finder(self) -> Callable[[Image], tuple[Array, Array]]:
         """Finds corners: in the board's frame (N, 3) metres, and in the image (N, 2) px."""

@@ -72,7 +72,7 @@ class Colours:
             picture: colours seen.
             samples: contours of the scene at its estimated poses.
             beside: (V, M, 2) parts seen beside them.
-            cameras: (V, 28) from `Rig.packed`.
+            cameras: (V, 29) from `Rig.packed`.
             useful: (V, M) samples to learn from.
             spans: distance of places on a line, metres; weight of the frame in the running mean.
         """

@@ -50,7 +50,7 @@ class SmallPictures:
 
 
 def _small(cameras: Array, factor: int) -> Array:
-    """Rows of `Rig.packed` (V, 28) as `Rig.downscaled` makes them."""
+    """Rows of `Rig.packed` (V, 29) as `Rig.downscaled` makes them."""
     rows = cameras.copy()
     rows[:, [FX, FY, SHEAR]] /= factor
     rows[:, [CX, CY]] = (rows[:, [CX, CY]] + 0.5) / factor - 0.5

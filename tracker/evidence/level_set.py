@@ -69,7 +69,7 @@ class LevelSetEvidence(SilhouetteEvidence):
     length: float = pydantic.Field(default=3.0, ge=0)
     """Weight of the contour's length, odds a px of the small picture."""
 
-    shape: float = pydantic.Field(default=0.075, ge=0)
+    shape: float = pydantic.Field(default=0.03, ge=0)
     """Weight lambda of the model's shape, odds a px^2: at 10 px from the model's outline it is worth 1.5 of odds."""
 
     texture: bool = False

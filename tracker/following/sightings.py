@@ -53,6 +53,11 @@ class NewKeys:
     cut_in: Integers
     """(M,) frame numbers of the images that they were cut from."""
 
+    def select(self, which: Mask) -> NewKeys:
+        """The chosen ones."""
+        rows, keys = self.rows[which], self.keys.select(which)
+        return NewKeys(self.view, rows, keys, self.drift[which], self.from_birth[which], self.cut_in[which])
+
 
 class Sightings:
     """What is found of N points in a frame. Filled step by step, then committed."""
@@ -97,9 +102,12 @@ class Sightings:
         self.variances[view, rows[own]] = sighting.variances[own]
 
     def hide(self, rows: Integers | Mask) -> None:
-        """The points are not seen."""
+        """The points are not seen; what other keys may find of them has nothing to do with the new keys so far."""
         self.pixels[:, rows] = np.nan
         self.status[rows] = PointStatus.HIDDEN
+        hidden = np.zeros(len(self.status), dtype=np.bool_)
+        hidden[rows] = True
+        self.new_keys = [new.select(~hidden[new.rows]) for new in self.new_keys]
 
     def intersect(self, rows: Integers) -> Array:
         """Positions of the points that enough views show.

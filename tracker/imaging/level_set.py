@@ -5,6 +5,7 @@
 phi is positive inside. `descent` is the paper's way, eqs. 2 and 4: gradient descent in a band about the zero level.
 `threshold_dynamics` minimizes the same energy over regions, their length measured by how much of a Gaussian flows out
 (Esedoglu, Otto: Threshold dynamics for networks with arbitrary surface tensions, 2015): a blur and a threshold a step.
+The data then count with the slope of H at the contour, as they do in eq. 4.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ from tracker.arrays import Array, Array32, Mask
 
 _SOFT_PX = 1.0
 """Width of the regularized Heaviside function: half of the step lies within 0.7 px."""
+
+_RIDGE = float(1 / (np.sqrt(2 * np.pi) * _SOFT_PX))
+"""Slope of H(phi) at the zero level, 1 / px."""
 
 _STEEP_PX = 6.0 * _SOFT_PX
 """Farther from the zero level H(phi) is 0 or 1 to nine digits."""
@@ -173,7 +177,7 @@ def region_energy(region: Mask, forces: Forces) -> float:
 def threshold_dynamics(start: Mask, forces: Forces, n_steps: int = 12) -> Mask:
     """The region of least energy near a start, each step the exact minimum of the energy linearized there.
 
-    The shape prior counts by its slope at the contour, 2 lambda phi0 as in eq. 4.
+    A contour rests where eq. 4 has it: what the shape prior draws by, 2 lambda phi0, is what the data do times H'(0).
 
     Args:
         start: (h, w) region to begin with.
@@ -198,10 +202,10 @@ def threshold_dynamics(start: Mask, forces: Forces, n_steps: int = 12) -> Mask:
 
 
 def _drive(forces: Forces) -> Array32:
-    """(h, w) what a pixel is worth inside."""
+    """(h, w) what a pixel is worth inside: odds, and the slope of the prior over that of H at the contour."""
     if forces.prior is None or forces.shape == 0:
         return forces.odds
-    drive: Array32 = forces.odds + np.float32(2 * forces.shape) * forces.prior
+    drive: Array32 = forces.odds + np.float32(2 * forces.shape / _RIDGE) * forces.prior
     return drive
 
 

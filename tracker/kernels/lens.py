@@ -27,7 +27,7 @@ def lens_of(camera: Array | Array32) -> LensTerms:
     """The distortion of a camera.
 
     Args:
-        camera: (28,) row of `Rig.packed`.
+        camera: (29,) row of `Rig.packed`.
     """
     return (
         camera[at.K1],
@@ -39,6 +39,17 @@ def lens_of(camera: Array | Array32) -> LensTerms:
         camera[at.K5],
         camera[at.K6],
     )
+
+
+@compiled(fastmath={"contract", "nsz"})
+def beyond_reach(camera: Array | Array32, a: Number, b: Number) -> bool:
+    """Whether a point of the plane z = 1 is so far from the axis that the lens does not image it.
+
+    Args:
+        camera: (29,) row of `Rig.packed`.
+        a, b: the point.
+    """
+    return a * a + b * b > camera[at.REACH2]
 
 
 @compiled

@@ -6,7 +6,7 @@ import numpy as np
 
 from tracker.arrays import Array, Array32
 from tracker.kernels.compilation import compiled
-from tracker.kernels.lens import bend, bend_with_slopes, lens_of
+from tracker.kernels.lens import bend, bend_with_slopes, beyond_reach, lens_of
 from tracker.kernels.rows import camera as at
 
 
@@ -25,23 +25,26 @@ def project_point(camera: Array, x: float, y: float, z: float) -> tuple[float, f
     """Image of a world point; the twin is `Camera.project`.
 
     Args:
-        camera: (28,) row of `Rig.packed`.
+        camera: (29,) row of `Rig.packed`.
         x, y, z: world position, metres.
 
     Returns:
-        Pixel u, v and the depth in metres (pixel 0, 0 when the depth is not positive).
+        Pixel u, v and the depth in metres, 0 beyond the reach of the lens (pixel 0, 0 when it is not positive).
     """
     cx, cy, depth = _in_camera(camera, x, y, z)
     if depth <= 1e-9:
         return 0.0, 0.0, depth
-    u, v = _through_lens(camera, cx, cy, depth)
+    a, b = cx / depth, cy / depth
+    if beyond_reach(camera, a, b):
+        return 0.0, 0.0, 0.0
+    u, v = _through_lens(camera, a, b)
     return u, v, depth
 
 
 @compiled(fastmath={"contract", "nsz"})
-def _through_lens(camera: Array, cx: float, cy: float, depth: float) -> tuple[float, float]:
-    """Pixel of a point in the camera's frame, before it."""
-    u, v = bend(lens_of(camera), cx / depth, cy / depth, 1.0)
+def _through_lens(camera: Array, a: float, b: float) -> tuple[float, float]:
+    """Pixel of a point of the plane z = 1 of the camera."""
+    u, v = bend(lens_of(camera), a, b, 1.0)
     return camera[at.FX] * u + camera[at.SHEAR] * v + camera[at.CX], camera[at.FY] * v + camera[at.CY]
 
 
@@ -52,8 +55,9 @@ def project_grid(placement: Array, grid: Array32, camera: Array, pixels: Array) 
     Args:
         placement: (4, 4) world_from_part, metres.
         grid: (N, 3 or more) points of the part, metres.
-        camera: (28,) row of `Rig.packed`.
-        pixels: (3, N) output: pixels, of use only where all points lie before the camera, and depths, metres.
+        camera: (29,) row of `Rig.packed`.
+        pixels: (3, N) output: pixels, of use only where all points lie before the camera, and depths, metres; 0 beyond
+            the reach of the lens.
 
     Returns:
         Least depth, metres.
@@ -64,8 +68,9 @@ def project_grid(placement: Array, grid: Array32, camera: Array, pixels: Array) 
         wy = placement[1, 0] * x + placement[1, 1] * y + placement[1, 2] * z + placement[1, 3]
         wz = placement[2, 0] * x + placement[2, 1] * y + placement[2, 2] * z + placement[2, 3]
         cx, cy, depth = _in_camera(camera, wx, wy, wz)
-        u, v = _through_lens(camera, cx, cy, depth)
-        pixels[0, i], pixels[1, i], pixels[2, i] = u, v, depth
+        a, b = cx / depth, cy / depth
+        u, v = _through_lens(camera, a, b)
+        pixels[0, i], pixels[1, i], pixels[2, i] = u, v, 0.0 if beyond_reach(camera, a, b) else depth
     nearest = np.inf
     for i in range(pixels.shape[1]):
         nearest = min(nearest, pixels[2, i])

@@ -14,6 +14,7 @@ from tracker.camera import Camera
 from tracker.components import available, find
 from tracker.errors import CalibrationError, ConfigError, nearest, os_fault
 from tracker.files import write_whole
+from tracker.fisheye import told_end
 from tracker.rig import Rig
 
 _FARTHEST_M = 200.0
@@ -122,7 +123,8 @@ def read_rig(path: Path, size: tuple[int, int] | None = None) -> RigFile:
         raise CalibrationError(f"{path}: {error}") from error
     except OSError as error:  # of a file that it names
         raise CalibrationError(f"{path}: {os_fault(error)}") from error
-    return RigFile(rig, use, listing.left_out, listing.remarks)
+    ends = [told for camera in rig.cameras if (told := told_end(camera))]
+    return RigFile(rig, use, listing.left_out, (*listing.remarks, *ends))
 
 
 def load_rig(path: Path, views: tuple[str, ...] = ()) -> Rig:

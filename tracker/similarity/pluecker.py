@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tracker.arrays import Array
@@ -34,9 +36,14 @@ class PlueckerSimilarity:
         """The pairs of all views in one linear system, robustly weighted as those of `chamfer`, scaled to px."""
         pairs = correspondences(asked, q, gate_px, self.ranking.direction_deg)
         residual, jacobian = incidence(pairs, asked, q)
-        robust = 1 / (1 + (np.linalg.norm(residual, axis=1) / (0.5 * gate_px)) ** 2)
-        weights = (pairs.weights * robust).repeat(3)
-        return Equations.of(residual.reshape(-1), jacobian.reshape(-1, asked.body.dof), weights)
+        # an edge where the lens images nothing has no ray
+        seen = np.isfinite(residual).all(axis=1)
+        residual, jacobian = residual[seen], jacobian[seen]
+        robust = (1 + (np.linalg.norm(residual, axis=1) / (0.5 * gate_px)) ** 2) ** -2
+        weights = pairs.weights[seen] * robust
+        found = Equations.of(residual.reshape(-1), jacobian.reshape(-1, asked.body.dof), weights.repeat(3))
+        # of the three equations of a pair two are independent
+        return replace(found, total=2 * float(weights.sum()))
 
 
 def incidence(pairs: Correspondences, asked: Comparison, q: Array) -> tuple[Array, Array]:

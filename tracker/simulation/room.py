@@ -181,7 +181,8 @@ def _render(camera: Camera, room: Room, faces: dict[tuple[int, int], Image], box
         columns, rows = np.meshgrid(
             (np.arange(2 * width) - 0.5) / 2, (np.arange(2 * top, 2 * (top + n_rows)) - 0.5) / 2
         )
-        rays = camera.rays(np.stack([columns, rows], axis=-1).reshape(-1, 2))
+        # what the lens images nothing to shows what lies at its end
+        rays = camera.rays(np.stack([columns, rows], axis=-1).reshape(-1, 2), clamped=True)
         rays = np.ascontiguousarray(np.where(np.abs(rays) < 1e-12, 1e-12, rays).T)
         colours = _cast_room(origin, rays, room, faces)
         nearest = np.full(rays.shape[1], np.inf)

@@ -54,7 +54,7 @@ def _plan(figure: Figure, axes: Axes, rig: Rig, floor: Floor) -> None:
     for camera in rig.cameras:
         x, y, _ = camera.centre
         for column in (0, camera.size[0] - 1):
-            ray = camera.rays(np.array([column, camera.size[1] / 2]))[:2]
+            ray = camera.rays(np.array([column, camera.size[1] / 2]), clamped=True)[:2]
             end = camera.centre[:2] + 2.0 * ray / max(float(np.linalg.norm(ray)), 1e-9)
             axes.plot([x, end[0]], [y, end[1]], color="#1f4e9c", linewidth=1)
         axes.plot(x, y, "s", color="#1f4e9c", markersize=6)
@@ -112,7 +112,7 @@ def _frustum(camera: Camera) -> list[Array]:
     """Lines (2, 3) from a camera through the corners of its picture, and between them."""
     width, height = camera.size
     corners = np.array([(0, 0), (width - 1, 0), (width - 1, height - 1), (0, height - 1)], dtype=np.float64)
-    ends = camera.centre + _FRUSTUM_M * camera.rays(corners)
+    ends = camera.centre + _FRUSTUM_M * camera.rays(corners, clamped=True)
     sides = [np.stack([camera.centre, end]) for end in ends]
     return [*sides, *(np.stack([ends[k], ends[(k + 1) % 4]]) for k in range(4))]
 

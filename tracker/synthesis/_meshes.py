@@ -12,7 +12,9 @@ NEAREST_M = 0.05
 
 
 def before_cameras(scene: Scene, placements: Array, widths: Array) -> Mask:
-    """Which parts lie wholly before which cameras, as `tracker.kernels.contours.tracing` decides it.
+    """Which parts lie wholly before which cameras, with both ends within the reach of the lens.
+
+    As `tracker.kernels.contours.solids` decides it.
 
     Args:
         scene: its rig and shapes.
@@ -24,7 +26,9 @@ def before_cameras(scene: Scene, placements: Array, widths: Array) -> Mask:
     """
     ends = _axis_ends(scene, placements)
     depths = [camera.in_camera(ends)[..., 2].min(axis=-1) for camera in scene.rig.cameras]
-    before: Mask = np.stack(depths, axis=1) - widths > NEAREST_M
+    # what a lens does not image it would lay over other things
+    imaged = [np.isfinite(camera.project(ends)).all(axis=(-1, -2)) for camera in scene.rig.cameras]
+    before: Mask = (np.stack(depths, axis=1) - widths > NEAREST_M) & np.stack(imaged, axis=1)
     return before
 
 

@@ -55,7 +55,9 @@ def _around(camera: Camera, enlarged: int) -> Pinhole:
     fx, fy = enlarged * camera.matrix[0, 0], enlarged * camera.matrix[1, 1]
     if camera.distortion.any() or camera.matrix[0, 1] != 0:
         positions = camera.undistort(pixels) * (fx, fy)
-        low = np.floor(positions.min(axis=(0, 1))) - 1
+        low = np.floor(np.nanmin(positions, axis=(0, 1))) - 1
+        # what the lens images nothing to shows a corner beside all that it images
+        positions = np.where(np.isfinite(positions), positions, low)
         extent = np.ceil(positions.max(axis=(0, 1)) - low) + 2
         shift = -low
     else:

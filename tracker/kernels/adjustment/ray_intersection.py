@@ -86,7 +86,7 @@ def intersect_rays(
     """Gauss-Newton on the weighted reprojection error of N points.
 
     Args:
-        cameras: (V, 28) rows of `Rig.packed`.
+        cameras: (V, 29) rows of `Rig.packed`.
         pixels: (V, N, 2) px, NaN where a view does not show the point.
         variances: (V, N, 3) of the pixels: xx, yy, xy, px^2.
         points: (N, 3) holds the starts, and the points after, metres; NaN where fewer than two views meet.

@@ -70,7 +70,7 @@ def gaps_of(placements: Array, cameras: Array, carried: Carried, most_m: float, 
 
     Args:
         placements: (B, P, 4, 4) world_from_part.
-        cameras: (V, 28) from `Rig.packed`.
+        cameras: (V, 29) from `Rig.packed`.
         carried: the places.
         most_m: that distance, metres; also of what lies behind the camera.
         gaps: (B, N) output.
@@ -91,7 +91,7 @@ def residuals_of(placements: Array, cameras: Array, carried: Carried, slide_m: f
 
     Args:
         placements: (1, P, 4, 4) world_from_part.
-        cameras: (V, 28) from `Rig.packed`.
+        cameras: (V, 29) from `Rig.packed`.
         carried: the places.
         slide_m: standard deviation of a place across its ray, for clothes slide, metres.
         found: (N, 10) output, a row each; `tracker.kernels.rows.carried_place` names the columns.

@@ -12,7 +12,7 @@ from tracker.kernels.projection import project_point
 from tracker.kernels.rows.camera import FX
 
 _NEAREST_M = 0.1
-"""Points closer to a camera are taken to be so far, metres: sizes stay finite."""
+"""What is closer to a camera, behind it or beyond its reach has no image that a keypoint could be of, metres."""
 
 
 class Detected(NamedTuple):
@@ -35,10 +35,10 @@ class Matches(NamedTuple):
     """Room for what is found, of B poses."""
 
     gaps: Array
-    """(B, V, L, 2) from keypoint to point of the body, px; 0 where there is none."""
+    """(B, V, L, 2) from keypoint to point of the body, px; 0 where the weight is."""
 
     weights: Array
-    """(B, V, L) confidences; 0 where there is no keypoint."""
+    """(B, V, L) confidences; 0 where there is no keypoint, or the point is not before the camera."""
 
     px_per_m: Array
     """(B, V, L) size of a metre at the point of the body."""
@@ -62,7 +62,7 @@ def match_keypoints(
 
     Args:
         points: (B, L, 3) of the body, metres.
-        cameras: (V, 28) from `Rig.packed`.
+        cameras: (V, 29) from `Rig.packed`.
         detected: what was found.
         n_limbs: limbs with sides.
         reach: distance of half a loss, metres; and what it costs to exchange a keypoint's side, share of an outlier.
@@ -79,13 +79,13 @@ def match_keypoints(
                     cameras[v], points[b, k, 0], points[b, k, 1], points[b, k, 2]
                 )
                 matches.px_per_m[b, v, k] = cameras[v, FX] / max(depth, _NEAREST_M)
-                reaches[k] = reach[0] * matches.px_per_m[b, v, k]
+                reaches[k] = reach[0] * matches.px_per_m[b, v, k] if depth > _NEAREST_M else 0.0
             least = np.inf
             for n in range(detected.first[v], detected.first[v + 1]):
                 _compare(detected, n, (pixels, reaches), reach[1], gains, losses, exchanged)
                 if losses.sum() < least:
                     least = losses.sum()
-                    _write(detected.found[n], exchanged, pixels, losses, (b, v), matches)
+                    _write(detected.found[n], exchanged, (pixels, reaches), losses, (b, v), matches)
 
 
 @compiled
@@ -98,7 +98,10 @@ def _compare(
     losses: Array,
     exchanged: Integers,
 ) -> None:
-    """Losses (L,) of one detection, and which keypoint (L,) means each point: its own or that of the other side."""
+    """Losses (L,) of one detection, and which keypoint (L,) means each point: its own or that of the other side.
+
+    `seen` are the pixels (L, 2) of the points and their reaches (L,) px, 0 of those that are not before the camera.
+    """
     found, other = detected.found[n], detected.other
     gains[:] = 0.0
     for k in range(len(losses)):
@@ -114,21 +117,26 @@ def _compare(
 
 @compiled
 def _loss(found: Array, keypoint: int, seen: tuple[Array, Array], k: int) -> float:
-    """Loss of a keypoint as the image of a point; one that was not found is as bad as an outlier."""
+    """Loss of a keypoint as the image of a point; one that was not found, or of no image, is as bad as an outlier."""
     pixels, reaches = seen
-    if found[keypoint, 2] <= 0.0:
+    if found[keypoint, 2] <= 0.0 or reaches[k] <= 0.0:
         return 1.0
     return loss_of(pixels[k, 0] - found[keypoint, 0], pixels[k, 1] - found[keypoint, 1], reaches[k])
 
 
 @compiled
 def _write(
-    found: Array, exchanged: Integers, pixels: Array, losses: Array, place: tuple[int, int], matches: Matches
+    found: Array,
+    exchanged: Integers,
+    seen: tuple[Array, Array],
+    losses: Array,
+    place: tuple[int, int],
+    matches: Matches,
 ) -> None:
-    b, v = place
+    (b, v), (pixels, reaches) = place, seen
     for k in range(len(losses)):
         keypoint = found[exchanged[k]]
-        there = keypoint[2] > 0.0
+        there = keypoint[2] > 0.0 and reaches[k] > 0.0
         matches.weights[b, v, k] = keypoint[2] if there else 0.0
         matches.gaps[b, v, k, 0] = pixels[k, 0] - keypoint[0] if there else 0.0
         matches.gaps[b, v, k, 1] = pixels[k, 1] - keypoint[1] if there else 0.0

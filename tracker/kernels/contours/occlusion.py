@@ -14,6 +14,7 @@ from tracker.arrays import Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.solids import inside_value
 from tracker.kernels.rows import solid, spot
+from tracker.kernels.rows.workspace import BLOCK
 
 # A Python float in a formula would make the compiled code compute it in double precision.
 _ZERO: Any = np.float32(0.0)
@@ -27,7 +28,7 @@ _HUGE: Any = np.float32(1e30)
 @compiled
 def whole_blocks(n: int) -> int:
     """N rounded up to what the compiled code handles at a time; one by one, the rest would take most of the time."""
-    return (n + 31) & ~31
+    return (n + BLOCK - 1) & ~(BLOCK - 1)
 
 
 @compiled(fastmath={"contract", "nsz"})

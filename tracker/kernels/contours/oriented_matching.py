@@ -158,7 +158,7 @@ def normal_equations(
         parts: (V, M) their scene-wide parts.
         ends: (P,) last parameter that moves each part; -2 for parts of other persons, whose pairs do not count.
         scene: (S, 5) scene points from `Observation.packed`.
-        cameras: (V, 28) from `Rig.packed`.
+        cameras: (V, 29) from `Rig.packed`.
         twists: (dof, 6) spatial twists of the parameters.
         moves: (dof, dof + 1) from `BodyModel.moves`.
         px_per_observation: contour length that counts as one observation, px.

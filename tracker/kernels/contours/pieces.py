@@ -177,7 +177,7 @@ def find_pieces(
         layout: R, C.
         p: the part.
         solids: (P, 48) parts in the view, see `tracker.kernels.contours.solids`.
-        camera: (28,) row of `Rig.packed`, single precision.
+        camera: (29,) row of `Rig.packed`, single precision.
         facing, ids, links: workspace (R C,), (3, C) and (ROW, 2).
         crossings: (25 ROW,) output, see `tracker.kernels.rows.crossing`.
         pieces: (ROW, 2) output: crossings, in the order of the contour.

@@ -64,7 +64,7 @@ def view_solids(shapes: Array, bounds: Array, camera: Array, margin_m: float, so
 
     Args:
         shapes, bounds: as in `place_solids`.
-        camera: (28,) row of `Rig.packed`.
+        camera: (29,) row of `Rig.packed`.
         margin_m: added to the width of a part in the image, metres.
         solids: (P, 48) in and out.
     """

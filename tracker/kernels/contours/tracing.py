@@ -100,7 +100,7 @@ def trace_view(
         grids, planes, layout: surface grids, see `find_pieces`.
         bounds: (3, P), see `place_solids`.
         solids: (P, 48) parts in the view.
-        camera: (28,) row of `Rig.packed`, single precision.
+        camera: (29,) row of `Rig.packed`, single precision.
         size: width and height of the image, px.
         spacing: longest contour a sample stands for, px; distance at which parts touch, metres.
         masks: (P,) parts that are traced; parts that may cover them.
@@ -208,7 +208,7 @@ def trace_contours(
         shapes: (P, 7) packed superquadrics.
         grids, planes, layout: surface grids, see `find_pieces`.
         bounds: (3, P), see `place_solids`.
-        cameras: (V, 28) from `Rig.packed`.
+        cameras: (V, 29) from `Rig.packed`.
         sizes: (V, 2) image sizes, px.
         spacing: contour a sample stands for, px; distance at which parts touch, metres.
         exact: place pixels where the points are seen, or else where they are traced, as `score_poses` does: bent in
@@ -233,7 +233,11 @@ def trace_contours(
             for i in range(n_traced):
                 x, y = float(traced[i, sample.U]), float(traced[i, sample.V])
                 if exact:
-                    x, y, _ = project_point(cameras[v], traced[i, sample.X], traced[i, sample.Y], traced[i, sample.Z])
+                    x, y, depth = project_point(
+                        cameras[v], traced[i, sample.X], traced[i, sample.Y], traced[i, sample.Z]
+                    )
+                    if depth <= 0.0:
+                        continue
                 if x < -0.5 or y < -0.5 or x > size[0] - 0.5 or y > size[1] - 0.5:
                     continue
                 positions[b, v, n, 0], positions[b, v, n, 1] = x, y

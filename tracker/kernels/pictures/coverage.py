@@ -103,7 +103,7 @@ def covered_sums(
         moving: (P,) parts that do not stand still.
         grids: (P, R * C, 3) surface points of each part, ring by ring.
         layout: R, C of the grids.
-        cameras: (V, 28) from `Rig.packed`, of the small pictures.
+        cameras: (V, 29) from `Rig.packed`, of the small pictures.
         regions: (V, 3) start in `pictures`, width, height; width 0 for a view that does not count.
         pictures: (N, 2) both pictures of all views end to end.
         still: of the other parts, from `cover_still`.

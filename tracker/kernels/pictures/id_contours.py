@@ -178,7 +178,7 @@ def id_contours(
         depths: (h, w) metres, where there is a part.
         frame: x, y of the picture's first pixel in the image, width and height of the image, px. The image shows
             nothing but background around the picture.
-        camera: (28,) row of `Rig.packed`.
+        camera: (29,) row of `Rig.packed`.
         solids: (P, 17) motion (3x4) from the world into the part's frame in units of its half extents, tapers,
             exponents 2/e2, e2/e1 and 2/e1.
         contact_m: distance at which parts touch, metres.

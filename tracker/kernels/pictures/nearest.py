@@ -24,7 +24,7 @@ def project_surfaces(placements: Array, surfaces: Array, wanted: Mask, camera: A
         placements: (P, 4, 4) world_from_part, metres.
         surfaces: (P, N, 3) points in the parts' frames, metres.
         wanted: (P,) parts that are meant.
-        camera: (28,) row of `Rig.packed`.
+        camera: (29,) row of `Rig.packed`.
         seen: (P, 3, N) output: pixels and inverse depths, 1 / m; NaN for parts that are not meant, or not wholly before
             the camera.
     """

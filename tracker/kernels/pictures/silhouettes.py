@@ -36,7 +36,7 @@ def _turning(
         placement: (4, 4) world_from_part, metres.
         grid: (R * C, 7) points, normals and their product, ring by ring; C at most 62.
         layout: R, C.
-        camera: (28,) row of `Rig.packed`.
+        camera: (29,) row of `Rig.packed`.
         seen: (2, R * C) workspace.
         turning: (R + 1,) output: bit c of number r + 1 is the cell between rings r and r + 1, columns c and c + 1; the
             first number and the last one are 0.
@@ -92,8 +92,12 @@ def _widen_turning(
     turning: Integers,
     pixels: Array,
     extents: Array,
-) -> None:
-    """Widens extents (2, h) by the sides of the cells that `_turning` marked; `pixels` (2, R * C) is workspace."""
+) -> bool:
+    """Widens extents (2, h) by the sides of the cells that `_turning` marked; `pixels` (2, R * C) is workspace.
+
+    Returns:
+        False where one of them lies beyond the reach of the lens: nothing is widened then.
+    """
     n_rows, n_columns = layout
     for r in range(n_rows):
         left = _or_before(turning[r] | turning[r + 1], n_columns)
@@ -104,7 +108,9 @@ def _widen_turning(
             wx = placement[0, 0] * x + placement[0, 1] * y + placement[0, 2] * z + placement[0, 3]
             wy = placement[1, 0] * x + placement[1, 1] * y + placement[1, 2] * z + placement[1, 3]
             wz = placement[2, 0] * x + placement[2, 1] * y + placement[2, 2] * z + placement[2, 3]
-            pixels[0, i], pixels[1, i], _ = project_point(camera, wx, wy, wz)
+            pixels[0, i], pixels[1, i], depth = project_point(camera, wx, wy, wz)
+            if depth <= 0.0:
+                return False
     for r in range(n_rows):
         left = turning[r] | turning[r + 1]
         while left:
@@ -118,6 +124,7 @@ def _widen_turning(
             left &= left - 1
             below = i + n_columns
             widen(pixels[0, i], pixels[1, i], pixels[0, below], pixels[1, below], extents)
+    return True
 
 
 @compiled
@@ -130,8 +137,8 @@ def fill_parts(placements: Array, grids: Array32, layout: tuple[int, int], camer
         placements: (P, 4, 4) world_from_part, metres.
         grids: (P, F, 7) surface points first; see `tracker.kernels.contours.pieces.find_pieces`.
         layout: R, C of the grids, with F = (2 R - 1) (2 C) and 2 C at most 62.
-        camera: (28,) row of `Rig.packed`.
-        mask: (h, w) in and out; parts that are not wholly before the camera are left out.
+        camera: (29,) row of `Rig.packed`.
+        mask: (h, w) in and out; parts that are not wholly before the camera, within its reach, are left out.
     """
     height, width = mask.shape
     nodes = 2 * layout[0] - 1, 2 * layout[1]
@@ -142,7 +149,8 @@ def fill_parts(placements: Array, grids: Array32, layout: tuple[int, int], camer
         if _turning(placements[p], grids[p], nodes, camera, seen, turning) <= 0.0:
             continue
         extents[0], extents[1] = np.inf, -np.inf
-        _widen_turning(placements[p], grids[p], nodes, camera, turning, pixels, extents)
+        if not _widen_turning(placements[p], grids[p], nodes, camera, turning, pixels, extents):
+            continue
         for row in range(height):
             if extents[0, row] <= extents[1, row]:
                 first = max(int(np.ceil(extents[0, row])), 0)

@@ -30,7 +30,7 @@ def shift_equations(
         shifts: (V, M, 3) from `find_shifts`; a line counts by its inverse variance, px^-2, and its support.
         samples: contour samples.
         ends: (P,) last parameter that moves each part, -1 for the world; -2 for parts that do not count.
-        cameras: (V, 28) from `Rig.packed`.
+        cameras: (V, 29) from `Rig.packed`.
         twists: (dof, 6) spatial twists of the parameters.
         moves: (dof, dof + 1) from `BodyModel.moves`.
         px_per_observation: contour length that counts as one observation, px.

@@ -32,7 +32,7 @@ def learn_lines(
         picture: colours seen.
         samples: contour samples of one pose.
         beside: (V, M, 2) parts seen at the `SPOTS`; a part's pixels are not the background.
-        cameras: (V, 28) from `Rig.packed`.
+        cameras: (V, 29) from `Rig.packed`.
         half_extents: (P,) metres, see `Looks`.
         useful: (V, M) samples to learn from.
         step_m: see `Rule`.

@@ -98,7 +98,7 @@ def score_lines(
         lines: what they are compared with.
         positions, points, parts, counts: of `Contours`, for B poses.
         beside: (B, V, M, 2) parts seen at the `SPOTS`.
-        cameras: (V, 28) from `Rig.packed`.
+        cameras: (V, 29) from `Rig.packed`.
         misfits: (B, V, P, 3) output: contour compared, px; times how much of the line lies on the wrong side, px;
             contour whose lines show the part inside and not outside, px.
     """

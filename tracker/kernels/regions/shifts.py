@@ -127,7 +127,7 @@ def find_shifts(
         picture, looks: colours seen and known.
         samples: contour samples; those of weight 0 are left out.
         beside: (V, M, 2) parts seen at the `SPOTS`.
-        cameras: (V, 28) from `Rig.packed`.
+        cameras: (V, 29) from `Rig.packed`.
         wanted: (P,) parts whose samples count.
         rule: how lines are read.
         shifts: (V, M, 3) output: mean shift, px, outwards; its inverse variance, 1/px^2; 1 where the line supports a

@@ -105,7 +105,7 @@ def place_spots(
     A spot is reached in space: the point on the contour moved across its viewing ray until its image has moved.
 
     Args:
-        cameras: (V, 28) from `Rig.packed`.
+        cameras: (V, 29) from `Rig.packed`.
         v: the view.
         point: in the world, metres.
         normal: unit image normal.
@@ -145,7 +145,7 @@ def parts_beside(
         placements: (B, P, 4, 4) world_from_part, metres.
         shapes: (P, 7) packed superquadrics.
         bounds: (3, P), see `place_solids`.
-        cameras: (V, 28) from `Rig.packed`.
+        cameras: (V, 29) from `Rig.packed`.
         positions, points, parts, counts: of `Contours`.
         step_m: see `Rule`.
         found: (B, V, M, 2) output, -1 where no other part is seen.

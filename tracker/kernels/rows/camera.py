@@ -21,4 +21,7 @@ SHEAR = 24
 K4, K5, K6 = 25, 26, 27
 """Denominator of the radial distortion."""
 
-N_COLUMNS = 28
+REACH2 = 28
+"""Squared distance from the axis, in the plane z = 1, beyond which the lens images nothing; inf if it has no end."""
+
+N_COLUMNS = 29

@@ -36,7 +36,7 @@ WIDTH2 = 27
 """Squared width around the axis, px^2."""
 
 NEAREST = 28
-"""Least depth, metres; -1 for a part that is not wholly before the camera."""
+"""Least depth, metres; -1 for a part that is not wholly before the camera, or that ends beyond the lens's reach."""
 
 R11, R12, R13 = 29, 30, 31
 """world_from_part: rotation."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from tracker.arrays import Array32, Mask
 from tracker.kernels.compilation import compiled
-from tracker.kernels.lens import bend, lens_of
+from tracker.kernels.lens import bend, beyond_reach, lens_of
 from tracker.kernels.rows.camera import (
     CENTRE_X,
     CENTRE_Y,
@@ -46,8 +46,8 @@ def see_vertices(points: Array32, normals: Array32, camera: Array32, seen: Array
 
     Args:
         points, normals: (N, 3) from `pose_mesh`.
-        camera: (28,) row of `Rig.packed`, single precision.
-        seen: (N, 3) output: pixel and inverse depth, 1 / m, 0 behind the camera.
+        camera: (29,) row of `Rig.packed`, single precision.
+        seen: (N, 3) output: pixel and inverse depth, 1 / m, 0 behind the camera and beyond its reach.
         facing: (N,) output: product of the normal and the way to the camera, positive where it faces it.
     """
     one, zero, nearest = np.float32(1.0), np.float32(0.0), np.float32(_NEAREST_M)
@@ -62,7 +62,7 @@ def see_vertices(points: Array32, normals: Array32, camera: Array32, seen: Array
         u, v = bend(lens, a, b, one)
         seen[i, 0] = camera[FX] * u + camera[SHEAR] * v + camera[CX]
         seen[i, 1] = camera[FY] * v + camera[CY]
-        seen[i, 2] = inverse if depth > nearest else zero
+        seen[i, 2] = zero if (depth <= nearest) | beyond_reach(camera, a, b) else inverse
         facing[i] = (
             normals[i, 0] * (camera[CENTRE_X] - x)
             + normals[i, 1] * (camera[CENTRE_Y] - y)

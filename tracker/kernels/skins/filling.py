@@ -16,7 +16,7 @@ def fill_mesh(points: Array, faces: Integers, camera: Array, mask: Mask) -> None
     Args:
         points: (N, 3) vertices, world, metres.
         faces: (T, 3) vertex numbers.
-        camera: (28,) row of `Rig.packed`.
+        camera: (29,) row of `Rig.packed`.
         mask: (h, w) in and out; triangles that are not wholly before the camera are left out.
     """
     height, width = mask.shape

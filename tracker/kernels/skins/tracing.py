@@ -63,7 +63,7 @@ def _write(
 ) -> int:
     """Adds a sample if it is seen; the number of samples."""
     u, v, depth = project_point(view.camera, point[0], point[1], point[2])
-    inside = -0.5 <= u <= view.width - 0.5 and -0.5 <= v <= view.height - 0.5
+    inside = depth > 0.0 and -0.5 <= u <= view.width - 0.5 and -0.5 <= v <= view.height - 0.5
     if not inside or n == len(found.parts):
         return n
     state = state_of(view, (u, v), normal, depth, spacing.contact_m)
@@ -169,7 +169,7 @@ def trace_skins(
         placements: (B, P, 4, 4) world_from_part, metres.
         part_from_rest: (P, 4, 4) from the pose that the surface was measured in.
         mesh: of the scene.
-        cameras: (V, 28) from `Rig.packed`.
+        cameras: (V, 29) from `Rig.packed`.
         sizes: (V, 2) image sizes, px.
         spacing: contour a sample stands for, px; distance at which surfaces touch, metres; cells of the depth
             pictures along the longer side of an image.

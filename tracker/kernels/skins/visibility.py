@@ -28,7 +28,7 @@ class View(NamedTuple):
     """A view that meshes are traced in."""
 
     camera: Array
-    """(28,) row of `Rig.packed`."""
+    """(29,) row of `Rig.packed`."""
 
     width: float
     height: float

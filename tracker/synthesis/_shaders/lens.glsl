@@ -1,7 +1,7 @@
 // Cameras, and what their lenses do: tracker/kernels/lens.py for a graphics card.
 layout(std430, binding = 2) readonly buffer Cameras { float cameras[]; };          // CAMERA a view: Rig.packed
 
-const int CAMERA = 28;
+const int CAMERA = 29;
 
 struct Bent { vec2 point; vec2 own; float mixed; };  // in the plane z = 1; slopes of u by a and v by b; of u by b, v by a
 

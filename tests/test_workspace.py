@@ -1,0 +1,41 @@
+"""Rows of the kernels' workspace: as many samples as fit, and nothing written beyond them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tracker.body import BodyModel
+from tracker.camera import Camera
+from tracker.kernels.contours.occlusion import cover, whole_blocks
+from tracker.kernels.rows import solid, spot
+from tracker.kernels.rows.workspace import BLOCK, ROW
+from tracker.rig import Rig
+from tracker.scene import Person, Scene
+from tracker.synthesis.cpu import CpuSynthesis
+
+BEHIND = 64
+"""Numbers that lie behind the workspace and are not its own."""
+
+
+def test_a_full_row_is_whole_blocks() -> None:
+    assert whole_blocks(ROW) == ROW
+    assert whole_blocks(ROW - BLOCK + 1) == ROW
+
+
+def test_a_full_row_is_covered_within_the_workspace() -> None:
+    room = np.full(spot.N_ROWS * ROW + BEHIND, 7, dtype=np.float32)
+    part = np.ones((1, solid.N_COLUMNS), dtype=np.float32)
+    cover(part, 0, 0.02, room[:-BEHIND], ROW)
+    assert (room[-BEHIND:] == 7).all()
+
+
+def test_samples_as_dense_as_half_a_pixel(body: BodyModel) -> None:
+    """Contours of large parts then fill a row, and their samples stand for longer pieces; parts of them are hidden."""
+    camera = Camera.looking_at("near", (1920, 1080), 1500, (0, -2, 1), np.array([0, 0, 1.0]))
+    q = body.rest().copy()
+    q[2] = 0.9
+    scene = Scene((Person("one", body, q),), Rig((camera,)))
+    dense, usual = (CpuSynthesis(step_px=step).contours(scene) for step in (0.5, 4.0))
+    assert np.bincount(dense.parts[0, 0, : dense.counts[0, 0]]).max() > ROW // 2
+    long, same = (found.positions[0, 0, : found.counts[0, 0], 4].sum() for found in (dense, usual))
+    np.testing.assert_allclose(long, same, rtol=0.02)
