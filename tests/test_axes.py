@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from observations import four_views
 
 from tracker.arrays import Array, Mask
 from tracker.body_files import load_body
 from tracker.camera import Camera
 from tracker.geometry.axes import line_from_planes, nearest_along_line
 from tracker.imaging.principal_axis import iterated_axes, region_points
+from tracker.initialization._torso_axis import region_axes, torso_axis
 from tracker.resources import model_path
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
@@ -176,3 +178,23 @@ def test_the_axis_of_a_person_is_not_disturbed_by_an_arm(side: str, raised_deg: 
     assert off[-1] < 2
     assert lateral[-1] < 4
     assert np.linalg.norm(axes[-1].ends[1] - head) < 15
+
+
+def test_a_view_with_a_speck_of_the_person_has_no_say_in_the_axis() -> None:
+    body = load_body(model_path("human"))
+    scene = Scene((Person("one", body, body.rest()),), four_views())
+    regions = CpuSynthesis().silhouettes(scene)[:3]
+    speck = np.zeros_like(regions[2])
+    speck[100, :2] = True
+    told, without = (
+        torso_axis(scene.rig, (*regions[:2], third), region_axes((*regions[:2], third), 0.0)) for third in (speck, None)
+    )
+    np.testing.assert_allclose(told.head_top, without.head_top)
+    np.testing.assert_allclose(told.direction, without.direction)
+
+
+def test_a_region_counts_by_its_share_of_its_own_view() -> None:
+    small, large = strip(0, 40, 10), np.zeros((1000, 1000), np.bool_)
+    large[: small.shape[0], : small.shape[1]] = small
+    share = np.count_nonzero(small) / small.size
+    assert [len(found) > 0 for found in region_axes((small, large, None), 0.5 * share)] == [True, False, False]

@@ -145,6 +145,7 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "no parameter": (lambda m: m["start"].update(turn="torso_twst"), r'start\.turn: no parameter.*"torso_twist"'),
     "no limb": (lambda m: m["start"].update(coarse_deg={"arm_abdction": [1]}), r"start\.coarse_deg: no parameter"),
     "no stance": (lambda m: m["start"].update(stances_deg=[{"leg": 1}]), r"start\.stances_deg: no parameter"),
+    "no stances": (lambda m: m["start"].update(stances_deg=[]), r"start\.stances_deg: .*at least 1 item"),
     "name of a path": (
         lambda m: m.update(name="../../x"),
         r"name: '../../x': '/' in a name that files are called after",
@@ -198,7 +199,30 @@ def test_a_wrong_entry_is_one_line_that_names_it(fault: str, tmp_path: Path) -> 
 
 
 def test_a_body_without_a_long_axis_loads_and_says_so_where_it_is_looked_for(tmp_path: Path) -> None:
-    body: BodyModel = load_body(changed(tmp_path, "gavrila22", without(*SECTIONS, "landmarks", "links")))
+    def without_axis(table: dict[str, Any]) -> None:
+        without(*SECTIONS, "links", "keypoints")(table)
+        table["landmarks"] = {name: mark for name, mark in table["landmarks"].items() if "_wrist" in name}
+
+    body: BodyModel = load_body(changed(tmp_path, "gavrila22", without_axis))
     assert body.start.head == ""
     with pytest.raises(ModelError, match=r'model "gavrila22": bootstrapping needs two landmarks.*\[start\]'):
         axis_marks(body)
+
+
+def _flipped(table: dict[str, Any]) -> None:
+    table["segments"][0]["parameters"][1]["axis"] = [0, -1, 0]
+
+
+def _turned_first(table: dict[str, Any]) -> None:
+    parameters = table["segments"][0]["parameters"]
+    table["segments"][0]["parameters"] = parameters[3:] + parameters[:3]
+
+
+@pytest.mark.parametrize("change", [_flipped, _turned_first])
+def test_a_root_that_does_not_move_along_the_axes_of_the_world_is_refused(
+    change: Callable[[dict[str, Any]], Any], tmp_path: Path
+) -> None:
+    body = load_body(changed(tmp_path, "gavrila22", change))
+    with pytest.raises(ModelError, match="expected a root segment that moves along x, y and z") as refusal:
+        axis_marks(body)
+    assert "\n" not in str(refusal.value)

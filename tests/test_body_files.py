@@ -112,6 +112,7 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "unknown parent": (lambda m: m["segments"][2].update(parent="mst"), r'"shade": parent "mst".*did you mean "mast"'),
     "parent below": (lambda m: m["segments"][1].update(parent="shade"), r'"mast": parent "shade" is not defined above'),
     "segment twice": (lambda m: m["segments"][2].update(name="mast"), r'segment "mast" is defined twice'),
+    "part twice": (lambda m: m["parts"][1].update(name=m["parts"][0]["name"]), r"part '\w+' is defined twice"),
     "parameter twice": (lambda m: SWIVEL(m).update(name="nod"), r"'nod' is defined twice"),
     "no limits": (lambda m: SWIVEL(m).pop("limits_deg"), r'"swivel": give either limits_m .* or limits_deg'),
     "both limits": (lambda m: SWIVEL(m).update(limits_m=[0, 1]), r'"swivel": give either'),

@@ -18,7 +18,7 @@ from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._directions import direction_images
 from tracker.initialization._edge_ranking import Clues, refined_on_edges
-from tracker.initialization._limbs_anew import limbs_anew
+from tracker.initialization._limbs_anew import _elsewhere, limbs_anew
 from tracker.initialization._stances import on_floor, posed, turned
 from tracker.initialization.stance import StanceInitialization
 from tracker.plate import Plate
@@ -101,3 +101,12 @@ def test_limbs_in_their_place_are_left_alone(body: BodyModel) -> None:
     clues = Clues(direction_images(frame, 0.035))
     right = refined_on_edges(frame, scene, stages, scene.persons[0].q)
     assert limbs_anew(frame, scene, stages, clues, right) == []
+
+
+def test_a_limb_without_limits_is_looked_for_all_round(body: BodyModel) -> None:
+    free = tuple(replace(one, limits=(-np.inf, np.inf)) if "arm" in one.name else one for one in body.parameters)
+    q, columns = body.rest(), body.group("left_arm")
+    poses = _elsewhere(replace(body, parameters=free), "left_arm", q)
+    assert np.ptp(poses[:, columns], axis=0).min() > 1.9 * np.pi
+    assert np.abs(poses[:, columns] - q[columns]).max() <= np.pi
+    np.testing.assert_array_equal(np.delete(poses, columns, axis=1), np.tile(np.delete(q, columns), (len(poses), 1)))

@@ -67,6 +67,25 @@ def test_the_frame_is_the_nearest_earlier_one(body: BodyModel, views: Rig, tmp_p
     np.testing.assert_allclose(np.array(x) - early[body.index("torso_x")], [0, 0, 1], atol=0.02)
 
 
+def test_poses_need_not_be_in_order(body: BodyModel, views: Rig, tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, ["frame", "person", *(parameter.column for parameter in body.parameters)])
+        writer.writeheader()
+        for frame in (8, 5, 3):
+            zero = {parameter.column: "0" for parameter in body.parameters}
+            writer.writerow({"frame": frame, "person": "anna", **zero, "torso_x_m": f"0.{frame}"})
+    x = [started(path, scene_of(body, views, "anna"), index)[body.index("torso_x")] for index in (0, 3, 6, 9)]
+    assert x == [0.3, 0.3, 0.5, 0.8]
+
+
+def test_joints_of_all_frames_are_read_before_the_first_one(body: BodyModel, views: Rig, tmp_path: Path) -> None:
+    later = joints_of(body, bent(body)) | {"neck": np.array([0.0, 0.0, np.inf])}
+    path = joint_file(tmp_path / "joints.csv", {0: joints_of(body, bent(body)), 70: later})
+    with pytest.raises(ConfigError, match=r'"z" is .inf., expected a finite number'):
+        GivenInitialization(poses=path).check(scene_of(body, views, "anna"), (None,) * 4)
+
+
 def test_a_head_that_may_be_its_middle_is_not_its_top(body: BodyModel, views: Rig, tmp_path: Path) -> None:
     q = body.clamped(bent(body))
     joints = joints_of(body, q)

@@ -172,6 +172,42 @@ def test_held_persons_keep_their_poses(scene: Scene, stages: Stages, body: BodyM
     np.testing.assert_array_equal(start.poses[1], body.rest())
 
 
+def two_persons(scene: Scene, body: BodyModel, apart_m: float) -> Scene:
+    q = scene.persons[0].q.copy()
+    q[:2] += apart_m, -0.5
+    return Scene((*scene.persons, Person("two", body, q)), scene.rig)
+
+
+def test_who_is_looked_for_is_not_who_is_held(scene: Scene, stages: Stages, body: BodyModel, tmp_path: Path) -> None:
+    """The held person's keypoints fit as well, and better where the other one's are noisy."""
+    both = two_persons(scene, body, 0.9)
+    views = [
+        np.concatenate([rough[:1], exact[1:]])
+        for exact, rough in zip(detected(both), detected(both, noise_px=2.0), strict=True)
+    ]
+    lost, frame, held = both.with_pose(0, body.rest()), Frame(0, 0.0, (None,) * 4), replace(stages, held=(1,))
+    pattern = written(views, scene.rig.names, tmp_path / "both")
+    start = KeypointInitialization(path=pattern).start(frame, lost, held)
+    gap = body.landmarks_in_world(start.poses[0]) - body.landmarks_in_world(scene.persons[0].q)
+    assert np.linalg.norm(gap, axis=1).mean() < 0.03
+    pattern = written([view[1:] for view in views], scene.rig.names, tmp_path / "held alone")
+    with pytest.raises(InitializationError, match="agree on 0 beside those whose poses are known"):
+        KeypointInitialization(path=pattern).start(frame, lost, held)
+
+
+def test_where_persons_are_told_to_be_counts(scene: Scene, stages: Stages, body: BodyModel, tmp_path: Path) -> None:
+    both = two_persons(scene, body, 0.9)
+    places = [body.landmarks_in_world(person.q)[:, :2].mean(axis=0) for person in both.persons]
+    pattern, frame = written(detected(both), scene.rig.names, tmp_path), Frame(0, 0.0, (None,) * 4)
+    for told, other in ((0, 1), (1, 0)):
+        persons = tuple(
+            replace(person, at=tuple(places[n])) for person, n in zip(both.persons, (told, other), strict=True)
+        )
+        start = KeypointInitialization(path=pattern).start(frame, Scene(persons, scene.rig), stages)
+        found = [body.landmarks_in_world(q)[:, :2].mean(axis=0) for q in start.poses]
+        np.testing.assert_allclose(found, [places[told], places[other]], atol=0.05)
+
+
 def test_what_cannot_work_is_refused_before_the_first_frame(scene: Scene, tmp_path: Path) -> None:
     pattern = written(detected(scene), scene.rig.names, tmp_path)
     told = KeypointInitialization(path=pattern).check(scene, (None,) * 4)

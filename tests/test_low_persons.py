@@ -253,6 +253,10 @@ def test_coarse_values_that_a_body_cannot_have_are_refused(
     with pytest.raises(ConfigError, match=message):
         PcaInitialization(coarse_deg=coarse_deg).check(scene, plates)
     PcaInitialization(coarse_deg={"arm_abduction": (20.0, 70.0)}).check(scene, plates)
+    if "arm_abductoin" not in coarse_deg:  # which a model file itself refuses
+        own = replace(body, start=body.start.model_copy(update={"coarse_deg": coarse_deg}))
+        with pytest.raises(ConfigError, match=r'start\.coarse_deg of model "gavrila22": '):
+            PcaInitialization().check(Scene((Person("one", own, own.rest()),), rig), plates)
 
 
 def test_a_rendered_man_who_gets_up_from_the_floor_is_found(data: Callable[[str], Path]) -> None:

@@ -10,6 +10,7 @@ import pytest
 from recordings import small_simulation
 
 from tracker.analysis.contours import ContourAnalysis
+from tracker.analysis.silhouettes import SilhouetteAnalysis
 from tracker.comparison import Comparison
 from tracker.errors import CalibrationError, SequenceError
 from tracker.evidence.contours import ContourEvidence
@@ -129,3 +130,16 @@ def test_contours_there_are_neither_explained_nor_missed(filmed):
         asked = Comparison(scene, 0, synthesis, seen[1])
         costs = ContourEvidence().distances(asked, np.array([q, moved]))
         assert (abs(costs[1] - costs[0]) < 0.05) == hidden, name
+
+
+def test_an_outline_is_not_that_of_what_hides_the_rest(filmed):
+    frame, plate = next(iter(filmed.frames())), filmed.plates[0]
+    hides = replace(plate, occluder=lower_half(plate.picture))
+    usual, seen = (
+        SilhouetteAnalysis().observe(Sight(frame, (one, *filmed.plates[1:])), None).views[0] for one in (plate, hides)
+    )
+    middle = len(plate.picture) / 2
+    above = usual.edges[usual.accepted & (usual.edges[:, 1] < middle - 12)]
+    assert 0.9 * len(above) < np.count_nonzero(seen.accepted)
+    assert seen.edges[seen.accepted][:, 1].max() < middle - 3
+    assert (seen.distance[hides.occluder] == HIDDEN).all()

@@ -8,8 +8,10 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
+from tracker.body_entries import LandmarkEntry, PartEntry, SegmentEntry
 from tracker.body_sections import Clothes, Joints, Movement, StartMarks, Term
 from tracker.errors import ModelError
+from tracker.mirror import Mirror
 from tracker.segments import Landmark, Root, Segment
 
 # A limb that reaches less far down than this share of the body's height above the floor carries nothing.
@@ -23,8 +25,45 @@ _STANCES_DEG = (85.0, 45.0)
 # The long axis is sought on the root segment if its landmarks span this share of the body.
 _LONG = 0.25
 _SAME = 0.006
+# A part's end this close to a joint is that joint, as a share of the body: limbs of the bundled models, round at their
+# ends, begin and end 0.01 to 0.042 beyond their joints.
+_AT_JOINT = 0.045
 _SWAY_DEG, _SWAY_SHARE, _SWAY_S = 20.0, 0.4, 2.0
 _GOLDEN = 0.618
+
+
+def marks(segments: tuple[SegmentEntry, ...], parts: tuple[PartEntry, ...], mirror: Mirror) -> dict[str, LandmarkEntry]:
+    """Landmarks: the joints by which segments hang on others, and the ends of parts that are no joint.
+
+    Args:
+        segments: the tree.
+        parts: the shapes on it, one at least.
+        mirror: what mirrors what: an end counts if that of the other side does.
+    """
+    found = {one.name: LandmarkEntry(segment=one.name, at=one.joint) for one in segments if one.parent != "world"}
+    ends = {
+        f"{part.name}_{end}": LandmarkEntry(segment=part.segment, at=at)
+        for part in parts
+        for end, at in (("start", part.start), ("end", part.end))
+    }
+    near = _AT_JOINT * float(np.ptp([mark.at for mark in ends.values()], axis=0).max())
+    joints = [np.array(mark.at) for mark in found.values()]
+    free = {
+        name for name, mark in ends.items() if all(float(np.linalg.norm(mark.at - joint)) > near for joint in joints)
+    }
+    paired = {name for name in free if mirror.of(name) in free or mirror.of(name) not in ends}
+    return found | {name: mark for name, mark in ends.items() if name in paired}
+
+
+def bones(
+    segments: tuple[SegmentEntry, ...], parts: tuple[PartEntry, ...], known: dict[str, LandmarkEntry]
+) -> tuple[tuple[str, str], ...]:
+    """Links between `marks`: from joint to joint, from the last joint to the free ends, and along what has two."""
+    pairs = [(one.parent, one.name) for one in segments]
+    for part in parts:
+        start, end = f"{part.name}_start", f"{part.name}_end"
+        pairs += [(start, end)] if start in known and end in known else [(part.segment, start), (part.segment, end)]
+    return tuple(pair for pair in pairs if pair[0] in known and pair[1] in known)
 
 
 def chains(segments: tuple[Segment, ...], names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:

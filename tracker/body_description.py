@@ -9,7 +9,7 @@ import pydantic
 
 from tracker.arrays import frozen
 from tracker.body import BodyModel
-from tracker.body_defaults import chains
+from tracker.body_defaults import bones, chains, marks
 from tracker.body_entries import LandmarkEntry, PartEntry, SegmentEntry, Vector, of_segment, part_of, tree_of
 from tracker.body_facts import keypoint_marks, with_facts
 from tracker.body_sections import Clothes, Entry, Joints, KeypointEntry, Movement, SkinSection, StartMarks
@@ -53,6 +53,14 @@ class BodyDescription(Entry):
     def mirrored(self, name: str) -> str:
         """The name of the other side's segment, part or landmark; the same name on the midline."""
         return Mirror(self.sides, self.across).of(name)
+
+    def with_marks(self) -> BodyDescription:
+        """The description with landmarks, and links between them, derived from its shape if it has none."""
+        if self.landmarks or not self.parts:
+            return self
+        found = marks(self.segments, self.parts, Mirror(self.sides, self.across))
+        links = self.links or bones(self.segments, self.parts, found)
+        return self.model_copy(update={"landmarks": found, "links": links})
 
     def scaled(self, factor: float) -> BodyDescription:
         """The body with every length multiplied by a factor."""
@@ -114,6 +122,9 @@ def _build(model: BodyDescription) -> BodyModel:
     names = [parameter.name for parameter in parameters]
     if len(set(names)) < len(names):
         raise ModelError(f"parameter {max(names, key=names.count)!r} is defined twice")
+    own = [part.name for part in model.parts]
+    if len(set(own)) < len(own):
+        raise ModelError(f"part {max(own, key=own.count)!r} is defined twice")
     last = {"world": -1} | {segment.name: segment.end for segment in segments}
     landmarks = tuple(
         Landmark(name, of_segment(mark.segment, last, name), frozen(mark.at), mark.segment)

@@ -18,13 +18,13 @@ from tracker.source_files import toml_of
 
 
 def read_description(path: Path) -> BodyDescription:
-    """Reads the content of a model file.
+    """Reads the content of a model file, with landmarks derived from the shape if it has none.
 
     Raises:
         ModelError: the file is missing or wrong; the message names the entry.
     """
     try:
-        found = BodyDescription.model_validate(toml_of(path, ModelError, "the body model"))
+        found = BodyDescription.model_validate(toml_of(path, ModelError, "the body model")).with_marks()
     except pydantic.ValidationError as error:
         raise ModelError(f"{path}: {_first_fault(error)} (see models/gavrila22.toml)") from error
     return found if found.skin is None else found.model_copy(update={"skin": found.skin.beside(path.parent)})

@@ -39,7 +39,7 @@ class StartMarks(Entry):
     coarse_deg: dict[str, tuple[float, ...]] = {}
     """Values of further parameters tried with every turn, each side for itself, degrees."""
 
-    stances_deg: tuple[dict[str, float], ...] = ()
+    stances_deg: tuple[dict[str, float], ...] = pydantic.Field(default=(), min_length=1)
     """Poses on the floor that a start without background plates tries, both sides alike, degrees."""
 
 

@@ -99,17 +99,19 @@ class KinematicTree:
         """The parameters that everything hangs on.
 
         Raises:
-            ModelError: no free position or no turn about the vertical.
+            ModelError: no free position along the world's axes or no turn about the vertical.
         """
         columns = self.carrying
         axes = np.array([self.parameters[k].axis for k in columns]).reshape(-1, 3)
         rotates = self.rotates[columns]
-        shifts = [columns[~rotates & (np.abs(axes[:, k]) > 0.9)] for k in range(3)]
+        # Behind a rotation a translation would not be along the world's axes.
+        before = np.cumsum(rotates) == 0
+        shifts = [columns[before & (axes[:, k] > 0.9)] for k in range(3)]
         turns = columns[rotates & (np.abs(axes[:, 2]) > 0.9)]
         if any(len(found) != 1 for found in (*shifts, turns)):
             raise ModelError(
-                f'model "{self.name}": expected a root segment that moves along x, y and z and turns about z; '
-                "see the first segment of models/gavrila22.toml"
+                f'model "{self.name}": expected a root segment that moves along x, y and z (not -x, -y, -z), '
+                "then turns about z; see the first segment of models/gavrila22.toml"
             )
         return Root(columns, np.concatenate(shifts), int(turns[0]))
 

@@ -24,6 +24,9 @@ _SCENE_POINTS = 500
 # An outline this close to what is not known, half of it to either side, is the border of that.
 _BESIDE_PX = 7
 
+# Holes of less than this share of a region are specks of its mask: what an arm encloses on the hip is larger.
+_SMALL_HOLE = 0.001
+
 # A sample is on the outline if the model does not cover the pixel this far outside of it, px.
 _OUTSIDE_PX = 2.5
 
@@ -113,4 +116,7 @@ def largest_region(mask: Mask) -> Mask:
     if count < 2:
         return mask
     region: Mask = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
-    return region
+    _, labels, stats, _ = cv2.connectedComponentsWithStats((~region).astype(np.uint8), connectivity=4)
+    small = stats[:, cv2.CC_STAT_AREA] < _SMALL_HOLE * np.count_nonzero(region)
+    filled: Mask = region | small[labels]
+    return filled

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from matplotlib.figure import Figure
 
+from tracker.acquisition.result import stature_of
 from tracker.arrays import Array, Image, Mask
 from tracker.body import BodyModel
 from tracker.camera import Camera
@@ -104,7 +105,8 @@ def shaded_views(body: BodyModel, q: Array) -> tuple[list[Image], str]:
     placed = body.world_from_part(q)[:, :3, 3]
     middle = (placed.min(axis=0) + placed.max(axis=0)) / 2
     front = np.degrees(_heading(body, q))
-    cameras = [_around(middle, body.stature_m, front + turn) for turn in (0.0, 45.0, 90.0, 180.0)]
+    height_m = body.stature_m or stature_of(body)
+    cameras = [_around(middle, height_m, front + turn) for turn in (0.0, 45.0, 90.0, 180.0)]
     scenes = [Scene((Person("subject", body, q),), Rig((camera,))) for camera in cameras]
     try:
         renderer = find("synthesis", "osmesa")()
@@ -119,10 +121,10 @@ def _heading(body: BodyModel, q: Array) -> float:
     return float(np.arctan2(turned[1, 0], turned[0, 0]))
 
 
-def _around(middle: Array, stature_m: float, heading_deg: float) -> Camera:
-    distance, angle = 2.6 * stature_m, np.radians(heading_deg)
+def _around(middle: Array, height_m: float, heading_deg: float) -> Camera:
+    distance, angle = 2.6 * height_m, np.radians(heading_deg)
     x, y, z = middle + distance * np.array([np.cos(angle), np.sin(angle), 0.12])
-    focal_px = 0.8 * _SHADED_PX[1] * distance / stature_m
+    focal_px = 0.8 * _SHADED_PX[1] * distance / height_m
     return Camera.looking_at("shaded", _SHADED_PX, focal_px, (x, y, z), middle)
 
 

@@ -13,6 +13,7 @@ from tracker.acquisition.shape_space import ShapeSpace
 from tracker.acquisition.standing import scene_of
 from tracker.arrays import Array, Integers
 from tracker.body import BodyModel
+from tracker.camera import Camera
 from tracker.contours import Contours
 from tracker.geometry.superquadrics import surface
 from tracker.kernels.contours.oriented_matching import match_oriented
@@ -73,7 +74,7 @@ def _back_projected(found: Fit, look: int, silhouette: Silhouette, synthesis: Sy
     assert observation is not None
     edges, first = observation.packed.points, observation.packed.first
     pairs = np.empty((int(contours.counts[0].sum()) + len(edges), 4), dtype=np.int64)
-    gate = (_GATE_M * _scale(camera.matrix[0, 0], contours, camera.in_camera), _COSINE)
+    gate = (_GATE_M * _scale(camera, contours), _COSINE)
     pairs = pairs[: match_oriented(positions, contours.counts[0], edges, first, gate, pairs)]
     pairs = pairs[pairs[:, 3] == 1]
     points, parts = contours.points[0, 0, pairs[:, 1]].astype(np.float64), contours.parts[0, 0, pairs[:, 1]]
@@ -87,10 +88,10 @@ def _back_projected(found: Fit, look: int, silhouette: Silhouette, synthesis: Sy
     return parts, local, np.einsum("nji,nj->ni", placed[:, :3, :3], rays)
 
 
-def _scale(focal_px: float, contours: Contours, in_camera: object) -> float:
-    assert callable(in_camera)
+def _scale(camera: Camera, contours: Contours) -> float:
+    """Pixels of a metre where the contours are."""
     points = contours.of(0).points.astype(np.float64)
-    return float(focal_px / np.median(in_camera(points)[:, 2]))
+    return float(camera.matrix[0, 0] / np.median(camera.in_camera(points)[:, 2]))
 
 
 def _sections(

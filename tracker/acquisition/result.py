@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,20 +112,33 @@ def _sigmas(found: Fit, near: Array, here: Array) -> Array:
     return np.sqrt(np.maximum(variances, 0.0))
 
 
-def stature_of(body: BodyModel) -> float:
-    """Height of the body in the reference pose, from the lowest to the highest point of its parts, metres."""
-    return float(heights(body.shapes, body.model_from_parts))
+def stature_of(body: BodyModel, carried: Collection[str] = ()) -> float:
+    """Height of the body in the reference pose, from the lowest to the highest point of its parts, metres.
+
+    Args:
+        body: the body.
+        carried: parts that are not of the body itself.
+    """
+    own = np.array([part.name not in carried for part in body.parts])
+    return float(heights(body.shapes[own], body.model_from_parts[own]))
 
 
-def model_of(found: Fit, name: str, about: str) -> BodyDescription:
-    """The content of the person's model file, with the standard deviations of lengths (m) and sizes (m)."""
+def model_of(found: Fit, name: str, about: str, carried: Collection[str] = ()) -> BodyDescription:
+    """The content of the person's model file, with the standard deviations of lengths (m) and sizes (m).
+
+    Args:
+        found: the fit.
+        name: of the model.
+        about: how it came about.
+        carried: parts that the person carries, which do not make it taller.
+    """
     bones = {f"{bone.bone}.length": bone.sigma_mm / 1000 for bone in bone_lengths(found)}
     parts = {
         f"{one.part}.{what}": sigma / 1000
         for one in part_residuals(found)
         for what, sigma in zip(("depth", "width", "length"), one.sigma_mm, strict=True)
     }
-    changes = {"name": name, "about": about, "stature_m": stature_of(found.body), "sigmas": bones | parts}
+    changes = {"name": name, "about": about, "stature_m": stature_of(found.body, carried), "sigmas": bones | parts}
     return found.space.described(found.shape).model_copy(update=changes)
 
 

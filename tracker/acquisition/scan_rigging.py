@@ -44,7 +44,7 @@ def rigged(general: BodyDescription, scan: Scan, name: str) -> Rigged:
     """
     owners = _owners(general, scan)
     ratio = _height(scan) / general.stature_m if general.stature_m > 0 else 1.0
-    placed, segments = Placed(), []
+    larger, placed, segments = general.scaled(ratio), Placed(), []
     for entry in general.segments:
         segments.append(placed_segment(entry, general, scan, placed, ratio))
     fits, parts = _parts(scan, owners, placed)
@@ -64,6 +64,8 @@ def rigged(general: BodyDescription, scan: Scan, name: str) -> Rigged:
         "segments": tuple(segments),
         "parts": tuple(parts),
         "landmarks": _landmarks(general, scan, placed, ratio),
+        "keypoints": larger.keypoints,
+        "movements": larger.movements,
         "clothes": general.clothes.model_copy(update=clothes),
         "sigmas": {},
         "skin": SkinSection(surface="scan.ply", weights="scan.npz", pose_deg=placed.pose_deg),

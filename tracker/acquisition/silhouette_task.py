@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 import pydantic
@@ -26,6 +27,9 @@ from tracker.synthesis import Synthesis
 # A start whose turn is not 90 degrees must be nearer by this factor.
 _CLEARLY = 1.15
 
+Angles = Annotated[tuple[float, ...], pydantic.Field(min_length=1)]
+"""Degrees."""
+
 
 @component
 class SilhouetteSettings:
@@ -37,7 +41,7 @@ class SilhouetteSettings:
     fit: FitSettings = FitSettings(iterations=15, pose_m=0.5, pose_deg=6.0)
     """The refinement."""
 
-    coarse_deg: dict[str, tuple[float, ...]] = pydantic.Field(
+    coarse_deg: dict[str, Angles] = pydantic.Field(
         default={"arm_abduction": (5.0, 20.0, 40.0, 60.0, 85.0), "leg_abduction": (0.0, 5.0, 12.0)}
     )
     """Angles tried at the start, of both sides alike; parameters that the model lacks are left out, degrees."""

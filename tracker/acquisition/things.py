@@ -106,10 +106,9 @@ def _is_near_the_trunk(body: BodyModel) -> Mask:
     ends = body.part_parameters
     n_moving = body.moves[:, ends].sum(axis=0)
     near = np.ones(len(body.parts), dtype=np.bool_)
-    for group in body.fine_groups:
-        if body.partner_of(group):
-            own = body.parts_of(group)
-            near[own] = n_moving[own] == n_moving[own].min()
+    for group in body.limbs:
+        own = body.parts_of(group)
+        near[own] = n_moving[own] == n_moving[own].min(initial=body.dof)
     return near
 
 

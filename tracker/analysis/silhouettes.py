@@ -8,7 +8,7 @@ import pydantic
 
 from tracker.analysis import Analysis
 from tracker.analysis._observe import accepted_segments, view_observation
-from tracker.arrays import Array32, Image
+from tracker.arrays import Array32, Image, Mask
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.errors import SequenceError
@@ -16,6 +16,9 @@ from tracker.expectation import expected_samples, region_around
 from tracker.imaging.edges import canny, gradient, segment_edges
 from tracker.observation import Observation, ViewObservation
 from tracker.sight import Sight
+
+# An outline this close to what stands before a person is that of the other thing: as far as smoothing moves it.
+_RIM_PX = 3
 
 
 @component
@@ -44,9 +47,10 @@ class SilhouetteAnalysis(Analysis):
         """Scene features of all views; see `tracker.analysis.Analysis.observe`.
 
         Raises:
-            SequenceError: a view has no background plate.
+            SequenceError: a view has no background plate, and there are no masks.
         """
-        if any(plate is None and sight.frame.mask(v) is None for v, plate in enumerate(sight.plates)):
+        # Where masks are brought, a view may lack one in a frame, as it may lack its image.
+        if not sight.frame.masks and any(plate is None for plate in sight.plates):
             raise SequenceError(
                 "silhouettes need the background of every view: add "
                 '`background = "background/{view}.png"` (or masks) to [reading], or use = "contours" in '
@@ -66,6 +70,16 @@ class SilhouetteAnalysis(Analysis):
             return None
         gradients = gradient(cv2.convertScaleAbs(changes.silhouette.astype(np.uint8), alpha=255), self.smoothing_px)
         found = segment_edges(canny(gradients, 10.0, 20.0), gradients, (4, float(np.radians(20.0)), 8))
-        trusted = np.ones(len(found.points), dtype=np.bool_)
+        occluder = sight.occluder(v)
+        trusted = np.ones(len(found.points), dtype=np.bool_) if occluder is None else ~_beside(occluder, found.points)
         accepted = accepted_segments(found, samples, self.accept_px, self.bend_px, trusted)
-        return view_observation(found, accepted, region, self.reach_px, self.n_scene)
+        observed = view_observation(found, accepted, region, self.reach_px, self.n_scene)
+        return observed if occluder is None else observed.hidden_by(occluder)
+
+
+def _beside(occluder: Mask, points: Array32) -> Mask:
+    """Points (N, 2) in or at what stands before the persons (H, W), where an outline is cut off and none."""
+    near = cv2.dilate(occluder.view(np.uint8), np.ones((2 * _RIM_PX + 1,) * 2, np.uint8)) > 0
+    columns, rows = np.rint(points).astype(np.int64).T
+    found: Mask = near[rows.clip(0, len(near) - 1), columns.clip(0, near.shape[1] - 1)]
+    return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,13 +20,20 @@ from tracker.scene import Scene
 _AROUND_M = 0.15
 
 
-def cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found]) -> Frame:
+def cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found], known: Sequence[int]) -> Frame:
     """The frame with the plates in place of all that is far from the persons found and the known ones.
 
     Furniture that was moved, passers-by and persons yet to be found are gone, and who may be the person as well.
+
+    Args:
+        frame: the images.
+        scene: the rig, and the poses of the known persons.
+        stages: with the plates.
+        found: the persons found.
+        known: numbers of the known persons in the scene.
     """
-    first = scene.persons[: len(stages.held)] if len(found) == 1 else scene.persons
-    held = [person.body.landmarks_in_world(person.q) for person in first]
+    persons = (scene.persons[k] for k in known)
+    held = [person.body.landmarks_in_world(person.q) for person in persons]
     points = [*(person.points for person in found), *held]
     images: list[Image | None] = []
     masks: list[Mask | None] = []

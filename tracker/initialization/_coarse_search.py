@@ -72,27 +72,28 @@ class CoarseSearch:
         return np.concatenate([self.objective(poses[i : i + _BATCH]) for i in range(0, len(poses), _BATCH)])
 
 
-def check_values(values: CoarseValues, body: BodyModel) -> None:
+def check_values(given: CoarseValues | None, body: BodyModel) -> None:
     """Refuses values of the coarse search that the body cannot take.
 
     Args:
-        values: as `initialization.coarse_deg` gives them.
+        given: parameter -> degrees, as `initialization.coarse_deg` gives them; None for those of the body's file.
         body: whose parameters and limits count.
 
     Raises:
         ConfigError: a parameter is none of the body's, has no value, or one outside the limits.
     """
-    for name, degrees in values.items():
+    where = "initialization.coarse_deg" if given is not None else f'start.coarse_deg of model "{body.name}"'
+    for name, degrees in (body.start.coarse_deg if given is None else given).items():
         try:
             columns = body.columns(name)
         except ModelError as error:
-            raise ConfigError(f"initialization.coarse_deg: {error}") from error
+            raise ConfigError(f"{where}: {error}") from error
         if not degrees:
-            raise ConfigError(f'initialization.coarse_deg: no value of "{name}", expected some degrees')
+            raise ConfigError(f'{where}: no value of "{name}", expected some degrees')
         low, high = np.degrees(body.limits[columns].T)
         for value in degrees:
             if (value < low - _ROUNDED_DEG).any() or (value > high + _ROUNDED_DEG).any():
                 raise ConfigError(
-                    f'initialization.coarse_deg: "{name}" is {value:g}, outside the limits {low.max():g} to '
+                    f'{where}: "{name}" is {value:g}, outside the limits {low.max():g} to '
                     f'{high.min():g} deg of model "{body.name}"'
                 )

@@ -38,7 +38,9 @@ class Draft:
     def settled(self, stages: Stages, n: int) -> Start:
         """The best n hypotheses estimated and ranked again with everyone in the scene, who hide and are hidden."""
         scene, hypotheses = self.scene, list(self.hypotheses)
-        objective = stages.objective(cleared(self.frame, scene, stages, list(self.found)), scene, 0)
+        # Of several who were found each is known by now to the others.
+        known = stages.held if len(self.found) == 1 else range(len(scene.persons))
+        objective = stages.objective(cleared(self.frame, scene, stages, list(self.found), known), scene, 0)
         # The first of several persons is judged again when the others are where they belong.
         for k in self.sought if len(self.sought) == 1 else self.sought * 2:
             objective = objective.about(scene, k)

@@ -30,6 +30,8 @@ def is_joint_table(rows: list[Row]) -> bool:
 def pose_from_joints(rows: list[Row], body: BodyModel, index: int, path: Path) -> Array:
     """The pose (dof,) that fits the joints of a frame, or of the nearest earlier one, or the first.
 
+    All places are read, so that a wrong one is found before the frame that it belongs to.
+
     Args:
         rows: with the columns `frame`, `joint`, `x`, `y`, `z` (or `x_m`, ...), of one person, metres.
         body: whose pose.
@@ -43,17 +45,15 @@ def pose_from_joints(rows: list[Row], body: BodyModel, index: int, path: Path) -
     for column in ("frame", *axes):
         if column not in rows[0]:
             raise ConfigError(f'{path}: no column "{column}" beside "joint"; {nearest(column, rows[0])}')
-    there = [row for row in rows if all(row[axis] for axis in axes)]
-    numbers = sorted({frame_in(row, path, ConfigError) for row in there})
-    if not numbers:
+    places: dict[int, dict[str, Array]] = {}
+    for row in rows:
+        if all(row[axis] for axis in axes):
+            of_frame = places.setdefault(frame_in(row, path, ConfigError), {})
+            of_frame[row["joint"]] = np.array([number_in(row, axis, path, ConfigError) for axis in axes])
+    if not places:
         raise ConfigError(f"{path}: no joint in it has a place")
-    frame = max((number for number in numbers if number <= index), default=numbers[0])
-    places = {
-        row["joint"]: np.array([number_in(row, axis, path, ConfigError) for axis in axes])
-        for row in there
-        if frame_in(row, path, ConfigError) == frame
-    }
-    return _fitted(places, body, frame, path)
+    frame = max((number for number in places if number <= index), default=min(places))
+    return _fitted(places[frame], body, frame, path)
 
 
 def _fitted(places: dict[str, Array], body: BodyModel, frame: int, path: Path) -> Array:

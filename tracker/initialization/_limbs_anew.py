@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.arrays import Array
+from tracker.arrays import Array, Integers
 from tracker.body import BodyModel
 from tracker.frame import Frame
 from tracker.initialization import Stages
@@ -15,6 +15,8 @@ from tracker.start import Hypothesis
 
 # A limb that leaves less over is left alone: 0 to 0.08 in their place, 0.12 to 0.48 elsewhere (K-Kick, P-Floor).
 _LEFT_OVER = 0.12
+# How far from where it is a limb without limits is looked for, rad and m: all round, and as far as an arm reaches.
+_ROUND_RAD, _REACH_M = np.pi, 1.0
 # Poses of a limb that are tried, and how many of them are refined, whose landmarks differ by so much on average.
 _TRIED, _REFINED, _APART_M = 1000, 3, 0.03
 
@@ -51,9 +53,16 @@ def limbs_anew(frame: Frame, scene: Scene, stages: Stages, clues: Clues, best: H
 def _elsewhere(body: BodyModel, group: str, q: Array) -> Array:
     """(N, dof) a pose (dof,) with a limb where the other one is mirrored, and anywhere within its limits."""
     columns = body.group(group)
-    low, high = body.limits[columns].T
+    low, high = _finite_limits(body, columns, q)
     poses = np.tile(q, (_TRIED, 1))
     poses[1:, columns] = np.random.default_rng(0).uniform(low, high, (_TRIED - 1, len(columns)))
     if other := body.partner_of(group):
         poses[0, columns] = q[body.group(other)]
     return body.clamped(poses)
+
+
+def _finite_limits(body: BodyModel, columns: Integers, q: Array) -> tuple[Array, Array]:
+    """Lowest and highest values (n,) of parameters: their limits, about a pose (dof,) where there are none."""
+    low, high = body.limits[columns].T
+    reach = np.where(body.rotates[columns], _ROUND_RAD, _REACH_M)
+    return np.where(np.isinf(low), q[columns] - reach, low), np.where(np.isinf(high), q[columns] + reach, high)

@@ -168,6 +168,6 @@ def in_order(found: list[Found], persons: tuple[Person, ...], rig: Rig, seen_bef
 def _head_top(found: Found, rig: Rig) -> float:
     """Height of the head above the world's origin, metres."""
     try:
-        return float(torso_axis(rig, found.regions, region_axes(found.regions, 1)).head_top[2])
+        return float(torso_axis(rig, found.regions, region_axes(found.regions, 0.0)).head_top[2])
     except InitializationError:
         return float(hull_axis(found.points).head_top[2])

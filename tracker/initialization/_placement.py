@@ -32,10 +32,10 @@ def axis_marks(body: BodyModel) -> Integers:
     """(2,) numbers of the landmarks at the head's end and the other end of the body's axis.
 
     Raises:
-        ModelError: the model file does not say, and its landmarks do not tell.
+        ModelError: the model file does not say, and its landmarks do not tell; or its root cannot be placed.
     """
     names = (body.start.head, body.start.base)
-    if not all(names) or not body.start.turn:
+    if not all(names) or not body.start.turn or not len(body.root.columns):
         raise ModelError(
             f'model "{body.name}": bootstrapping needs two landmarks on the body\'s long axis and a root that turns '
             "about the vertical: give head, base and turn in [start] of the model file, see models/gavrila22.toml"

@@ -17,6 +17,8 @@ from tracker.rig import Rig
 _BIN_M = 0.02
 _LATERAL_M = 0.2
 _LEANING = np.cos(np.radians(45.0))
+# Of two pixels and fewer there is no major axis, or no strip around it.
+_LEAST_PIXELS = 3
 # Specks beyond the end of a person.
 _END_PERCENT = 1.0
 
@@ -42,11 +44,19 @@ class TorsoAxis:
         return TorsoAxis(self.head_top + np.percentile(along, _END_PERCENT) * self.direction, -self.direction)
 
 
-def region_axes(regions: tuple[Mask | None, ...], min_pixels: int) -> list[tuple[PrincipalAxis, ...]]:
-    """Successive major axes of one person's region in each view; empty where too little of it shows."""
-    points = [np.zeros((0, 2)) if region is None else region_points(region) for region in regions]
-    areas = [0 if region is None else int(region.sum()) for region in regions]
-    return [iterated_axes(found) if area >= min_pixels else () for found, area in zip(points, areas, strict=True)]
+def region_axes(regions: tuple[Mask | None, ...], min_area: float) -> list[tuple[PrincipalAxis, ...]]:
+    """Successive major axes of one person's region in each view; empty where it covers too little of it.
+
+    Args:
+        regions: (H, W) of each view.
+        min_area: least share of an image that counts.
+    """
+    return [() if region is None else _axes_of(region, min_area) for region in regions]
+
+
+def _axes_of(region: Mask, min_area: float) -> tuple[PrincipalAxis, ...]:
+    least = max(int(min_area * region.size), _LEAST_PIXELS)
+    return iterated_axes(region_points(region)) if int(region.sum()) >= least else ()
 
 
 def torso_axis(rig: Rig, regions: tuple[Mask | None, ...], axes: list[tuple[PrincipalAxis, ...]]) -> TorsoAxis:

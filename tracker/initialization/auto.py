@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from tracker.arrays import Mask
 from tracker.components import FilePath, component
-from tracker.errors import ConfigError, InitializationError
+from tracker.errors import ConfigError, InitializationError, ModelError
 from tracker.frame import Frame
 from tracker.initialization import Initialization, Stages
 from tracker.initialization._foregrounds import foregrounds
@@ -58,7 +58,8 @@ class AutoInitialization:
             return self.stance.start(frame, scene, stages)
         # Of several who sway in one place backdrops show most: poses that cover the rest are 0.4 to 0.7 m off (DO-Two).
         if chosen in (self.pca, self.stance) and any(one is None for one in known) and (alone or chosen is self.pca):
-            with contextlib.suppress(InitializationError):
+            # A body without an axis has no place before backdrops, and stances on the floor.
+            with contextlib.suppress(InitializationError, ModelError):
                 return self._before_backdrops(frame, scene, stages)
         return chosen.start(frame, scene, stages)
 

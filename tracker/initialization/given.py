@@ -34,7 +34,7 @@ class GivenInitialization:
     `joint`, `x`, `y`, `z` (metres) and `person` where there are several: the bodies are fitted to the joints."""
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
-        """Reads every pose that may be used; see `tracker.initialization.Initialization.check`."""
+        """Reads every pose or joint that may be used; see `tracker.initialization.Initialization.check`."""
         rows = _rows(self.poses)
         if is_joint_table(rows):
             for person in scene.persons:
@@ -47,7 +47,7 @@ class GivenInitialization:
         return f"given, poses in {self.poses}"
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """The row of each person with the frame's number, or the nearest earlier one, or the first.
+        """The row of each person with the frame's number, or that of the nearest earlier frame, or of the first one.
 
         With how well it fits beside the same pose turned round: tables of other programs may have left and right, or
         front and back, exchanged.
@@ -76,7 +76,7 @@ class GivenInitialization:
         return pose_from_joints(mine, person.body, index, self.poses)
 
     def _pose(self, rows: list[dict[str, str]], person: Person, index: int) -> Array:
-        mine = _rows_of(rows, person, self.poses)
+        mine = sorted(_rows_of(rows, person, self.poses), key=lambda row: _number(row, "frame", self.poses))
         earlier = [row for row in mine if _number(row, "frame", self.poses) <= index]
         return _parameters(earlier[-1] if earlier else mine[0], person.body, self.poses)
 

@@ -14,10 +14,11 @@ from tracker.errors import ConfigError, InitializationError, SequenceError
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._inverse_kinematics import fitted_pose
+from tracker.initialization._person_pieces import place
 from tracker.keypoint_layouts.views import KeypointViews
 from tracker.keypoints import limbs, meant, swapped_sides
 from tracker.plate import Plate
-from tracker.scene import Scene
+from tracker.scene import Person, Scene
 from tracker.skeletons import Skeleton, skeletons
 from tracker.start import Start
 
@@ -26,6 +27,10 @@ _LEAST_MARKS = 6
 
 _FAR_M = 0.15
 """A body this far from the keypoints on average is not theirs, metres."""
+
+_HELD_M = 0.3
+"""Keypoints this close on average to a person whose pose is known are those of that one: a running stride in a frame,
+metres."""
 
 
 @component
@@ -63,7 +68,7 @@ class KeypointInitialization:
         return f"keypoints, {len(names)} a person, in {self.path}"
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """The poses that fit the keypoints best; who is who is told by how well each body fits."""
+        """The poses that fit the keypoints best; who is who is told by `at`, else by how well each body fits."""
         try:
             views = KeypointViews.open(self.path, scene.rig.names, self.names)
             found = views.at(frame.index, scene.rig, self.downscale, self.least_confidence)
@@ -72,14 +77,18 @@ class KeypointInitialization:
         body = scene.persons[0].body
         other_side, groups = swapped_sides(views.names, body.mirror), limbs(views.names, body)
         persons = skeletons(scene.rig, found, other_side, groups, len(scene.persons) + 1)
+        persons = _without(persons, views.names, [scene.persons[k] for k in stages.held])
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
         fits = [[_fit(scene.persons[k].body, views.names, one) for one in persons] for k in sought]
-        places = _assigned([[left for _, left in row] for row in fits])
+        told = [None if stages.seen_before else scene.persons[k].at for k in sought]
+        places = _assigned([_costs(persons, row, at) for row, at in zip(fits, told, strict=True)])
         if places is None:
+            beside = " beside those whose poses are known" if stages.held else ""
             seen = ", ".join(f"{len(view)} in {name}" for view, name in zip(found, views.views, strict=True))
             raise InitializationError(
-                f"frame {frame.index}: keypoints of {len(sought)} person(s) sought, the views agree on {len(persons)} "
-                f"(detected: {seen}); check the calibration, and that keypoints and frames have the same numbers"
+                f"frame {frame.index}: keypoints of {len(sought)} person(s) sought, the views agree on {len(persons)}"
+                f"{beside} (detected: {seen}); "
+                "check the calibration, and that keypoints and frames have the same numbers"
             )
         poses = [person.q for person in scene.persons]
         for k, row, n in zip(sought, fits, places, strict=True):
@@ -98,12 +107,45 @@ def _fit(body: BodyModel, names: tuple[str, ...], person: Skeleton) -> tuple[Arr
     return pose, float(left.mean())
 
 
-def _assigned(left: list[list[float]]) -> tuple[int, ...] | None:
-    """For each body the person it is, so that least is left over in all; None if one of them is nobody."""
-    n_persons = len(left[0]) if left else 0
+def _without(persons: list[Skeleton], names: tuple[str, ...], held: list[Person]) -> list[Skeleton]:
+    """The skeletons without those of persons whose poses are known."""
+    left = list(persons)
+    for person in held:
+        gaps = [_gap_m(person, names, one) for one in left]
+        if min(gaps, default=np.inf) < _HELD_M:
+            del left[int(np.argmin(gaps))]
+    return left
+
+
+def _gap_m(person: Person, names: tuple[str, ...], skeleton: Skeleton) -> float:
+    """Mean distance of keypoints from where a person's pose has them, metres; infinite if too few can be compared."""
+    marks = meant(names, person.body)
+    gaps = np.linalg.norm(
+        person.body.points_in_world(person.q, marks.points, marks.ends) - skeleton.points[marks.rows], axis=1
+    )
+    gaps = gaps[np.isfinite(gaps)]
+    return float(gaps.mean()) if len(gaps) >= _LEAST_MARKS else np.inf
+
+
+def _costs(persons: list[Skeleton], fits: list[tuple[Array, float]], at: tuple[float, float] | None) -> list[float]:
+    """What it costs to take each skeleton for a body, metres: how far it is from where the body is told to be.
+
+    Else what the fit leaves over. Infinite where the body is too far from the keypoints.
+    """
+    if at is None:
+        far_m = [left for _, left in fits]
+    else:
+        seen = (one.points[np.isfinite(one.points).all(axis=1)] for one in persons)
+        far_m = [float(np.linalg.norm(place(points) - at)) for points in seen]
+    return [cost if left < _FAR_M else np.inf for cost, (_, left) in zip(far_m, fits, strict=True)]
+
+
+def _assigned(costs: list[list[float]]) -> tuple[int, ...] | None:
+    """For each body the skeleton it is, so that it costs least in all; None if one of them is nobody."""
+    n_persons = len(costs[0]) if costs else 0
     orders = [
         order
-        for order in itertools.permutations(range(n_persons), len(left))
-        if all(row[n] < _FAR_M for row, n in zip(left, order, strict=True))
+        for order in itertools.permutations(range(n_persons), len(costs))
+        if all(row[n] < np.inf for row, n in zip(costs, order, strict=True))
     ]
-    return min(orders, key=lambda order: sum(row[n] for row, n in zip(left, order, strict=True)), default=None)
+    return min(orders, key=lambda order: sum(row[n] for row, n in zip(costs, order, strict=True)), default=None)

@@ -30,7 +30,7 @@ from tracker.initialization._hypotheses import (
 )
 from tracker.initialization._likeness import size_of, standing
 from tracker.initialization._persons import Found, in_order, ways_to_find
-from tracker.initialization._placement import stands_upright, without_legs
+from tracker.initialization._placement import axis_marks, stands_upright, without_legs
 from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
 from tracker.objective import Objective
 from tracker.plate import Plate
@@ -89,7 +89,7 @@ class PcaInitialization:
     more where all of them face one way."""
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
-        """Needs the plates of two views; see `tracker.initialization.Initialization.check`."""
+        """Needs the plates of two views, and bodies with an axis; see `tracker.initialization.Initialization.check`."""
         lacking = [name for name, plate in zip(scene.rig.names, plates, strict=True) if plate is None]
         n_plates = len(plates) - len(lacking)
         if n_plates < 2:
@@ -99,7 +99,8 @@ class PcaInitialization:
                 'plates by initialization = { use = "stance" } or { use = "given", poses = "start.csv" }'
             )
         for person in scene.persons:
-            check_values(self.coarse_deg or {}, person.body)
+            axis_marks(person.body)
+            check_values(self.coarse_deg, person.body)
         return f"pca, the background plates of {n_plates} views"
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
@@ -172,8 +173,7 @@ class PcaInitialization:
 
     def _axes(self, person: Found, rig: Rig) -> tuple[list[TorsoAxis], tuple[AxisFit | None, ...]]:
         """The torso's axis from the views and from the hull, and the picture of how the first was found."""
-        pixels = min(int(self.min_area * camera.size[0] * camera.size[1]) for camera in rig.cameras)
-        axes = region_axes(person.regions, pixels)
+        axes = region_axes(person.regions, self.min_area)
         fits = tuple(
             AxisFit(region, tuple(one.ends for one in found)) if region is not None and found else None
             for region, found in zip(person.regions, axes, strict=True)
@@ -189,7 +189,7 @@ class PcaInitialization:
     ) -> tuple[Hypothesis, ...]:
         """Coarse-to-fine search of the turn and the limbs of the scene's last person: the best hypothesis first."""
         body = scene.persons[-1].body
-        near = cleared(frame, scene, stages, [found])
+        near = cleared(frame, scene, stages, [found], range(len(scene.persons) - 1))
         objective = stages.objective(near, scene, len(scene.persons) - 1)
         stages.progress("bootstrapping: coarse search of the turn and the limbs")
         points = without_legs(found, body, scene.rig).points
@@ -222,16 +222,16 @@ class PcaInitialization:
 
 
 def _stand_out(frame: Frame, scene: Scene, stages: Stages, poses: list[Array]) -> None:
-    """Refuses poses (dof,) of a scene's last person that lie before what has not changed.
+    """Refuses poses (dof,) of a scene's last person that lie, whatever the others do, before what has not changed.
 
     Raises:
         BackdropError: all of them do.
     """
-    sight, k = Sight(frame, stages.plates), len(scene.persons) - 1
-    covered = max(sight.covered(stages.synthesis.silhouettes(scene.with_pose(k, q))) for q in poses)
+    sight, alone = Sight(frame, stages.plates), Scene(scene.persons[-1:], scene.rig)
+    covered = max(sight.covered(stages.synthesis.silhouettes(alone.with_pose(0, q))) for q in poses)
     if covered < _LEAST_COVERED:
         raise BackdropError(
-            f"frame {frame.index}: at most {covered:.0%} of {scene.persons[k].name} would stand out, expected at least "
+            f"frame {frame.index}: at most {covered:.0%} of {alone.persons[0].name} would stand out, expected at least "
             f"{_LEAST_COVERED:.0%}"
         )
 

@@ -44,7 +44,7 @@ class StanceInitialization:
     One person is looked for all over the floor, several where something moves in the recording.
     """
 
-    stances_deg: tuple[dict[str, float], ...] | None = None
+    stances_deg: tuple[dict[str, float], ...] | None = pydantic.Field(default=None, min_length=1)
     """Poses tried, degrees; a name stands for both sides. None takes those of the body's file."""
 
     floor_m: float = pydantic.Field(default=0.0, ge=-100, le=100)

@@ -55,14 +55,17 @@ def first_in_view(
     """
     backgrounds = small_plates(plates)
     coming: dict[int, _Seen] = {}
-    end_s = np.inf
-    for n, frame in enumerate(frames):
-        if frame.time_s > end_s or _n_telling(frame, plates) < _LEAST_VIEWS:
+    end_s, looked = np.inf, False
+    for frame in frames:
+        if frame.time_s > end_s or not (frame.masks or _n_telling(frame, plates) >= _LEAST_VIEWS):
             break
+        if _n_telling(frame, plates) < _LEAST_VIEWS:
+            continue  # a view lacks its mask here
         seen = _seen(frame, backgrounds, n_persons)
         if not coming and seen.whole >= _LEAST_VIEWS:
             return frame.index
-        if n == 0:
+        if not looked:
+            looked = True
             progress(f"looking for the first frame that shows {_told(n_persons)}")
         if coming or seen.views >= _LEAST_VIEWS:
             end_s = min(end_s, frame.time_s + _ENTERING_S)

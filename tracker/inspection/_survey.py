@@ -54,14 +54,17 @@ class Survey:
     foregrounds: tuple[tuple[Mask | None, ...], ...]
     """T x V small foregrounds; without plate or mask what moves; None where nothing is known."""
 
+    masked: tuple[bool, ...] = ()
+    """Whether the user's masks are the foregrounds of a view in all frames; empty for in no view."""
+
     @property
     def rig(self) -> Rig:
         """The cameras of the whole images."""
         return self.scene.rig
 
     def stands_out(self, view: int) -> bool:
-        """Whether a view has a plate: whoever stands still is in its foregrounds too."""
-        return self.plates[view] is not None
+        """Whether a view has a plate, or masks: whoever stands still is in its foregrounds too."""
+        return self.plates[view] is not None or (bool(self.masked) and self.masked[view])
 
     @cached_property
     def middles(self) -> Array:
@@ -107,15 +110,17 @@ def survey(frames: Iterable[Frame], scene: Scene, plates: tuple[Plate | None, ..
     """
     backgrounds = small_plates(plates)
     before: list[Image | None] = [None] * len(plates)
-    masks, kept = [], []
+    masks, kept, brought = [], [], []
     for t, frame in enumerate(islice(frames, N_FRAMES)):
         images = [None if image is None else small(image) for image in frame.images]
         masks.append(tuple(_foreground(frame, v, images[v], backgrounds[v], before[v]) for v in range(len(plates))))
+        brought.append([None if image is None else frame.mask(v) is not None for v, image in enumerate(images)])
         if t % (N_FRAMES // _N_KEPT) == 0:
             kept.append(images)
         before = images
     pictures = tuple(_usual([images[v] for images in kept]) for v in range(len(plates)))
-    return Survey(scene, backgrounds, stride, pictures, tuple(masks))
+    masked = tuple(True in row and False not in row for row in zip(*brought, strict=True))
+    return Survey(scene, backgrounds, stride, pictures, tuple(masks), masked)
 
 
 def small(image: Image) -> Image:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 
 import numpy as np
@@ -71,6 +72,7 @@ def _usual(seen: Survey, v: int, late: int) -> float:
     gaps = seen.rig.project(points) - middles
     if np.isfinite(gaps[v, :, 0]).sum() < _LEAST_FRAMES:
         return float("nan")
-    with np.errstate(all="ignore"):
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="All-NaN slice encountered")  # a view that shows nothing
         gaps = gaps - np.nanmedian(gaps, axis=1, keepdims=True)
     return float(np.nanmedian(np.linalg.norm(gaps, axis=-1)))

@@ -65,6 +65,8 @@ class Acquired:
     before: dict[str, float]
     turns_deg: tuple[float, ...] = ()
     explained: tuple[float, ...] = ()
+    carried: tuple[str, ...] = ()
+    """Parts that the person carries."""
 
     def written(self, folder: Path, config: Table) -> AcquireOutcome:
         """Writes `model.toml`, `model.png` and `model.json`.
@@ -74,7 +76,8 @@ class Acquired:
             config: the resolved configuration, for the record.
         """
         path = folder / MODEL
-        description = model_of(self.fit, self.name, self.about)
+        description = model_of(self.fit, self.name, self.about, self.carried)
+        save_description(description, path)
         residuals = part_residuals(self.fit)
         figure, renderer = fit_figure(self.fit.body, self.panels, self.name)
         outcome = AcquireOutcome(
@@ -90,7 +93,6 @@ class Acquired:
             bones=bone_lengths(self.fit),
             explained=self.explained,
         )
-        save_description(description, path)
         with replacing(outcome.picture) as picture:
             figure.savefig(picture, dpi=100)
         write_json(path.with_suffix(".json"), {**outcome.as_dict(), "config": config})

@@ -99,7 +99,8 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
         log.info("%s: lengths and shapes %s", name, words)
         cycle.progress(f"{name}: lengths and shapes {words}")
         if k in found.fits:
-            models[name] = model_of(found.fits[k], models[name].name, f"{models[name].name}, {words}")
+            carried = {one.name for one in (*(persons[k].carries or ()), *carried_of(found.things.get(k, ())))}
+            models[name] = model_of(found.fits[k], models[name].name, f"{models[name].name}, {words}", carried)
     scene = opened.scene.with_bodies({k: models[persons[k].name].build() for k in found.fits})
     if not found.steps:
         return opened, cycle

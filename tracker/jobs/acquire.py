@@ -86,7 +86,15 @@ class AcquireJob(TrackJob):
         check_overlaps(overlaps, views, settings)
         about = f"acquired from {len(seen)} frame(s) of {len(views)} views, from {space.description.name}"
         panels = _panels(found, seen[0], watching, overlaps)
-        acquired = Acquired(name, about, found, panels, _known(views, overlaps), _known(views, before))
+        acquired = Acquired(
+            name,
+            about,
+            found,
+            panels,
+            _known(views, overlaps),
+            _known(views, before),
+            carried=tuple(one.name for one in self.persons[person].carries or ()),
+        )
         return acquired.written(folder.path, described(self))
 
     @property
