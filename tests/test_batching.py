@@ -17,7 +17,7 @@ import pytest
 from typer.testing import CliRunner
 
 import tracker
-from tracker.batching import Summary, Task, do, plan, run
+from tracker.batching import Batch, Summary, Task, do, plan, run
 from tracker.batching.dask import Dask
 from tracker.batching.processes import Processes
 from tracker.cli import app
@@ -128,6 +128,29 @@ def test_a_batch_is_resumed_folder_by_folder(configs, tmp_path):
         ConfigError, match="stride = 1, but 2 is asked for"
     ):  # half of one configuration and half of another
         plan(configs, [*GIVEN, "reading.stride=2"], out, resume=True)
+
+
+@pytest.mark.parametrize("config", ["", 'name = "other"\n'])
+def test_what_was_killed_before_its_first_frame_begins_anew(configs, tmp_path, config):
+    """Its configuration may be empty yet, or another one: nothing was computed with it."""
+    out = tmp_path / "out"
+    (out / "anna" / "models").mkdir(parents=True)
+    (out / "anna" / "config.toml").write_text(config)
+    batch = plan(configs[:1], GIVEN, out, resume=True)
+    assert [(task.resume, task.anew) for task in batch.tasks] == [(False, True)]
+    summary = do(batch.tasks[0])
+    assert (summary.state, summary.n_frames, summary.fault) == ("done", 6, "")
+
+
+def test_rows_of_what_is_done_stay_as_they_were(configs, tmp_path):
+    """run.json counts persons, not frames, and no seconds; it tells where there is no row of the same frames."""
+    out = tmp_path / "out"
+    execute(load_job("track", configs[0], GIVEN), out / "anna")
+    before = Summary("anna", out / "anna", "done", 6, 2, 1, 3, seconds=1.5)
+    run(Batch((), (before,), (), out), Processes(jobs=1))
+    assert plan(configs[:1], GIVEN, out, resume=True).finished == (before,)
+    run(Batch((), (replace(before, n_frames=5),), (), out), Processes(jobs=1))
+    assert plan(configs[:1], GIVEN, out, resume=True).finished == (Summary("anna", out / "anna", "done", 6),)
 
 
 class Killing:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
 
 from tracker.body_files import load_body
+from tracker.cli import app
 from tracker.errors import SequenceError
 from tracker.evaluation.comparison import error_figure, evaluate
 from tracker.evaluation.joint_names import JointNames, names_of
@@ -90,6 +93,55 @@ def test_missing_frames_are_counted_and_persons_matched_by_distance(result, trut
     assert error_figure(evaluation).axes
 
 
+def test_a_cell_that_lacks_in_the_truth_costs_one_frame_of_that_joint_alone(result, truth, tmp_path):
+    lacking = truth.copy()
+    lacking[3, JOINTS.index("left_wrist")] = np.nan
+    write_joints(result / "joints.csv", {"a": truth + np.array([0.03, 0.0, 0.04])})
+    write_joints(tmp_path / "truth_joints.csv", {"1": lacking})
+    text = (tmp_path / "truth_joints.csv").read_text().replace("nan", "")
+    (tmp_path / "truth_joints.csv").write_text(re.sub(r"(?m)^.*head_top.*\n", "", text))
+    evaluation = evaluate(result, tmp_path)
+    person, curves = evaluation.persons[0], evaluation.distances_mm[0]
+    assert person.incomplete_frames == {"left_wrist": N_FRAMES - 1, "head_top": 0}
+    assert person.joints_mm["left_wrist"] == pytest.approx((50, 0))
+    assert np.flatnonzero(np.isnan(curves["left_wrist"])).tolist() == [3]
+    assert np.isfinite(curves["right_wrist"]).all()
+    assert (person.n_frames, person.n_missing, person.mean_mm) == (N_FRAMES, 0, pytest.approx(50))
+
+
+def test_who_is_lost_in_every_frame_is_told_of(result, truth, tmp_path):
+    write_joints(result / "joints.csv", {"a": np.full_like(truth, np.nan), "b": truth})
+    (result / "joints.csv").write_text((result / "joints.csv").read_text().replace("nan", ""))
+    write_joints(tmp_path / "truth_joints.csv", {"1": truth, "2": truth + 5})
+    evaluation = evaluate(result, tmp_path)
+    lost, other = evaluation.persons
+    assert (lost.person, lost.truth, lost.n_missing, other.truth) == ("a", "2", N_FRAMES, "1")
+    assert "lost in every frame" in error_figure(evaluation).axes[0].get_title()
+    shown = CliRunner().invoke(app, ["evaluate", str(result), "--truth", str(tmp_path)]).output
+    assert f"{N_FRAMES} of {N_FRAMES}" in shown
+    assert "left wrist" in shown  # what is known of the second person alone has its row
+    told = json.loads((result / "evaluation.json").read_text(), parse_constant=pytest.fail)
+    assert told["persons"][0]["mean_mm"] is None
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "message"),
+    [
+        (lambda lines: [*lines, lines[1]], "left_shoulder of person 1 is there twice in frame 0"),
+        (lambda lines: [lines[0], "0,1,left_shoulder,812.0,30.0,1400.0"], "expected metres, at most 200; divide milli"),
+    ],
+)
+def test_a_table_that_cannot_be_a_truth_is_refused(result, truth, tmp_path, spoilt, message):
+    write_joints(result / "joints.csv", {"a": truth})
+    write_joints(tmp_path / "truth.csv", {"1": truth})
+    lines = (tmp_path / "truth.csv").read_text().splitlines()
+    lines.sort(key=lambda line: not line.startswith("0,1,left_shoulder"))
+    lines.insert(0, lines.pop(next(k for k, line in enumerate(lines) if line.startswith("frame"))))
+    (tmp_path / "truth.csv").write_text("\n".join(spoilt(lines)))
+    with pytest.raises(SequenceError, match=message):
+        evaluate(result, tmp_path / "truth.csv")
+
+
 def test_pose_truth_is_compared_with_wrapped_angles(result, truth, tmp_path):
     write_joints(result / "joints.csv", {"a": truth})
     write_joints(tmp_path / "truth_joints.csv", {"1": truth})
@@ -129,6 +181,15 @@ def test_what_is_compared_of_an_animal_is_told_by_its_run(result, tmp_path):
     (result / "run.json").write_text(json.dumps({"persons": [entry | {"joints": {"evaluted": []}}]}))
     with pytest.raises(SequenceError, match=r"run\.json: damaged"):
         names_of(result)
+
+
+def test_silhouettes_of_a_smoothed_result_are_not_told(result, truth, tmp_path):
+    """run.json has those of the raw poses."""
+    write_joints(result / "joints.csv", {"a": truth})
+    write_joints(tmp_path / "truth_joints.csv", {"1": truth})
+    for more, expected in (({}, {"FRONT": 0.9}), ({"smoothing": {"use": "rts"}}, {})):
+        (result / "run.json").write_text(json.dumps({"summary": {"silhouette_iou": {"FRONT": 0.9}}, **more}))
+        assert evaluate(result, tmp_path).silhouette_iou == expected
 
 
 def test_flexion_is_the_angle_between_the_segments():

@@ -100,6 +100,20 @@ def test_c3d_tells_how_sure_it_is(movement, tmp_path):
     assert (reliabilities[FOUND] == 0.75).any()
 
 
+def test_c3d_of_a_long_recording_keeps_to_what_the_format_holds(tmp_path, caplog, monkeypatch):
+    """Its rotations are left out where no parameter could say where they begin; the reliabilities spoilt points."""
+    monkeypatch.setattr("tracker.recording.c3d._LAST_BLOCK", 200)
+    movement = made_up("gavrila22")
+    places = truth(movement)[1]
+    read = ezc3d.c3d(str(movement.record(C3d(), tmp_path)[0]))
+    assert read["data"]["rotations"].size == 0
+    found = read["data"]["points"][:3].transpose(2, 1, 0) / 1000
+    np.testing.assert_allclose(found[FOUND], places[FOUND], atol=HUNDREDTH_MM)
+    assert "rotations of segments are left out: 12 frames are too many" in caplog.text
+    with pytest.raises(ConfigError, match="65536 frames, a C3D file holds at most 65535"):
+        C3d().begin(replace(movement.context(tmp_path), n_frames=65536))
+
+
 def test_doubt_is_told_by_the_reliabilities(tmp_path):
     movement = made_up("gavrila22")
     sure, limb, all_of_it = (movement.steps[t].estimates[0] for t in (0, 1, 2))

@@ -71,7 +71,7 @@ def test_pictures_that_cannot_be_right_are_errors(filmed, tmp_path):
     rig = filmed.scene.rig
     with pytest.raises(SequenceError, match=r"occluders: no file .*FRONT\.png, nor of another view"):
         load_occluders(rig, str(tmp_path / "nowhere" / "{view}.png"), 1)
-    with pytest.raises(CalibrationError, match="the images have 20x30 px"):
+    with pytest.raises(CalibrationError, match=r"the picture of occluders .*\.png has 20x30 px"):
         load_occluders(rig, written(tmp_path / "small", rig, rig.names, (20, 30)), 1)
     whole = tmp_path / "whole"
     whole.mkdir()

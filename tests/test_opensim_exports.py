@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -102,6 +103,14 @@ def test_opensim_itself_moves_the_model(movement, tmp_path, monkeypatch):
                 place = model.getMarkerSet().get(mark.name).getLocationInGround(state)
                 found.append([place[0], place[1], place[2]])
             np.testing.assert_allclose(np.array(found) @ Y_UP, places[t], atol=HUNDREDTH_MM)
+
+
+def test_a_model_is_called_as_opensim_takes_it(tmp_path):
+    movement = made_up("gavrila22")
+    anna = replace(movement.scene.persons[0], name="Anna + Bob*\t2")
+    named = replace(movement, scene=replace(movement.scene, persons=(anna,)))
+    file = named.record(Osim(), tmp_path)[0]
+    assert ElementTree.parse(file).getroot().find("Model").get("name") == "Anna___Bob__2"
 
 
 def test_a_joint_that_opensim_lacks_becomes_two(tmp_path):

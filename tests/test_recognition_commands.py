@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -91,6 +92,14 @@ def test_mistakes_are_one_line_and_nothing_is_written(squat_result, tmp_path, mo
     assert fault in told(squat_result, *arguments)
     assert not (tmp_path / "mine").exists()
     assert not (squat_result / "movements.csv").exists()
+
+
+def test_a_single_frame_is_no_movement(tmp_path):
+    movement = made_up("gavrila22")
+    folder = replace(movement, steps=movement.steps[:1]).result(tmp_path / "run")
+    assert "--add: the result has frames 10 to 10, and a movement takes two or more" in told(
+        "--add", folder, "x", "--library", tmp_path / "mine"
+    )
 
 
 def test_several_persons_are_told_apart(tmp_path):

@@ -9,8 +9,9 @@ import subprocess
 
 import pytest
 from rich.console import Console, Group
+from rich.table import Table
 
-from tracker.commands import evaluate
+from tracker.commands import evaluate, terminal
 from tracker.commands.terminal import ProgressBar
 from tracker.evaluation.comparison import Evaluation
 from tracker.evaluation.person_errors import PersonErrors
@@ -56,6 +57,21 @@ def test_a_warning_is_a_line_of_its_own_beside_a_bar_too():
     bar("first pass, frame 3")
     bar("input: nobody moves [in any view]")
     assert shown.file.getvalue().splitlines() == ["input: nobody moves [in any view]"]
+
+
+def test_names_and_paths_are_shown_as_they_are():
+    """What stands in brackets is no markup: rich would swallow it, or fail at `[/`."""
+    shown = Console(width=120, file=io.StringIO(), force_terminal=True, color_system=None)
+    bar = ProgressBar(shown)
+    bar("recordings [a]", 1, 4, "anna [old] done [/]")
+    with shown.capture() as capture:
+        for part in bar._bar.get_renderables():
+            shown.print(Group(part))
+    assert "recordings [a]" in capture.get()
+    assert "anna [old] done [/]" in capture.get()
+    with terminal.console.capture() as capture:
+        terminal.console.print("results[1]/anna :dog: [/]", Table("name [b]"), terminal.marked("look", "view [c]"))
+    assert all(text in capture.get() for text in ("results[1]/anna :dog: [/]", "name [b]", "look: view [c]"))
 
 
 def test_an_evaluation_starts_with_what_is_looked_for(monkeypatch):

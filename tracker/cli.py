@@ -108,7 +108,7 @@ def _told(error: Exception) -> tuple[str, int]:
 
 
 def _tell_plugin(use: str) -> None:
-    console.print(f"runs code from outside bodytrack: {use}", style="yellow", highlight=False, markup=False)
+    console.print(f"runs code from outside bodytrack: {use}", style="yellow", highlight=False)
 
 
 def _refuse_plugin(use: str) -> None:

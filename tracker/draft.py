@@ -46,14 +46,21 @@ def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
 
     Raises:
         SequenceError: there are no videos or images, or one cannot be read.
-        CalibrationError: the calibration that is given cannot be used.
+        CalibrationError: the calibration that is given cannot be used, or nothing is called after its cameras.
     """
     there = sources(folder)
     found = (rig, read_rig(rig).rig) if rig is not None else _found_rig(folder, there)
     pattern, views = pattern_of(there, folder, found[1] if found else None)
+    if not views and found is not None:
+        cameras, files = ", ".join(found[1].names), ", ".join(path.name for path in there[:4])
+        raise CalibrationError(
+            f"{found[0]}: nothing in {folder} is called after one of its cameras ({cameras}): {files}; rename files "
+            "or cameras"
+        )
     footage = tuple(header(path, view) for view, path in sorted(views.items()))
     plates = _found_plates(folder, [one.view for one in footage])
-    remarks = tuple(_remarks(footage, found, plates, sorted(set(there) - set(views.values()))))
+    unused = sorted(set(there) - set(views.values()))
+    remarks = tuple(_remarks(footage, found, plates, unused, "{frame}" in str(pattern)))
     start = target.resolve().parent
     chosen = found[0] if found else None
     near = {"path": pattern, "rig": chosen, "background": plates}
@@ -98,7 +105,11 @@ def _found_plates(folder: Path, views: list[str]) -> Path | None:
 
 
 def _remarks(
-    footage: tuple[Footage, ...], found: tuple[Path, Rig] | None, plates: Path | None, unused: list[Path]
+    footage: tuple[Footage, ...],
+    found: tuple[Path, Rig] | None,
+    plates: Path | None,
+    unused: list[Path],
+    numbered: bool,
 ) -> Iterator[str]:
     if found is None:
         yield "no calibration found whose cameras the videos are called after: give it by --rig, or as `rig`"
@@ -115,7 +126,7 @@ def _remarks(
         yield "the videos have different frame rates: " + ", ".join(f"{one.view} {one.fps:.4g}" for one in footage)
     if len({one.n_frames for one in footage}) > 1:
         yield "the views have different numbers of frames: `offsets` and `stop` make them fit"
-    if not footage or footage[0].fps == 0:
+    if numbered:
         yield "images do not tell how many there are a second: set `fps`"
     if plates is None:
         yield "no plates found: film the empty room for some seconds; else they are made of the recording"

@@ -16,6 +16,8 @@ from tracker.errors import TrackerError, nearest, shortened
 _LARGEST_BYTES = 2**24
 """Of a TOML file: the longest one that a person writes, a body model with a mesh, has less."""
 
+_SEPARATORS = {";": "semicolons", "\t": "tabs"}
+
 _LONGEST_LINE = 10_000
 """Of a TOML file: the time that Python's parser takes for a dotted key grows with the square of its length."""
 
@@ -101,6 +103,8 @@ def rows_of(path: Path, fault: Fault) -> list[dict[str, str]]:
     head, *rows = cells_of(path, fault) or [[]]
     if not rows:
         raise fault(f"{path}: the table is empty")
+    if len(head) == 1 and (other := next((sign for sign in ";\t" if sign in head[0]), None)):
+        raise fault(f"{path}: cells are separated by {_SEPARATORS[other]}, expected commas")
     twice = next((name for k, name in enumerate(head) if name in head[:k]), None)
     if twice is not None:
         raise fault(f'{path}: two columns are called "{shortened(twice)}"')

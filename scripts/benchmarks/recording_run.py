@@ -132,13 +132,13 @@ def _score(row: Score, recording: Recorded, result: Path, errors: PersonErrors, 
         recording: the recording.
         result: the run's folder.
         errors: the person's errors.
-        curve: joint -> distances to the truth in the frames that are not lost, mm, and their numbers.
+        curve: joint -> distances to the truth in the frames that are not lost, mm (NaN: unknown), and their numbers.
     """
     joints = [name for name in curve if name != "frame"]
     gaps = np.stack([curve[name] for name in joints])
     flags = _flags(result, errors.person, joints, curve["frame"])
     flagged = flags.all(axis=0)
-    wrong, limb_off = gaps.mean(axis=0) >= TRACKED_MM, (gaps > LIMB_MM).any(axis=0)
+    wrong, limb_off = np.nanmean(gaps, axis=0) >= TRACKED_MM, (gaps > LIMB_MM).any(axis=0)
     elbows, knees = _hinges(errors, "elbow"), _hinges(errors, "knee")
     spent_s = np.array([float(entry["processor_s"]) for entry in read_rows(result / CLOCK_FILE)])
     one_by_one = _ONE_PASS in row.settings.split() and len(spent_s) > 1

@@ -2,34 +2,40 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import os
 import time
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import cv2
 
+from tracker.batching._table import TABLE, State, Summary, finished, rows_of, write_table
 from tracker.errors import ConfigError, TrackerError, os_fault
-from tracker.files import write_whole
-from tracker.jobs import check_same, described, execute, job_from, load_job
+from tracker.jobs import CONFIG, begin_anew, check_same, described, execute, job_from, load_job
 from tracker.jobs.track import TrackJob, TrackOutcome
 from tracker.kernels.ahead import Group, all_cached, warm_up
 from tracker.progress import Progress, silent
+from tracker.recording.journal import FILE, Journal
 
-State = Literal["done", "interrupted", "failed", "waiting"]
-TABLE = "batch.csv"
-"""In the folder of the batch."""
+__all__ = [
+    "TABLE",
+    "THREADS",
+    "Batch",
+    "Batching",
+    "State",
+    "Summary",
+    "Task",
+    "compile_kernels",
+    "do",
+    "n_cores",
+    "plan",
+    "run",
+]
 
 THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 """Environment of a process that has one core: libraries that take them all stand in each other's way."""
-
-_COLUMNS = "name", "state", "frames", "lost", "doubtful", "with_ambiguous_limbs", "seconds", "folder", "fault"
 
 
 @dataclass(frozen=True)
@@ -46,23 +52,8 @@ class Task:
     resume: bool = False
     """Whether an interrupted run lies there."""
 
-
-@dataclass(frozen=True)
-class Summary:
-    """How one recording went."""
-
-    name: str
-    folder: Path
-    state: State
-    n_frames: int = 0
-    n_lost: int = 0
-    n_doubtful: int = 0
-    n_ambiguous: int = 0
-    """Frames in which some limb may be elsewhere."""
-
-    seconds: float = 0.0
-    fault: str = ""
-    """Why it failed, in one line."""
+    anew: bool = False
+    """Whether what lies there was stopped before its first frame, so that there is nothing to resume."""
 
 
 @runtime_checkable
@@ -108,20 +99,21 @@ def plan(configs: Sequence[Path], overrides: Sequence[str], folder: Path, resume
     """
     jobs = _checked(configs, overrides)
     target = folder.resolve()
-    tasks, finished = [], []
+    tasks, done, before = [], [], rows_of(target / TABLE)
     for name, job in jobs.items():
         here = target / name
         begun = here.is_dir() and any(here.iterdir())
         if begun and not resume:
             raise ConfigError(f"{here} is not empty: --resume goes on with it, or choose another --output")
-        if begun:
+        anew = begun and _nothing_computed(job, here)
+        if begun and not anew:
             check_same(described(job), here)
-        if begun and (summary := _finished(name, here)):
-            finished.append(summary)
+        if begun and (summary := finished(name, here, before.get(name, {}))):
+            done.append(summary)
         else:
-            tasks.append(Task(name, described(job), here, resume=begun))
+            tasks.append(Task(name, described(job), here, resume=begun and not anew, anew=anew))
     kernels = tuple(dict.fromkeys(job.kernels for job in jobs.values() if job.kernels is not None))
-    return Batch(tuple(tasks), tuple(finished), kernels, target)
+    return Batch(tuple(tasks), tuple(done), kernels, target)
 
 
 def _checked(configs: Sequence[Path], overrides: Sequence[str]) -> dict[str, TrackJob]:
@@ -145,15 +137,11 @@ def _checked(configs: Sequence[Path], overrides: Sequence[str]) -> dict[str, Tra
     return jobs
 
 
-def _finished(name: str, folder: Path) -> Summary | None:
-    """The summary of a complete run; None for any other."""
-    try:
-        told = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-        counts, limbs = Counter(told["summary"].get("by_status", {})), told["summary"].get("ambiguous_limbs", {})
-        found = told["summary"]["frames"], counts["lost"], counts["doubtful"], max(limbs.values(), default=0)
-        return Summary(name, folder, "done", *found) if told["complete"] else None
-    except (OSError, ValueError, KeyError, AttributeError):
-        return None
+def _nothing_computed(job: TrackJob, folder: Path) -> bool:
+    """Whether a kill has stopped a run before it began its journal; of one that keeps none there is no telling."""
+    keeps_journal = any(isinstance(recording, Journal) for recording in job.recordings)
+    begun = any((folder / name).exists() for name in (FILE, "poses.csv"))
+    return keeps_journal and (folder / CONFIG).is_file() and not begun
 
 
 def do(task: Task) -> Summary:
@@ -162,6 +150,8 @@ def do(task: Task) -> Summary:
     begin = time.perf_counter()
     try:
         job = job_from("track", task.table, task.name, Path("/"), task.name)
+        if task.anew:
+            begin_anew(task.folder)
         return _summary(task, execute(job, task.folder, task.resume))
     except KeyboardInterrupt:
         return Summary(task.name, task.folder, "interrupted", seconds=time.perf_counter() - begin)
@@ -203,24 +193,14 @@ def run(batch: Batch, batching: Batching, progress: Progress = silent) -> tuple[
     batch.folder.mkdir(parents=True, exist_ok=True)
     summaries = {task.name: Summary(task.name, task.folder, "waiting") for task in batch.tasks}
     summaries |= {summary.name: summary for summary in batch.finished}
-    _write(batch.folder / TABLE, summaries.values())
+    write_table(batch.folder / TABLE, summaries.values())
     n_tasks = len(batch.tasks)
     progress("recordings", 0, n_tasks)
     for n_done, summary in enumerate(batching.work(batch.tasks, batch.kernels), start=1):
         summaries[summary.name] = summary
         progress("recordings", n_done, n_tasks, f"{summary.name} {summary.state}")
-        _write(batch.folder / TABLE, summaries.values())
+        write_table(batch.folder / TABLE, summaries.values())
     return tuple(summaries[name] for name in sorted(summaries))
-
-
-def _write(path: Path, summaries: Iterable[Summary]) -> None:
-    text = io.StringIO()
-    writer = csv.writer(text)
-    writer.writerow(_COLUMNS)
-    for one in sorted(summaries, key=lambda summary: summary.name):
-        counts = one.n_frames, one.n_lost, one.n_doubtful, one.n_ambiguous
-        writer.writerow([one.name, one.state, *counts, f"{one.seconds:.1f}", one.folder, one.fault])
-    write_whole(path, text.getvalue())
 
 
 def n_cores() -> int:

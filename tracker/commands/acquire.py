@@ -34,6 +34,8 @@ def acquire(
 
     if output is not None and output.suffix not in ("", ".toml"):
         raise ConfigError(f"--output {output}: expected a .toml file, or a folder for all results")
+    if frames is not None and "reading" not in read_config(config, set_ or ()):
+        raise ConfigError(f"--frames {frames}: only of a run's configuration; {config} has no [reading]")
     table = read_config(config, with_range(set_, frames))
     job = acquisition_from(table, config.name, config.parent, config.stem)
     if output is not None and not output.suffix:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from tracker.commands.terminal import ProgressBar, console
+from tracker.commands.terminal import ProgressBar, console, marked
 
 
 def align(
@@ -31,7 +31,7 @@ def align(
         found = alignment_of(loaded, progress)
     console.print(_table(described(found), found.n_moments))
     for line in found.findings():
-        console.print(f"[yellow]look:[/] {line}", highlight=False)
+        console.print(marked("look", line), highlight=False)
     if not found.findings():
         console.print("the views are in step, and their cameras agree with the persons", highlight=False)
     if rig is not None:

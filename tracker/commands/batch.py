@@ -57,4 +57,4 @@ def _print(summaries: tuple[Summary, ...]) -> None:
     console.print(table)
     for one in summaries:
         if one.fault:
-            console.print(f"{one.name}: {one.fault}", style="red", highlight=False, markup=False, soft_wrap=True)
+            console.print(f"{one.name}: {one.fault}", style="red", highlight=False, soft_wrap=True)

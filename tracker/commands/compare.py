@@ -61,4 +61,4 @@ def print_comparison(made: MarkerComparison) -> None:
         soft_wrap=True,
     )
     for finding in made.findings:
-        console.print(f"note: {finding}", style="yellow", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"note: {finding}", style="yellow", highlight=False, soft_wrap=True)

@@ -43,6 +43,8 @@ def print_evaluation(evaluation: Evaluation) -> None:
             table.add_row(name, *values)
         table.add_section()
     console.print(table)
+    for person in evaluation.persons:
+        _tell_incomplete(person)
     if evaluation.silhouette_iou:
         views = ", ".join(f"{view} {value:.3f}" for view, value in evaluation.silhouette_iou.items())
         mean = sum(evaluation.silhouette_iou.values()) / len(evaluation.silhouette_iou)
@@ -53,14 +55,14 @@ def _headline(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
     """How far off joints and angles are, and of how many frames."""
     persons = evaluation.persons
     rows = [
-        ("joint distance, mean", [f"{p.mean_mm:.1f} mm" for p in persons]),
-        ("mean, joint offsets removed", [f"{p.mean_offset_removed_mm:.1f} mm" for p in persons]),
+        ("joint distance, mean", [_mm(p.mean_mm) for p in persons]),
+        ("mean, joint offsets removed", [_mm(p.mean_offset_removed_mm) for p in persons]),
     ]
-    if all(math.isfinite(person.mean_trunk_offset_removed_mm) for person in persons):
-        rows.append(("mean, removed as the trunk turns", [f"{p.mean_trunk_offset_removed_mm:.1f} mm" for p in persons]))
+    if any(math.isfinite(person.mean_trunk_offset_removed_mm) for person in persons):
+        rows.append(("mean, removed as the trunk turns", [_mm(p.mean_trunk_offset_removed_mm) for p in persons]))
     if any(person.parameters for person in persons):
-        rows.append(("joint angles, RMS", [f"{p.angles_rms_deg:.2f} deg" for p in persons]))
-    for hinge in persons[0].hinges_deg:
+        rows.append(("joint angles, RMS", [f"{p.angles_rms_deg:.2f} deg" if p.parameters else "-" for p in persons]))
+    for hinge in dict.fromkeys(hinge for person in persons for hinge in person.hinges_deg):
         rows.append((f"{hinge.replace('_', ' ')}, RMS (offset removed)", [_hinge(p, hinge) for p in persons]))
     rows.append(("frames lost", [f"{p.n_missing} of {p.n_frames}" for p in persons]))
     return rows
@@ -68,23 +70,42 @@ def _headline(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
 
 def _joint_rows(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
     persons = evaluation.persons
-    names = sorted(persons[0].joints_mm)
+    names = sorted({name for person in persons for name in person.joints_mm})
     return [(f"{name.replace('_', ' ')} (offset removed)", [_joint(p, name) for p in persons]) for name in names]
 
 
 def _details(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
     persons = evaluation.persons
     return [
-        ("joint distance, median", [f"{p.median_mm:.1f} mm" for p in persons]),
-        ("joint distance, 95 %", [f"{p.p95_mm:.1f} mm" for p in persons]),
+        ("joint distance, median", [_mm(p.median_mm) for p in persons]),
+        ("joint distance, 95 %", [_mm(p.p95_mm) for p in persons]),
     ]
 
 
+def _mm(length: float) -> str:
+    """A length, or that it is unknown: the person is lost in every frame."""
+    return f"{length:.1f} mm" if math.isfinite(length) else "-"
+
+
 def _hinge(person: PersonErrors, hinge: str) -> str:
-    raw, removed = person.hinges_deg.get(hinge, (float("nan"),) * 2)
+    if hinge not in person.hinges_deg:
+        return "-"
+    raw, removed = person.hinges_deg[hinge]
     return f"{raw:.2f} deg ({removed:.2f})"
 
 
 def _joint(person: PersonErrors, joint: str) -> str:
-    raw, removed = person.joints_mm.get(joint, (float("nan"),) * 2)
+    if joint not in person.joints_mm:
+        return "-"
+    raw, removed = person.joints_mm[joint]
     return f"{raw:.1f} mm ({removed:.1f})"
+
+
+def _tell_incomplete(person: PersonErrors) -> None:
+    """Which joints are compared in some of the frames with a pose only, or in none."""
+    partly = [f"{name} in {n} frames" for name, n in person.incomplete_frames.items() if n]
+    never = [name for name, n in person.incomplete_frames.items() if not n]
+    told = [("compared where both have them: ", partly), ("not compared, in no frame of both: ", never)]
+    for what, names in told:
+        if names:
+            console.print(f"{person.person}: {what}{', '.join(names)}", highlight=False, soft_wrap=True)

@@ -19,7 +19,9 @@ def export(
     more: Annotated[list[str] | None, typer.Argument(help="Further formats.", show_default=False)] = None,
     to: Annotated[list[str] | None, typer.Option("--to", help=f"Formats: {' '.join(FORMATS)}.")] = None,
     output: Annotated[Path | None, typer.Option(help="Folder to write to; default: the result folder.")] = None,
-    y_up: Annotated[bool, typer.Option("--y-up", help="Turn TRC and C3D to y up; the others always are.")] = False,
+    y_up: Annotated[
+        bool, typer.Option("--y-up", help="Turn TRC and C3D to y up; BVH, GLB, MOT and OSIM always are, tables never.")
+    ] = False,
 ) -> None:
     """Writes a finished result for other programs: `bodytrack export RESULT --to trc c3d`."""
     from tracker.components import find

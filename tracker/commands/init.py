@@ -34,7 +34,7 @@ def init(
         f"calibration: {found.rig or 'none'}; plates: {found.plates or 'none'}", highlight=False, soft_wrap=True
     )
     for remark in found.remarks:
-        console.print(remark, style="yellow", highlight=False, markup=False, soft_wrap=True)
+        console.print(remark, style="yellow", highlight=False, soft_wrap=True)
     console.print(
         f"{output} written: set the persons' stature, then `bodytrack run {output} --dry-run`",
         highlight=False,

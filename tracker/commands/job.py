@@ -11,13 +11,13 @@ from pathlib import Path
 import typer
 
 from tracker.commands.options import Config, Frames, Output, Overrides, done, with_range
-from tracker.commands.terminal import console
+from tracker.commands.terminal import console, marked
 
 _JOBS = Path(__file__).parents[1] / "jobs"
 _WITH_A_COMMAND = {"track": "run", "calibrate": "calibrate", "acquire": "acquire", "surface": "surface", "demo": "demo"}
 """Jobs whose command has options or a report of its own, and what it is called."""
 
-_PART_OF_ANOTHER = {"acquire_from_pictures"}
+_PART_OF_ANOTHER = {"acquire_from_pictures", "acquire_from_points", "acquire_from_scan"}
 """Jobs that another one's command chooses."""
 
 
@@ -47,6 +47,8 @@ def _command(use: str) -> Callable[..., None]:
                 shown = f"{value:.4g}" if isinstance(value, float) else value
                 console.print(f"{field.name.removeprefix('n_').replace('_', ' ')}: {shown}", highlight=False)
         for warning in getattr(outcome, "warnings", ()):
-            console.print(f"[yellow]warning:[/] {warning}", soft_wrap=True, highlight=False)
+            console.print(marked("warning", warning), soft_wrap=True, highlight=False)
+        if getattr(outcome, "interrupted", False):
+            raise typer.Exit(130)
 
     return command

@@ -141,5 +141,8 @@ def _range(frames: str | None, track: Track) -> tuple[int, int]:
     first = int(np.searchsorted(numbers, int(match[1]))) if match[1] else 0
     behind = int(np.searchsorted(numbers, int(match[2]))) if match[2] else len(numbers)
     if behind - first < 2:
-        raise ConfigError(f"--frames {frames}: the result has frames {numbers[0]} to {numbers[-1]}")
+        told = "--add" if frames is None else f"--frames {frames}"
+        raise ConfigError(
+            f"{told}: the result has frames {numbers[0]} to {numbers[-1]}, and a movement takes two or more"
+        )
     return first, behind

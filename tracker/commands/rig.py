@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
+from tracker.commands.terminal import console, marked
 from tracker.errors import CalibrationError, ConfigError
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 LAYOUTS = "anipose, caliscope, easymocap, freemocap, json, middlebury, opencap, opencv, pose2sim, qualisys"
 
 rig_app = typer.Typer(no_args_is_help=True, help="Checks and converts calibrations.")
-console = Console()
 
 
 @rig_app.command("check")
@@ -51,7 +51,9 @@ def rig_check(
         numbers = f"{pair.distance_m:.3f}", f"{pair.angle_deg:.0f}", f"{100 * pair.shared:.0f} %"
         pairs.add_row(pair.first, pair.second, *numbers)
     console.print(pairs)
-    console.print(f"a point in the middle is known to {found.sigma_mm:.1f} mm from images of 0.5 px", highlight=False)
+    if math.isfinite(found.sigma_mm):
+        told = f"a point in the middle is known to {found.sigma_mm:.1f} mm from images of 0.5 px"
+        console.print(told, highlight=False)
     if points is not None:
         beside = check_points(loaded, *read_points(points, loaded.names))
         views = ", ".join(f"{name} {value:.2f}" for name, value in beside.rms_px.items())
@@ -59,7 +61,7 @@ def rig_check(
         if beside.scale is not None:
             console.print(f"scale: measured distances are {beside.scale:.5f} times the known ones", highlight=False)
     for doubt in found.doubts:
-        console.print(f"[yellow]look:[/] {doubt}", highlight=False)
+        console.print(marked("look", doubt), highlight=False)
     if images is not None:
         write_picture(epipolar_picture(loaded, _pictures(images, loaded.names)), picture)
         console.print(f"epipolar lines: {picture}", highlight=False)
@@ -69,6 +71,8 @@ def _pictures(pattern: str, names: tuple[str, ...]) -> tuple[Image, ...]:
     from tracker.reading.images import intact_image
     from tracker.reading.video import open_clip
 
+    if "{view}" not in pattern and len(names) > 1:
+        raise CalibrationError(f"--images {pattern}: no {{view}} in it, so all {len(names)} views would show the same")
     found = []
     for name in names:
         path = Path(pattern.replace("{view}", name))
@@ -149,4 +153,4 @@ def _tell(opened: RigFile, but: str = "") -> None:
     for line in opened.told():
         if but and but in line:
             continue
-        console.print(f"[yellow]look:[/] {line}", highlight=False, soft_wrap=True)
+        console.print(marked("look", line), highlight=False, soft_wrap=True)

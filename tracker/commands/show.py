@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import typer
-from rich.markup import escape
 from rich.table import Table
 
 from tracker.commands.terminal import console
@@ -23,7 +22,7 @@ def show(
         table = Table("stage", "component", "what it is", title="components")
         for name in shown:
             for use in available(name):
-                table.add_row(name, use, escape((find(name, use).__doc__ or "").split("\n")[0]))
+                table.add_row(name, use, (find(name, use).__doc__ or "").split("\n")[0])
         console.print(table)
         return
     if stage not in shown:
@@ -36,11 +35,11 @@ def _component_table(stage: str, use: str) -> Table:
     from tracker.components import find
 
     cls: Any = find(stage, use)
-    title = use if stage == "jobs" else f'\\[{stage}] use = "{use}"'
+    title = use if stage == "jobs" else f'[{stage}] use = "{use}"'
     table = Table("field", "default", "meaning", title=title, title_justify="left")
     for name, field in cls.__pydantic_fields__.items():
         default = "required" if field.is_required() else _shown(field.get_default(call_default_factory=True), field)
-        table.add_row(name, default, escape((field.description or "").replace("\n", " ")))
+        table.add_row(name, default, (field.description or "").replace("\n", " "))
     return table
 
 
@@ -49,7 +48,7 @@ def _shown(value: Any, field: Any = None) -> str:
     from tracker.field_types import component_stage
 
     if isinstance(value, tuple):
-        return f"\\[{', '.join(map(_shown, value))}]"
+        return f"[{', '.join(map(_shown, value))}]"
     if component_stage(type(value)) is not None:
         if field is not None and field.annotation is type(value):
             return "{ ... }"  # a section of its own fields: there is nothing to choose

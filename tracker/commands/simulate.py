@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
-from tracker.commands.terminal import ProgressBar, console
+from tracker.commands.terminal import ProgressBar, console, marked
 from tracker.errors import InitializationError
 
 if TYPE_CHECKING:
@@ -78,10 +79,10 @@ def _tell_place(planned: Plan) -> None:
     areas = ", ".join(f"{k} or more: {planned.floor.area_m2(k):.1f} m2" for k in range(2, n + 1))
     console.print(f"floor on which cameras see a whole person: {areas}", highlight=False)
     if planned.whole < 2:
-        console.print(
-            "[yellow]look:[/] nowhere do two cameras see a whole person: set them back or use wider lenses",
-            highlight=False,
-        )
+        nowhere = "nowhere do two cameras see a whole person: set them back or use wider lenses"
+        elsewhere = "two cameras do not see a whole person at --place: choose another one, or leave it out"
+        told = elsewhere if planned.floor.area_m2(2) > 0 else nowhere
+        console.print(marked("look", told), highlight=False)
 
 
 def _tracked(config: Path, folder: Path) -> PersonErrors | None:
@@ -94,7 +95,7 @@ def _tracked(config: Path, folder: Path) -> PersonErrors | None:
     try:
         result = done(load_job("track", config), folder / "tracking")
     except InitializationError as error:
-        console.print(f"[yellow]look:[/] nobody is found in the recording: {error}", highlight=False, soft_wrap=True)
+        console.print(marked("look", f"nobody is found in the recording: {error}"), highlight=False, soft_wrap=True)
         return None
     if result.interrupted:
         raise typer.Exit(130)
@@ -157,12 +158,14 @@ def _print_visible(expected: Prospect) -> None:
         hidden = expected.hidden[segment]
         cells = [f"{100 * shares[name]:.0f} %" for name in names]
         colour = "red" if hidden > 0.5 else "yellow" if hidden > 0 else "dim"
-        table.add_row(segment.replace("_", " "), *cells, f"[{colour}]{100 * hidden:.0f} %[/]")
+        table.add_row(segment.replace("_", " "), *cells, Text(f"{100 * hidden:.0f} %", style=colour))
     console.print(table)
     console.print("hidden: of the frames, in which fewer than two views show a quarter of it", style="dim")
 
 
 def _tell_enough(planned: Plan, expected: Prospect) -> None:
+    if not any(share for shares in expected.visible.values() for share in shares.values()):
+        return  # no camera sees anything of the person
     n, views = len(planned.rig), expected.fewest[expected.enough]
     if expected.enough < n:
         console.print(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from tracker.commands.options import Config, Frames, Output, Overrides, done, with_range
-from tracker.commands.terminal import console
+from tracker.commands.terminal import console, marked
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,7 +24,7 @@ def measure(config: Config, output: Output = None, set_: Overrides = None, frame
     console.print(_table(job.name, outcome.frames))
     for summary in outcome.frames:
         for warning in summary.warnings:
-            console.print(f"[yellow]warning:[/] frame {summary.frame}: {warning}", soft_wrap=True, highlight=False)
+            console.print(marked("warning", f"frame {summary.frame}: {warning}"), soft_wrap=True, highlight=False)
     console.print(f"results in {outcome.folder}: {', '.join(outcome.frames[-1].files)}, surface.json", highlight=False)
 
 

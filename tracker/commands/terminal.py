@@ -12,7 +12,13 @@ from rich.text import Text
 
 from tracker.progress import WARNING
 
-console = Console()
+console = Console(markup=False, emoji=False)
+"""Prints what it is given: names and paths may hold `[...]` or `:...:`."""
+
+
+def marked(word: str, text: str) -> Text:
+    """A line that begins with a word in yellow."""
+    return Text.assemble((f"{word}:", "yellow"), f" {text}")
 
 
 def print_error(text: str) -> None:
@@ -47,7 +53,7 @@ class _Bars(Progress):
             self.columns = bar
 
 
-_DETAIL = TextColumn("{task.fields[detail]}", table_column=Column(no_wrap=True, ratio=1))
+_DETAIL = TextColumn("{task.fields[detail]}", markup=False, table_column=Column(no_wrap=True, ratio=1))
 
 
 class ProgressBar:
@@ -59,7 +65,7 @@ class ProgressBar:
     def __init__(self, shown_on: Console = console) -> None:
         self._console = shown_on
         self._bar = _Bars(
-            TextColumn("{task.description}", table_column=Column(no_wrap=True)),
+            TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True)),
             BarColumn(bar_width=20),
             MofNCompleteColumn(),
             _DETAIL,

@@ -41,7 +41,7 @@ def _finished(result: Result, server: Any) -> None:
 
     viewer, fault = view_result(result, server)
     if fault:
-        console.print(f"without images: {fault}", style="yellow", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"without images: {fault}", style="yellow", highlight=False, soft_wrap=True)
     with contextlib.suppress(KeyboardInterrupt):
         _tell_address(server)
         viewer.serve()

@@ -19,6 +19,9 @@ from tracker.source_files import frame_in, json_of, one_line
 
 # Persons who share no joint in no frame are matched last.
 _NOWHERE_M = 1e6
+_CHANGED = {"smoothing", "alignment", "alignment_change"}
+"""What run.json tells of poses that were changed after the run: its silhouettes are those of the raw ones."""
+
 _TRUTH_NAMES = ("truth_joints.csv", "gt_joints.csv", "joints.csv")
 
 
@@ -28,7 +31,8 @@ class Evaluation:
 
     persons: tuple[PersonErrors, ...]
     silhouette_iou: dict[str, float]
-    """View -> mean intersection over union of model and foreground; empty without backgrounds."""
+    """View -> mean intersection over union of model and foreground; empty without backgrounds, and of a result whose
+    poses were changed after the run: the overlaps in it are those of the raw poses."""
 
     distances_mm: tuple[dict[str, Array], ...]
     """For each person: `frame` (T,) and joint -> (T,) distance, mm."""
@@ -87,22 +91,20 @@ def _named(frames: Frames, names: JointNames) -> Frames:
 
 
 def _matched(found: JointTable, true: JointTable, names: dict[str, JointNames]) -> list[tuple[str, str]]:
-    """Pairs of persons with the least distance, each true person once."""
-    if not found.persons:
+    """Pairs of persons with the least distance, each true person once; who is lost in every frame comes last."""
+    if not any(found.persons.values()):
         raise SequenceError("the result has no pose that is not lost")
-    if not true.persons:
+    truths = {person: frames for person, frames in true.persons.items() if frames}
+    if not truths:
         raise SequenceError("the truth has no joint with a position")
     costs = np.array(
         [
-            [
-                _distance_m(_named(mine, names[person]), _named(theirs, names[person]))
-                for theirs in true.persons.values()
-            ]
+            [_distance_m(_named(mine, names[person]), _named(theirs, names[person])) for theirs in truths.values()]
             for person, mine in found.persons.items()
         ]
     )
     rows, columns = linear_sum_assignment(costs)
-    others = list(true.persons)
+    others = list(truths)
     return [(list(found.persons)[row], others[column]) for row, column in zip(rows, columns, strict=True)]
 
 
@@ -122,7 +124,10 @@ def _overlaps(result: Path) -> dict[str, float]:
     if not path.is_file():
         return {}
     try:
-        told = json_of(path, SequenceError)["summary"]["silhouette_iou"]
+        run = json_of(path, SequenceError)
+        if _CHANGED & run.keys():
+            return {}
+        told = run["summary"]["silhouette_iou"]
         return {str(view): float(value) for view, value in told.items()}
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise SequenceError(f"{path}: damaged, expected what a run writes there: {one_line(error)}") from error
@@ -137,6 +142,9 @@ def error_figure(evaluation: Evaluation) -> Figure:
         for k, (name, values) in enumerate((name, v) for name, v in curves.items() if name != "frame"):
             style = "-" if k < 10 else "--"
             axis.plot(curves["frame"], values, style, lw=1, label=name.replace("_", " "))
+        if person.n_missing == person.n_frames:
+            axis.set_title(f"{person.person}: lost in every frame", fontsize=10)
+            continue
         axis.set_title(f"{person.person}: mean {person.mean_mm:.0f} mm, median {person.median_mm:.0f} mm", fontsize=10)
         axis.set_ylabel("joint distance, mm")
         axis.grid(alpha=0.3)

@@ -81,7 +81,7 @@ class MarkerComparison:
     def as_dict(self) -> dict[str, Any]:
         """Plain values without the curves; what is unknown is None."""
         told, placed = self.alignment, self.alignment.placement
-        table = {
+        return {
             "person": self.track.person,
             "frames": len(self.track.frames),
             "frames_compared": self.n_compared,
@@ -100,8 +100,6 @@ class MarkerComparison:
             "joints": [vars(joint) for joint in self.joints],
             "findings": list(self.findings),
         }
-        plain: dict[str, Any] = _without_nan(table)
-        return plain
 
 
 def compare(
@@ -228,11 +226,3 @@ def _with_findings(made: MarkerComparison) -> MarkerComparison:
     if missing:
         said.append(f"{missing} of {len(made.track.frames)} frames have no joint in both")
     return replace(made, findings=tuple(said))
-
-
-def _without_nan(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_nan(inner) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [_without_nan(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +53,9 @@ class PersonErrors:
     parameters: dict[str, float]
     """Pose parameter -> RMS error in degrees or metres; empty without a pose truth."""
 
+    incomplete_frames: dict[str, int] = field(default_factory=dict)
+    """Joint that is not known to both in every frame with a pose -> frames that it is compared in; 0: in none."""
+
     @property
     def angles_rms_deg(self) -> float:
         """RMS over all joint angles of the pose; NaN without a pose truth."""
@@ -63,43 +66,94 @@ class PersonErrors:
 def errors_of(
     who: tuple[str, str], tables: tuple[Frames, Frames], names: JointNames, frames_run: list[int]
 ) -> tuple[PersonErrors, dict[str, Array]]:
-    """Errors of one person without pose parameters, and the distance of every joint in each frame, mm."""
+    """Errors of one person without pose parameters, and the distance of every joint in each frame, mm.
+
+    A joint that one of both does not tell of in a frame is left out of that frame alone: its distance there is NaN.
+
+    Raises:
+        SequenceError: they have no frame, or no joint, in common.
+    """
     mine, theirs = tables
     frames = [frame for frame in frames_run if frame in theirs]
-    common = [frame for frame in frames if frame in mine]
-    if not common:
+    if not frames:
         raise SequenceError(
             f"no frame in common: the run has {frames_run[0]} to {frames_run[-1]}, "
             f"the truth {min(theirs)} to {max(theirs)}"
         )
     compared = names.joints.evaluated
-    joints = [name for name in compared if all(name in mine[frame] and name in theirs[frame] for frame in common)]
-    if not joints:
+    found = [frame for frame in frames if frame in mine]
+    if not found:
+        return _lost_throughout(who, len(frames), [n for n in compared if any(n in theirs[frame] for frame in frames)])
+    together = {frame: [name for name in compared if name in mine[frame] and name in theirs[frame]] for frame in found}
+    common = [frame for frame in found if together[frame]]
+    if not common:
         raise SequenceError(
-            f"no joint in common: the run has {', '.join(mine[common[0]])}; the truth {', '.join(theirs[common[0]])}"
+            f"no joint in common: the run has {', '.join(mine[found[0]])}; the truth {', '.join(theirs[found[0]])}"
         )
-    p = np.array([[mine[frame][name] for name in joints] for frame in common])
-    g = np.array([[theirs[frame][name] for name in joints] for frame in common])
-    gap = 1000 * np.linalg.norm(p - g, axis=-1)
-    removed = 1000 * np.linalg.norm(p - g - (p - g).mean(axis=0), axis=-1)
+    n_compared = {name: sum(name in together[frame] for frame in common) for name in compared}
+    joints = [name for name in compared if n_compared[name]]
+    p, g = (_points(table, common, joints) for table in tables)
+    curves = 1000 * np.linalg.norm(p - g, axis=-1)
+    table = replace(
+        _summary(who, p, g, joints, names.joints.chains()),
+        n_frames=len(frames),
+        n_missing=len(frames) - len(found),
+        incomplete_frames={name: n for name, n in n_compared.items() if n < len(common)},
+    )
+    curve: dict[str, Array] = {"frame": np.array(common, dtype=np.float64)}
+    curve.update({name: curves[:, k] for k, name in enumerate(joints)})
+    return table, curve
+
+
+def _lost_throughout(who: tuple[str, str], n_frames: int, joints: list[str]) -> tuple[PersonErrors, dict[str, Array]]:
+    """What is said of a person without any pose in the frames of the truth: nothing but that."""
+    unknown = float("nan")
     table = PersonErrors(
         person=who[0],
         truth=who[1],
-        n_frames=len(frames),
-        n_missing=len(frames) - len(common),
-        mean_mm=float(gap.mean()),
-        median_mm=float(np.median(gap)),
-        p95_mm=float(np.percentile(gap, 95)),
-        mean_offset_removed_mm=float(removed.mean()),
-        median_offset_removed_mm=float(np.median(removed)),
-        mean_trunk_offset_removed_mm=_in_trunk_axes(p - g, g[:, _limb_origins(joints, names.joints.chains())]),
-        joints_mm={n: (float(a), float(b)) for n, a, b in zip(joints, gap.mean(0), removed.mean(0), strict=True)},
-        hinges_deg=_hinges(p, g, joints, names.joints.chains()),
+        n_frames=n_frames,
+        n_missing=n_frames,
+        mean_mm=unknown,
+        median_mm=unknown,
+        p95_mm=unknown,
+        mean_offset_removed_mm=unknown,
+        median_offset_removed_mm=unknown,
+        mean_trunk_offset_removed_mm=unknown,
+        joints_mm={},
+        hinges_deg={},
         parameters={},
     )
-    curve: dict[str, Array] = {"frame": np.array(common, dtype=np.float64)}
-    curve.update({name: gap[:, k] for k, name in enumerate(joints)})
-    return table, curve
+    return table, {name: np.zeros(0) for name in ("frame", *joints)}
+
+
+def _points(table: Frames, frames: list[int], joints: list[str]) -> Array:
+    """(T, J, 3) metres; NaN where the table does not tell."""
+    unknown = np.full(3, np.nan)
+    return np.array([[table[frame].get(name, unknown) for name in joints] for frame in frames])
+
+
+def _summary(
+    who: tuple[str, str], p: Array, g: Array, joints: list[str], chains: dict[str, tuple[str, str, str]]
+) -> PersonErrors:
+    """Errors of points p (T, J, 3) against g, metres; how many frames they are of is filled in by the caller."""
+    gap = 1000 * np.linalg.norm(p - g, axis=-1)
+    removed = 1000 * np.linalg.norm(p - g - np.nanmean(p - g, axis=0), axis=-1)
+    means = zip(joints, np.nanmean(gap, axis=0), np.nanmean(removed, axis=0), strict=True)
+    return PersonErrors(
+        person=who[0],
+        truth=who[1],
+        n_frames=len(gap),
+        n_missing=0,
+        mean_mm=float(np.nanmean(gap)),
+        median_mm=float(np.nanmedian(gap)),
+        p95_mm=float(np.nanpercentile(gap, 95)),
+        mean_offset_removed_mm=float(np.nanmean(removed)),
+        median_offset_removed_mm=float(np.nanmedian(removed)),
+        mean_trunk_offset_removed_mm=_in_trunk_axes(p - g, g[:, _limb_origins(joints, chains)]),
+        joints_mm={name: (float(raw), float(rest)) for name, raw, rest in means},
+        hinges_deg=_hinges(p, g, joints, chains),
+        parameters={},
+    )
 
 
 def _limb_origins(joints: list[str], chains: dict[str, tuple[str, str, str]]) -> list[int]:
@@ -111,14 +165,17 @@ def _in_trunk_axes(gaps: Array, trunk: Array) -> float:
     """Mean length of gaps (T, J, 3) without their mean in the axes of a trunk of which points (T, L, 3) are known, mm.
 
     How the trunk is turned since the first frame is told by the rotation that brings its points nearest (Kabsch 1976).
+    Frames in which one of them is unknown are left out.
     """
-    spread = trunk - trunk.mean(axis=1, keepdims=True)
-    if spread.shape[1] < _LEAST_ORIGINS:
+    known = np.isfinite(trunk).all(axis=(1, 2))
+    gaps, trunk = gaps[known], trunk[known]
+    if trunk.shape[1] < _LEAST_ORIGINS or not known.any():
         return float("nan")
+    spread = trunk - trunk.mean(axis=1, keepdims=True)
     turned = np.array(
         [Rotation.align_vectors(spread[0], now)[0].apply(gap) for now, gap in zip(spread, gaps, strict=True)]
     )
-    return 1000 * float(np.linalg.norm(turned - turned.mean(axis=0), axis=-1).mean())
+    return 1000 * float(np.nanmean(np.linalg.norm(turned - np.nanmean(turned, axis=0), axis=-1)))
 
 
 def flexion(joints: Array) -> Array:
@@ -138,6 +195,9 @@ def _hinges(
         if set(chain) <= set(joints):
             columns = [joints.index(name) for name in chain]
             gap = flexion(p[:, columns]) - flexion(g[:, columns])
+            gap = gap[np.isfinite(gap)]
+            if not gap.size:
+                continue
             errors[hinge] = float(np.sqrt((gap**2).mean())), float(gap.std())
     return errors
 

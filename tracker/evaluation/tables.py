@@ -11,8 +11,8 @@ from tracker.arrays import Array
 from tracker.errors import SequenceError, nearest
 from tracker.source_files import frame_in, number_in, rows_of
 
-_FARTHEST_M = 1e6
-"""No joint is a thousand kilometres away."""
+_FARTHEST_M = 200.0
+"""No joint is farther from the world's origin, as no camera is: what lies there is in other units."""
 
 Frames = dict[int, dict[str, Array]]
 """Frame -> joint -> (3,) metres."""
@@ -23,14 +23,15 @@ class JointTable:
     """Joint centres of several persons."""
 
     persons: dict[str, Frames]
-    """Joints are called as the table calls them."""
+    """Joints are called as the table calls them; without frames: no joint of the person has a position."""
 
 
 def read_joints(path: Path) -> JointTable:
     """Reads a long table with the columns frame, joint, x, y, z (or x_m, ...) and perhaps person.
 
     Raises:
-        SequenceError: the file cannot be read, lacks a column, or has something else than numbers in it.
+        SequenceError: the file cannot be read, lacks a column, has something else than metres in it, or a joint of a
+            person twice in a frame.
     """
     rows = read_rows(path)
     axes = ("x_m", "y_m", "z_m") if "x_m" in rows[0] else ("x", "y", "z")
@@ -39,13 +40,21 @@ def read_joints(path: Path) -> JointTable:
             raise SequenceError(f'{path}: no column "{column}"; {nearest(column, rows[0])}')
     persons: dict[str, Frames] = {}
     for row in rows:
+        person = row.get("person") or "1"
+        frames = persons.setdefault(person, {})
         if any(row[axis] == "" for axis in axes):
             continue
-        frames = persons.setdefault(row.get("person") or "1", {})
         point = np.array([number_in(row, axis, path, SequenceError) for axis in axes])
         if np.abs(point).max() > _FARTHEST_M:
-            raise SequenceError(f"{path}: {row['joint']} lies at {point.tolist()}, expected metres")
-        frames.setdefault(frame_in(row, path, SequenceError), {})[row["joint"]] = point
+            raise SequenceError(
+                f"{path}: {row['joint']} lies at {point.tolist()}, expected metres, at most {_FARTHEST_M:.0f}; "
+                "divide millimetres by 1000"
+            )
+        frame = frame_in(row, path, SequenceError)
+        joints = frames.setdefault(frame, {})
+        if row["joint"] in joints:
+            raise SequenceError(f"{path}: {row['joint']} of person {person} is there twice in frame {frame}")
+        joints[row["joint"]] = point
     return JointTable(persons)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from tracker.arrays import Array, Integers
 from tracker.errors import ConfigError, MatchingError, nearest
+from tracker.following.tables import quoted
 from tracker.geometry.rigid_motion import rigid_motion
 from tracker.point_trajectories import PointTrajectories
 from tracker.rig import Rig
@@ -154,4 +155,4 @@ def key_points_csv(found: KeyPoints, frames: Integers, times: Array, inner: slic
         for k, name in enumerate(found.names):
             numbers = (*found.positions[t, k].tolist(), float(found.spread_m[t, k]))
             cells = ["" if value != value else f"{value:.6f}" for value in numbers]
-            yield ",".join([str(frames[t]), f"{times[t]:.6f}", name, *cells, str(found.n_around[t, k])]) + "\n"
+            yield ",".join([str(frames[t]), f"{times[t]:.6f}", quoted(name), *cells, str(found.n_around[t, k])]) + "\n"

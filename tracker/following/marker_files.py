@@ -10,7 +10,7 @@ import numpy as np
 from tracker.arrays import Array, Integers
 from tracker.files import replacing
 from tracker.following.tables import Names
-from tracker.recording.c3d import c3d_library
+from tracker.recording.c3d import c3d_library, check_frames
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,9 @@ def write_c3d(path: Path, markers: Markers) -> None:
     is not seen. Frames count from 1; the time of the first one is not part of the format.
 
     Raises:
-        ConfigError: ezc3d is not installed.
+        ConfigError: ezc3d is not installed, or there are more frames than the format holds.
     """
+    check_frames(len(markers.times), C3D_ASKED)
     file = c3d_library(C3D_ASKED).c3d()
     point, seen = file["parameters"]["POINT"], np.isfinite(markers.positions[..., 0])
     point["RATE"]["value"], point["UNITS"]["value"] = [markers.rate_hz], ["mm"]

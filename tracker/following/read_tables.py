@@ -18,6 +18,13 @@ TABLE = "trajectories.csv"
 _LEAST_SIGMA_PX, _LEAST_SIGMA_M = 0.05, 0.0001
 """A point is no better known than this: in 2-D mode the sigma at its birth is 0, for there it is what it is."""
 
+_FARTHEST_FRAME = 10**9
+"""A year at 30 frames a second."""
+
+_MOST_CELLS, _FULLEST = 10**7, 0.1
+"""Frames times points beyond which a table is refused of whose frames fewer than this share are there at all: what is
+numbered so is no frame, but a time."""
+
 Words = NDArray[np.str_]
 
 
@@ -80,23 +87,44 @@ def _arranged(head: list[str], rows: list[list[str]], path: Path) -> PointTable:
     n_axes = len(axes)
     numbers = _numbers(head, rows, ("frame", "time_s"), path)
     places = _numbers(head, rows, [f"{axis}_{unit}" for axis in axes], path)
-    sigmas = np.maximum(_numbers(head, rows, [f"sigma_{axis}_{unit}" for axis in axes], path), least)
-    spread = sigmas[:, :, None] ** 2 * np.eye(n_axes)
+    sigmas = _numbers(head, rows, [f"sigma_{axis}_{unit}" for axis in axes], path)
+    if (sigmas < 0).any():
+        bad = int(np.flatnonzero((sigmas < 0).any(axis=1))[0]) + 1
+        raise SequenceError(f"{path}: row {bad} has a negative sigma, expected standard deviations in {unit}")
+    spread = np.maximum(sigmas, least)[:, :, None] ** 2 * np.eye(n_axes)
     if {"cov_xy_m2", "cov_xz_m2", "cov_yz_m2"} <= set(head):
         i, j = np.triu_indices(n_axes, 1)
         spread[:, i, j] = spread[:, j, i] = _numbers(head, rows, ("cov_xy_m2", "cov_xz_m2", "cov_yz_m2"), path)
     labels: Words = np.array([row[_column(head, "point", path)] for row in rows])
     numbered = bool(np.char.isdigit(labels).all())
     names, n = np.unique(labels.astype(np.int64) if numbered else labels, return_inverse=True)
-    whole = numbers[:, 0].astype(np.int64)
-    frames = np.arange(whole.min(), whole.max() + 1)
+    whole = _whole(numbers[:, 0], path)
     known, first = np.unique(whole, return_index=True)
+    n_frames = int(known[-1] - known[0]) + 1
+    if n_frames * len(names) > _MOST_CELLS and len(known) < _FULLEST * n_frames:
+        raise SequenceError(
+            f'{path}: "frame" is {known[0]} to {known[-1]} in a table of {len(known)} frames, expected their numbers '
+            "in the recording"
+        )
+    pairs, n_rows = np.unique(np.stack([whole, n]), axis=1, return_counts=True)
+    if n_rows.max() > 1:
+        frame, point = pairs[:, n_rows.argmax()]
+        raise SequenceError(f"{path}: point {names[point]} is there twice in frame {frame}, expected once")
+    frames = np.arange(known[0], known[-1] + 1)
     positions = np.full((len(frames), len(names), n_axes), np.nan)
     covariances = np.full((len(frames), len(names), n_axes, n_axes), np.nan)
     positions[whole - frames[0], n], covariances[whole - frames[0], n] = places, spread
     ids = names.astype(np.int64) if numbered else np.arange(len(names), dtype=np.int64)
     times = np.interp(frames, known, numbers[first, 1])
     return PointTable(frames, frozen(times), ids, frozen(positions), frozen(covariances))
+
+
+def _whole(values: Array, path: Path) -> Integers:
+    """The numbers of frames."""
+    bad = (values != np.floor(values)) | (np.abs(values) > _FARTHEST_FRAME)
+    if bad.any():
+        raise SequenceError(f'{path}: "frame" is {values[bad][0]:.15g}, expected a whole number')
+    return values.astype(np.int64)
 
 
 def _column(head: list[str], name: str, path: Path) -> int:

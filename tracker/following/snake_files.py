@@ -13,6 +13,7 @@ from tracker.errors import ConfigError
 from tracker.following.led_snakes import advanced, begun
 from tracker.following.record import Rows
 from tracker.following.snakes import Contour, Nodes, Snake
+from tracker.following.tables import quoted
 from tracker.rig import Rig
 
 # A snake that lies on few edges for so long is not looked for any more: it would hold to whatever comes by.
@@ -102,7 +103,7 @@ def snakes_csv(snakes: Sequence[FollowedSnake], views: tuple[str, ...]) -> Itera
     yield "frame,snake,view,node,x_px,y_px,edge_grey_px,shift_px,leading,status\n"
     for snake in snakes:
         for frame, nodes in zip(snake.frames, snake.nodes, strict=True):
-            lead = f"{frame},{snake.name},{views[snake.view]}"
+            lead = f"{frame},{quoted(snake.name)},{quoted(views[snake.view])}"
             status = "doubtful" if nodes.doubtful else "followed"
             for k, (x, y) in enumerate(nodes.places):
                 edge = f"{abs(nodes.edges[k]):.2f}" if nodes.held[k] else ""

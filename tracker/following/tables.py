@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from tracker.arrays import Array
+from tracker.files import csv_lines as rows_as_csv
 from tracker.following.motion import Motion
 from tracker.point_trajectories import PointStatus, PointTrajectories
 
@@ -24,7 +25,12 @@ def csv_header(views: tuple[str, ...]) -> str:
     columns += [f"{prefix}{axis}_{suffix}" for prefix, suffix in kinds for axis in axes]
     columns += [] if flat else [f"cov_{pair}_m2" for pair in ("xy", "xz", "yz")]
     columns += [] if flat else [f"{view}_{axis}_px" for view in views for axis in "xy"]
-    return ",".join(columns) + "\n"
+    return ",".join(map(quoted, columns)) + "\n"
+
+
+def quoted(text: str) -> str:
+    """A text as a cell of a CSV table: in quotes where it has a comma, a quote or an end of line in it."""
+    return rows_as_csv([[text]]).removesuffix("\r\n")
 
 
 def csv_lines(trajectories: PointTrajectories, motion: Motion, names: Names, inner: slice) -> Iterator[str]:
@@ -42,7 +48,7 @@ def csv_lines(trajectories: PointTrajectories, motion: Motion, names: Names, inn
         values += [trajectories.covariances[:, :, (0, 0, 1), (1, 2, 2)]]
         values += [trajectories.pixels.swapaxes(1, 2).reshape(n_frames, n_points, -1)]
         digits += ["%.4g"] * 3 + ["%.3f"] * (2 * trajectories.pixels.shape[1])
-    labels = [names.get(int(number), str(number)) for number in trajectories.ids]
+    labels = [quoted(names.get(int(number), str(number))) for number in trajectories.ids]
     words = {int(status): status.name.lower() for status in PointStatus}
     row, keys = ",".join(digits), trajectories.keys.max(axis=1)
     for t in range(*inner.indices(n_frames)):

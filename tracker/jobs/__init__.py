@@ -16,7 +16,16 @@ from tracker.config import build_class, component_name, described_fields
 from tracker.config_files import Table, read_config
 from tracker.errors import ConfigError, nearest
 from tracker.files import write_json, write_whole
-from tracker.jobs._folder import CONFIG, ResultFolder, check_output, interrupted_folder, link_latest, logged, remembered
+from tracker.jobs._folder import (
+    CONFIG,
+    ResultFolder,
+    begin_anew,
+    check_output,
+    interrupted_folder,
+    link_latest,
+    logged,
+    remembered,
+)
 from tracker.jobs._folder import result_folder as _result_folder
 from tracker.jobs._inputs import INPUTS, Fingerprints, check_inputs, fingerprints
 from tracker.jobs._resuming import check_same
@@ -24,9 +33,11 @@ from tracker.kernels.ahead import Group, all_cached, warm_up
 from tracker.progress import Progress, silent
 
 __all__ = [
+    "CONFIG",
     "INPUTS",
     "Job",
     "ResultFolder",
+    "begin_anew",
     "check_inputs",
     "check_same",
     "described",

@@ -130,6 +130,16 @@ def _claimed(output: Path) -> Path:
     return output
 
 
+def begin_anew(folder: Path) -> None:
+    """Removes what a job has left that was stopped before it computed anything.
+
+    Raises:
+        ConfigError: another job is at work there.
+    """
+    with logged(folder):
+        _emptied(folder)
+
+
 def _emptied(folder: Path) -> None:
     for path in folder.iterdir():
         if path.is_dir() and not path.is_symlink():

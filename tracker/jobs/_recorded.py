@@ -143,4 +143,5 @@ def _log_step(step: Step) -> None:
     for v, fault in step.untrusted.items():
         log.info("frame %d: foreground of view %s not used: %s", step.frame.index, step.scene.rig.names[v], fault)
     if step.frame.missing:
-        log.warning("frame %d: views %s are missing", step.frame.index, step.frame.missing)
+        names = ", ".join(step.scene.rig.names[v] for v in step.frame.missing)
+        log.warning("frame %d: without an image of %s", step.frame.index, names)

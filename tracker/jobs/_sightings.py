@@ -39,7 +39,7 @@ def record_sightings(
     planned: tuple[int, int],
     progress: Progress,
 ) -> None:
-    """Writes every frame as it comes, until the last one or until somebody asks to stop.
+    """Writes every frame as it comes, until the last one or until somebody asks to stop, which saves the state.
 
     Args:
         steps: the frames, each with the points that the following goes on with.
@@ -65,6 +65,7 @@ def record_sightings(
                 progress("following", len(counts.frames), n_frames, rate if k else "")
                 stop.patient = True
                 if stop.asked and len(counts.frames) < n_frames:
+                    save_state(folder.path, points, counts, record.stat().st_size)
                     raise KeyboardInterrupt
         except KeyboardInterrupt:
             counts.interrupted = True

@@ -41,7 +41,7 @@ from tracker.lsm.surface import SurfaceMeasurement
 from tracker.point_trajectories import PointFrame
 from tracker.progress import Progress, silent
 from tracker.reading import Reading, Sequence
-from tracker.recording.c3d import c3d_library
+from tracker.recording.c3d import c3d_library, check_frames
 from tracker.rig import Rig
 from tracker.rig_layouts import save_rig
 
@@ -149,6 +149,7 @@ class FollowJob:
             raise ConfigError(fault)
         if self.c3d:
             c3d_library(C3D_ASKED)
+            check_frames(sequence.n_frames, C3D_ASKED)
         return OpenedFollow(sequence, None if earlier is None else saved_state(earlier))
 
     def execute(self, opened: OpenedFollow, folder: ResultFolder, progress: Progress = silent) -> FollowOutcome:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,12 @@ from tracker.arrays import Image
 from tracker.errors import SequenceError
 from tracker.reading._selection import OnMissing
 
+LEAST_FPS, MOST_FPS = 1e-3, 1e5
+"""A picture every quarter of an hour, and the fastest cameras."""
+
 _View = TypeVar("_View")
+
+log = logging.getLogger("tracker")
 
 
 class ImageStream(Protocol):
@@ -53,19 +59,21 @@ class AbsentView:
 
 
 def opened_views(names: tuple[str, ...], opened: Callable[[str], _View], on_missing: OnMissing) -> list[_View | None]:
-    """What `opened` makes of each view; None for views that cannot be opened, where that is allowed.
+    """What `opened` makes of each view; None for views that cannot be opened, where that is allowed, with a warning.
 
     Raises:
         SequenceError: from `opened`, where nothing may be missing or no view can be opened.
     """
     views: list[_View | None] = []
-    faults: list[SequenceError] = []
+    faults: dict[str, SequenceError] = {}
     for name in names:
         try:
             views.append(opened(name))
         except SequenceError as fault:
             views.append(None)
-            faults.append(fault)
+            faults[name] = fault
     if faults and (on_missing == "error" or len(faults) == len(names)):
-        raise faults[0]
+        raise next(iter(faults.values()))
+    for name, why in faults.items():
+        log.warning('view "%s" is left out of all frames: %s', name, why)
     return views

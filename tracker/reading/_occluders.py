@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from tracker.arrays import Image, Mask
+from tracker.camera import Camera
 from tracker.errors import SequenceError
 from tracker.plate import Plate
 from tracker.reading._pictures import check_size, downscaled, read_image
@@ -35,7 +37,7 @@ def load_occluders(rig: Rig, pattern: str, factor: float) -> tuple[Mask | None, 
         picture = read_image(path) if path.exists() else None
         if picture is None and path.exists():
             raise SequenceError(f'occluders of view "{camera.name}": {path} is not an image that can be read')
-        found.append(None if picture is None else _mask(camera.name, picture, camera.size, factor))
+        found.append(None if picture is None else _mask(camera, picture, path, factor))
     return tuple(found)
 
 
@@ -45,13 +47,13 @@ def with_occluders(plates: Sequence[Plate | None], occluders: Sequence[Mask | No
     return tuple(plate if plate is None or mask is None else replace(plate, occluder=mask) for plate, mask in pairs)
 
 
-def _mask(name: str, picture: Image, size: tuple[int, int], factor: float) -> Mask:
-    check_size(name, picture, size)
+def _mask(camera: Camera, picture: Image, path: Path, factor: float) -> Mask:
+    check_size(camera.name, picture, camera.size, f"the picture of occluders {path}")
     painted = np.where(picture.max(axis=2, keepdims=True) > 0, np.uint8(255), np.uint8(0))
     # a pixel of which a part is covered shows the person only partly
     mask: Mask = downscaled(np.repeat(painted, 3, axis=2), factor)[..., 0] > 0
     if mask.all():
         raise SequenceError(
-            f'occluders of view "{name}": all of the picture is painted; leave the view out with `views`'
+            f'occluders of view "{camera.name}": all of the picture is painted; leave the view out with `views`'
         )
     return mask

@@ -23,8 +23,14 @@ _MOST_PIXELS = 2**28
 """268 million, 0.8 GB: four times the largest camera."""
 
 
-def check_size(name: str, image: Image, expected: tuple[int, int]) -> None:
+def check_size(name: str, image: Image, expected: tuple[int, int], source: str = "") -> None:
     """Compares an image with the calibrated size.
+
+    Args:
+        name: of the view.
+        image: one of its images, or what is compared with them.
+        expected: width and height, px.
+        source: what it is and its path where it is no image of the recording, for the message.
 
     Raises:
         CalibrationError: they differ.
@@ -32,12 +38,15 @@ def check_size(name: str, image: Image, expected: tuple[int, int]) -> None:
     height, width = image.shape[:2]
     if (width, height) != tuple(expected):
         mended = "take the calibration of these images"
+        if source:
+            mended = "it must be as large as the images are recorded"
         if (height, width) == tuple(expected):
             mended = (
                 "are the images turned upright? `bodytrack rig convert RIG rig.toml --upright` makes the rig of those"
             )
+        who = f"{source} has" if source else "the images have"
         raise CalibrationError(
-            f'view "{name}": the images have {width}x{height} px, the rig was calibrated at '
+            f'view "{name}": {who} {width}x{height} px, the rig was calibrated at '
             f"{expected[0]}x{expected[1]} px: {mended}"
         )
 

@@ -54,7 +54,7 @@ def load_plates(
         plate = _read_plate(camera.name, path, clip)
         if fit_to is not None:
             plate = _fitted_plate(camera.name, plate, path, fit_to[v])
-        check_size(camera.name, plate, camera.size)
+        check_size(camera.name, plate, camera.size, f"the background {path}")
         plates.append(Plate(delivered(plate)))
     return tuple(plates)
 

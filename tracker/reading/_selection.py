@@ -117,7 +117,7 @@ def numbered_files(name: str, pattern: Path) -> dict[int, Path]:
         pattern: path with `{frame}` in the file name.
 
     Raises:
-        SequenceError: there are none.
+        SequenceError: there are none, or two of one number.
     """
     folder, before_after = pattern.parent, pattern.name.split("{frame}")
     if len(before_after) != 2:
@@ -125,8 +125,14 @@ def numbered_files(name: str, pattern: Path) -> dict[int, Path]:
     if not folder.is_dir():
         raise SequenceError(f'view "{name}": no folder {folder}')
     number = re.compile(r"(\d+)".join(re.escape(piece) for piece in before_after))
-    matches = ((number.fullmatch(file.name), file) for file in folder.iterdir())
-    files = {int(match[1]): file for match, file in matches if match}
+    matches = ((number.fullmatch(file.name), file) for file in sorted(folder.iterdir()))
+    files: dict[int, Path] = {}
+    for n, file in ((int(match[1]), file) for match, file in matches if match):
+        if n in files:
+            raise SequenceError(
+                f'view "{name}": {files[n].name} and {file.name} in {folder} are both number {n}: remove one'
+            )
+        files[n] = file
     if not files:
         raise SequenceError(f'view "{name}": no image {pattern.name} in {folder}')
     return files

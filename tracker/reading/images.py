@@ -10,7 +10,7 @@ import pydantic
 from tracker.arrays import Image
 from tracker.components import FilePath, PathPattern, PlatePattern, component
 from tracker.errors import SequenceError
-from tracker.reading._footage import Footage, opened_views
+from tracker.reading._footage import LEAST_FPS, MOST_FPS, Footage, opened_views
 from tracker.reading._opening import opened, opened_uncalibrated
 from tracker.reading._pictures import Downscale, read_image
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, numbered_files, view_paths
@@ -29,7 +29,7 @@ class ImageReading:
     rig: FilePath | None = None
     """Calibration: a file or folder in any layout that `bodytrack rig convert` reads; none in a calibration job."""
 
-    fps: float = pydantic.Field(gt=0)
+    fps: float = pydantic.Field(ge=LEAST_FPS, le=MOST_FPS, allow_inf_nan=False)
     """Frames per second."""
 
     views: tuple[str, ...] = ()

@@ -12,7 +12,7 @@ import pydantic
 from tracker.arrays import Image
 from tracker.components import FilePath, PathPattern, PlatePattern, component
 from tracker.errors import SequenceError
-from tracker.reading._footage import AbsentView, Footage, ImageStream, opened_views
+from tracker.reading._footage import LEAST_FPS, MOST_FPS, AbsentView, Footage, ImageStream, opened_views
 from tracker.reading._opening import opened, opened_uncalibrated
 from tracker.reading._pictures import Downscale
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
@@ -59,7 +59,7 @@ class VideoReading:
     """Fit each plate to the first frame by its features and its light: for plates taken before the camera was turned
     or zoomed a little, or the pictures were cut otherwise. The camera must not have been carried elsewhere."""
 
-    fps: float | None = pydantic.Field(default=None, gt=0)
+    fps: float | None = pydantic.Field(default=None, ge=LEAST_FPS, le=MOST_FPS, allow_inf_nan=False)
     """Frames per second; None takes the files' own."""
 
     start: int = pydantic.Field(default=0, ge=0)

@@ -64,6 +64,9 @@ class Motion:
     """(T, P) share of each part's visible contour that the images explain; NaN where it is hidden, 0 in doubt or if
     it was filled in."""
 
+    frames: tuple[int, ...] = ()
+    """Numbers of the frames in the recording; none of a movement that was brought to even times."""
+
     @cached_property
     def doubted(self) -> Mask:
         """(T,) frames that were found, or filled in, and of which nothing can be relied on."""
@@ -163,6 +166,7 @@ class Motions:
     def __init__(self, run: RunContext) -> None:
         self._run = run
         self._steps: list[tuple[float, list[tuple[Array, bool, Array, Array]]]] = []
+        self._frames: list[int] = []
 
     def add(self, step: Step) -> None:
         """Takes the poses of one frame."""
@@ -177,6 +181,7 @@ class Motions:
                 shares[:] = 0
             rows.append((estimate.q, estimate.lost, estimate.covariance, shares))
         self._steps.append((step.frame.time_s, rows))
+        self._frames.append(step.frame.index)
 
     def all(self) -> list[Motion]:
         """One a person; none without a frame."""
@@ -189,7 +194,8 @@ class Motions:
         q, lost, covariances, shares = (
             np.array(column) for column in zip(*(r[k] for _, r in self._steps), strict=True)
         )
-        return Motion(person.name, person.body, times, self._run.interval_s, q, lost, covariances, shares)
+        told = person.name, person.body, times, self._run.interval_s
+        return Motion(*told, q, lost, covariances, shares, tuple(self._frames))
 
 
 def euler_angles(matrices: Array, order: Literal["ZXY", "XYZ"]) -> Array:

@@ -108,7 +108,7 @@ def _camera(camera: Camera, window: Array) -> dict[str, Any]:
     width, height = camera.size
     n = _SHEET if camera.distortion.any() else 2
     columns, rows = np.meshgrid(np.linspace(-0.5, width - 0.5, n), np.linspace(-0.5, height - 0.5, n))
-    sheet = camera.undistort(np.stack([columns, rows], axis=-1)).clip(-_WIDEST, _WIDEST)
+    sheet = camera.undistort(np.stack([columns, rows], axis=-1), clamped=True).clip(-_WIDEST, _WIDEST)
     return {
         "name": camera.name,
         "world_from_camera": np.linalg.inv(camera.camera_from_world).round(6).tolist(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,20 @@ _BLOCK_BYTES = 512
 _ROTATION_FLOATS = 17
 """Of a ROTATION signal in a frame: a 4x4 matrix column by column, and its reliability."""
 
+_POINT_BYTES = 16
+"""Of a point in a frame: x, y, z and residual."""
+
+_MOST_FRAMES = 2**16 - 1
+"""The header counts them in two bytes."""
+
+_LAST_BLOCK = 2**15 - 1
+"""In which a ROTATION signal may begin, as a parameter of two bytes with a sign says."""
+
+_MOST_PARAMETER_BLOCKS = 256
+"""Before the points: their number is one byte."""
+
+log = logging.getLogger("tracker")
+
 
 @component
 class C3d:
@@ -29,6 +44,8 @@ class C3d:
     The residual of a point is its standard deviation in space, rounded up to whole mm; -1 in lost frames. The
     reliability of a rotation, its 17th value (C-Motion's convention), is the share of the segment's visible contour
     that the images explain; 0 where it is hidden, or the pose or the limb is in doubt, -1 where the person is lost.
+    The format holds 65535 frames, and rotations only behind points of up to 16 MB, 15 000 to 25 000 frames; where
+    there are more, they are left out, and the log says so.
     """
 
     y_up: bool = False
@@ -38,18 +55,41 @@ class C3d:
         """Collects the poses; the files are written at the end.
 
         Raises:
-            ConfigError: ezc3d is not installed.
+            ConfigError: ezc3d is not installed, or the run has more frames than the format holds.
         """
         c3d_library()
+        check_frames(run.n_frames, 'recording "c3d"')
         return MotionRecorder(run, self._written)
 
     def _written(self, motion: Motion, folder: Path) -> Path:
         motion = motion.even()
         path = folder / f"{motion.name}.c3d"
+        n_frames, n_markers = len(motion.q), len(markers_of(motion.body))
+        check_frames(n_frames, str(path))
+        file, whole = _content(motion, self.y_up), _block_of_rotations(n_frames, n_markers) <= _LAST_BLOCK
+        if whole:
+            _add_rotations(file, motion, self.y_up)
+        else:
+            log.warning("%s: rotations of segments are left out: %d frames are too many for them", path, n_frames)
         with replacing(path) as unfinished:
-            _content(motion, self.y_up).write(str(unfinished))
-            _write_reliabilities(unfinished, _reliabilities(motion))
+            file.write(str(unfinished))
+            if whole:
+                _write_reliabilities(unfinished, _reliabilities(motion), n_markers)
         return path
+
+
+def check_frames(n_frames: int, asked: str) -> None:
+    """Refuses what the format cannot hold: ezc3d writes it without the last frames.
+
+    Args:
+        n_frames: of the file.
+        asked: what was asked for, for the message.
+
+    Raises:
+        ConfigError: there are more than 65535.
+    """
+    if n_frames > _MOST_FRAMES:
+        raise ConfigError(f"{asked}: {n_frames} frames, a C3D file holds at most {_MOST_FRAMES}: write parts, or TRC")
 
 
 def c3d_library(asked: str = 'recording "c3d"') -> Any:
@@ -82,11 +122,14 @@ def _content(motion: Motion, y_up: bool) -> Any:
         "residuals": _residuals(motion).T[None],
         "camera_masks": np.zeros((7, len(markers), n_frames), dtype=np.bool_),
     }
-    file["data"]["rotations"] = _rotations(motion, turn)
-    names = [f"{segment.name}_4X4" for segment in motion.body.segments]
-    for key, value in (("LABELS", names), ("RATE", [rate]), ("USED", [len(names)]), ("FRAMES", [n_frames])):
-        file.add_parameter("ROTATION", key, value)
     return file
+
+
+def _add_rotations(file: Any, motion: Motion, y_up: bool) -> None:
+    file["data"]["rotations"] = _rotations(motion, Y_UP if y_up else np.eye(3))
+    names, rate = [f"{segment.name}_4X4" for segment in motion.body.segments], 1 / motion.interval_s
+    for key, value in (("LABELS", names), ("RATE", [rate]), ("USED", [len(names)]), ("FRAMES", [len(motion.q)])):
+        file.add_parameter("ROTATION", key, value)
 
 
 def _rotations(motion: Motion, turn: Array) -> Array:
@@ -120,10 +163,19 @@ def _mean_share(body: BodyModel, shares: Array, segment: str) -> Array:
     return mean
 
 
-def _write_reliabilities(path: Path, reliabilities: Array) -> None:
+def _block_of_rotations(n_frames: int, n_markers: int, points_block: int = _MOST_PARAMETER_BLOCKS + 2) -> int:
+    """The block, counted from 1, that ezc3d begins the rotations in: the second one after the last full one of points.
+
+    Without the block of the points it is the latest that it can be.
+    """
+    return points_block + n_frames * n_markers * _POINT_BYTES // _BLOCK_BYTES + 1
+
+
+def _write_reliabilities(path: Path, reliabilities: Array, n_markers: int) -> None:
     """Puts the 17th values into a written file: ezc3d's Python interface leaves them 0."""
-    start = int(c3d_library().c3d(str(path))["parameters"]["ROTATION"]["DATA_START"]["value"][0])
     content = bytearray(path.read_bytes())
+    points_block = int.from_bytes(content[16:18], "little")  # the ninth word of the header
+    start = _block_of_rotations(len(reliabilities), n_markers, points_block)
     values = np.frombuffer(
         content, dtype="<f4", count=reliabilities.size * _ROTATION_FLOATS, offset=(start - 1) * _BLOCK_BYTES
     )

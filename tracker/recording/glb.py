@@ -157,7 +157,8 @@ def _animation(motion: Motion, buffer: _Buffer) -> dict[str, Any]:
         if segment.parent < 0 or motion.slides(k):
             drive(k, "translation", local[:, k, :3, 3], "VEC3")
     marked = {"interpolated_frames": motion.lost, "doubtful_frames": motion.doubted}
-    extras = {name: np.flatnonzero(mask).tolist() for name, mask in marked.items() if mask.any()}
+    numbers = np.array(motion.frames)
+    extras = {name: numbers[mask].tolist() for name, mask in marked.items() if mask.any()}
     told = {"extras": extras} if extras else {}
     return {"name": "tracked", "samplers": samplers, "channels": channels, **told}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +24,9 @@ _DENSITY_KG_M3 = 1000.0
 _FREE = 99999.9
 """OpenSim's own range of a coordinate without limits."""
 
+_NOT_IN_A_NAME = re.compile(r"[\s\\*+/]")
+"""What OpenSim opens no model with in its name."""
+
 Node = ElementTree.Element
 
 
@@ -43,7 +47,7 @@ class Osim:
 def _written(motion: Motion, folder: Path) -> Path:
     path = folder / f"{motion.name}.osim"
     document = Node("OpenSimDocument", {"Version": "40500"})
-    document.append(_model(motion.body, motion.name))
+    document.append(_model(motion.body, _NOT_IN_A_NAME.sub("_", motion.name)))
     ElementTree.indent(document)
     text = ElementTree.tostring(document, encoding="unicode")
     write_whole(path, f'<?xml version="1.0" encoding="UTF-8" ?>\n{text}\n')

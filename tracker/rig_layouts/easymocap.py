@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import ClassVar
 
@@ -15,6 +16,9 @@ from tracker.rig import Rig
 from tracker.rig_layouts import Listing
 from tracker.rig_layouts._cameras import Entry
 from tracker.rig_layouts._opencv_yaml import OpenCvFile, opened, written
+
+_FIT = re.compile(r"[A-Za-z0-9_ -]+")
+"""Names of cameras that OpenCV takes as parts of its entries' names."""
 
 _FILES = ("intri.yml", "extri.yml")
 
@@ -43,6 +47,12 @@ class EasyMocapLayout:
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
         """Both files, with the image sizes."""
+        unfit = [name for name in rig.names if not _FIT.fullmatch(name)]
+        if unfit:
+            raise CalibrationError(
+                f'camera "{unfit[0]}": no name for this layout, whose names have letters from a to z, digits, "-", "_" '
+                "and spaces: rename it in the rig"
+            )
         names: dict[str, Array | float | list[str]] = {"names": list(rig.names)}
         intri, extri = dict(names), dict(names)
         for camera in rig.cameras:

@@ -10,7 +10,7 @@ from scipy.ndimage import distance_transform_edt
 from tracker.arrays import Array, Integers, Mask
 from tracker.body import BodyModel
 from tracker.camera import Camera
-from tracker.errors import CalibrationError
+from tracker.errors import CalibrationError, ConfigError
 from tracker.rig import Rig
 
 _CELLS = 160
@@ -80,6 +80,23 @@ def check_floor(rig: Rig) -> None:
                 f'camera "{camera.name}" is {-camera.centre[2]:.2f} m below the floor z = 0: a person stands on it, z '
                 "up; turn and move the world with bodytrack rig convert --up AXIS --floor METRES"
             )
+
+
+def check_asked(rig: Rig, place: tuple[float, float] | None, heading_deg: float | None) -> None:
+    """Refuses a place far from all cameras, as one in millimetres is, and a heading that is none.
+
+    Raises:
+        ConfigError: says where the cameras are.
+    """
+    if heading_deg is not None and not np.isfinite(heading_deg):
+        raise ConfigError(f"--heading-deg {heading_deg}: expected degrees from the x axis")
+    centres = np.stack([camera.centre for camera in rig.cameras])[:, :2]
+    low, high = centres.min(axis=0) - _FARTHEST_M, centres.max(axis=0) + _FARTHEST_M
+    if place is not None and not ((low <= place) & (place <= high)).all():
+        raise ConfigError(
+            f"--place {place[0]:g} {place[1]:g}: far from all cameras, expected metres, x from {low[0]:.1f} to "
+            f"{high[0]:.1f}, y from {low[1]:.1f} to {high[1]:.1f}"
+        )
 
 
 def floor_seen(rig: Rig, stature_m: float) -> Floor:

@@ -12,7 +12,15 @@ from tracker.files import replacing, whole_folder, write_json
 from tracker.progress import Progress, silent
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
-from tracker.simulation.common_volume import Floor, best_heading_deg, best_place, check_floor, floor_seen, start_of
+from tracker.simulation.common_volume import (
+    Floor,
+    best_heading_deg,
+    best_place,
+    check_asked,
+    check_floor,
+    floor_seen,
+    start_of,
+)
 from tracker.simulation.movements import movement_of, poses_of
 from tracker.simulation.prospect import Prospect, prospect
 from tracker.simulation.sequence import Recipe, simulate
@@ -60,12 +68,13 @@ def plan(recipe: Recipe, rig: Rig, place: tuple[float, float] | None = None, hea
 
     Raises:
         CalibrationError: there is one camera only, one is below the floor, or no place is seen by two.
-        ConfigError: no such movement.
+        ConfigError: no such movement, or a place or a heading that cannot be.
         ModelError: no such model.
     """
     if len(rig) < 2:
         raise CalibrationError(f'one camera, "{rig.names[0]}": expected two or more that see the same place')
     check_floor(rig)
+    check_asked(rig, place, heading_deg)
     body = recipe.subject.body()
     movement, _ = movement_of(recipe.movement, body)
     poses = poses_of(movement, body, recipe.times)

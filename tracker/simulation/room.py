@@ -121,7 +121,7 @@ def _wall(rng: np.random.Generator, rows: int, columns: int, texel: float) -> Im
     colour = tuple(int(c) for c in rng.integers(140, 190, 3))
     picture = _plain(rng, rows, columns, (colour[0], colour[1], colour[2]))
     for _ in range(7):
-        x, y = int(rng.integers(0, columns - 120)), int(rng.integers(rows // 3, rows - 150))
+        x, y = _below(rng, 0, columns - 120), _below(rng, rows // 3, rows - 150)
         w, h = int(rng.integers(60, 220)), int(rng.integers(60, 150))
         _poster(rng, picture[y : y + h, x : x + w])
     for _ in range(9):
@@ -132,9 +132,14 @@ def _wall(rng: np.random.Generator, rows: int, columns: int, texel: float) -> Im
         else:
             y = int(rng.integers(rows // 4, rows))
             cv2.rectangle(picture, (0, y), (columns, y + wide), shade, -1)
-    x = int(rng.integers(0, columns - 300))
+    x = _below(rng, 0, columns - 300)
     _rack(rng, picture[40 : round(1.9 * texel), x : x + 260])
     return picture
+
+
+def _below(rng: np.random.Generator, low: int, high: int) -> int:
+    """A number from low to high - 1; low where a wall of a hall, whose texels are large, has no room for more."""
+    return int(rng.integers(low, max(high, low + 1)))
 
 
 def _poster(rng: np.random.Generator, area: Image) -> None:

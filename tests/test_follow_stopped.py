@@ -1,0 +1,43 @@
+"""A following that Ctrl-C stops: what it keeps, and what the command says."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import dataclass
+
+from test_follow_job import folder, frames, outcome, rig
+from typer.testing import CliRunner
+
+from tracker.cli import app
+from tracker.jobs import _sightings, execute, load_job
+
+__all__ = ["folder", "frames", "outcome", "rig"]
+
+
+def test_ctrl_c_saves_the_state_that_the_job_goes_on_from(folder, outcome, monkeypatch):
+    out, written = folder / "stopped", _sightings.append
+
+    def stopped(path, frame):
+        written(path, frame)
+        if frame.index == 4:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(_sightings, "append", stopped)
+    job = load_job("follow", folder / "follow.toml", ("saved_frames=100",))
+    told = execute(job, out)
+    assert (told.interrupted, told.n_frames) == (True, 5)
+    monkeypatch.setattr(_sightings, "append", written)
+    assert execute(job, out, resume=True).n_frames == outcome.n_frames
+    for name in ("points.bin", "trajectories.csv"):
+        assert (out / name).read_bytes() == (outcome.folder / name).read_bytes()
+
+
+@dataclass
+class Outcome:
+    interrupted: bool = True
+
+
+def test_an_interrupted_job_ends_with_the_code_of_ctrl_c(folder, monkeypatch):
+    monkeypatch.setattr("tracker.commands.job.done", lambda *_: Outcome())
+    told = CliRunner().invoke(app, ["follow", str(folder / "follow.toml")])
+    assert told.exit_code == 130, told.output
