@@ -145,6 +145,7 @@ def test_what_the_command_line_is_like_is_told_without_loading_libraries(argumen
 
 def test_components_are_shown_with_their_documentation():
     assert "chamfer" in bodytrack("show").stdout
+    assert "look_ahead_s" in bodytrack("show", "loss").stdout
     shown = bodytrack("show", "similarity").stdout
     assert "outlier_px" in shown
     assert "40.0" in shown

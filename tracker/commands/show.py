@@ -11,9 +11,11 @@ from tracker.commands.terminal import console
 
 
 def show(
-    stage: Annotated[str | None, typer.Argument(help="A stage, or `jobs` for the sections of each.")] = None,
+    stage: Annotated[
+        str | None, typer.Argument(help="A stage, `jobs` for the sections of each, or a section of one: `loss`.")
+    ] = None,
 ) -> None:
-    """Lists the components of the stages, or the fields of one stage's components."""
+    """Lists the components of the stages, or the fields of one stage's components, or of a section."""
     from tracker.components import available, find, stages
     from tracker.errors import ConfigError, nearest
 
@@ -25,17 +27,39 @@ def show(
                 table.add_row(name, use, (find(name, use).__doc__ or "").split("\n")[0])
         console.print(table)
         return
-    if stage not in shown:
-        raise ConfigError(f'no stage "{stage}"; {nearest(stage, shown)}')
-    for use in available(stage):
-        console.print(_component_table(stage, use))
+    sections = _sections()
+    if stage in shown:
+        for use in available(stage):
+            title = use if stage == "jobs" else f'[{stage}] use = "{use}"'
+            console.print(_fields_table(find(stage, use), title))
+    elif stage in sections:
+        for cls, jobs in sections[stage].items():
+            console.print(_fields_table(cls, f"[{stage}] of {', '.join(jobs)}"))
+    else:
+        raise ConfigError(f'no stage or section "{stage}"; {nearest(stage, (*shown, *sections))}')
 
 
-def _component_table(stage: str, use: str) -> Table:
-    from tracker.components import find
+def _sections() -> dict[str, dict[Any, list[str]]]:
+    """Section -> what it may be, and the jobs that have it so; of those in which there is no component to choose."""
+    from tracker.components import available, find
 
-    cls: Any = find(stage, use)
-    title = use if stage == "jobs" else f'[{stage}] use = "{use}"'
+    sections: dict[str, dict[Any, list[str]]] = {}
+    for use in available("jobs"):
+        cls: Any = find("jobs", use)
+        for name, field in cls.__pydantic_fields__.items():
+            if not field.is_required() and _is_section(field.get_default(call_default_factory=True), field):
+                sections.setdefault(name, {}).setdefault(field.annotation, []).append(use)
+    return sections
+
+
+def _is_section(value: Any, field: Any) -> bool:
+    """Whether a field is a section of its own fields: there is nothing to choose."""
+    from tracker.field_types import component_stage
+
+    return field is not None and component_stage(type(value)) is not None and field.annotation is type(value)
+
+
+def _fields_table(cls: Any, title: str) -> Table:
     table = Table("field", "default", "meaning", title=title, title_justify="left")
     for name, field in cls.__pydantic_fields__.items():
         default = "required" if field.is_required() else _shown(field.get_default(call_default_factory=True), field)
@@ -49,8 +73,8 @@ def _shown(value: Any, field: Any = None) -> str:
 
     if isinstance(value, tuple):
         return f"[{', '.join(map(_shown, value))}]"
+    if _is_section(value, field):
+        return "{ ... }"
     if component_stage(type(value)) is not None:
-        if field is not None and field.annotation is type(value):
-            return "{ ... }"  # a section of its own fields: there is nothing to choose
         return f'{{ use = "{component_name(type(value))}", ... }}'
     return str(value)

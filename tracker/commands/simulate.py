@@ -111,9 +111,9 @@ def _tracked(config: Path, folder: Path) -> PersonErrors | None:
 
 
 def _print_errors(expected: Prospect, errors: PersonErrors | None) -> None:
-    title = "expected standard deviations, and the errors of tracking the simulated recording"
+    title = "expected standard deviations, and the errors of tracking the simulated recording with the very body in it"
     table = Table(title=title if errors else "expected standard deviations", title_justify="left")
-    for column in ("", "sigma", "worst frame", *(("error",) if errors else ())):
+    for column in ("", "sigma", "worst frame", *(("mean distance, RMS angle",) if errors else ())):
         table.add_column(column, justify="left" if not column else "right")
     for name, (rms, worst) in expected.joints_mm.items():
         cells = [f"{errors.joints_mm[name][0]:.1f} mm" if name in errors.joints_mm else ""] if errors else []
