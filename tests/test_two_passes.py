@@ -12,6 +12,7 @@ from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, 
 from test_easier_start import TurnedRoundAtFirst
 
 import tracker.windows
+from tracker.arrays import Image
 from tracker.cycle import Cycle
 from tracker.errors import InitializationError
 from tracker.estimate import Status
@@ -164,3 +165,22 @@ def test_who_is_doubtful_for_all_limbs_is_so_for_a_resumed_run(simulation: Simul
     assert all(step.estimates[0].doubtful and not step.estimates[0].limbs_in_doubt for step in whole)
     for one, other in zip(whole, twice(simulation, cycle, kept(whole[:4])), strict=True):
         np.testing.assert_array_equal(one.estimates[0].q, other.estimates[0].q)
+
+
+@pytest.mark.usefixtures("short_windows")
+def test_who_was_away_is_found_anew_when_he_is_back_not_when_he_goes(simulation: Simulation) -> None:
+    """The way back finds him in the last frame before he goes; time goes on."""
+    away = range(3, 6)
+
+    def empty_meanwhile(t: int, v: int, image: Image | None) -> Image | None:
+        plate = simulation.plates[v]
+        return plate.picture if t in away and plate is not None else image
+
+    frames = list(with_images(simulation, empty_meanwhile))
+    cycle = cycle_for(simulation, TrueStart(simulation), loss=LossRule(again_after=1))
+    steps = list(track_twice(iter(frames), simulation.scene, cycle, {}, lambda: iter(frames)))
+    found = [step.estimates[0].status for step in steps]
+    assert [n for n, status in enumerate(found) if status is Status.LOST] == list(away)
+    assert found[2] is Status.TRACKED
+    assert found[6] is Status.RECOVERED
+    assert set(found[7:]) == {Status.TRACKED}

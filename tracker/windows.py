@@ -16,6 +16,7 @@ from tracker.bridges import bridged
 from tracker.clock import Clock
 from tracker.cycle import Cycle, State
 from tracker.easier_start import LedBack
+from tracker.estimate import Status
 from tracker.frame import Frame
 from tracker.jumps import with_jumps
 from tracker.limbs import are_apart
@@ -116,7 +117,32 @@ def both_ways(
     found = first if again is None else again
     even = bridged(found, cycle, begin.state, begin.before)
     judged = [judged_as_wholes(step) for step in with_jumps(even)]
+    if again is not None:
+        judged = _found_anew(judged, first, begin.before)
     return judged, reached if even is first else None
+
+
+def _found_anew(steps: Sequence[Step], first: Sequence[Step], before: Step | None) -> list[Step]:
+    """Steps of a way back with those called found anew who were lost in the frame before, not in the one after.
+
+    Args:
+        steps: what was found in both ways.
+        first: by the first pass, which knows who was found for the first time.
+        before: the step before them.
+    """
+    told = list(steps)
+    for k in range(len(steps[0].estimates)):
+        lost = [before is not None and before.estimates[k].lost, *(step.estimates[k].lost for step in steps), False]
+        for n, step in enumerate(steps):
+            status, forwards = step.estimates[k].status, first[n].estimates[k].status
+            if lost[n] and status is Status.TRACKED:
+                status = forwards if forwards in (Status.BOOTSTRAPPED, Status.RECOVERED) else Status.RECOVERED
+            elif lost[n + 2] and not lost[n] and status is Status.RECOVERED:
+                status = Status.TRACKED
+            estimates = list(told[n].estimates)
+            estimates[k] = replace(estimates[k], status=status)
+            told[n] = replace(told[n], estimates=tuple(estimates))
+    return told
 
 
 def _alike(steps: Sequence[Step], others: Sequence[Step]) -> bool:
