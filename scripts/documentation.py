@@ -75,12 +75,13 @@ def _range(field: Any) -> str:
     return f"({', '.join(bounds)})" if bounds else ""
 
 
-def _sections(cls: Any) -> Iterator[tuple[str, Any]]:
-    """Fields whose values are tables of fields, but no components of a stage."""
+def _sections(cls: Any, before: str = "") -> Iterator[tuple[str, Any]]:
+    """Fields whose values are tables of fields, but no components of a stage; each followed by those in it, dotted."""
     for name, field in cls.__pydantic_fields__.items():
         for kind in _kinds(field.annotation):
             if hasattr(kind, "__pydantic_fields__") and not _is_choice(kind):
-                yield name, kind
+                yield f"{before}{name}", kind
+                yield from _sections(kind, f"{before}{name}.")
 
 
 def _kinds(annotation: Any) -> Iterator[Any]:

@@ -63,6 +63,8 @@ def test_benchmarks_print_their_columns(
     for word in words:
         assert word in printed
     assert len(re.findall("^│", printed, re.MULTILINE)) >= n_rows
+    if arguments[0] == "starts":
+        assert "NO" not in printed  # the same pose, whichever way it is made
     if arguments[0] in ("poses", "skins", "tracking", "starts", "lsm", "segmentation"):
         # Every speed stands beside its reference.
         assert re.search(r" \d[\d.]*x ", printed)
@@ -150,6 +152,39 @@ def test_scores_of_several_runs_are_one_picture(monkeypatch: pytest.MonkeyPatch,
     assert done.exit_code == 2
     assert "no scores to draw" in done.output
     assert not (tmp_path / "none.png").exists()
+
+
+def test_a_start_that_lost_the_person_throughout_is_not_left_out(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    scores, pictures, tables = (
+        importlib.import_module(f"benchmarks.{name}") for name in ("scores", "scores_picture", "recordings")
+    )
+    row = scores.Score("swing", "anna", "human", False, True, "", 0, 9, "c0de", "c0mm1t", n_frames=9)
+    found = replace(row, start=1, mean_mm=19, removed_mm=11, turned_mm=10, under_100=1.0)
+    gone = replace(row, lost=9, under_100=0.0)
+    for group in ([gone, found], [found, gone]):
+        assert tables._cells(group, tables._ERRORS)[:5] == ["19 / lost", "11 / lost", "10 / lost", "50 / 0", "-"]
+        assert pictures.worst_of(group) == ("lost  x2", "none of 9 off; 9 lost")
+        pictures.draw(group, tmp_path / "scores.png")
+    assert tables._cells([gone], tables._ERRORS)[0] == "lost"
+    assert pictures.worst_of([gone]) == ("lost", "9 lost")
+
+
+def test_a_verdict_tells_of_a_limb_that_stays_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    verdict = importlib.import_module("benchmarks.robustness").verdict
+    none = np.zeros(20, bool)
+    for n_lost, n_off, words in (
+        (0, 0, "tracked"),
+        (0, 6, "[yellow]tracked, a limb off in 6 frames[/]"),
+        (3, 0, "recovered in 3 frames"),
+        (3, 6, "[yellow]recovered in 3 frames, a limb off in 6 others[/]"),
+    ):
+        errors = np.zeros((20, 5))
+        errors[10 : 10 + n_off, 0] = 200.0
+        assert verdict(SimpleNamespace(lost=np.arange(20) < n_lost, wrong=none, joints_mm=errors)) == words
 
 
 def test_what_fails_is_a_row_that_says_so(recordings: Path, tmp_path: Path) -> None:

@@ -8,7 +8,9 @@ import shlex
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer.main
@@ -17,14 +19,14 @@ from scripts.documentation import configuration_page
 from tracker.cli import app
 from tracker.commands.export import FORMATS
 from tracker.components import available, find, stages
-from tracker.config import build
 from tracker.errors import ConfigError
-from tracker.jobs import execute, load_job
+from tracker.jobs import execute, job_from, load_job
 from tracker.recording import chosen_recordings
 from tracker.simulation.sequence import Recipe
 from tracker.simulation.sequence_files import write_sequence
 
 ROOT = Path(__file__).parents[1]
+COMPONENTS = {find(stage, use) for stage in stages() for use in available(stage)}
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs").glob("*.md"))}
 
 
@@ -49,14 +51,27 @@ def test_every_page_is_in_the_contents():
     assert set(re.findall(r"(\w+\.md)", nav)) == set(PAGES) | {"configuration.md"}
 
 
+def settings_of(cls: Any, where: str = "") -> Iterator[tuple[str, str]]:
+    """Section, dotted, and name of every field, with those of the sections in it that are no components."""
+    for name, field in cls.__pydantic_fields__.items():
+        yield where, name
+        kinds = [field.annotation]
+        for kind in kinds:
+            kinds += getattr(kind, "__args__", ())
+            if hasattr(kind, "__pydantic_fields__") and kind not in COMPONENTS:
+                yield from settings_of(kind, f"{where}.{name}".strip("."))
+
+
 def test_every_setting_is_told():
     page = configuration_page()
     for stage in ("jobs", *stages()):
         for use in available(stage):
             section = re.split(r"\n### ", page.partition(f"## {'Jobs' if stage == 'jobs' else stage}\n")[2])
             (mine,) = [part for part in section if re.match(rf'(`{use}`|{stage}: `use = "{use}"`)\n', part)][:1]
-            for name in find(stage, use).__pydantic_fields__:
-                assert f"\n| `{name}` |" in mine, f"{stage} {use} {name}"
+            for where, name in settings_of(find(stage, use)):
+                tables = mine.split("\n#### ")
+                (table,) = [one for one in tables[1:] if f": {where}\n" in one][:1] if where else tables[:1]
+                assert f"\n| `{name}` |" in table, f"{stage} {use} {where} {name}"
     assert not re.search(r"\|  \|$", page, flags=re.MULTILINE)  # no field without a meaning
 
 
@@ -97,12 +112,19 @@ def test_files_that_are_named_exist(page):
 
 @pytest.mark.parametrize("page", PAGES)
 def test_configurations_can_be_read(page, tmp_path):
+    """Each in place of what the smallest configuration of its job says."""
+    recording = {"use": "video", "path": "videos/{view}.mp4", "rig": "Calib.toml"}
     for block in blocks(page, "toml"):
         table = tomllib.loads(block)
-        if "evidence" in table:
-            build("evidence", table["evidence"], page, tmp_path)
-        if "calibration" in table:
-            build("calibration", table["calibration"], page, tmp_path)
+        if "background" in table:  # a setting alone
+            table = {"reading": table}
+        if {"parameters", "keypoints"} & set(table) or page == "components.md":
+            continue  # of a model file, or of a component that its own test builds
+        table["reading"] = recording | table.get("reading", {})
+        job = "calibrate" if "calibration" in table else "follow" if "snakes" in table else "track"
+        if job == "calibrate":
+            del table["reading"]["rig"]
+        job_from(job, ({"persons": [{"model": "human"}]} if job == "track" else {}) | table, page, tmp_path, "name")
 
 
 def test_the_component_of_the_page_is_used(tmp_path, monkeypatch):

@@ -5,14 +5,17 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import av
+import cv2
 import pytest
 from typer.testing import CliRunner
 
 from tracker.cli import app
+from tracker.config_files import read_config
 from tracker.doubts import Doubts
 from tracker.errors import ConfigError, TrackerError
 from tracker.forecast import Forecast, forecast
-from tracker.jobs import load_job
+from tracker.jobs import job_from, load_job
 from tracker.jobs.track import TrackJob
 from tracker.simulation.sequence import Recipe
 from tracker.simulation.sequence_files import write_sequence
@@ -50,6 +53,25 @@ def test_frames_in_which_nobody_is_in_view_are_left_out(config, monkeypatch):
     )
     assert (told.n_frames, told.doubts.n_frames) == (5, 3)
     assert ("tracking", 3) in seen
+
+
+def test_frames_far_apart_need_none_behind_the_last(config):
+    """Frames 0, 3, 6, 9 of ten: what is read ends at the last of them."""
+    told = forecast(load_job("track", config, [*GIVEN[:2], "reading.stride=3", 'recordings=["journal"]']))
+    assert (told.n_frames, told.doubts.n_frames) == (4, 4)
+
+
+def test_still_pictures_are_a_single_frame(config, tmp_path):
+    for video in config.parent.glob("*.mp4"):
+        with av.open(str(video)) as opened:
+            image = next(opened.decode(video=0)).to_ndarray(format="bgr24")
+        cv2.imwrite(str(tmp_path / f"{video.stem}.png"), image)
+    stills = {"use": "stills", "path": str(tmp_path / "{view}.png"), "rig": str(config.parent / "rig.toml")}
+    table = read_config(config, [*GIVEN[:2], 'recordings=["journal"]']) | {
+        "reading": stills | {"background": str(config.parent / "background" / "{view}.png")}
+    }
+    told = forecast(job_from("track", table, "stills.toml", config.parent, "stills"))
+    assert (told.n_frames, told.doubts.n_frames) == (1, 1)
 
 
 def test_the_time_is_that_of_the_start_and_of_the_other_frames():

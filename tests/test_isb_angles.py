@@ -39,6 +39,19 @@ def test_the_joints_are_those_of_the_body():
     assert joints_of(load_body(MODELS / "quadruped.toml")) == []
 
 
+def test_angles_that_a_body_cannot_have_are_left_out():
+    """Of a trunk that only leans forwards, and of thighs that only rise; shoulders have all of theirs."""
+    upper21, upper32 = (load_body(MODELS / f"{name}.toml") for name in ("upper21", "upper32"))
+    assert {name for name in angles(upper21) if "shoulder" not in name} == {
+        *("trunk_flexion", "left_elbow_flexion", "right_elbow_flexion")
+    }
+    assert [name for name in angles(upper32) if "hip" in name] == ["left_hip_flexion", "right_hip_flexion"]
+    assert sum("trunk" in name or "neck" in name for name in angles(upper32)) == 6
+    for body in (upper21, upper32):
+        assert sum("shoulder" in name for name in angles(body)) == 6
+    assert angles(upper21, spine_elevation=30)["trunk_flexion"] == pytest.approx(30)
+
+
 @pytest.mark.parametrize("body", [HUMAN, GAVRILA], ids=lambda body: body.name)
 def test_everything_is_zero_in_the_reference_pose(body):
     found = angles(body)

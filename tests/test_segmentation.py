@@ -109,7 +109,7 @@ def test_pictures_show_pose_and_contours(tmp_path: Path) -> None:
     assert pose["white"] > 300
     assert pose["red"] < 20
     for row in (alone, held):
-        assert row["white"] > 300
+        assert row["white"] > 250
         assert row["red"] > 20
     unknown = replace(one, views=tuple(replace(view, alone=()) for view in one.views))
     assert colours_of(picture_of(unknown, 1200), 1)["red"] < 20

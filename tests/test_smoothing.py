@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import functools
 import logging
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +24,7 @@ from tracker.simulation.sequence import Recipe
 from tracker.simulation.sequence_files import write_sequence
 from tracker.smoothed import joint_motion, smooth_track, write_smoothed
 from tracker.smoothing import LEAST_FRAMES, Stretch, stretches_of
-from tracker.smoothing.butterworth import Butterworth
+from tracker.smoothing.butterworth import _SHARE, Butterworth
 from tracker.smoothing.one_euro import OneEuro
 from tracker.smoothing.rts import RauchTungStriebel, _likeliest
 from tracker.smoothing.spline import Spline, _validated
@@ -215,9 +216,15 @@ def test_the_filter_passes_half_the_power_at_its_cutoff():
 
 def test_the_cutoff_must_lie_below_half_the_frame_rate(tmp_path):
     result = tracker.load_result(made_up("gavrila22").result(tmp_path))
-    with pytest.raises(ConfigError, match=r"cutoff_hz = 11, expected 10\.03 at most at the frame rate of 25 Hz"):
+    with pytest.raises(ConfigError, match=r"cutoff_hz = 11, expected 10\.02 at most at the frame rate of 25 Hz"):
         write_smoothed(result, Butterworth(cutoff_hz=11))
     assert not (tmp_path / "smoothed").exists()
+    write_smoothed(result, Butterworth(cutoff_hz=10.02))
+    for interval_s in (0.04, 0.01, 1 / 3):  # what is told is possible, half the frame rate itself is not
+        with pytest.raises(ConfigError) as fault:
+            Butterworth(cutoff_hz=0.5 * _SHARE / interval_s).check(interval_s)
+        told_hz = float(re.search("expected (.*) at most", str(fault.value))[1])
+        Butterworth(cutoff_hz=told_hz).check(interval_s)
 
 
 def test_a_higher_beta_lags_less():
@@ -345,7 +352,7 @@ def test_a_run_smooths_at_its_end_and_again_when_resumed(config, tmp_path):
 def test_what_a_smoothing_cannot_do_is_said_before_the_first_frame(config, tmp_path):
     path, overrides = config
     for more, words in (
-        (["smoothing.use=butterworth", "smoothing.cutoff_hz=12"], "cutoff_hz = 12, expected 10.03 at most"),
+        (["smoothing.use=butterworth", "smoothing.cutoff_hz=12"], "cutoff_hz = 12, expected 10.02 at most"),
         (['recordings=["csv_table"]'], "smoothing needs the recordings journal and run_json; add journal, run_json"),
     ):
         job = load_job(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 import signal
 import subprocess
@@ -16,7 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import PROGRAM, browser
-from motions import LOST, N_FRAMES, made_up
+from motions import LOST, MODELS, N_FRAMES, made_up
+from staged import Server
 from typer.testing import CliRunner
 
 from tracker.body_surface import segments_in_world
@@ -28,47 +28,13 @@ from tracker.result import load_result
 from tracker.run import load_run
 from tracker.simulation.sequence import Recipe
 from tracker.simulation.sequence_files import write_sequence
+from tracker.subject import Subject
 from tracker.viewing.finished import view_result
 from tracker.viewing.live import LiveRun
 from tracker.viewing.pictures import Pictures
 from tracker.viewing.server import serving
 from tracker.viewing.stage import BLUE, ORANGE, RED, Stage, segment_colours
 from tracker.viewing.viewer import Viewer, _strip
-
-
-class Node:
-    """What viser would show, as it was told."""
-
-    def __init__(self, *arguments: object, **told: object) -> None:
-        self.arguments, self.value, self.on = arguments, None, []
-        vars(self).update(told)
-
-    def on_update(self, call):
-        self.on.append(call)
-
-    on_click = on_update
-
-
-class Server:
-    """Takes note of nodes and of what steers them; nothing is served."""
-
-    def __init__(self) -> None:
-        self.nodes, self.gui, self.scene, self.atomic = {}, self, self, contextlib.nullcontext
-        self.initial_camera = Node()
-
-    def __getattr__(self, name: str):
-        if not name.startswith("add_"):
-            raise AttributeError(name)
-
-        def add(what, *arguments, **told):
-            self.nodes[what if isinstance(what, str) else name] = node = Node(*arguments, **told)
-            if name == "add_slider":
-                node.value = arguments[-1]
-            if name == "add_checkbox":
-                node.value = arguments[0]
-            return node
-
-        return add
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +99,23 @@ def test_a_single_lost_frame_among_thousands_is_seen_in_the_strip():
     worst.on[0](None)
     viewer.draw()
     assert viewer.shown == 1234
+
+
+def test_bodies_that_the_run_has_fitted_are_drawn():
+    """A viewer begins with the models; the frames of the run come with the bodies that they were tracked with."""
+    movement, server = made_up("human"), Server()
+    viewer = Viewer(server, movement.scene, 0.04, N_FRAMES)
+    as_modelled = np.array(server.nodes["/persons/person1/left_thigh"].arguments[0])
+    fitted = Subject(model=MODELS / "human.toml", stature_m=1.5).description().build()
+    step = movement.steps[0]
+    viewer.add(replace(step, scene=step.scene.with_bodies({0: fitted})))
+    viewer.draw()
+    thigh = server.nodes["/persons/person1/left_thigh"]
+    assert np.ptp(thigh.arguments[0][:, 2]) < 0.95 * np.ptp(as_modelled[:, 2])
+    assert thigh.visible
+    names = [segment.name for segment in fitted.segments]
+    where = segments_in_world(fitted, step.estimates[0].q)[names.index("left_thigh"), :3, 3]
+    np.testing.assert_allclose(thigh.position, where)
 
 
 def test_images_are_straight_and_centred():

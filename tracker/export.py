@@ -14,7 +14,10 @@ from tracker.recording.run_json import RunJson
 from tracker.result import Result, load_result
 from tracker.rig_layouts import save_rig
 
-_DETAILS = "config", "choices", "versions", "inputs", "smoothing", "alignment", "alignment_change"
+_DETAILS = (
+    *("config", "choices", "images", "versions", "inputs", "findings", "bodies"),
+    *("smoothing", "alignment", "alignment_change"),
+)
 """What recordings tell of how a result was made."""
 
 

@@ -60,10 +60,13 @@ def forecast(job: TrackJob, n_frames: int = 12, progress: Progress = silent) -> 
     """
     opened = job.open()
     sequence = opened.sequence
-    reading: Any = job.reading  # of whatever kind, it selects frames by start, stop and stride
-    begin = max(reading.start, job.cycle(opened, progress).nobody_before)
-    tracked = min(n_frames, sequence.n_frames - (begin - reading.start) // reading.stride)
-    short = replace(reading, start=begin, stop=begin + tracked * reading.stride)
+    reading: Any = job.reading  # it selects frames by start, stop and stride, unless it has a single one
+    start, stride = getattr(reading, "start", 0), getattr(reading, "stride", 1)
+    begin = max(start, job.cycle(opened, progress).nobody_before)
+    tracked = min(n_frames, sequence.n_frames - (begin - start) // stride)
+    short = reading
+    if hasattr(reading, "stop"):
+        short = replace(reading, start=begin, stop=begin + (tracked - 1) * stride + 1)
     clock = _Clock(progress)
     as_modelled: Any = tuple(replace(one, shape="model") for one in job.persons)
     with tempfile.TemporaryDirectory(prefix="bodytrack-") as folder:

@@ -107,7 +107,16 @@ def replayed(scene: Scene, replays: Iterable[Replay]) -> Iterator[Step]:
     for replay in replays:
         frame = Frame(replay.index, replay.time_s, (None,) * len(scene.rig))
         posed = scene.with_poses(tuple(estimate.q for estimate in replay.estimates))
-        yield Step(frame, posed, replay.estimates, blank, dict(replay.seconds), replay.overlap)
+        yield Step(
+            frame,
+            posed,
+            replay.estimates,
+            blank,
+            dict(replay.seconds),
+            replay.overlap,
+            untrusted=replay.untrusted,
+            strangers=replay.strangers,
+        )
 
 
 def load_result(folder: Path | str) -> Result:

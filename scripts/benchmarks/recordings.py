@@ -199,13 +199,16 @@ def _grouped(scores: list[Score]) -> dict[tuple[str, str, str], list[Score]]:
 
 def _cells(group: list[Score], columns: dict[str, tuple[_Value, str]]) -> list[str]:
     good = [one for one in group if not one.failed]
+    # who is lost throughout has no errors, which must not make the worst look better
+    gone = [one.is_lost_throughout for one in good] if columns is _ERRORS else [False]
     cells = []
     for name, (value, shown) in columns.items():
         values = [value(one) for one in good]
         if np.isfinite(values).any():
             worst = np.nanmin(values) if name in _MORE_IS_BETTER else np.nanmax(values)
-            told = "failed" if len(good) < len(group) else f"{worst:{shown}}"
+            hidden = any(gone) and not np.isfinite(values).all()
+            told = "failed" if len(good) < len(group) else "lost" if hidden else f"{worst:{shown}}"
             cells.append(f"{np.nanmedian(values):{shown}} / {told}")
         else:
-            cells.append("failed" if not good else "-")
+            cells.append("failed" if not good else "lost" if all(gone) else "-")
     return cells

@@ -102,17 +102,19 @@ def limb_off(outcome: Outcome) -> Mask:
 
 
 def verdict(outcome: Outcome, patience: int = 10) -> str:
-    """Whether the tracking held, recovered or failed without saying so."""
+    """Whether the tracking held, recovered or failed without saying so, and a limb that was off all the same."""
     lost, wrong = outcome.lost, outcome.wrong
+    n_off = int((limb_off(outcome) & ~wrong).sum())
     if not (lost | wrong).any():
-        n_off = int(limb_off(outcome).sum())
         return f"[yellow]tracked, a limb off in {n_off} frames[/]" if n_off else "tracked"
+    off = f", a limb off in {n_off} others" if n_off else ""
     unflagged = longest(wrong & ~lost)
     if unflagged > patience or (wrong & ~lost)[-1]:
-        return f"[red]FAILED: unflagged for {unflagged} frames[/]"
+        return f"[red]FAILED: unflagged for {unflagged} frames{off}[/]"
     if lost[-1]:
-        return f"[yellow]lost at the end, flagged for {longest(lost)} frames[/]"
-    return f"recovered in {longest(lost | wrong)} frames"
+        return f"[yellow]lost at the end, flagged for {longest(lost)} frames{off}[/]"
+    recovered = f"recovered in {longest(lost | wrong)} frames{off}"
+    return f"[yellow]{recovered}[/]" if off else recovered
 
 
 def _trace(outcome: Outcome) -> Iterator[str]:

@@ -69,6 +69,11 @@ class Score:
     """Name of the person whose place this one has."""
 
     @property
+    def is_lost_throughout(self) -> bool:
+        """Whether no frame has a pose, and so nothing an error."""
+        return 0 < self.n_frames == self.lost
+
+    @property
     def key(self) -> tuple[str, ...]:
         """What is not run again with the same code."""
         names = ("recording", "model", "acquired", "plates", "settings", "start", "stop", "code")

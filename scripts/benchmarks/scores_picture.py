@@ -78,6 +78,8 @@ def worst_of(group: Sequence[Score]) -> tuple[str, str]:
     if any(one.failed for one in group):
         return "failed", ""
     starts = f"  x{len(group)}" if len(group) > 1 else ""
+    if any(one.is_lost_throughout for one in group):
+        return f"lost{starts}", _said(group)
     mean_mm, removed_mm = max(one.mean_mm for one in group), max(one.removed_mm for one in group)
     return f"{mean_mm:.0f} ({removed_mm:.0f}){starts}", _said(group)
 
@@ -87,7 +89,7 @@ def _said(group: Sequence[Score]) -> str:
     names = "n_frames", "limb_off", "limb_off_flagged", "lost", "false_flags"
     n_frames, off, flagged, lost, false = (sum(getattr(one, name) for one in group) for name in names)
     words = [f"{off} of {n_frames} off, {flagged} flagged"] if off else []
-    words = words or [f"none of {n_frames} off"]
+    words = words or ([f"none of {n_frames - lost} off"] if n_frames > lost else [])
     words += [f"{lost} lost"] if lost else []
     words += [f"{false} false"] if false else []
     return "; ".join(words)
@@ -98,7 +100,7 @@ def _draw_cell(axes: Axes, x: int, y: int, group: Sequence[Score]) -> None:
     if not frames:
         axes.text(x, y, errors, ha="center", va="center", color=_SILENT, fontsize=9)
         return
-    worst_mm = max(one.removed_mm for one in group)
+    worst_mm = max(_RANGE_MM[1] if one.is_lost_throughout else one.removed_mm for one in group)
     share = float(np.clip((worst_mm - _RANGE_MM[0]) / (_RANGE_MM[1] - _RANGE_MM[0]), 0, 1))
     colour = (1 - 0.75 * share, 1 - 0.45 * share, 1 - 0.15 * share)
     off, flagged = sum(one.limb_off for one in group), sum(one.limb_off_flagged for one in group)

@@ -74,6 +74,16 @@ def opened_even(reading: Reading) -> Sequence:
     return sequence
 
 
+def chosen_settings(reading: Any, sequence: Sequence) -> dict[str, float]:
+    """`gain` and `smoothing_px` of a recording that was opened, where its reading leaves them open and has chosen some.
+
+    Opened with them as settings it has the same images.
+    """
+    usual = {"gain": 1.0, "smoothing_px": 0.0}
+    has = {name: float(getattr(sequence, name, value)) for name, value in usual.items()}
+    return {name: has[name] for name in usual if getattr(reading, name, 0) is None and has[name] != usual[name]}
+
+
 def _first(sequence: Sequence, n_frames: int) -> list[Frame]:
     try:
         return list(islice(sequence.frames(), n_frames))

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 
+from tracker.errors import ConfigError
 from tracker.jobs import Job, ResultFolder, described, versions
+from tracker.jobs._delivered import chosen_settings
 from tracker.jobs._persons import OpenedTrack
 from tracker.progress import WARNING, Progress
 from tracker.recording import RunContext
+from tracker.source_files import json_of
 
 log = logging.getLogger("tracker")
 
@@ -16,9 +20,9 @@ log = logging.getLogger("tracker")
 class Findings:
     """What looks wrong in the input of a run, told as soon as it is found."""
 
-    def __init__(self, wanted: bool, progress: Progress) -> None:
-        self.lines: list[str] = []
-        """All that was told so far; it grows while the run goes on."""
+    def __init__(self, wanted: bool, progress: Progress, earlier: Iterable[str] = ()) -> None:
+        self.lines = list(earlier)
+        """All that was told so far, each once; it grows while the run goes on."""
 
         self._wanted, self._progress = wanted, progress
 
@@ -27,7 +31,16 @@ class Findings:
         for line in found if self._wanted else ():
             log.warning("%s%s", WARNING, line)
             self._progress(f"{WARNING}{line}")
-            self.lines.append(line)
+            if line not in self.lines:  # a resumed run may find again what it has told before
+                self.lines.append(line)
+
+
+def told_before(folder: Path) -> tuple[str, ...]:
+    """What an interrupted run has found in its input; nothing if it has kept no `run.json` that can be read."""
+    try:
+        return tuple(map(str, json_of(folder / "run.json", ConfigError)["findings"]))
+    except (ConfigError, KeyError, TypeError):
+        return ()
 
 
 def tell_choices(choices: Mapping[str, str], progress: Progress) -> None:
@@ -64,6 +77,8 @@ def run_context(
         "findings": findings.lines,
         "bodies": {name: model.about for name, model in opened.models.items()},
     }
+    if chosen := chosen_settings(getattr(job, "reading", None), sequence):
+        details["images"] = chosen
     return RunContext(
         name=job.name,
         folder=folder.path,

@@ -26,7 +26,7 @@ from tracker.jobs._recorded import TrackOutcome, recorded
 from tracker.jobs._smooth_result import check_smoothing, smoothed
 from tracker.jobs._starts import telling
 from tracker.jobs._stopping import Stop
-from tracker.jobs._told import Findings, run_context, tell_choices
+from tracker.jobs._told import Findings, run_context, tell_choices, told_before
 from tracker.jobs._views import Tracks
 from tracker.kernels.ahead import Group
 from tracker.loss import LossRule
@@ -200,7 +200,8 @@ class TrackJob:
         """Tracks, and writes each frame as soon as it is done; see `tracker.jobs.Job.execute`."""
         sequence = opened.sequence
         progress(f"{self.name}: {sequence.n_frames} frames, results in {folder.path}")
-        stop, findings = Stop(), Findings(self.inspection, progress)
+        stop = Stop()
+        findings = Findings(self.inspection, progress, told_before(folder.path) if opened.done else ())
         cycle = replace(self.cycle(opened, progress), leaving=stop.heard)
         choices = self._choices(opened, cycle)
         tell_choices(choices, progress)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -24,6 +24,9 @@ _MIRRORED = np.diag([1.0, 1.0, -1.0])
 
 _NO_PLANE_DEG = 5.0
 """Elevation of an upper arm from straight down, or up, below which the plane of its elevation says nothing."""
+
+_NOTHING = 1e-9
+"""Rad, of an angle that stays zero whatever the pose."""
 
 _UPRIGHT = np.cos(np.radians(20.0))
 """Limbs of a reference pose hang down if they are nearer to the vertical than this."""
@@ -46,20 +49,33 @@ class AnatomicalJoint:
     """Their names, for instance `flexion`."""
 
     measured: Callable[[Array], Array]
-    """Rotations (T, 3, 3) of the distal in the proximal segment, in the standard's axes -> (T, A) angles, rad."""
+    """Rotations (T, 3, 3) of the distal in the proximal segment, in the standard's axes -> angles, rad, a row each."""
 
     mirrored: bool
     """Whether it is on the left."""
+
+    columns: tuple[int, ...]
+    """Which of the measured angles are those named."""
 
     def of(self, turns: Array) -> Array:
         """Angles (T, A), rad, of rotations (T, S, 3, 3) of all segments in the world."""
         relative = turns[:, self.proximal].transpose(0, 2, 1) @ turns[:, self.distal]
         standard = Y_UP @ relative @ Y_UP.T
-        return self.measured(_MIRRORED @ standard @ _MIRRORED if self.mirrored else standard)
+        measured = self.measured(_MIRRORED @ standard @ _MIRRORED if self.mirrored else standard)
+        return measured[:, list(self.columns)]
+
+    def changing_in(self, turns: Array) -> AnatomicalJoint:
+        """The joint without those angles that are zero in all of some rotations (T, S, 3, 3)."""
+        moves = ~(np.abs(self.of(turns)) < _NOTHING).all(axis=0)  # an angle that says nothing is none that stays zero
+        angles, columns = (tuple(np.compress(moves, of).tolist()) for of in (self.angles, self.columns))
+        return replace(self, angles=angles, columns=columns)
 
 
 def joints_of(body: BodyModel) -> list[AnatomicalJoint]:
-    """The joints that the standard has angles for; none for a body whose landmarks are no person's."""
+    """The joints that the standard has angles for, with those that the body can have.
+
+    None for a body whose landmarks are no person's.
+    """
     segments = {segment.name: k for k, segment in enumerate(body.segments)}
     holders = {mark.name: segments[mark.segment] for mark in body.landmarks if mark.segment in segments}
     found = []
@@ -68,8 +84,20 @@ def joints_of(body: BodyModel) -> list[AnatomicalJoint]:
             ends = [mark if mark in ("pelvis", "neck", "head_top") else side + mark for mark in (proximal, distal)]
             if set(ends) <= set(holders) and holders[ends[0]] != holders[ends[1]]:
                 pair = holders[ends[0]], holders[ends[1]]
-                found.append(AnatomicalJoint(side + name, *pair, angles, measured, side == "left_"))
-    return found
+                columns = tuple(range(len(angles)))
+                found.append(AnatomicalJoint(side + name, *pair, angles, measured, side == "left_", columns))
+    turns = _all_turned(body)
+    return [joint for joint in (one.changing_in(turns) for one in found) if joint.angles]
+
+
+def _all_turned(body: BodyModel) -> Array:
+    """Rotations (2, S, 3, 3) of the segments in the world, every joint turned, by other angles, one way and the other.
+
+    What no parameter between two segments turns about is zero in both; limits may forbid one way.
+    """
+    turned = np.linspace(0.3, 0.6, body.dof)
+    poses = np.stack([body.clamped(turned), body.clamped(-turned)])
+    return body.world_from_parameters(poses)[:, [segment.end for segment in body.segments], :3, :3]
 
 
 def leaning_limb(body: BodyModel) -> str:

@@ -28,6 +28,9 @@ _ARMS_M = 0.35
 _HEADINGS = 24
 """Directions that are tried for a path."""
 
+_USUAL_DEG = -40.0
+"""Heading of a simulated recording where nothing is said, see `tracker.simulation.sequence.Recipe`."""
+
 
 @dataclass(frozen=True)
 class Floor:
@@ -167,13 +170,14 @@ def best_heading_deg(rig: Rig, body: BodyModel, poses: Array, place: tuple[float
     """
     points = body.landmarks_in_world(poses[:: max(len(poses) // 12, 1)])
     points = points - np.append(middle_of(body, poses), 0.0)
-    scores = []
-    for k in range(_HEADINGS):
-        turned = _turned(points, 2 * np.pi * k / _HEADINGS) + np.array([*place, 0.0])
-        scores.append(float(np.mean([sees(camera, turned).mean() for camera in rig.cameras])))
-    # of equal ones that nearest to the usual one, in which no camera looks along the path
-    order = [(round(score, 3), -abs(_HEADINGS // 9 - k)) for k, score in enumerate(scores)]
-    return 360.0 * max(range(_HEADINGS), key=lambda k: order[k]) / _HEADINGS
+
+    def rank(heading_deg: float) -> tuple[float, float]:
+        turned = _turned(points, np.radians(heading_deg)) + np.array([*place, 0.0])
+        score = float(np.mean([sees(camera, turned).mean() for camera in rig.cameras]))
+        # of equal ones that nearest to the usual one, in which no camera looks along the path
+        return round(score, 3), -abs((heading_deg - _USUAL_DEG + 180.0) % 360.0 - 180.0)
+
+    return max((360.0 * k / _HEADINGS for k in range(_HEADINGS)), key=rank)
 
 
 def start_of(body: BodyModel, poses: Array, heading_deg: float, place: tuple[float, float]) -> tuple[float, float]:

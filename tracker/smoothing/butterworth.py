@@ -29,9 +29,11 @@ class Butterworth(Stretchwise):
     def check(self, interval_s: float) -> None:
         """Half the frame rate is the highest frequency there is; see `tracker.smoothing.Smoothing.check`."""
         highest_hz = 0.5 * _SHARE / interval_s
-        if self.cutoff_hz > highest_hz:
+        if self.cutoff_hz >= highest_hz:
+            step_hz = 10.0 ** (np.floor(np.log10(highest_hz)) - 3)
+            below_hz = step_hz * (np.ceil(highest_hz / step_hz) - 1)  # what is told must itself be possible
             raise ConfigError(
-                f"smoothing: cutoff_hz = {self.cutoff_hz:g}, expected {highest_hz:.4g} at most at the frame rate of "
+                f"smoothing: cutoff_hz = {self.cutoff_hz:g}, expected {below_hz:.4g} at most at the frame rate of "
                 f"{1 / interval_s:.4g} Hz; leave the smoothing out, or use another one"
             )
 

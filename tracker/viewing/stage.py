@@ -29,11 +29,18 @@ class Stage:
     """The nodes of a viser scene, called `/cameras/NAME` and `/persons/NAME/SEGMENT`; z is up, metres."""
 
     def __init__(self, server: Any, scene: Scene) -> None:
-        self._persons = scene.persons
+        self._server = server
         server.scene.add_grid("/floor", width=10, height=10, cell_size=0.5, cell_color=(225, 225, 225))
         _enter(server, scene)
         self._cameras = [_camera(server, camera, scene) for camera in scene.rig.cameras]
-        self._bodies = [_body(server, person) for person in scene.persons]
+        self._persons: tuple[Person, ...] = ()
+        self.embody(scene.persons)
+
+    def embody(self, persons: tuple[Person, ...]) -> None:
+        """Makes the bodies anew where they are others: those of a run are fitted before its first frame."""
+        if [id(one.body) for one in persons] != [id(one.body) for one in self._persons]:
+            self._bodies = [_body(self._server, person) for person in persons]  # nodes of the same name are replaced
+            self._persons = persons
 
     def show(self, estimates: Sequence[Estimate]) -> None:
         """Poses the bodies; who is lost is not shown."""

@@ -81,7 +81,8 @@ class Viewer:
         self._following.visible = self._following.value = True
 
     def add(self, step: Step) -> None:
-        """Takes a frame of a run that is going on, with its images."""
+        """Takes a frame of a run that is going on, with its images, and the bodies that it was tracked with."""
+        self._scene = step.scene
         self._frames.append(Shown(step.frame.index, step.frame.time_s, step.estimates))
         self.pictures.add(step.frame)
         if self._following.value:
@@ -116,6 +117,7 @@ class Viewer:
             if self._drawn == (position, images is not None):
                 return
             with self._server.atomic():
+                self._stage.embody(self._scene.persons)
                 self._stage.show(frame.estimates)
                 self._stage.show_images(images or (None,) * len(self._scene.rig))
                 self._told.content = self._text(frame)

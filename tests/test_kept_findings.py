@@ -1,0 +1,63 @@
+"""What a run has found in its input stays told: when it is resumed, and beside poses that were changed afterwards."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from motions import made_up
+
+from tracker.export import export
+from tracker.jobs import execute, load_job
+from tracker.recording.run_json import RunJson
+from tracker.result import load_result
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
+from tracker.smoothed import write_smoothed
+from tracker.smoothing.rts import RauchTungStriebel
+
+EXCHANGED = "the videos of FRONT and BACK are exchanged"
+
+
+def told(folder: Path) -> dict[str, object]:
+    return json.loads((folder / "run.json").read_text(encoding="utf-8"))
+
+
+def test_a_resumed_run_tells_what_it_has_found_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tracker.jobs._first_frames.survey", lambda *_: None)
+    monkeypatch.setattr("tracker.jobs._first_frames.findings", lambda _: (EXCHANGED,))
+    late = "view BACK is late"  # told again at every end
+    monkeypatch.setattr("tracker.jobs._views.Tracks.told", lambda *_: (late,))
+    config = write_sequence(Recipe("arm_swing", seconds=0.16, size=(256, 208)), tmp_path / "sequence")
+    start = ["initialization.use=given", "initialization.poses=truth_poses.csv", "passes=1"]
+    job = load_job("track", config, [*start, 'recordings=["run_json","journal","report"]'])
+
+    def interrupt(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
+        if what == "tracking" and done == 2:
+            raise KeyboardInterrupt
+
+    folder = tmp_path / "out"
+    execute(job, folder, progress=interrupt)
+    assert told(folder)["findings"] == [EXCHANGED]
+    for _ in range(2):
+        assert execute(job, folder, resume=True).n_frames == 4
+        assert told(folder)["findings"] == [EXCHANGED, late]
+        assert EXCHANGED in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_changed_result_tells_what_the_raw_one_does(tmp_path: Path) -> None:
+    movement = made_up("gavrila22")
+    steps = [replace(step, strangers=True, untrusted={1: "dark"}) for step in movement.steps]
+    raw = load_result(replace(movement, steps=steps).result(tmp_path / "raw"))
+    known = {"findings": [EXCHANGED], "bodies": {"person1": "as modelled"}, "images": {"gain": 2.5}}
+    folder = write_smoothed(replace(raw, details={**raw.details, **known}), RauchTungStriebel())
+    export(folder, [RunJson()], tmp_path / "exported")
+    for found in (told(folder), told(tmp_path / "exported")):
+        assert {key: found[key] for key in known} == known
+        counts = found["summary"]
+        assert counts == {**counts, **{key: raw.details["summary"][key] for key in counts if "frames_with" in key}}
+        assert counts["frames_with_strangers"] == len(steps)
+    smooth = load_result(folder)
+    assert all(replay.strangers and replay.untrusted == {1: "dark"} for replay in smooth.replays)
