@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 from itertools import pairwise
 from pathlib import Path
 
@@ -27,6 +29,22 @@ from tracker.rivals import found_twice
 from tracker.scene import Scene
 from tracker.tracking import track
 from tracker.trajectory import Step
+
+IMAGES = (np.zeros((2, 2, 3), np.uint8),) * 4
+
+
+def steps_of(truth: Scene, observation: Observation, rows: Sequence[Sequence[Estimate]]) -> list[Step]:
+    """Frames with these estimates, of as many persons as there are in a row."""
+    first, fitted = truth.persons[0], objective_of(truth, observation).asked.fine(truth.persons[0].q)
+    persons = first, replace(first, name="other")
+    return [
+        Step(Frame(k, 0.04 * k, IMAGES), replace(truth, persons=persons[: len(row)]), tuple(row), fitted)
+        for k, row in enumerate(rows)
+    ]
+
+
+def after_all(steps: Sequence[Step]) -> Doubts:
+    return reduce(Doubts.after, steps, Doubts())
 
 
 def estimate_of(truth: Scene, observation: Observation, **off_deg: float) -> Estimate:
@@ -105,7 +123,7 @@ def test_one_line_says_where_to_look(truth: Scene, observation: Observation) -> 
     doubts = Doubts()
     assert doubts.none
     for k, estimate in enumerate((sure, unsure, unsure, arm, lost, arm)):
-        doubts = doubts.after(Step(Frame(10 + k, 0.04 * k, (None,) * 4), truth, (estimate,), fitted))
+        doubts = doubts.after(Step(Frame(10 + k, 0.04 * k, IMAGES), truth, (estimate,), fitted))
     assert doubts.sentence() == (
         "of 6 frames 1 lost (frame 14), 2 doubtful (frames 11-12), left arm ambiguous in 2 (frames 13, 15)"
     )
@@ -119,13 +137,45 @@ def test_ranges_are_the_numbers_in_few_words(numbers: set[int]) -> None:
     assert all(one[1] + 1 < other[0] for one, other in pairwise(found))
 
 
-def test_much_doubt_asks_about_the_input() -> None:
-    """However it comes together; a hard stretch does not."""
-    assert Doubts(10, lost=(0, 1), doubtful=(2, 3), ambiguous={"left arm": (3, 4, 5)}).advice() == ""
-    told = Doubts(10, lost=(0, 1), doubtful=(2, 3), ambiguous={"left arm": (4, 5), "right arm": (6,)}).advice()
+def test_much_doubt_asks_about_the_input(truth: Scene, observation: Observation) -> None:
+    """However it comes together; a hard stretch does not, nor a single limb throughout."""
+    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=(), vague=())
+    arm, arms = (replace(sure, ambiguous=limbs) for limbs in (("left_arm",), ("left_arm", "right_arm")))
+    hard = [[replace(sure, status=Status.LOST)]] * 2 + [[replace(sure, doubtful=True)]] * 2
+    assert after_all(steps_of(truth, observation, [[sure], *hard, *[[arms]] * 2, *[[sure]] * 3])).advice() == ""
+    told = after_all(steps_of(truth, observation, [[sure], *hard, *[[arms]] * 3, *[[sure]] * 2])).advice()
     assert told.startswith("7 of 10 frames in doubt")
     assert "reading.occluders" in told
+    assert "views are exchanged" in told
+    assert "more cameras" not in told
+    assert after_all(steps_of(truth, observation, [[arm]] * 10)).advice() == ""
+    assert after_all(steps_of(truth, observation, [[arm, arm]] * 10)).advice() == "", "one limb each"
     assert Doubts().advice() == ""
+    assert "film with more cameras" in Doubts(10, n_views=2, grave=tuple(range(10))).advice()
+
+
+def test_of_several_persons_it_is_said_who_is_lost_or_doubtful(truth: Scene, observation: Observation) -> None:
+    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=(), vague=())
+    lost, unsure = replace(sure, status=Status.LOST), replace(sure, doubtful=True)
+    name, rows = truth.persons[0].name, [(sure, sure), (sure, lost), (unsure, lost), (sure, lost), (unsure, sure)]
+    assert after_all(steps_of(truth, observation, rows)).sentence() == (
+        f"of 5 frames {name} doubtful in 2 (frames 2, 4), other lost in 3 (frames 1-3)"
+    )
+
+
+def test_views_without_images_are_named(truth: Scene, observation: Observation) -> None:
+    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=(), vague=())
+    steps = steps_of(truth, observation, [[sure]] * 4)
+    steps[2:] = [replace(step, frame=replace(step.frame, images=(*IMAGES[:3], None))) for step in steps[2:]]
+    told = after_all(steps).sentence()
+    assert told.endswith(f"ambiguous limb; {truth.rig.names[3]} missing in 2 (frames 2-3)")
+
+
+def test_of_who_is_lost_no_limb_is_ambiguous(truth: Scene, observation: Observation) -> None:
+    lost = replace(estimate_of(truth, observation), status=Status.LOST, ambiguous=("left_arm",), vague=("left_arm",))
+    (step,) = steps_of(truth, observation, [[lost]])
+    (found,) = judged_as_wholes(step).estimates
+    assert (found.ambiguous, found.vague, found.lost) == ((), (), True)
 
 
 def test_frames_before_anybody_has_come_in_ask_nothing(truth: Scene, observation: Observation) -> None:

@@ -148,6 +148,21 @@ def test_the_first_frame_in_view_is_that_in_which_two_views_show_somebody(
     assert told == ["looking for the first frame that shows somebody"]
 
 
+def test_poses_that_nobody_has_do_not_count_in_the_overlap(joined_later: Simulation, simulation: Simulation) -> None:
+    """Who is not there leaves the other one's overlap as it is; with nobody there is none."""
+    frames = [next(iter(joined_later.frames())), second_from(joined_later, 8)[1]]
+    both = cycle_for(joined_later, TrueStart(joined_later), evidence=AutoEvidence(), loss=LossRule(rehearse=0))
+    steps = list(track(iter(frames), joined_later.scene, both))
+    assert [one.lost for one in steps[1].estimates] == [False, True]
+    assert steps[1].overlap is not None
+    assert steps[1].overlap.min() > 0.6
+    cycle = cycle_for(simulation, TrueStart(simulation))
+    *_, last = track(iter([next(simulation.frames()), entering(simulation, (0, 0))[1]]), simulation.scene, cycle)
+    assert last.estimates[0].lost
+    assert last.overlap is not None
+    assert np.isnan(last.overlap).all()
+
+
 def test_where_too_few_views_can_tell_nobody_is_waited_for(simulation: Simulation) -> None:
     empty = entering(simulation, (0,) * 24)
     asked = iter(empty)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import re
 import sys
 from base64 import b85encode
@@ -86,7 +87,7 @@ def test_tables_hold_the_estimates_in_degrees_and_metres(recorded, tmp_path):
         assert (row["frame"], row["status"]) == (str(step.frame.index), str(estimate.verdict))
         cells = [row[parameter.column] for parameter in body.parameters]
         if estimate.lost:
-            assert set(cells) == {""}
+            assert {*cells, row["distance_px"]} == {""}
             continue
         values = [
             float(cell) * (np.pi / 180 if p.rotates else 1) for cell, p in zip(cells, body.parameters, strict=True)
@@ -288,6 +289,22 @@ def test_run_json_tells_whether_the_run_is_complete(recorded, tmp_path):
     text = (tmp_path / "run.json").read_text()
     assert '"complete": true' in text
     assert '"lost": 1' in text
+
+
+def test_headline_numbers_are_of_the_poses_that_were_found(recorded, tmp_path):
+    """A lost pose that is far off does not count; with nobody found there is no mean."""
+    scene, steps = recorded
+    far = replace(steps[2].estimates[0], penalty_px=1000.0)
+    steps = [*steps[:2], replace(steps[2], estimates=(far,)), *steps[3:]]
+    record(RunJson(), (scene, steps), tmp_path)
+    found = [step.estimates[0] for step in steps if not step.estimates[0].lost]
+    told = json.loads((tmp_path / "run.json").read_text())["summary"]
+    assert told["mean_distance_px"] == pytest.approx(np.mean([one.distance_px for one in found]))
+    assert told["mean_explained"] == pytest.approx(np.mean([one.account.explained for one in found]))
+    for recording in (RunJson(), Report(pictures=1)):
+        record(recording, (scene, at_times([steps[2]] * N_FRAMES, 0.04 * np.arange(N_FRAMES))), tmp_path)
+    assert '"mean_distance_px": null' in (tmp_path / "run.json").read_text()
+    assert "<b>-</b><span>mean distance" in (tmp_path / "report.html").read_text()
 
 
 def uses(entry):

@@ -214,3 +214,5 @@ def test_a_start_tells_where_else_a_body_is(both: Simulation) -> None:
     assert 'persons = [{ name = "person1", at = [' in line
     assert told_of_start(Start((person.q,), axes, (ranking[:2],)), scene) == ()
     assert told_of_start(Start((person.q,), (), (ranking,)), scene) == (), "without plates"
+    shadow = (*ranking[:2], replace(ranking[2], left_over=0.5))
+    assert told_of_start(Start((person.q,), axes, (shadow,)), scene) == (), "nobody is where the model fits much worse"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
-from tracker.estimate import Status
+from tracker.estimate import Estimate, Status
 from tracker.hidden import hidden_limbs
+from tracker.scene import Person
 from tracker.trajectory import Step
 
 # More ranges than this in one line are not read.
@@ -58,7 +59,8 @@ def worst_first(
 
 _MOST_DOUBTED = 0.6
 """Share of frames in doubt from which on the input is asked about. A woman whom a passer-by and a board hide, tracked 8
-mm off, has 0.58 at most; with cupboards before the person in two of four views, in wrong poses, it is 0.9 to 1."""
+mm off, has 0.58 at most, single limbs counted as well; with cupboards before the person in two of four views, in wrong
+poses, it is 0.9 to 1."""
 
 
 @dataclass(frozen=True)
@@ -66,17 +68,26 @@ class Doubts:
     """Frames that are not to be used as they are."""
 
     n_frames: int = 0
+    n_views: int = 0
+    """Of the rig."""
+
     lost: tuple[int, ...] = ()
     """Numbers of the frames in which a person is lost."""
 
     doubtful: tuple[int, ...] = ()
     """Numbers of the frames in which a person is doubtful, and none is lost."""
 
+    persons: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """Of several persons, who is lost or doubtful -> frames."""
+
     ambiguous: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """Limb, with the person's name where there are several -> frames in which it may be elsewhere."""
 
     untrusted: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """View -> frames in which its foreground was not used."""
+
+    missing: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """View -> frames without an image of it."""
 
     hidden: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """Limb, and the view that something hides it from -> frames. Others show it: no doubt, but good to know."""
@@ -90,43 +101,35 @@ class Doubts:
     found: frozenset[str] = frozenset()
     """Names of the persons found so far."""
 
-    awaited: tuple[int, ...] = ()
-    """Frames in which those alone are lost who have not come in yet."""
+    grave: tuple[int, ...] = ()
+    """Frames in which more than a single limb of a person is in doubt, or who has come in is lost."""
 
     n_before: int = 0
     """Frames at the beginning in which nobody is: all persons are lost."""
 
     def after(self, step: Step) -> Doubts:
         """The doubts one frame on."""
-        verdicts, frame = {estimate.verdict for estimate in step.estimates}, step.frame.index
-        ambiguous, hidden = dict(self.ambiguous), dict(self.hidden)
-        for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
-            whose = f"{person.name}'s " if len(step.scene.persons) > 1 else ""
-            for group in () if estimate.lost else estimate.ambiguous:
-                limb = whose + group.replace("_", " ")
-                ambiguous[limb] = (*ambiguous.get(limb, ()), frame)
-            for v, group in hidden_limbs(person.body, estimate.account):
-                limb = f"{whose}{group.replace('_', ' ')} hidden from {step.scene.rig.names[v]}"
-                hidden[limb] = (*hidden.get(limb, ()), frame)
-        untrusted = dict(self.untrusted)
-        for name in (step.scene.rig.names[v] for v in step.untrusted):
-            untrusted[name] = (*untrusted.get(name, ()), frame)
+        frame, names = step.frame.index, step.scene.rig.names
+        verdicts = {estimate.verdict for estimate in step.estimates}
+        pairs = list(zip(step.scene.persons, step.estimates, strict=True))
+        found = self.found | {person.name for person, one in pairs if not one.lost}
         turned = () if step.start is None else step.start.turned_round
         lost, doubtful = Status.LOST in verdicts, Status.DOUBTFUL in verdicts and Status.LOST not in verdicts
-        gone = {person.name for person, one in zip(step.scene.persons, step.estimates, strict=True) if one.lost}
-        found = self.found | {person.name for person in step.scene.persons} - gone
         return Doubts(
-            self.n_frames + 1,
-            (*self.lost, frame) if lost else self.lost,
-            (*self.doubtful, frame) if doubtful else self.doubtful,
-            ambiguous,
-            untrusted,
-            hidden,
-            (*self.strangers, frame) if step.strangers else self.strangers,
-            (*self.turned_round, *(step.scene.persons[k].name for k in turned)),
-            found,
-            (*self.awaited, frame) if gone and not gone & found else self.awaited,
-            self.n_before + (not found),
+            n_frames=self.n_frames + 1,
+            n_views=len(names),
+            lost=(*self.lost, frame) if lost else self.lost,
+            doubtful=(*self.doubtful, frame) if doubtful else self.doubtful,
+            persons=_with(self.persons, frame, _persons_in_doubt(step)),
+            ambiguous=_with(self.ambiguous, frame, _limbs_in_doubt(step)),
+            untrusted=_with(self.untrusted, frame, (names[v] for v in step.untrusted)),
+            missing=_with(self.missing, frame, (names[v] for v in step.frame.missing)),
+            hidden=_with(self.hidden, frame, _hidden(step)),
+            strangers=(*self.strangers, frame) if step.strangers else self.strangers,
+            turned_round=(*self.turned_round, *(step.scene.persons[k].name for k in turned)),
+            found=found,
+            grave=(*self.grave, frame) if any(_is_grave(one, who.name in found) for who, one in pairs) else self.grave,
+            n_before=self.n_before + (not found),
         )
 
     @property
@@ -137,33 +140,72 @@ class Doubts:
     def advice(self) -> str:
         """What to do where so much is in doubt that it is no single limb's affair; empty where it is not.
 
-        Who has not come in yet is in no doubt, and frames before anybody has do not count.
+        Who has not come in yet is in no doubt, and frames before anybody has do not count; nor does one limb alone: an
+        arm that no view shows well may be ambiguous throughout, and all else exact.
         """
-        frames = set(self.lost).difference(self.awaited).union(self.doubtful, *self.ambiguous.values())
         n_frames = self.n_frames - self.n_before
-        if len(frames) <= _MOST_DOUBTED * n_frames:
+        if len(self.grave) <= _MOST_DOUBTED * n_frames:
             return ""
+        few = ", or film with more cameras: two are few" if self.n_views == 2 else ""
         return (
-            f"{len(frames)} of {n_frames} frames in doubt are more than hard movement makes: look at the overlay; "
+            f"{len(self.grave)} of {n_frames} frames in doubt are more than hard movement makes: look at the overlay; "
             "begin at another frame (reading.start) if the first pose is wrong, paint furniture before the person "
-            "(reading.occluders), or check stature, model and calibration"
+            "(reading.occluders), check stature, model and calibration, and whether views are exchanged" + few
         )
 
     def sentence(self) -> str:
         """One line for the terminal: how many frames, which limbs, where to look."""
         unused = [f"foreground of {view} not used in {len(f)}{_where(f)}" for view, f in sorted(self.untrusted.items())]
+        unused += [f"{view} missing in {len(f)}{_where(f)}" for view, f in sorted(self.missing.items())]
         unused += [f"{limb} in {len(f)}{_where(f)}" for limb, f in sorted(self.hidden.items())]
         if self.strangers:
             unused.append(f"somebody else beside in {len(self.strangers)}{_where(self.strangers)}")
         if self.none:
             return "; ".join([f"no frame of {self.n_frames} lost, doubtful or with an ambiguous limb", *unused])
         found = [f"{name} may be turned round from the given start on" for name in self.turned_round]
-        found.append(f"of {self.n_frames} frames {len(self.lost)} lost{_where(self.lost)}")
-        if self.doubtful:
-            found.append(f"{len(self.doubtful)} doubtful{_where(self.doubtful)}")
+        whole = [f"{who} in {len(frames)}{_where(frames)}" for who, frames in sorted(self.persons.items())]
+        if not whole:
+            whole.append(f"{len(self.lost)} lost{_where(self.lost)}")
+            whole += [f"{len(self.doubtful)} doubtful{_where(self.doubtful)}"] if self.doubtful else []
+        found.append(f"of {self.n_frames} frames {', '.join(whole)}")
         for limb, frames in sorted(self.ambiguous.items(), key=lambda item: -len(item[1])):
             found.append(f"{limb} ambiguous in {len(frames)}{_where(frames)}")
         return "; ".join([", ".join(found), *unused])
+
+
+def _with(told: Mapping[str, tuple[int, ...]], frame: int, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
+    """What was told, and the frame for each of the names."""
+    return {**told, **{name: (*told.get(name, ()), frame) for name in names}}
+
+
+def _persons_in_doubt(step: Step) -> Iterator[str]:
+    """Of several persons, who is lost or doubtful in a frame."""
+    for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+        if len(step.estimates) > 1 and estimate.verdict in (Status.LOST, Status.DOUBTFUL):
+            yield f"{person.name} {estimate.verdict}"
+
+
+def _limbs_in_doubt(step: Step) -> Iterator[str]:
+    """Limbs that may be elsewhere in a frame, with the person's name where there are several."""
+    for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+        for group in () if estimate.lost else estimate.ambiguous:
+            yield _limb_of(step, person, group)
+
+
+def _hidden(step: Step) -> Iterator[str]:
+    """Limbs that something hides from a view in a frame."""
+    for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+        for v, group in hidden_limbs(person.body, estimate.account):
+            yield f"{_limb_of(step, person, group)} hidden from {step.scene.rig.names[v]}"
+
+
+def _limb_of(step: Step, person: Person, group: str) -> str:
+    return (f"{person.name}'s " if len(step.estimates) > 1 else "") + group.replace("_", " ")
+
+
+def _is_grave(estimate: Estimate, has_come_in: bool) -> bool:
+    """Whether more than a single limb of a person is in doubt."""
+    return has_come_in if estimate.lost else estimate.doubtful or len(estimate.ambiguous) > 1
 
 
 def _where(frames: tuple[int, ...]) -> str:

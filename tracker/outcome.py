@@ -42,16 +42,18 @@ def finished(
         foregrounds = [sight.silhouette(v) for v in range(len(scene.rig))]
         looked = bool(sight.untrusted) or any(mask is not None for mask in foregrounds)
         models = synthesis.silhouettes(scene) if looked else ()
-        estimates = judged_in_view(sight, scene, estimates, _own(scene, synthesis, models), least_views)
+        own = _own(scene, synthesis, models)
+        estimates = judged_in_view(sight, scene, estimates, own, least_views)
         estimates = judged_in_space(scene, estimates)
-    overlap = _overlap(models, foregrounds, [sight.unknown(v) for v in range(len(foregrounds))])
+    there = _of_those_found(own, estimates) if any(one.lost for one in estimates) else models
+    overlap = _overlap(there, foregrounds, [sight.unknown(v) for v in range(len(foregrounds))]) if looked else None
     step = Step(sight.frame, scene, estimates, fitted, clock.seconds, overlap)
     step = replace(step, model_px=covered_px(models, estimates))
     return judged_as_wholes(replace(step, untrusted=sight.untrusted, strangers=sight.strangers))
 
 
 def judged_as_wholes(step: Step) -> Step:
-    """The step; persons are doubtful of whom most limbs are ambiguous.
+    """The step; persons are doubtful of whom most limbs are ambiguous, and of lost ones no limb is.
 
     Of who is cut by the edges of images a pose was 100 mm off and more on average in three frames, its four limbs
     ambiguous, and of R-UpperBody in nine, three of them. Of 52 000 frames of other results 6 had three and were not
@@ -62,6 +64,9 @@ def judged_as_wholes(step: Step) -> Step:
         limbs = set(person.body.limbs)
         if len(limbs) > 2 and 2 * len(limbs.intersection(estimate.ambiguous)) > len(limbs):
             estimates[k] = replace(estimate, doubtful=True)
+        if estimate.lost:
+            # who was not found has no limb elsewhere: tables, counts and the terminal would disagree
+            estimates[k] = replace(estimates[k], ambiguous=(), vague=())
     return replace(step, estimates=tuple(estimates))
 
 
@@ -105,13 +110,20 @@ def covered_px(models: Sequence[Mask], estimates: Sequence[Estimate]) -> Array |
     return frozen([np.count_nonzero(mask) for mask in models])
 
 
-def _overlap(
-    models: Sequence[Mask], foregrounds: Sequence[Mask | None], unknown: Sequence[Mask | None]
-) -> Array | None:
-    """Intersection over union (V,) of the model's and the foreground's silhouettes, where the background is known."""
-    if not models:
-        return None
+def _of_those_found(own: Sequence[Sequence[Mask]], estimates: Sequence[Estimate]) -> Sequence[Mask]:
+    """Silhouettes (H, W) of the persons who are not lost, in each view; none where everybody is."""
+    found = [masks for masks, estimate in zip(own, estimates, strict=False) if not estimate.lost]
+    return [np.any(masks, axis=0) for masks in zip(*found, strict=True)]
+
+
+def _overlap(models: Sequence[Mask], foregrounds: Sequence[Mask | None], unknown: Sequence[Mask | None]) -> Array:
+    """Intersection over union (V,) of the models' and the foreground's silhouettes, where the background is known.
+
+    NaN where it is not, and without a model: a pose that nobody has covers nothing.
+    """
     shares = np.full(len(foregrounds), np.nan)
+    if not models:
+        return frozen(shares)
     for v, (mask, foreground, hidden) in enumerate(zip(models, foregrounds, unknown, strict=True)):
         if foreground is not None:
             mask = mask if hidden is None else mask & ~hidden

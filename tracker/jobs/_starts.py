@@ -14,6 +14,11 @@ from tracker.trajectory import Step
 _APART_M = 0.4
 """Between the middles of two bodies, at least; of poses of one body they are nearer."""
 
+_MOST_LEFT_OVER = 2.0
+"""By what factor more than the best one another body may leave over. Of two persons either is left over by the other
+one's pose, too: theirs left 1.3 and 1.7 times as much; where one person is alone, and the other "body" a shadow or a
+flaw of the plates, 11 and 12 times as much."""
+
 
 def telling(steps: Iterable[Step], tell: Callable[[tuple[str, ...]], None]) -> Iterator[Step]:
     """The frames of a run as they come; what is to be said of a start in one of them is told before it."""
@@ -44,10 +49,12 @@ def _turned_round(start: Start, scene: Scene) -> tuple[str, ...]:
 
 
 def _elsewhere(start: Start, scene: Scene) -> Iterator[str]:
-    """Where else bodies stand out that were tried for a person; without plates poses are scattered over the floor."""
+    """Where else bodies stand out that fit a person hardly worse; without plates poses are scattered over the floor."""
     for person, ranking, axes in zip(scene.persons, start.hypotheses, start.evidence, strict=False):
         places: list[Array] = []
         for one in ranking if axes else ():
+            if one.left_over > _MOST_LEFT_OVER * ranking[0].left_over:
+                continue
             place = person.body.landmarks_in_world(one.q)[:, :2].mean(axis=0)
             if all(np.linalg.norm(place - other) > _APART_M for other in places):
                 places.append(place)

@@ -10,6 +10,7 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.doubts import Judged, worst_first
+from tracker.estimate import Status
 from tracker.hidden import hidden_limbs
 from tracker.scene import Scene
 from tracker.trajectory import Step
@@ -126,7 +127,7 @@ class Series:
         return Bad(*told, self.explained[t][k], self.distances[t][k])
 
     def summary(self) -> dict[str, Any]:
-        """Headline numbers of the run so far."""
+        """Headline numbers of the run so far; means are over the poses that were found, None without one."""
         if not self.frames:
             return {"frames": 0}
         stages = Counter[str]()
@@ -134,6 +135,7 @@ class Series:
             stages.update(seconds)
         total = sum(stages.values())
         counts = Counter(status for statuses in self.statuses for status in statuses)
+        found = np.array(self.statuses) != Status.LOST
         return {
             "frames": len(self.frames),
             "persons": len(self.scene.persons),
@@ -141,8 +143,8 @@ class Series:
             "ambiguous_limbs": dict(Counter(limb for frame in self.ambiguous for limbs in frame for limb in limbs)),
             "frames_with_ambiguous_limbs": sum(any(frame) for frame in self.ambiguous),
             "limbs_hidden_from_views": {view: dict(limbs) for view, limbs in self.hidden.items()},
-            "mean_distance_px": float(np.mean(self.distances)),
-            "mean_explained": float(np.mean(self.explained)),
+            "mean_distance_px": _mean(np.array(self.distances)[found]),
+            "mean_explained": _mean(np.array(self.explained)[found]),
             "frames_per_second": len(self.frames) / total if total else 0.0,
             "seconds_per_frame_by_stage": {k: v / len(self.frames) for k, v in stages.items()},
             "silhouette_iou": self.mean_overlap(),
@@ -150,3 +152,7 @@ class Series:
             "frames_without_trusted_foreground": dict(self.untrusted),
             "frames_with_strangers": self.strangers,
         }
+
+
+def _mean(values: Array) -> float | None:
+    return float(np.mean(values)) if values.size else None

@@ -52,7 +52,8 @@ class CsvRecorder:
         poses, sigmas, joints = [], [], []
         for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
             start = [step.frame.index, f"{step.frame.time_s:.6f}", person.name]
-            head = [*start, str(estimate.verdict), " ".join(estimate.ambiguous), f"{estimate.distance_px:.4f}"]
+            distance = "" if estimate.lost else f"{estimate.distance_px:.4f}"
+            head = [*start, str(estimate.verdict), " ".join(estimate.ambiguous), distance]
             sigma = np.sqrt(np.maximum(np.diag(estimate.covariance), 0.0))
             poses.append([*head, *self._values(person, estimate, estimate.q)])
             sigmas.append([*head, *self._values(person, estimate, sigma)])

@@ -51,7 +51,8 @@ class WideRecorder:
     def write(self, step: Step) -> None:
         """Adds a row to each table."""
         for file, person, estimate in zip(self._files, step.scene.persons, step.estimates, strict=True):
-            told = str(estimate.verdict), " ".join(estimate.ambiguous), f"{estimate.distance_px:.4f}"
+            distance = "" if estimate.lost else f"{estimate.distance_px:.4f}"
+            told = str(estimate.verdict), " ".join(estimate.ambiguous), distance
             row = [step.frame.index, f"{step.frame.time_s:.6f}", *told, *self._values(person, estimate)]
             file.add(csv_lines([row]))
             if step.frame.index not in self._run.resumed:
