@@ -93,6 +93,18 @@ def test_missing_frames_are_counted_and_persons_matched_by_distance(result, trut
     assert error_figure(evaluation).axes
 
 
+def test_who_is_compared_with_whom_is_told_where_names_cross(result, truth, tmp_path):
+    write_joints(result / "joints.csv", {"a": truth + 5, "b": truth})
+    write_joints(tmp_path / "truth.csv", {"a": truth, "b": truth + 5})
+    told = CliRunner().invoke(app, ["evaluate", str(result), "--truth", str(tmp_path / "truth.csv")]).stdout
+    assert "a (truth: b)" in told
+    assert "paired by distance, not by name: a of the run with b of the truth, b of the run with a of the truth" in told
+    write_joints(tmp_path / "truth.csv", {"a": truth + 5, "b": truth})
+    told = CliRunner().invoke(app, ["evaluate", str(result), "--truth", str(tmp_path / "truth.csv")]).stdout
+    assert "truth:" not in told
+    assert "by name" not in told
+
+
 def test_a_cell_that_lacks_in_the_truth_costs_one_frame_of_that_joint_alone(result, truth, tmp_path):
     lacking = truth.copy()
     lacking[3, JOINTS.index("left_wrist")] = np.nan

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -309,6 +311,17 @@ def test_a_run_keeps_the_body_that_it_has_fitted_and_goes_on_with_it(run: TrackJ
         assert (resumed.folder / name).read_bytes() == (whole.folder / name).read_bytes()
     steps = list(Run(run))
     np.testing.assert_array_equal(steps[-1].scene.persons[0].body.shapes, kept.build().shapes)
+
+
+def test_a_stature_that_the_images_contradict_is_told(run: TrackJob, tmp_path: Path) -> None:
+    """The fit goes part of the way only; of 1.78 m, which is 2 cm off, nothing is said."""
+    for told_m, words in ((2.1, "told 2.10 m, .* is stature_m right, and the rig in metres"), (1.78, None)):
+        persons = tuple(replace(one, stature_m=told_m) for one in run.persons)
+        done = execute(replace(run, persons=persons), tmp_path / f"{told_m}", progress=silent)
+        findings = json.loads((done.folder / "run.json").read_text(encoding="utf-8"))["findings"]
+        lines = [line for line in findings if "stature" in line]
+        assert len(lines) == (words is not None)
+        assert all(re.search(str(words), line) for line in lines)
 
 
 def test_nobody_found_is_an_error_before_anything_is_written(

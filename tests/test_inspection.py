@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -258,3 +259,10 @@ def test_images_larger_than_the_model_is_worth(
     lines = [line for line in findings(larger) if "downscale" in line]
     assert len(lines) == (factor > 1)
     assert all(f"reading.downscale = {factor} " in line for line in lines)
+
+
+def test_images_that_were_averaged_too_far(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    """As recorded, small persons are nobody's mistake."""
+    rig = Rig(tuple(replace(camera, downscale=2) for camera in simulation.scene.rig.cameras))
+    (line,) = told(frames, Scene(simulation.scene.persons, rig), simulation.plates)
+    assert re.match(r"reading.downscale = 2 leaves persons 1\d\d px high .*; leave it out, or set it to 1$", line)

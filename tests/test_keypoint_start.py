@@ -15,6 +15,9 @@ from recordings import cycle_for, small_simulation
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.errors import ConfigError, InitializationError
+from tracker.evidence.auto import AutoEvidence
+from tracker.evidence.keypoints import KeypointEvidence
+from tracker.evidence.together import TogetherEvidence
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._inverse_kinematics import fitted_pose
@@ -139,6 +142,23 @@ def test_a_start_is_found_in_files(scene: Scene, stages: Stages, tmp_path: Path)
     start = KeypointInitialization(path=pattern).start(Frame(7, 0.0, (None,) * 4), lost, stages)
     gaps = np.linalg.norm(body.landmarks_in_world(start.poses[0]) - body.landmarks_in_world(scene.persons[0].q), axis=1)
     assert gaps.mean() < 0.025
+
+
+@pytest.mark.parametrize("beside", [False, True], ids=["images alone", "keypoints as evidence too"])
+def test_sides_exchanged_in_all_views_are_told(beside: bool, tmp_path: Path) -> None:
+    """All views agree then, and the keypoints alone cannot tell; the images do."""
+    simulation = small_simulation(n_frames=1)
+    scene = simulation.scene.with_poses(tuple(poses[0] for poses in simulation.poses))
+    stages, (frame,) = cycle_for(simulation).stages, tuple(simulation.frames())
+    views, told = detected(scene, noise_px=1.0), []
+    for name, found in (("right", views), ("wrong", [exchanged(view, ("left", "right")) for view in views])):
+        pattern = written(found, scene.rig.names, tmp_path / name, frame.index)
+        if beside:
+            both = TogetherEvidence(of=(AutoEvidence(), KeypointEvidence(path=pattern)), refining=(1.0, 1.0))
+            stages = replace(stages, evidence=both)
+        told.append(KeypointInitialization(path=pattern).start(frame, scene, stages).turned_round)
+    assert not told[0]
+    assert set(told[1]) == {0}
 
 
 def test_keypoints_of_larger_images_are_scaled_or_refused(scene: Scene, stages: Stages, tmp_path: Path) -> None:

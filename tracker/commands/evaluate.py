@@ -37,18 +37,34 @@ def print_evaluation(evaluation: Evaluation) -> None:
     table = Table(title="errors against the truth", title_justify="left")
     table.add_column("")
     for person in evaluation.persons:
-        table.add_column(person.person, justify="right")
+        table.add_column(_heading(person, evaluation), justify="right")
     for rows in (_headline(evaluation), _joint_rows(evaluation), _details(evaluation)):
         for name, values in rows:
             table.add_row(name, *values)
         table.add_section()
     console.print(table)
+    _tell_crossed(evaluation)
     for person in evaluation.persons:
         _tell_incomplete(person)
     if evaluation.silhouette_iou:
         views = ", ".join(f"{view} {value:.3f}" for view, value in evaluation.silhouette_iou.items())
         mean = sum(evaluation.silhouette_iou.values()) / len(evaluation.silhouette_iou)
         console.print(f"silhouette IoU {mean:.3f} ({views})", highlight=False)
+
+
+def _heading(person: PersonErrors, evaluation: Evaluation) -> str:
+    """The person of the run, and whom of the truth it is compared with; a truth without names says nothing of one."""
+    unnamed = len(evaluation.persons) == 1 and person.truth == "1"
+    return person.person if unnamed or person.truth == person.person else f"{person.person} (truth: {person.truth})"
+
+
+def _tell_crossed(evaluation: Evaluation) -> None:
+    """That persons are compared with others than those of their names: who is nearest counts."""
+    names = {person.person for person in evaluation.persons}
+    crossed = [one for one in evaluation.persons if one.truth != one.person and one.truth in names]
+    if crossed:
+        pairs = ", ".join(f"{one.person} of the run with {one.truth} of the truth" for one in crossed)
+        console.print(f"persons are paired by distance, not by name: {pairs}", highlight=False, soft_wrap=True)
 
 
 def _headline(evaluation: Evaluation) -> list[tuple[str, list[str]]]:

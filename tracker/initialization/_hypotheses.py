@@ -11,6 +11,8 @@ import numpy as np
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.estimate import Estimate
+from tracker.frame import Frame
+from tracker.initialization import Stages
 from tracker.loss import limbs_left_over
 from tracker.scene import Scene
 from tracker.start import Hypothesis, Start, limbs_shown, sureness
@@ -88,6 +90,25 @@ def turned_round(body: BodyModel, q: Array) -> Array:
     for group in body.limbs:
         flipped[body.group(group)] = q[body.group(body.mirror.of(group))]
     return body.clamped(flipped)
+
+
+def beside_turned(frame: Frame, scene: Scene, k: int, turned: Array, stages: Stages) -> tuple[Hypothesis, ...]:
+    """The pose of a scene's person, which stays, and another one by what either leaves over once it is refined.
+
+    Args:
+        frame: the images.
+        scene: the persons, with the poses to start from.
+        k: the person.
+        turned: (dof,) the pose turned round.
+        stages: to judge by.
+    """
+    body, q = scene.persons[k].body, scene.persons[k].q
+    tried = np.array([q, turned])
+    objective = stages.objective(frame, scene, k, stages.synthesis.contours(scene, k, tried))
+    refined = [hypothesis(body, stages.estimation.estimate(objective, one[None])) for one in tried]
+    mine = replace(refined[0], q=q, given=True)
+    both = ranked(body, [mine, refined[1]])
+    return both if any(one.given for one in both) else (mine,)  # turned round it was led back to where it is
 
 
 def hypothesis(body: BodyModel, estimate: Estimate) -> Hypothesis:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +13,12 @@ from tracker.components import FilePath, component
 from tracker.errors import ConfigError, nearest, shortened
 from tracker.frame import Frame
 from tracker.initialization import Stages
-from tracker.initialization._hypotheses import hypothesis, ranked, turned_round
+from tracker.initialization._hypotheses import beside_turned, turned_round
 from tracker.initialization._joint_tables import is_joint_table, pose_from_joints
 from tracker.plate import Plate
 from tracker.scene import Person, Scene
 from tracker.source_files import number_in, rows_of
-from tracker.start import Hypothesis, Start, sureness
+from tracker.start import Start, sureness
 
 
 @component
@@ -56,7 +55,8 @@ class GivenInitialization:
         poses = tuple(person.q for person in scene.persons)
         if stages.seen_before:
             return Start(poses)
-        hypotheses = tuple(_beside_turned(frame, scene, k, stages) for k in range(len(poses)))
+        turned = [turned_round(person.body, person.q) for person in scene.persons]
+        hypotheses = tuple(beside_turned(frame, scene, k, q, stages) for k, q in enumerate(turned))
         return Start(poses, (), hypotheses, tuple(map(sureness, hypotheses)))
 
     def poses_of(self, scene: Scene, index: int) -> tuple[Array, ...]:
@@ -79,17 +79,6 @@ class GivenInitialization:
         mine = sorted(_rows_of(rows, person, self.poses), key=lambda row: _number(row, "frame", self.poses))
         earlier = [row for row in mine if _number(row, "frame", self.poses) <= index]
         return _parameters(earlier[-1] if earlier else mine[0], person.body, self.poses)
-
-
-def _beside_turned(frame: Frame, scene: Scene, k: int, stages: Stages) -> tuple[Hypothesis, ...]:
-    """The pose of a scene's person, and turned round, by what either leaves over once it is refined."""
-    body, q = scene.persons[k].body, scene.persons[k].q
-    tried = np.array([q, turned_round(body, q)])
-    objective = stages.objective(frame, scene, k, stages.synthesis.contours(scene, k, tried))
-    refined = [hypothesis(body, stages.estimation.estimate(objective, one[None])) for one in tried]
-    mine = replace(refined[0], q=q, given=True)
-    both = ranked(body, [mine, refined[1]])
-    return both if any(one.given for one in both) else (mine,)  # turned round it was led back to where it is
 
 
 def _rows_of(rows: list[dict[str, str]], person: Person, path: Path) -> list[dict[str, str]]:

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pydantic
 
-from tracker.arrays import Array
+from tracker.arrays import Array, Integers
 from tracker.body import BodyModel
 from tracker.components import PathPattern, component
 from tracker.errors import ConfigError, InitializationError, SequenceError
+from tracker.evidence import Evidence
+from tracker.evidence.auto import AutoEvidence
+from tracker.evidence.keypoints import KeypointEvidence
+from tracker.evidence.together import TogetherEvidence
 from tracker.frame import Frame
 from tracker.initialization import Stages
+from tracker.initialization._hypotheses import beside_turned
 from tracker.initialization._inverse_kinematics import fitted_pose
 from tracker.initialization._person_pieces import place
 from tracker.keypoint_layouts.views import KeypointViews
@@ -20,7 +26,7 @@ from tracker.keypoints import limbs, meant, swapped_sides
 from tracker.plate import Plate
 from tracker.scene import Person, Scene
 from tracker.skeletons import Skeleton, skeletons
-from tracker.start import Start
+from tracker.start import Hypothesis, Start
 
 _LEAST_MARKS = 6
 """Landmarks in space that fix a pose well enough to start from: hips and shoulders, and two more."""
@@ -68,7 +74,12 @@ class KeypointInitialization:
         return f"keypoints, {len(names)} a person, in {self.path}"
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """The poses that fit the keypoints best; who is who is told by `at`, else by how well each body fits."""
+        """The poses that fit the keypoints best; who is who is told by `at`, else by how well each body fits.
+
+        With how well they fit the images beside the same poses turned round: detectors and tables of keypoints may have
+        left and right exchanged in all views. The poses stay, and are no less sure: keypoints know of sides what
+        outlines do not.
+        """
         try:
             views = KeypointViews.open(self.path, scene.rig.names, self.names)
             found = views.at(frame.index, scene.rig, self.downscale, self.least_confidence)
@@ -93,7 +104,43 @@ class KeypointInitialization:
         poses = [person.q for person in scene.persons]
         for k, row, n in zip(sought, fits, places, strict=True):
             poses[k] = row[n][0]
-        return Start(tuple(poses))
+        turned = {
+            k: _fit(scene.persons[k].body, views.names, _exchanged(persons[n], other_side))[0]
+            for k, n in zip(sought, places, strict=True)
+        }
+        return Start(tuple(poses), (), _beside_turned(frame, scene.with_poses(tuple(poses)), turned, stages))
+
+
+def _exchanged(person: Skeleton, other_side: Integers) -> Skeleton:
+    """The skeleton with left and right exchanged: it faces the other way."""
+    return replace(person, points=person.points[other_side], n_views=person.n_views[other_side])
+
+
+def _beside_turned(
+    frame: Frame, scene: Scene, turned: dict[int, Array], stages: Stages
+) -> tuple[tuple[Hypothesis, ...], ...]:
+    """For each person the pose found and turned round, the better one first; empty for those not looked for."""
+    if stages.seen_before or all(image is None for image in frame.images):
+        return ()
+    stages = replace(stages, evidence=_of_images(stages.evidence))
+    return tuple(
+        beside_turned(frame, scene, k, turned[k], stages) if k in turned else () for k in range(len(scene.persons))
+    )
+
+
+def _of_images(evidence: Evidence) -> Evidence:
+    """The evidence without keypoints: these would confirm the sides that they have told."""
+    if isinstance(evidence, KeypointEvidence):
+        return AutoEvidence()
+    if not isinstance(evidence, TogetherEvidence):
+        return evidence
+    left = [k for k, one in enumerate(evidence.of) if not isinstance(one, KeypointEvidence)]
+    ranking, refining = (tuple(own[k] for k in left) for own in (evidence.ranking, evidence.refining))
+    if not sum(ranking) > 0 or not sum(refining) > 0:
+        return AutoEvidence()
+    of = tuple(_of_images(evidence.of[k]) for k in left)
+    exact_px = tuple(evidence.exact_px[k] for k in left if evidence.exact_px)
+    return TogetherEvidence(of=of, ranking=ranking, refining=refining, exact_px=exact_px)
 
 
 def _fit(body: BodyModel, names: tuple[str, ...], person: Skeleton) -> tuple[Array, float]:

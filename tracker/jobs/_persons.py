@@ -31,6 +31,11 @@ from tracker.subject import Subject
 
 log = logging.getLogger("tracker")
 
+_LEAST_STATURE, _MOST_STATURE = 0.97, 1.04
+"""Of the stature that was told what a fitted body has, at least and at most. What persons of one stature differ by
+holds it there: right ones of 75 recordings came out 0.981 to 1.037 times as tall (shoes and hair count), and of a man
+of 1.80 m who was told to be 2.20 or 1.65 m tall the fit made 2.12 and 1.72."""
+
 MODELS = "models"
 """Folder of a result: each person's model, as tracked with."""
 
@@ -106,11 +111,22 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
         return opened, cycle
     of_views = told_of_views(found.steps, scene, sequence.interval_s, cycle.progress)
     of_things = (_told(persons[k].name, things, k in found.fits) for k, things in found.things.items())
-    findings = (*of_views, *itertools.chain.from_iterable(of_things))
+    of_statures = (_unlike(persons[k], models[persons[k].name].stature_m) for k in found.fits)
+    findings = (*of_views, *itertools.chain.from_iterable((*of_statures, *of_things)))
     steps = [as_kept(step) for step in found.steps]
     known = {step.frame.index: step.estimates for step in steps}
     opened = replace(opened, models=models, scene=scene, fitted_at=tuple(map(line_of, steps)), findings=findings)
     return opened, knowing(cycle, known, found.start)
+
+
+def _unlike(person: Subject, fitted_m: float) -> Iterator[str]:
+    """What is said where the images show somebody of another stature than was told."""
+    told_m = person.stature_m
+    if told_m is not None and not _LEAST_STATURE <= fitted_m / told_m <= _MOST_STATURE:
+        yield (
+            f"{person.name}: fitted stature {fitted_m:.2f} m, told {told_m:.2f} m, and a fit goes part of the way: "
+            "is stature_m right, and the rig in metres?"
+        )
 
 
 def _told(name: str, things: Sequence[Thing], is_fitted: bool) -> Iterator[str]:

@@ -42,8 +42,8 @@ def _turned_round(start: Start, scene: Scene) -> tuple[str, ...]:
     """Of poses that were given, left and right exchanged."""
     return tuple(
         f"{scene.persons[k].name} may be turned round: of the start pose given {given:.0%} of the contour are left "
-        f"over, of the same facing the other way {turned:.0%}; check left and right in its file, or leave it out, and "
-        "the person is looked for"
+        f"over, of the same facing the other way {turned:.0%}; check left and right in the poses or keypoints that it "
+        "is from, or leave them out, and the person is looked for"
         for k, (given, turned) in start.turned_round.items()
     )
 
