@@ -146,7 +146,8 @@ def test_an_animal_is_found_by_keypoints_of_deeplabcut(tmp_path: Path) -> None:
     initialization.check(scene, (None,) * 4)
     frame = Frame(0, 0.0, tuple(np.zeros((576, 720, 3), np.uint8) for _ in range(4)))
     unknown = Scene((Person("dog", body, body.rest()),), scene.rig)
-    found = initialization.start(frame, unknown, cycle_for(small_simulation(n_frames=1)).stages).poses[0]
+    stages = cycle_for(small_simulation(n_frames=1), plates=(None,) * 4).stages
+    found = initialization.start(frame, unknown, stages).poses[0]
     gaps = np.linalg.norm(body.landmarks_in_world(found) - body.landmarks_in_world(q), axis=1)
     # a pixel is 8 mm there; the legs' twists are held by the reference pose alone
     assert np.median(gaps) < 0.02
