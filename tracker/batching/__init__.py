@@ -11,7 +11,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import cv2
 
-from tracker.batching._table import TABLE, State, Summary, finished, rows_of, write_table
+from tracker.batching._table import TABLE, State, Summary, earlier_rows, finished, write_table
 from tracker.errors import ConfigError, TrackerError, os_fault
 from tracker.jobs import CONFIG, begin_anew, check_same, described, execute, job_from, load_job
 from tracker.jobs.track import TrackJob, TrackOutcome
@@ -99,7 +99,7 @@ def plan(configs: Sequence[Path], overrides: Sequence[str], folder: Path, resume
     """
     jobs = _checked(configs, overrides)
     target = folder.resolve()
-    tasks, done, before = [], [], rows_of(target / TABLE)
+    tasks, done, before = [], [], earlier_rows(target / TABLE)
     for name, job in jobs.items():
         here = target / name
         begun = here.is_dir() and any(here.iterdir())

@@ -38,7 +38,7 @@ class Summary:
     """Why it failed, in one line."""
 
 
-def rows_of(path: Path) -> dict[str, dict[str, str]]:
+def earlier_rows(path: Path) -> dict[str, dict[str, str]]:
     """The rows of an earlier batch's table by their names; none where it cannot be read."""
     try:
         with path.open(newline="", encoding="utf-8") as file:

@@ -174,7 +174,7 @@ def best_heading_deg(rig: Rig, body: BodyModel, poses: Array, place: tuple[float
     def rank(heading_deg: float) -> tuple[float, float]:
         turned = _turned(points, np.radians(heading_deg)) + np.array([*place, 0.0])
         score = float(np.mean([sees(camera, turned).mean() for camera in rig.cameras]))
-        # of equal ones that nearest to the usual one, in which no camera looks along the path
+        # of equal ones that nearest to the usual one
         return round(score, 3), -abs((heading_deg - _USUAL_DEG + 180.0) % 360.0 - 180.0)
 
     return max((360.0 * k / _HEADINGS for k in range(_HEADINGS)), key=rank)
