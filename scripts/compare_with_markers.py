@@ -13,7 +13,7 @@ def main() -> None:
     """Runs the command; a mistake is one line, exit code 2."""
     try:
         typer.run(compare)
-    except TrackerError as error:
+    except (TrackerError, OSError) as error:
         Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
         raise SystemExit(2) from None
 

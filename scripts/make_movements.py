@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import os
 import shutil
+import tempfile
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 from benchmarks.motion_files import read_deepmimic
+from rich.console import Console
 
 from tracker.body import BodyModel
 from tracker.body_files import load_body
@@ -66,11 +68,23 @@ _OWN = "simulated from models/gavrila22.toml"
 
 
 def main(output: Annotated[Path, typer.Option(help="Library to replace.")] = bundled_library()) -> None:  # noqa: B008
-    """Writes the library anew."""
-    motions = Path(os.environ["BODYTRACK_DATA"]) / "motions"
+    """Writes the library anew; the old one stays until the new one is whole."""
+    motions = Path(os.environ.get("BODYTRACK_DATA", "")) / "motions"
+    if not (motions / "deepmimic").is_dir():
+        Console(stderr=True).print(f"[red]error:[/] {motions}/deepmimic: no such folder, expected in BODYTRACK_DATA")
+        raise typer.Exit(2)
+    output.absolute().parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=output.absolute().parent) as unfinished:
+        made = Path(unfinished) / output.name
+        _fill(made, motions)
+        shutil.rmtree(output, ignore_errors=True)
+        made.replace(output)
+    typer.echo(f"{len(list(output.glob('*/*.csv')))} performances in {output}")
+
+
+def _fill(output: Path, motions: Path) -> None:
     clips = motions / "deepmimic"
-    shutil.rmtree(output, ignore_errors=True)
-    output.mkdir(parents=True)
+    output.mkdir()
     shutil.copy(motions / "LICENSE_pybullet.txt", output / "DEEPMIMIC_LICENSE.txt")
     for clip, (name, about, repeats) in _CLIPS.items():
         motion = read_deepmimic(clips / f"humanoid3d_{clip}.txt")
@@ -84,7 +98,6 @@ def main(output: Annotated[Path, typer.Option(help="Library to replace.")] = bun
     told = Description(about="standing still, the arms hanging", repeats=True, source=_OWN)
     for stance, angles_deg in _STANCES.items():
         add_performance(output, "standing", f"gavrila22_{stance}", _standing(body, angles_deg), told)
-    typer.echo(f"{len(list(output.glob('*/*.csv')))} performances in {output}")
 
 
 def _standing(body: BodyModel, angles_deg: dict[str, float]) -> Course:

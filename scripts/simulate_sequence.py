@@ -45,7 +45,7 @@ def main(
     try:
         with ProgressBar() as progress:
             config = write_sequence(recipe, output, progress)
-    except TrackerError as error:
+    except (TrackerError, OSError) as error:
         Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
         raise typer.Exit(2) from None
     Console().print(f"written to {output}; track it with: bodytrack run {config}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -87,6 +89,25 @@ def test_vectors_and_back_are_the_same_movement(body: BodyModel) -> None:
     sigmas = np.sqrt(np.diagonal(back.covariances, axis1=1, axis2=2))
     assert (sigmas[known] > 0.95 * stretch.sigmas[known]).all()
     np.testing.assert_allclose(sigmas[np.ix_(known, lone)], stretch.sigmas[np.ix_(known, lone)])
+
+
+@pytest.mark.parametrize("off_deg", [0.0, 0.05, 0.3, 1.0, 3.0, 10.0, 40.0])
+def test_angles_that_gimbal_lock_hides_are_not_known_afterwards(off_deg: float) -> None:
+    """A rotation known to half a degree, angles within 15: also without any smoothing, angles are not surer than so."""
+    joint, angles = (
+        BallJoint((0, 1, 2), np.eye(3), np.eye(3)),
+        np.tile([0.3, np.pi / 2 - np.radians(off_deg), 0.2], (9, 1)),
+    )
+    joint = replace(joint, mean=joint.rotations(angles).mean().as_matrix())
+    slopes = joint.slopes(angles)
+    told = np.linalg.inv(slopes.transpose(0, 2, 1) @ slopes / np.radians(0.5) ** 2 + np.eye(3) / np.radians(15) ** 2)
+    known = np.arange(9) != 4
+    covariances = np.where(known[:, None, None], told, np.nan)
+    stretch = Stretch(np.arange(9) / FPS, np.where(known[:, None], angles, np.nan), covariances, known)
+    there = with_vectors(replace(stretch, poses=angles, covariances=told, known=np.ones(9, dtype=bool)), [joint])
+    back = with_angles(unchanged(there, there.poses), [joint], stretch)
+    sigmas = np.sqrt(np.diagonal(back.covariances, axis1=1, axis2=2) / np.diagonal(told, axis1=1, axis2=2))
+    assert ((sigmas > 0.7) & (sigmas < 1.05)).all()
 
 
 @pytest.mark.parametrize("turns", [0.9, 1.5, -2.0])

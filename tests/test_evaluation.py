@@ -105,6 +105,18 @@ def test_who_is_compared_with_whom_is_told_where_names_cross(result, truth, tmp_
     assert "by name" not in told
 
 
+def test_who_has_no_counterpart_is_told_of(result, truth, tmp_path):
+    write_joints(result / "joints.csv", {"a": truth})
+    write_joints(tmp_path / "truth.csv", {"1": truth + 5, "2": truth})
+    told = CliRunner().invoke(app, ["evaluate", str(result), "--truth", str(tmp_path / "truth.csv")]).stdout
+    assert "compared with nobody: 1 of the truth" in told
+    write_joints(result / "joints.csv", {"a": truth, "b": truth + 5})
+    write_joints(tmp_path / "truth.csv", {"a": truth})
+    told = CliRunner().invoke(app, ["evaluate", str(result), "--truth", str(tmp_path / "truth.csv")]).stdout
+    assert "compared with nobody: b of the run" in told
+    assert json.loads((result / "evaluation.json").read_text())["left_out"] == ["b"]
+
+
 def test_a_cell_that_lacks_in_the_truth_costs_one_frame_of_that_joint_alone(result, truth, tmp_path):
     lacking = truth.copy()
     lacking[3, JOINTS.index("left_wrist")] = np.nan
@@ -119,6 +131,18 @@ def test_a_cell_that_lacks_in_the_truth_costs_one_frame_of_that_joint_alone(resu
     assert np.flatnonzero(np.isnan(curves["left_wrist"])).tolist() == [3]
     assert np.isfinite(curves["right_wrist"]).all()
     assert (person.n_frames, person.n_missing, person.mean_mm) == (N_FRAMES, 0, pytest.approx(50))
+
+
+def test_a_joint_may_lack_in_every_frame_that_shows_how_the_trunk_is_turned(result, truth, tmp_path):
+    """What warns is an error in tests, and a line that nobody understands elsewhere."""
+    lacking = truth.copy()
+    lacking[:5, JOINTS.index("left_hip")] = np.nan
+    lacking[5:, JOINTS.index("head_top")] = np.nan
+    write_joints(result / "joints.csv", {"a": truth + np.array([0.03, 0.0, 0.04])})
+    write_joints(tmp_path / "truth_joints.csv", {"1": lacking})
+    (tmp_path / "truth_joints.csv").write_text((tmp_path / "truth_joints.csv").read_text().replace("nan", ""))
+    person = evaluate(result, tmp_path).persons[0]
+    assert 0 < person.mean_trunk_offset_removed_mm < 50
 
 
 def test_who_is_lost_in_every_frame_is_told_of(result, truth, tmp_path):
@@ -166,6 +190,19 @@ def test_pose_truth_is_compared_with_wrapped_angles(result, truth, tmp_path):
     assert person.angles_rms_deg == pytest.approx(2.0)
 
 
+def test_a_pose_truth_that_names_nobody_is_that_of_one_person(result, truth, tmp_path):
+    """As a table of joints without persons is."""
+    write_joints(result / "joints.csv", {"a": truth})
+    write_joints(tmp_path / "truth_joints.csv", {"1": truth})
+    lines = (tmp_path / "truth_joints.csv").read_text().replace(",1,", ",").replace(",person,", ",")
+    (tmp_path / "truth_joints.csv").write_text(lines)
+    rows = {"a,": result / "poses.csv", "": tmp_path / "truth_poses.csv"}
+    for who, path in rows.items():
+        head = "frame,person,torso_x_m\n" if who else "frame,torso_x_m\n"
+        path.write_text(head + "".join(f"{t},{who}{0.5 if who else 0.25}\n" for t in range(N_FRAMES)))
+    assert evaluate(result, tmp_path).persons[0].parameters == pytest.approx({"torso_x_m": 0.25})
+
+
 @pytest.mark.parametrize(
     ("theirs", "ours"),
     [
@@ -207,6 +244,7 @@ def test_silhouettes_of_a_smoothed_result_are_not_told(result, truth, tmp_path):
 def test_flexion_is_the_angle_between_the_segments():
     joints = np.array([[[0, 0, 0], [0, 0, -1], [np.sin(0.7), 0, -1 - np.cos(0.7)]]])
     assert flexion(joints) == pytest.approx(np.degrees(0.7))
+    assert np.isnan(flexion(np.zeros((1, 3, 3)))).all()
 
 
 def test_faults_are_named(result, truth, tmp_path):

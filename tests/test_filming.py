@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 from dataclasses import replace
 
 import av
@@ -19,14 +21,15 @@ from tracker.resources import model_path
 from tracker.rig import Rig
 from tracker.rig_layouts import load_rig, save_rig
 from tracker.scene import Person, Scene
-from tracker.simulation import room
-from tracker.simulation.common_volume import best_place, floor_seen, sees
+from tracker.simulation import precision, room
+from tracker.simulation.common_volume import Floor, best_place, check_asked, floor_seen, seen_whole, sees
 from tracker.simulation.filming import film, plan
 from tracker.simulation.movements import poses_of
 from tracker.simulation.precision import best_views, covariances, joint_sigmas, view_information
 from tracker.simulation.room import background_plates, default_rig, room_around
 from tracker.simulation.sequence import Recipe
 from tracker.simulation.visibility import by_segment, visible_shares
+from tracker.simulation.volume_figure import volume_figure
 from tracker.synthesis.cpu import CpuSynthesis
 
 BODY = load_body(model_path("gavrila22"))
@@ -63,6 +66,17 @@ def test_the_best_place_is_the_middle_of_what_all_see():
     assert areas == sorted(areas, reverse=True)
     assert volumes == sorted(volumes, reverse=True)
     assert all(volume >= 1.75 * area for area, volume in zip(areas, volumes, strict=True))
+
+
+@pytest.mark.parametrize(("away_m", "focal"), [(8.0, 800.0), (20.0, 2200.0)])
+def test_cameras_on_one_side_may_look_at_a_place_far_away(away_m, focal):
+    rig = rig_of((3, 0, 1.4), (5, 0, 1.4), (7, 0, 1.4), target=(5, away_m, 1), focal=focal)
+    floor = floor_seen(rig, 1.8)
+    x, y = best_place(floor)
+    assert floor.whole.max() == 3
+    assert (x, y) == pytest.approx((5, away_m), abs=2.0)
+    check_asked(rig, (5, away_m), None)
+    assert seen_whole(rig, np.array([[5, away_m], [5, 1.0]]), 1.8).tolist() == [3, 0]
 
 
 def test_areas_are_those_of_the_cameras_picture():
@@ -105,7 +119,7 @@ def test_the_middle_of_the_way_lies_where_it_is_asked_for(heading_deg):
 
 
 def test_the_way_is_laid_where_the_cameras_see_it():
-    corridor = rig_of((0, -0.8, 1.8), (0, 0.8, 1.8), target=(8, 0, 0.9), size=(120, 480), focal=400.0)
+    corridor = rig_of((0, -0.8, 1.8), (0, 0.8, 1.8), target=(4, 0, 0.9), size=(120, 480), focal=400.0)
     found = plan(Recipe("walk", seconds=3.0), corridor)
 
     def seen(poses):
@@ -156,6 +170,19 @@ def test_a_view_less_is_never_better_and_the_best_views_are_the_best():
     np.testing.assert_allclose(covariances(BODY, information, (0, 1)), covariances(BODY, information, (1, 0)))
 
 
+def test_of_thirty_cameras_not_all_subsets_are_made(monkeypatch):
+    """There are 155 million of fifteen of them."""
+    poses = poses_of("walk", BODY, np.zeros(1))
+    information = 1e4 * np.linspace(1, 2, 30)[None, :, None, None] * np.eye(BODY.dof)
+
+    def few(views, n):
+        assert math.comb(len(views), n) < 1000
+        return itertools.combinations(views, n)
+
+    monkeypatch.setattr(precision, "combinations", few)
+    assert best_views(BODY, poses, information) == {n: tuple(range(30 - n, 30)) for n in range(2, 31)}
+
+
 def test_sigmas_of_joints_are_those_of_scattered_poses():
     scene, poses = scene_and_poses(n=1)
     covariance = covariances(BODY, view_information(scene, poses, CpuSynthesis(), 0.3), range(4))
@@ -200,6 +227,19 @@ def test_a_room_holds_the_cameras_and_what_they_film():
         assert plate.std() > 5
     near = room_around(default_rig(), (0, 0))
     np.testing.assert_allclose(near.half, room.Room().half, atol=0.6)
+
+
+def test_the_picture_shows_the_person_also_before_cameras_in_line():
+    line = rig_of((4.2, 0, 1.4), (5, 0, 1.4), (5.8, 0, 1.4), target=(5, 4.5, 1))
+    poses = poses_of("walk", BODY, np.linspace(0, 1, 3), place=(5, 4.5))
+    x, y = np.arange(-1.0, 12.0), np.arange(-6.0, 7.0)
+    seen = np.add.outer(y > 2, x > 3).astype(int)
+    floor = Floor(x, y, np.linspace(0, 1.8, 4), seen, np.stack([seen] * 4))
+    plan_of, space = volume_figure(line, floor, BODY, poses, "walk").axes[:2]
+    shown = np.concatenate([poses[:, BODY.root.shifts[:2]], [camera.centre[:2] for camera in line.cameras]])
+    for axes in (plan_of, space):
+        low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+        assert ((low < shown) & (shown < high)).all()
 
 
 def test_a_recording_is_made_with_cameras_of_any_size(tmp_path):

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import functools
+import importlib
 import itertools
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from scipy.spatial.transform import Rotation
 
 from tracker.body_files import load_body
@@ -25,7 +29,7 @@ from tracker.recognition.limb_directions import (
     joint_columns,
     limb_directions,
 )
-from tracker.recognition.matching import angles_deg, recognize
+from tracker.recognition.matching import Recognized, _together, angles_deg, recognize
 from tracker.recognition.timeline import strip, table_rows, timeline
 from tracker.resources import model_path
 from tracker.simulation.movements import poses_of
@@ -218,6 +222,16 @@ def test_repetitions_are_one_only_where_the_movement_repeats():
     assert [one.movement for one in recognize(asked, LIBRARY)] == ["kick", "kick"]
 
 
+def test_the_next_best_movement_and_its_angle_belong_together():
+    short = Recognized("walk", 0.0, 0.96, 5.0, 0.5, "crawl", 60.0, False, "a")
+    longer = Recognized("walk", 1.0, 3.96, 7.0, 0.7, "run", 20.0, False, "b")
+    told = _together(short, longer)
+    assert (told.angle_deg, told.second, told.second_deg) == (pytest.approx(6.5), "run", 20.0)
+    told = _together(replace(short, second="", second_deg=np.inf), longer)  # no other one fits the shorter one's length
+    assert (told.second, told.second_deg) == ("run", 20.0)
+    assert _together(replace(short, second="run"), longer).second_deg == pytest.approx(30.0)
+
+
 @pytest.mark.parametrize("tempo", [0.6, 1.7])
 def test_movements_are_recognized_at_another_tempo(tempo):
     directions = known("punch").astype(np.float64)
@@ -288,9 +302,20 @@ def test_a_library_on_disk_is_what_was_added(tmp_path):
         add_performance(tmp_path / "mine", "kick", "ben", asked, Description(repeats=True))
     with pytest.raises(ConfigError, match="in a name"):
         add_performance(tmp_path / "mine", "../kick", "ben", asked, told)
-    with pytest.raises(ConfigError, match=r"0\.20 s, expected 0\.32 to 60 s"):
-        add_performance(tmp_path / "mine", "nod", "ben", asked.part(0, 5), told)
+    for n_frames, repeats, length in ((5, False, "0.20"), (1, True, "0.04")):
+        with pytest.raises(ConfigError, match=f"{length} s, expected 0.32 to 60 s"):
+            add_performance(tmp_path / "mine", "nod", "ben", asked.part(0, n_frames), Description(repeats=repeats))
     assert sorted(file.name for file in tmp_path.rglob("*") if file.is_file()) == ["anna.csv", "movement.toml"]
+
+
+def test_performances_of_one_name_in_several_libraries_add_up(tmp_path):
+    mine, theirs = tmp_path / "mine", tmp_path / "theirs"
+    for folder, name in ((mine, "kick"), (theirs, "punch")):
+        asked = Course(0.0, known(name), np.ones(len(known(name)), bool))
+        add_performance(folder, "fight", "anna", asked, Description())
+    lengths = [len(one) for one in load_library((mine, theirs)).movements["fight"].performances.values()]
+    assert lengths == [len(known("kick")), len(known("punch"))]
+    assert len(load_library((mine, mine / ".." / "mine")).movements["fight"].performances) == 1
 
 
 @pytest.mark.parametrize(
@@ -364,6 +389,23 @@ def test_persons_of_other_laboratories_walk(data):
         found = recognize(asked, LIBRARY)
         assert {one.movement for one in found} == {"run" if "run" in path.name else "walk"}
         assert sum(one.end_s - one.start_s for one in found) > 0.7 * asked.seconds
+
+
+def test_the_bundled_library_stays_where_a_new_one_cannot_be_made(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "scripts")
+    monkeypatch.setenv("BODYTRACK_DATA", str(tmp_path))
+    script = importlib.import_module("make_movements")
+    library = tmp_path / "library"
+    add_performance(
+        library, "kick", "anna", Course(0.0, known("kick"), np.ones(len(known("kick")), bool)), Description()
+    )
+    with pytest.raises(typer.Exit):
+        script.main(library)
+    (tmp_path / "motions" / "deepmimic").mkdir(parents=True)  # without clips
+    with pytest.raises(FileNotFoundError):
+        script.main(library)
+    assert list(load_library((library,)).movements) == ["kick"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["library", "motions"]
 
 
 def test_the_library_has_the_joints_that_it_is_made_of():

@@ -94,6 +94,14 @@ def test_mistakes_are_one_line_and_nothing_is_written(squat_result, tmp_path, mo
     assert not (squat_result / "movements.csv").exists()
 
 
+def test_who_is_lost_all_along_is_not_said_to_do_something_unknown(tmp_path):
+    times = np.arange(0, 1.2, 0.04)
+    movement = performed(BODY, poses_of("squat", BODY, times), np.ones(len(times), bool))
+    output = told(movement.result(tmp_path / "run"))
+    assert "anna: lost all along" in output
+    assert "nothing known" not in output
+
+
 def test_a_single_frame_is_no_movement(tmp_path):
     movement = made_up("gavrila22")
     folder = replace(movement, steps=movement.steps[:1]).result(tmp_path / "run")

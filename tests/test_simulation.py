@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import csv
+import importlib
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import typer
 from recordings import small_simulation
 
 from tracker.body_files import load_body
+from tracker.camera import Camera
 from tracker.errors import ConfigError
 from tracker.resources import model_path
 from tracker.rig_layouts import load_rig
+from tracker.simulation.filming import plan
 from tracker.simulation.movements import poses_of
 from tracker.simulation.rendering import draw_persons, mesh_of
+from tracker.simulation.room import default_rig
 from tracker.simulation.sequence import Recipe, Simulation, simulate
 from tracker.simulation.sequence_files import write_sequence
 from tracker.synthesis.cpu import CpuSynthesis
@@ -59,6 +65,15 @@ def test_an_unknown_movement_names_the_nearest():
         simulate(Recipe("sqat"))
 
 
+def test_a_recording_has_a_frame_at_least():
+    too_short = Recipe("squat", seconds=0.2, fps=2.0)
+    with pytest.raises(ConfigError, match=r"0\.2 s at 2 frames per second: no frame, expected 0\.5 s or more"):
+        simulate(too_short)
+    with pytest.raises(ConfigError, match="no frame"):
+        plan(too_short, default_rig())
+    assert Recipe("squat", seconds=0.5, fps=2.0).times.tolist() == [0.0]
+
+
 def test_pictures_and_masks_agree_with_the_tracer():
     """Rasterizer and contour tracer share no code but the surface: outlines meet to a pixel."""
     simulation = simulate(Recipe("walking_on_the_spot", seconds=0.6))
@@ -80,6 +95,26 @@ def test_pictures_and_masks_agree_with_the_tracer():
         outline = np.argwhere((inside > 0) & (inside <= 1.0))[:, ::-1]
         gaps = np.linalg.norm(outline[:, None] - view.pixels[None], axis=2).min(axis=1)
         assert np.percentile(gaps, 99) < 4.0
+
+
+@pytest.mark.parametrize("lens", [0.0, -0.3])
+def test_who_is_partly_behind_the_camera_or_outside_its_lens_is_drawn_all_the_same(lens):
+    """Beyond 46 degrees the second camera's lens images nothing; the second person is behind the first camera."""
+    simulation = simulate(Recipe("arm_swing", seconds=0.04, persons=2, size=(32, 24)))
+    scene, meshes, plate = simulation.scene, simulation.meshes(), np.full((288, 360, 3), 128, np.uint8)
+    before, behind = (scene.persons[k].body.landmarks_in_world(simulation.poses[k][0]).mean(axis=0) for k in (0, 1))
+    away = (before - behind) / np.linalg.norm(before - behind)
+    place = before - away * (0.8 if lens == 0 else 1.3)
+    camera = replace(
+        Camera.looking_at("A", (360, 288), 200, tuple(place), before), distortion=np.array([lens, 0, 0, 0])
+    )
+    alone = draw_persons(plate, camera, replace(scene, persons=scene.persons[:1]), meshes[:1])[1]
+    _, mask = draw_persons(plate, camera, scene, meshes)
+    np.testing.assert_array_equal(mask, alone)
+    body, q = scene.persons[0].body, simulation.poses[0][0]
+    chest = body.landmark_names.index("neck")
+    column, row = np.round(camera.project(body.landmarks_in_world(q)[chest] - (0, 0, 0.2))).astype(int)
+    assert mask[row, column]
 
 
 def test_the_same_seed_gives_the_same_pictures():
@@ -164,6 +199,14 @@ def test_a_recording_on_disk_holds_its_truth(tmp_path):
     np.testing.assert_allclose(joints, expected, atol=1e-6)
     with pytest.raises(ConfigError, match="not empty"):
         write_sequence(recipe, folder)
+
+
+def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "scripts")
+    (tmp_path / "file").touch()
+    with pytest.raises(typer.Exit):
+        importlib.import_module("simulate_sequence").main(output=tmp_path / "file" / "sequence")
+    assert capsys.readouterr().err.startswith("error: ")
 
 
 def test_nothing_is_left_of_a_recording_that_fails(tmp_path):

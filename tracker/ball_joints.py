@@ -28,7 +28,7 @@ _LEAST_SIGMA = np.radians(0.05)
 
 _DAMPING = 1e-4
 """Of steps to the angles of a rotation, and of the way back of covariances, rad^2: in gimbal lock angles stay as they
-are, and are hardly known."""
+are."""
 
 _STEPS = 50
 """Towards the angles of a rotation at most; far from gimbal lock three to six do."""
@@ -134,12 +134,15 @@ def with_vectors(stretch: Stretch, joints: Sequence[BallJoint]) -> Stretch:
 def with_angles(smooth: Smoothed, joints: Sequence[BallJoint], raw: Stretch) -> Smoothed:
     """A smooth movement with angles again; their derivatives are those of a quintic spline.
 
+    In gimbal lock angles stay as the raw ones are, and are as little known: what of their covariances the smooth
+    rotations do not tell is added.
+
     Args:
         smooth: a smoothed `with_vectors`.
         joints: the same.
         raw: with angles, which the smooth ones are near to.
     """
-    poses, back = smooth.poses.copy(), _identities(smooth.poses)
+    poses, back, there = smooth.poses.copy(), _identities(smooth.poses), _identities(smooth.poses)
     velocities, accelerations = smooth.velocities.copy(), smooth.accelerations.copy()
     times = raw.times_s[raw.known]
     for joint in joints:
@@ -148,12 +151,24 @@ def with_angles(smooth: Smoothed, joints: Sequence[BallJoint], raw: Stretch) -> 
         angles = joint.angles(smooth.poses[:, columns], near)
         slopes = joint.slopes(angles)
         damped = slopes.transpose(0, 2, 1) @ slopes + _DAMPING * np.eye(3)
-        back[np.ix_(np.arange(len(poses)), columns, columns)] = np.linalg.solve(damped, slopes.transpose(0, 2, 1))
+        block = np.ix_(np.arange(len(poses)), columns, columns)
+        back[block], there[block] = np.linalg.solve(damped, slopes.transpose(0, 2, 1)), slopes
         spline = make_interp_spline(raw.times_s, angles, k=5)
         poses[:, columns] = angles
         velocities[:, columns], accelerations[:, columns] = spline(raw.times_s, nu=1), spline(raw.times_s, nu=2)
+    stayed = _identities(smooth.poses) - back @ there
     covariances = back @ smooth.covariances @ back.transpose(0, 2, 1)
+    covariances += stayed @ _raw_covariances(raw) @ stayed.transpose(0, 2, 1)
     return Smoothed(poses, velocities, accelerations, covariances)
+
+
+def _raw_covariances(raw: Stretch) -> Array:
+    """(T, dof, dof), in frames without a pose those of the next one with; those not given have sigmas of 1."""
+    known = np.flatnonzero(raw.known)
+    nearest = known[np.searchsorted(known, np.arange(len(raw.known)))]  # the last frame of a stretch is known
+    given = np.isfinite(raw.covariances).all(axis=(1, 2), keepdims=True)
+    covariances: Array = np.where(given, raw.covariances, raw.sigmas[:, :, None] ** 2 * np.eye(raw.poses.shape[1]))
+    return covariances[nearest]
 
 
 def _identities(poses: Array) -> Array:

@@ -54,7 +54,7 @@ class Track:
 
     @cached_property
     def statuses(self) -> tuple[str, ...]:
-        """(T,) `tracked`, `bootstrapped`, `recovered`, `doubtful` or `lost`."""
+        """(T,) `tracked`, `bootstrapped`, `recovered`, `doubtful` or `lost`; in a smoothed result also `filled`."""
         return tuple(str(estimate.verdict) for estimate in self.estimates)
 
     @cached_property

@@ -44,6 +44,9 @@ def print_evaluation(evaluation: Evaluation) -> None:
         table.add_section()
     console.print(table)
     _tell_crossed(evaluation)
+    for whose, names in (("run", evaluation.left_out), ("truth", evaluation.truths_left_out)):
+        if names:
+            console.print(f"compared with nobody: {', '.join(names)} of the {whose}", highlight=False, soft_wrap=True)
     for person in evaluation.persons:
         _tell_incomplete(person)
     if evaluation.silhouette_iou:

@@ -74,6 +74,9 @@ def _print(persons: dict[str, tuple[Stretch, ...]], n_known: int) -> None:
     for person, stretches in persons.items():
         found = [one.recognized for one in stretches if one.recognized is not None]
         seconds = sum(one.seconds for one in stretches if one.what == "unknown")
+        if stretches and all(one.what == "lost" for one in stretches):
+            console.print(f"{person}: lost all along", highlight=False)
+            continue
         if not found:
             console.print(f"{person}: nothing known: none of {n_known} movements fits", highlight=False)
             continue

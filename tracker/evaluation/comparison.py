@@ -37,6 +37,12 @@ class Evaluation:
     distances_mm: tuple[dict[str, Array], ...]
     """For each person: `frame` (T,) and joint -> (T,) distance, mm."""
 
+    left_out: tuple[str, ...] = ()
+    """Persons of the run whom the truth has nobody left for."""
+
+    truths_left_out: tuple[str, ...] = ()
+    """Persons of the truth whom the run has nobody left for."""
+
     def as_dict(self) -> dict[str, Any]:
         """Plain values, without the curves."""
         table = asdict(self)
@@ -72,7 +78,9 @@ def evaluate(result: Path, truth: Path) -> Evaluation:
             table = with_parameters(table, result / "poses.csv", poses)
         errors.append(table)
         curves.append(curve)
-    return Evaluation(tuple(errors), _overlaps(result), tuple(curves))
+    left_out = tuple(name for name in found.persons if name not in {mine for mine, _ in pairs})
+    truths_left_out = tuple(name for name in true.persons if name not in {theirs for _, theirs in pairs})
+    return Evaluation(tuple(errors), _overlaps(result), tuple(curves), left_out, truths_left_out)
 
 
 def _truth_file(truth: Path) -> Path:

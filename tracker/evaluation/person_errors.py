@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from tracker.arrays import Array
 from tracker.errors import SequenceError
 from tracker.evaluation.joint_names import JointNames
-from tracker.evaluation.tables import Frames, read_rows
+from tracker.evaluation.tables import NOBODY, Frames, read_rows
 from tracker.source_files import frame_in, number_in
 
 # Two points don't tell how a trunk is turned about the line between them.
@@ -169,7 +169,8 @@ def _in_trunk_axes(gaps: Array, trunk: Array) -> float:
     """
     known = np.isfinite(trunk).all(axis=(1, 2))
     gaps, trunk = gaps[known], trunk[known]
-    if trunk.shape[1] < _LEAST_ORIGINS or not known.any():
+    gaps = gaps[:, np.isfinite(gaps).any(axis=(0, 2))]  # a joint may be known in the other frames alone
+    if trunk.shape[1] < _LEAST_ORIGINS or not gaps.size:
         return float("nan")
     spread = trunk - trunk.mean(axis=1, keepdims=True)
     turned = np.array(
@@ -179,9 +180,10 @@ def _in_trunk_axes(gaps: Array, trunk: Array) -> float:
 
 
 def flexion(joints: Array) -> Array:
-    """Angle (T,) in degrees between the two segments of three joints (T, 3, 3); 0 straight."""
+    """Angle (T,) in degrees between the two segments of three joints (T, 3, 3); 0 straight, NaN without a length."""
     upper, lower = joints[:, 1] - joints[:, 0], joints[:, 2] - joints[:, 1]
-    cosine = (upper * lower).sum(1) / (np.linalg.norm(upper, axis=1) * np.linalg.norm(lower, axis=1))
+    lengths = np.linalg.norm(upper, axis=1) * np.linalg.norm(lower, axis=1)
+    cosine = (upper * lower).sum(1) / np.where(lengths > 0, lengths, np.nan)
     degrees: Array = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
     return degrees
 
@@ -204,8 +206,7 @@ def _hinges(
 
 def with_parameters(table: PersonErrors, result: Path, truth: Path) -> PersonErrors:
     """Adds the RMS error of each pose parameter, angles wrapped to half a turn."""
-    mine = {frame_in(row, result, SequenceError): row for row in read_rows(result) if row.get("person") == table.person}
-    theirs = {frame_in(row, truth, SequenceError): row for row in read_rows(truth) if row.get("person") == table.truth}
+    mine, theirs = _rows_of(table.person, result), _rows_of(table.truth, truth)
     errors: dict[str, list[float]] = {}
     for frame, row in mine.items():
         for column, value in row.items():
@@ -217,3 +218,9 @@ def with_parameters(table: PersonErrors, result: Path, truth: Path) -> PersonErr
                 errors.setdefault(column, []).append((gap + 180) % 360 - 180 if column.endswith("_deg") else gap)
     rms = {column: float(np.sqrt(np.mean(np.square(gaps)))) for column, gaps in errors.items()}
     return PersonErrors(**{**vars(table), "parameters": rms})
+
+
+def _rows_of(person: str, path: Path) -> dict[int, dict[str, str]]:
+    """Frame -> row of a person in a table of poses; a table without persons is of one, as a table of joints is."""
+    rows = [row for row in read_rows(path) if (row.get("person") or NOBODY) == person]
+    return {frame_in(row, path, SequenceError): row for row in rows}

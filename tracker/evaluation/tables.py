@@ -14,6 +14,9 @@ from tracker.source_files import frame_in, number_in, rows_of
 _FARTHEST_M = 200.0
 """No joint is farther from the world's origin, as no camera is: what lies there is in other units."""
 
+NOBODY = "1"
+"""What the one person of a table that names nobody is called."""
+
 Frames = dict[int, dict[str, Array]]
 """Frame -> joint -> (3,) metres."""
 
@@ -40,7 +43,7 @@ def read_joints(path: Path) -> JointTable:
             raise SequenceError(f'{path}: no column "{column}"; {nearest(column, rows[0])}')
     persons: dict[str, Frames] = {}
     for row in rows:
-        person = row.get("person") or "1"
+        person = row.get("person") or NOBODY
         frames = persons.setdefault(person, {})
         if any(row[axis] == "" for axis in axes):
             continue

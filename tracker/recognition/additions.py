@@ -95,7 +95,7 @@ def one_round(course: Course) -> Course:
     low = [k for k in range(1, len(means)) if means[k] == means[max(k - 2, 0) : k + 3].min()]
     if not low or means.min() > _CLOSED_DEG:
         steps = _angles(course.directions[1:], course.directions[:-1])
-        if _angles(course.directions[:1], course.directions[-1:])[0] <= 2 * steps.max():
+        if _angles(course.directions[:1], course.directions[-1:])[0] <= 2 * steps.max(initial=0.0):
             return course
         raise ConfigError(
             f"it does not come back to where it began within {_LONGEST_ROUND_S:g} s: choose frames with two rounds, "

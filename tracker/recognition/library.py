@@ -79,13 +79,13 @@ def load_library(folders: tuple[Path, ...]) -> Library:
     """Loads movements; performances of one movement in several folders add up.
 
     Args:
-        folders: of libraries; empty for the one that comes with the package.
+        folders: of libraries, each counts once; empty for the one that comes with the package.
 
     Raises:
         ConfigError: a folder is none, or something in it is damaged; the file is named.
     """
     movements: dict[str, Movement] = {}
-    for folder in folders or (bundled_library(),):
+    for folder in {folder.resolve(): folder for folder in folders or (bundled_library(),)}.values():
         for movement in _movements_in(folder):
             known = movements.get(movement.name)
             if known is not None and known.description.repeats != movement.description.repeats:
@@ -93,7 +93,10 @@ def load_library(folders: tuple[Path, ...]) -> Library:
                     f'{folder / movement.name}: "repeats" is {told(movement.description.repeats)}, and '
                     f"{told(known.description.repeats)} in another library: make them agree"
                 )
-            performances = {**(known.performances if known else {}), **movement.performances}
+            performances = dict(known.performances) if known else {}
+            for name, directions in movement.performances.items():
+                # one of a name that another library has, too, is told apart by where it is
+                performances[f"{folder}/{name}" if name in performances else name] = directions
             movements[movement.name] = Movement(movement.name, (known or movement).description, performances)
     return Library(movements)
 

@@ -128,17 +128,21 @@ def _goes_on(last: Recognized, one: Recognized) -> bool:
 
 
 def _together(last: Recognized, one: Recognized) -> Recognized:
-    """Two repetitions as one: angles averaged over time, names those of the longer one."""
+    """Two repetitions as one: angles averaged over time, names those of the longer one.
+
+    The next best movement's angle is the longer one's, too, where it was not the same movement in both.
+    """
     durations = np.array([last.end_s - last.start_s, one.end_s - one.start_s]) + 1 / RATE_HZ
 
     def mean(first: float, second: float) -> float:
         return float(np.average([first, second], weights=durations))
 
+    longer = last if durations[0] >= durations[1] else one
     return replace(
-        last if durations[0] >= durations[1] else one,
+        longer,
         start_s=last.start_s,
         end_s=one.end_s,
         angle_deg=mean(last.angle_deg, one.angle_deg),
         misfit=mean(last.misfit, one.misfit),
-        second_deg=mean(last.second_deg, one.second_deg),
+        second_deg=mean(last.second_deg, one.second_deg) if last.second == one.second else longer.second_deg,
     )

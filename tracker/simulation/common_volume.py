@@ -17,7 +17,15 @@ _CELLS = 160
 """Cells of the floor along its longer side."""
 
 _FARTHEST_M = 12.0
-"""From the middle of the cameras to where the floor is looked at: a person 12 m away is 100 px high at 720 px."""
+"""From the middle of the cameras to where the floor is looked at, and half as far beside the outer ones: a person 12 m
+away is 100 px high with a focal length of 720 px."""
+
+_INSIDE_M, _BESIDE_M = 1.0, 3.0
+"""Where the place that the cameras look at is farther away, or as near as this to the edge of the floor looked at, the
+floor is looked at up to so far beyond it."""
+
+_LEAST_PX, _USUAL_M = 100.0, 1.8
+"""Height in a picture below which a person is too far away, and that of a usual one."""
 
 _LEVELS = 7
 """Heights at which space is looked at."""
@@ -93,8 +101,8 @@ def check_asked(rig: Rig, place: tuple[float, float] | None, heading_deg: float 
     """
     if heading_deg is not None and not np.isfinite(heading_deg):
         raise ConfigError(f"--heading-deg {heading_deg}: expected degrees from the x axis")
-    centres = np.stack([camera.centre for camera in rig.cameras])[:, :2]
-    low, high = centres.min(axis=0) - _FARTHEST_M, centres.max(axis=0) + _FARTHEST_M
+    near = np.stack([*(camera.centre[:2] for camera in rig.cameras), _looked_at(rig)])
+    low, high = near.min(axis=0) - _FARTHEST_M, near.max(axis=0) + _FARTHEST_M
     if place is not None and not ((low <= place) & (place <= high)).all():
         raise ConfigError(
             f"--place {place[0]:g} {place[1]:g}: far from all cameras, expected metres, x from {low[0]:.1f} to "
@@ -113,17 +121,36 @@ def floor_seen(rig: Rig, stature_m: float) -> Floor:
     middle = centres.mean(axis=0)
     low = np.maximum(centres.min(axis=0) - _FARTHEST_M / 2, middle - _FARTHEST_M)
     high = np.minimum(centres.max(axis=0) + _FARTHEST_M / 2, middle + _FARTHEST_M)
+    # cameras that all stand on one side may look at a place far beside them
+    place = _looked_at(rig)
+    low = np.where(place < low + _INSIDE_M, place - _BESIDE_M, low)
+    high = np.where(place > high - _INSIDE_M, place + _BESIDE_M, high)
     step = float((high - low).max()) / _CELLS
     x, y = (np.arange(low[k], high[k] + step, step) for k in range(2))
     places = np.stack(np.meshgrid(x, y), axis=-1)
     heights = np.linspace(0.0, stature_m, _LEVELS)
-    whole = np.zeros(places.shape[:2], dtype=np.int64)
-    points = np.zeros((_LEVELS, *whole.shape), dtype=np.int64)
+    points = np.zeros((_LEVELS, *places.shape[:2]), dtype=np.int64)
+    for camera in rig.cameras:
+        points += np.stack([sees(camera, _above(places, height)) for height in heights])
+    return Floor(x, y, heights, seen_whole(rig, places, stature_m), points)
+
+
+def seen_whole(rig: Rig, places: Array, stature_m: float) -> Integers:
+    """(...,) cameras that see a whole person of such a height who stands at places (..., 2), metres."""
+    whole: Integers = np.zeros(places.shape[:-1], dtype=np.int64)
     marks = _outline(stature_m)
     for camera in rig.cameras:
         whole += np.all([sees(camera, _above(places + mark[:2], mark[2])) for mark in marks], axis=0)
-        points += np.stack([sees(camera, _above(places, height)) for height in heights])
-    return Floor(x, y, heights, whole, points)
+    return whole
+
+
+def _looked_at(rig: Rig) -> Array:
+    """(2,) the place that the cameras look at, but not farther away than where a person is still large enough."""
+    middle = np.mean([camera.centre[:2] for camera in rig.cameras], axis=0)
+    way = rig.middle[:2] - middle
+    farthest = _USUAL_M / _LEAST_PX * float(np.median([camera.matrix[0, 0] for camera in rig.cameras]))
+    place: Array = middle + way * min(1.0, farthest / max(float(np.linalg.norm(way)), 1e-9))
+    return place
 
 
 def _above(places: Array, height: float) -> Array:

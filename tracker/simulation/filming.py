@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.errors import CalibrationError
@@ -19,6 +21,7 @@ from tracker.simulation.common_volume import (
     check_asked,
     check_floor,
     floor_seen,
+    seen_whole,
     start_of,
 )
 from tracker.simulation.movements import movement_of, poses_of
@@ -46,9 +49,7 @@ class Plan:
     @property
     def whole(self) -> int:
         """Cameras that see a whole person in the middle of the way."""
-        x, y = self.place
-        row = abs(self.floor.y - y).argmin()
-        return int(self.floor.whole[row, abs(self.floor.x - x).argmin()])
+        return int(seen_whole(self.rig, np.array(self.place), float(self.floor.heights[-1])))
 
     def prospect(self, edge_px: float) -> Prospect:
         """What is to be expected with edges of a standard deviation, px."""
@@ -68,7 +69,7 @@ def plan(recipe: Recipe, rig: Rig, place: tuple[float, float] | None = None, hea
 
     Raises:
         CalibrationError: there is one camera only, one is below the floor, or no place is seen by two.
-        ConfigError: no such movement, or a place or a heading that cannot be.
+        ConfigError: no such movement, a place or a heading that cannot be, or too short for a frame.
         ModelError: no such model.
     """
     if len(rig) < 2:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
+from math import comb
 
 import numpy as np
 
@@ -78,6 +79,9 @@ def joint_sigmas(body: BodyModel, poses: Array, covariance: Array) -> Array:
 def best_views(body: BodyModel, poses: Array, information: Array) -> dict[int, tuple[int, ...]]:
     """For every number of views those that together measure the joints best; from 2 to all of them.
 
+    Where there are too many subsets of a size to look through, the next larger one is left without its least useful
+    view.
+
     Args:
         body: the person.
         poses: (B, dof).
@@ -91,8 +95,9 @@ def best_views(body: BodyModel, poses: Array, information: Array) -> dict[int, t
         return float(np.sqrt(np.mean(sigmas**2)))
 
     for n in range(n_views - 1, 1, -1):
-        subsets = list(combinations(range(n_views), n))
-        if len(subsets) > _MOST_SUBSETS:
+        if comb(n_views, n) > _MOST_SUBSETS:
             subsets = [tuple(v for v in found[n + 1] if v != left_out) for left_out in found[n + 1]]
+        else:
+            subsets = list(combinations(range(n_views), n))
         found[n] = min(subsets, key=error)
     return dict(sorted(found.items()))

@@ -128,6 +128,8 @@ def draw_persons(
 ) -> tuple[Image, Mask]:
     """Draws the scene's persons over a background plate, with anti-aliased edges and a soft shadow.
 
+    Triangles that reach behind the camera, or to where its lens images nothing, are left out.
+
     Args:
         plate: BGR background.
         camera: its camera.
@@ -145,11 +147,12 @@ def draw_persons(
         # shadows are of the floor
         picture[np.isfinite(away_m)] = plate[np.isfinite(away_m)]
     mask = np.zeros(plate.shape[:2], dtype=np.bool_)
-    inside = np.isfinite(pixels).all(axis=1)
-    if not inside.all():
+    inside: Mask = np.asarray(np.isfinite(pixels).all(axis=1))
+    if not inside.any():
         return picture, mask
-    low = np.maximum(np.floor(pixels.min(axis=0)) - 2, 0).astype(int)
-    high = np.minimum(np.ceil(pixels.max(axis=0)) + 3, camera.size).astype(int)
+    triangles = triangles[inside[triangles].all(axis=1)]
+    low = np.maximum(np.floor(pixels[inside].min(axis=0)) - 2, 0).astype(int)
+    high = np.minimum(np.ceil(pixels[inside].max(axis=0)) + 3, camera.size).astype(int)
     if (high <= low).any():
         return picture, mask
     area = slice(low[1], high[1]), slice(low[0], high[0])

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from tracker.arrays import Array, Array32, Image
+from tracker.errors import ConfigError
 from tracker.frame import Frame
 from tracker.plate import Plate
 from tracker.resources import model_path
@@ -97,8 +98,17 @@ class Recipe:
 
     @property
     def times(self) -> Array:
-        """(T,) seconds."""
-        return np.arange(round(self.seconds * self.fps)) / self.fps
+        """(T,) seconds.
+
+        Raises:
+            ConfigError: it is too short for a frame.
+        """
+        n_frames = round(self.seconds * self.fps)
+        if n_frames < 1:
+            raise ConfigError(
+                f"{self.seconds:g} s at {self.fps:g} frames per second: no frame, expected {1 / self.fps:g} s or more"
+            )
+        return np.arange(n_frames) / self.fps
 
 
 @dataclass(frozen=True)
@@ -161,7 +171,7 @@ def simulate(recipe: Recipe) -> Simulation:
     """Prepares a recording.
 
     Raises:
-        ConfigError: no such movement.
+        ConfigError: no such movement, or too short for a frame.
         ModelError: no such model.
     """
     body = recipe.subject.body()

@@ -18,7 +18,7 @@ from tracker.simulation.common_volume import Floor
 
 # From nobody to everybody: grey, red and orange are not enough, greens are.
 _COLOURS = ("0.94", "#f4c7c3", "#fce8b2", "#b7e1cd", "#57bb8a", "#2e8b57")
-# Length that frusta are drawn, and what of the floor beside the cameras is shown, metres.
+# Length that frusta are drawn, and what of the floor beside the cameras and the way is shown, metres.
 _FRUSTUM_M, _BESIDE_M = 1.2, 1.5
 
 
@@ -34,9 +34,10 @@ def volume_figure(rig: Rig, floor: Floor, body: BodyModel, poses: Array, title: 
     """
     figure = Figure(figsize=(14.0, 6.6), layout="constrained")
     plan, space = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2, projection="3d")
-    _plan(figure, plan, rig, floor)
-    _space(space, rig, floor)
     way = poses[:, body.root.shifts[:2]]
+    box = _around(rig, way)
+    _plan(figure, plan, rig, floor, box)
+    _space(space, rig, floor, box)
     plan.plot(way[:, 0], way[:, 1], color="black", linewidth=2)
     plan.plot(*way[0], "o", color="black", markersize=5)
     _person(space, body, poses)
@@ -44,7 +45,7 @@ def volume_figure(rig: Rig, floor: Floor, body: BodyModel, poses: Array, title: 
     return figure
 
 
-def _plan(figure: Figure, axes: Axes, rig: Rig, floor: Floor) -> None:
+def _plan(figure: Figure, axes: Axes, rig: Rig, floor: Floor, box: tuple[Array, Array]) -> None:
     """Cameras that see a whole person who stands there, from above."""
     n = max(len(rig), 2)
     colours = [_COLOURS[min(k, len(_COLOURS) - 1)] for k in range(n + 1)]
@@ -59,7 +60,7 @@ def _plan(figure: Figure, axes: Axes, rig: Rig, floor: Floor) -> None:
             axes.plot([x, end[0]], [y, end[1]], color="#1f4e9c", linewidth=1)
         axes.plot(x, y, "s", color="#1f4e9c", markersize=6)
         axes.annotate(camera.name, (x, y), textcoords="offset points", xytext=(6, 6), fontsize=8, color="#1f4e9c")
-    low, high = _around(rig)
+    low, high = box
     axes.set_xlim(max(low[0] - _BESIDE_M, floor.x[0]), min(high[0] + _BESIDE_M, floor.x[-1]))
     axes.set_ylim(max(low[1] - _BESIDE_M, floor.y[0]), min(high[1] + _BESIDE_M, floor.y[-1]))
     axes.set_aspect("equal")
@@ -69,13 +70,13 @@ def _plan(figure: Figure, axes: Axes, rig: Rig, floor: Floor) -> None:
     axes.set_title(f"a whole person is seen by {areas}", fontsize=9)
 
 
-def _space(axes: Any, rig: Rig, floor: Floor) -> None:
+def _space(axes: Any, rig: Rig, floor: Floor, box: tuple[Array, Array]) -> None:
     """Frusta, and the edges of what two and three cameras see, at some heights."""
     for camera in rig.cameras:
         for line in _frustum(camera):
             axes.plot(*line.T, color="#1f4e9c", linewidth=0.9)
         axes.text(*camera.centre, camera.name, fontsize=8, color="#1f4e9c")
-    low, high = _around(rig)
+    low, high = box
     columns = np.flatnonzero((floor.x >= low[0]) & (floor.x <= high[0]))
     rows = np.flatnonzero((floor.y >= low[1]) & (floor.y <= high[1]))
     for least, colour in ((2, "#e69f00"), (3, "#2e8b57")):
@@ -101,11 +102,12 @@ def _space(axes: Any, rig: Rig, floor: Floor) -> None:
     axes.set_title(f"seen by cameras, up to the head: {volumes} (orange 2, green 3)", fontsize=9)
 
 
-def _around(rig: Rig) -> tuple[Array, Array]:
-    """Lowest and highest corner of a box around the cameras, and at least two metres wide."""
+def _around(rig: Rig, way: Array) -> tuple[Array, Array]:
+    """Lowest and highest corner of a box around the cameras and a way on the floor (T, 2), a metre beside them."""
     centres = np.stack([camera.centre for camera in rig.cameras])
+    inside = np.concatenate([centres, np.column_stack([way, np.full(len(way), centres[0, 2])])])
     reach = np.array([1.0, 1.0, 0.2])
-    return centres.min(axis=0) - reach, centres.max(axis=0) + reach
+    return inside.min(axis=0) - reach, inside.max(axis=0) + reach
 
 
 def _frustum(camera: Camera) -> list[Array]:

@@ -16,7 +16,7 @@ from tracker.smoothing import Smoothed, Stretch
 
 @component
 class Stretchwise:
-    """Poses at all times of each stretch; velocities and accelerations are those of a quintic spline through them."""
+    """Poses at all times of each stretch; where they have no velocities of their own, those of a quintic spline."""
 
     max_gap_s: float = pydantic.Field(default=0.2, ge=0)
     """Longest gap that is filled, seconds without a pose; frames of longer ones stay lost."""
@@ -33,10 +33,14 @@ class Stretchwise:
         """(T, dof) poses of a stretch, its unknown frames filled."""
 
     def _with_derivatives(self, stretch: Stretch) -> Smoothed:
+        covariances = np.where(stretch.known[:, None, None], stretch.covariances, np.nan)
+        return Smoothed(*self._courses(stretch), covariances)
+
+    def _courses(self, stretch: Stretch) -> tuple[Array, Array, Array]:
+        """(T, dof) each: smooth poses, their velocities and accelerations."""
         poses = self._smoothed(stretch)
         spline = make_interp_spline(stretch.times_s, poses, k=5)
-        covariances = np.where(stretch.known[:, None, None], stretch.covariances, np.nan)
-        return Smoothed(poses, spline(stretch.times_s, nu=1), spline(stretch.times_s, nu=2), covariances)
+        return poses, spline(stretch.times_s, nu=1), spline(stretch.times_s, nu=2)
 
 
 def without_gaps(stretch: Stretch) -> Array:
