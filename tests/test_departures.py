@@ -262,6 +262,17 @@ def test_a_missing_view_says_nothing(scene: Scene, raised: Array) -> None:
     assert EVIDENCE.distances(nothing, raised[None])[0] == 0
 
 
+def test_a_view_that_the_person_has_left_says_nothing_and_warns_of_nothing(scene: Scene, raised: Array) -> None:
+    aside = scene.persons[0].q.copy()
+    aside[:2] += np.array(scene.rig.cameras[0].centre[:2]) * 1.5
+    gone = scene.with_pose(0, aside)
+    assert not SYNTHESIS.silhouettes(gone)[0].any()
+    memory = learned(gone, images_of(gone))
+    question = asked(gone, images_of(gone), memory)
+    assert EVIDENCE.account(question, aside).per_view_px[0] == 0
+    assert learned(gone, images_of(gone), memory) is not None
+
+
 def test_views_may_have_images_of_other_sizes(scene: Scene) -> None:
     cameras = scene.rig.cameras
     smaller = replace(scene, rig=Rig((*cameras[:3], replace(cameras[3].downscaled(2), downscale=1))))

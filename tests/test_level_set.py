@@ -16,6 +16,7 @@ from tracker.comparison import Comparison
 from tracker.estimation.coupled import CoupledEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.evidence import GUESSED
+from tracker.evidence._around import Reach, around
 from tracker.evidence.level_set import LevelSetEvidence
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.evidence.together import TogetherEvidence
@@ -125,6 +126,19 @@ def test_both_ways_weigh_the_prior_alike(shape: float) -> None:
     forces = Forces(np.full(SIZE, -1.0, dtype=np.float32), 0.3, signed_distance(prior), shape)
     for region in (threshold_dynamics(prior, forces, 200), descent(prior, forces, 400)[0]):
         assert 60 - region[SIZE[0] // 2].sum() == pytest.approx(0.4 / (2 * shape), abs=1)
+
+
+@pytest.mark.parametrize("factor", [2, 3, 5])
+def test_a_silhouette_made_smaller_stays_where_it_is(factor: int) -> None:
+    """What images are made smaller by has the middle of each small pixel in the middle of its pixels."""
+    mask = disc(301.3, 230.8, 90.0, (480, 640))
+    frame = Frame(0, 0.0, (np.zeros((480, 640, 3), dtype=np.uint8),))
+    seen = around(Sight(frame), 0, mask, Reach(30.0, factor, texture=False))
+    assert seen is not None
+    again = seen.uncut(seen.cut(mask), mask.shape)
+    middles = [np.mean(np.nonzero(one), axis=1) for one in (again, mask)]
+    np.testing.assert_allclose(middles[0], middles[1], atol=0.3)
+    assert overlap(again, mask) > 0.97
 
 
 def test_signed_distance_is_zero_between_the_pixels() -> None:

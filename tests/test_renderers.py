@@ -18,7 +18,6 @@ from observations import bent, four_views, ideal
 from renderers import working
 from rig_samples import FISHEYE
 from scipy.spatial import cKDTree
-from sections import made
 
 from tracker.arrays import Array, Integers, Mask
 from tracker.body import BodyModel
@@ -231,7 +230,7 @@ def test_what_is_nearer_owns_the_contour() -> None:
 
 def traced_picture(ids: Integers, depths: Array, size: tuple[int, int]) -> ViewContours:
     """Contours in a picture of a camera at the origin, its parts far from all others."""
-    camera = np.array([1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 500, 500, 20, 20, 0, 0, 0, 0, 0, 0])
+    camera = np.array([1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 500, 500, 20, 20, *[0] * 9, np.inf])
     solids = np.tile([1.0, 0, 0, 99, 0, 1, 0, 99, 0, 0, 1, 99, 0, 0, 2, 1, 2], (2, 1))
     positions, points = np.zeros((500, 5), dtype=np.float32), np.zeros((500, 3), dtype=np.float32)
     parts, between = np.zeros(500, dtype=np.int64), np.zeros(500, dtype=np.bool_)
@@ -289,13 +288,26 @@ def test_scores_of_the_card_are_those_of_the_kernel(
     np.testing.assert_allclose(rejected, scored(egl, truth, poses, observation, reject=True))
 
 
+def test_what_something_hides_is_not_measured_on_the_card(
+    egl: EglSynthesis, truth: Scene, observation: Observation, body: BodyModel
+) -> None:
+    occluder = np.zeros((288, 360), dtype=np.bool_)
+    occluder[150:] = True
+    hidden = Observation(tuple(None if view is None else view.hidden_by(occluder) for view in observation.views))
+    poses = scattered(body, 6)
+    found = egl.directed_distances(truth, 0, poses, hidden, THETA, False)
+    assert found.min() >= 0
+    np.testing.assert_allclose(found, scored(egl, truth, poses, hidden), atol=0.1)
+    assert np.abs(found - egl.directed_distances(truth, 0, poses, observation, THETA, False)).max() > 0.5
+
+
 @pytest.mark.parametrize("use", ["egl", "osmesa", "auto"])
 @pytest.mark.parametrize("missing", [(0,), (1, 3), (0, 1, 2, 3)])
 def test_a_missing_view_has_no_distance(
     use: str, missing: tuple[int, ...], egl: EglSynthesis, truth: Scene, observation: Observation
 ) -> None:
     views = tuple(None if v in missing else view for v, view in enumerate(observation.views))
-    synthesis, poses = made("synthesis", use), truth.persons[0].q[None]
+    synthesis, poses = working(use, truth), truth.persons[0].q[None]
     found = synthesis.directed_distances(truth, 0, poses, Observation(views), THETA, False)
     whole = synthesis.directed_distances(truth, 0, poses, observation, THETA, False)
     np.testing.assert_array_equal(np.isnan(found[0, :, 0]), [v in missing for v in range(4)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -142,6 +143,12 @@ def test_what_is_wrong_is_said(tmp_path: Path, skin: dict[str, object], said: st
         ("a.obj", b"v 0 0 x\n", "line 1: could not convert"),
         ("a.obj", b"v 0 0 0\nf 1 2 3\n", "a triangle of vertices that do not exist"),
         ("a.obj", b"v 0 0 0\n", "1 vertices and 0 triangles"),
+        (
+            "a.obj",
+            b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\nv 1 1 0\n",
+            "line 4: vertices [0, 1, 2], expected 1 and on",
+        ),
+        ("a.obj", b"v 0 0 0\nf 99999999999999999999 1 1\n", "line 2: vertices [99999999999999999999, 1, 1], expected"),
         ("a.obj", b"\xff\xfe", "not a text file"),
     ],
 )
@@ -149,6 +156,32 @@ def test_damaged_surfaces_are_one_sentence(tmp_path: Path, name: str, content: b
     (tmp_path / name).write_bytes(content)
     with pytest.raises(ModelError) as found:
         read_surface(tmp_path / name)
+    assert said in str(found.value)
+    assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"label": np.array(["a", "b", "a"])}, '"label" are of type <U1, expected numbers'),
+        ({"weights": np.array([["1", "x"]] * 3)}, '"weights" are of type <U1, expected numbers'),
+        ({"weights": np.zeros(3, dtype=[("a", "f4"), ("b", "f4")])}, "expected numbers"),
+        ({"label": np.array([0.5, 1.2, 0.9])}, '"label" has values that are no whole numbers'),
+        ({"label": np.array([0, np.nan, 1])}, '"label" has values that are no whole numbers'),
+        ({"label": np.array([0, 2, 1])}, "labels 0 to 2, expected 0 to 1"),
+        (None, "not an archive of numpy"),
+    ],
+)
+def test_labels_and_weights_that_are_no_numbers_are_one_sentence(
+    tmp_path: Path, content: dict[str, Any] | None, said: str
+) -> None:
+    with (tmp_path / "post.npz").open("wb") as file:
+        if content is None:
+            np.save(file, np.zeros(3))
+        else:
+            np.savez(file, segments=np.array(["a", "b"]), **content)
+    with pytest.raises(ModelError) as found:
+        read_rigging(tmp_path / "post.npz", 3)
     assert said in str(found.value)
     assert "\n" not in str(found.value)
 

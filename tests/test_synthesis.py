@@ -6,7 +6,10 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+import pydantic
 import pytest
+from observations import ideal
+from painted import RULE, encoded, looks_of, scattered_tables
 from rig_samples import FISHEYE
 from scipy.spatial.transform import Rotation
 
@@ -16,13 +19,18 @@ from tracker.body_files import load_body
 from tracker.camera import Camera
 from tracker.contours import ViewContours
 from tracker.geometry.superquadrics import inside_outside
+from tracker.kernels.contours.pieces import MOST_COLUMNS, MOST_ROWS
 from tracker.kernels.projection import project_point
+from tracker.kernels.regions.lines import Lines
 from tracker.resources import model_path
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.segments import Parameter, Part
 from tracker.shape import TaperedSuperquadric
-from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis import cpu
+from tracker.synthesis._pictures import distances_of, misfits_of, rasterized_ids
+from tracker.synthesis._pinhole import pinhole_of
+from tracker.synthesis.cpu import FINEST, CpuSynthesis
 
 SHAPES = {
     "sphere": (0.2, 0.2, 0.2, 1.0, 1.0, 0.0, 0.0),
@@ -52,6 +60,11 @@ RIGS = {
     "fisheye": Rig((camera_at((2.1, 0.3, 1.8), FISHEYE, 330.0), camera_at((-1.6, 1.4, 0.6), FISHEYE, 330.0))),
     "wide": Rig((camera_at((2.0, 0.3, 1.8), focal=300.0), camera_at((-1.5, 1.0, 1.5), focal=300.0))),
 }
+
+ASIDE = Camera.looking_at("aside", (1280, 720), 500.0, (2.6, 0.3, 1.4), np.array([0.0, 3.2, 1.0]))
+TALL = Camera.looking_at("tall", (1280, 720), 500.0, (2.6, -0.3, 1.4), MIDDLE)
+CORNER = Rig((ASIDE, replace(TALL, size=(1280, 1440), matrix=TALL.matrix * [[1], [2], [1]])))
+"""A view whose axis is 50 degrees off the persons, and one with pixels half as high as wide."""
 
 
 def solid(name: str, rng: np.random.Generator, spread: float = 0.8) -> Part:
@@ -204,6 +217,8 @@ def test_image_normals_stand_on_the_outline(name: str, rig: str) -> None:
 
 def scenes_for_visibility(kind: str) -> list[Scene]:
     rng = np.random.default_rng(7)
+    if kind == "corner":
+        return [Scene((person,), CORNER) for person in posed("gavrila22", 2, seed=3)]
     if kind == "pile":
         things = [thing(*(solid(name, rng, 0.35) for name in SHAPES)) for _ in range(4)]
     else:
@@ -211,7 +226,7 @@ def scenes_for_visibility(kind: str) -> list[Scene]:
     return [Scene((person,), RIGS["wide" if i == 1 else "narrow"]) for i, person in enumerate(things)]
 
 
-@pytest.mark.parametrize("kind", [*MODELS, "pile"])
+@pytest.mark.parametrize("kind", [*MODELS, "pile", "corner"])
 def test_exactly_what_no_other_part_covers_is_drawn(kind: str) -> None:
     """Each part's contour, traced alone and tested by ray casting against the others, is what the tracer leaves."""
     n_samples = n_visible = 0
@@ -300,6 +315,76 @@ def ray_cast_silhouette(scene: Scene, camera: Camera) -> tuple[Mask, Mask]:
     ) > 0
 
 
+def test_a_long_contour_is_scored_as_a_whole() -> None:
+    """Samples are as dense as the smallest view needs: a ball alone has 240 of them in one ten times as large."""
+    small, large = (Camera.looking_at(str(s), (s, s), 1.3 * s, (2.0, 0.1 * s, 1.0), MIDDLE) for s in (90, 900))
+    large = replace(large, camera_from_world=camera_at((2.0, 0.3, 1.2)).camera_from_world)
+    ball = Part("ball", "ball", 0, TaperedSuperquadric(np.full(3, 0.2), np.ones(2), np.zeros(2)), np.eye(4))
+    ball.model_from_part[:3, 3] = MIDDLE
+    scene, synthesis, poses = Scene((thing(ball),), Rig((small, large))), CpuSynthesis(), np.array([[0.0], [0.05]])
+    drawn, placements = synthesis.contours(scene, 0, poses, coarse=True), scene.world_from_parts(0, poses)
+    assert drawn.counts.max() > 128
+    observation = ideal(scene)
+    found = synthesis.directed_distances(scene, 0, poses, observation, 40.0, False)
+    np.testing.assert_allclose(found, distances_of(drawn, observation, 40.0, False), rtol=1e-6)
+    images = tuple(np.random.default_rng(1).integers(0, 256, (s, s, 3), dtype=np.uint8) for s in (90, 900))
+    looks = looks_of(scattered_tables(2, 1), np.array([0.2]))
+    lines = Lines(encoded(images), looks, np.ones(1, dtype=np.bool_), RULE)
+    misfits = synthesis.region_misfits(scene, 0, poses, lines)
+    np.testing.assert_allclose(misfits, misfits_of(scene, placements, drawn, lines), rtol=1e-6)
+
+
+def test_a_contour_that_ends_at_the_border_is_whole_where_there_is_little_room_at_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Samples traced inside the image and placed outside of it leave room where others were dropped."""
+    synthesis = CpuSynthesis(step_px=2.0)
+    for seed in (66, 101):
+        (person,) = posed("gavrila22", 1, seed)
+        camera = Camera.looking_at("near", (1920, 1080), 2000.0, (2.6, 0.3, 1.4), np.array([0.0, 0.5, 0.8]))
+        scene = Scene((person,), Rig((replace(camera, distortion=np.array([*LENS, 0, 0, 0])),)))
+        counts = []
+        for room in (64, 1024):
+            monkeypatch.setattr(cpu, "_SAMPLES_PER_PART", room)
+            cpu._TRACED.clear()
+            counts.append(int(synthesis.contours(scene).counts[0, 0]))
+        assert counts[0] == counts[1] > 64 * len(scene.shapes)
+
+
+@pytest.mark.parametrize(("lens", "width"), [(FISHEYE, 720), (FISHEYE, 2560), ((0.0,) * 5, 5000)])
+def test_a_pinhole_view_has_all_that_a_lens_shows(lens: tuple[float, ...], width: int) -> None:
+    camera = Camera.looking_at("strip", (width, 40), 0.46 * width, (2.1, 0.3, 1.8), MIDDLE)
+    camera = replace(camera, distortion=np.array(lens))
+    view, across = pinhole_of(camera, 2), np.arange(width)
+    plane = camera.undistort(np.stack([across, np.full(width, 20.0)], axis=-1))
+    assert np.isfinite(plane).all()
+    assert ((view.positions > -0.51) & (view.positions < np.array(view.size) - 0.49)).all()
+    fx, fy, cx, cy = view.intrinsics
+    np.testing.assert_allclose(view.positions[20], plane * (fx, fy) + (cx, cy), atol=1e-6)
+    assert fx > 1.5 * camera.matrix[0, 0] or max(view.size) > 4096
+
+
+def test_the_finest_grid_has_room_for_a_whole_contour() -> None:
+    scene = Scene((thing(solid("cone", np.random.default_rng(1), 0.3)),), RIGS["distorted"])
+    usual, finest = CpuSynthesis(), CpuSynthesis(n_eta=MOST_ROWS, n_omega=MOST_COLUMNS)
+    for v in range(2):
+        one, other = (synthesis.contours(scene).of(v).weights.sum() for synthesis in (usual, finest))
+        assert one == pytest.approx(other, rel=0.02)
+    with pytest.raises(pydantic.ValidationError, match="n_eta"):
+        CpuSynthesis(n_eta=1000)
+
+
+def test_nothing_is_cut_off_a_picture_far_off_the_axis() -> None:
+    shape = TaperedSuperquadric(np.array([0.1, 0.1, 0.3]), np.array([0.3, 1.0]), np.zeros(2))
+    placement = np.eye(4)
+    placement[:3, 3] = 2.8, 0.0, 1.0
+    camera = Camera.looking_at("wide", (1280, 720), 500.0, (0.0, -2.5, 1.0), MIDDLE)
+    scene = Scene((thing(Part("rod", "rod", 0, shape, placement)),), Rig((camera,)))
+    (mask,), (ids,) = CpuSynthesis().silhouettes(scene), rasterized_ids(scene, *FINEST)
+    assert mask.sum() > 5000
+    assert np.count_nonzero(mask != (ids >= 0)) <= 2
+
+
 @pytest.mark.parametrize("name", MODELS)
 def test_silhouettes_are_those_of_ray_casting(name: str) -> None:
     rig = RIGS["distorted"].downscaled(3)
@@ -320,6 +405,17 @@ def test_silhouettes_are_the_pixels_of_all_parts(name: str) -> None:
         for mask, ids in zip(synthesis.silhouettes(scene), synthesis.part_ids(scene), strict=True):
             assert np.count_nonzero(mask != (ids >= 0)) <= 2
             assert mask.sum() > 2000
+
+
+@pytest.mark.parametrize(("gap_m", "is_shown"), [(0.02, False), (0.04, False), (0.06, True)])
+def test_what_is_all_but_at_a_camera_is_in_no_picture(gap_m: float, is_shown: bool) -> None:
+    camera = Camera.looking_at("near", (360, 288), 400.0, (0.0, -1.0, 1.0), MIDDLE)
+    ball = Part("ball", "ball", 0, TaperedSuperquadric(np.full(3, 0.1), np.ones(2), np.zeros(2)), np.eye(4))
+    ball.model_from_part[:3, 3] = 0.0, -0.9 + gap_m, 1.0
+    scene = Scene((thing(ball),), Rig((camera,)))
+    (mask,), (ids,) = CpuSynthesis().silhouettes(scene), CpuSynthesis().part_ids(scene)
+    assert mask.any() == is_shown
+    np.testing.assert_array_equal(mask, ids >= 0)
 
 
 @pytest.mark.parametrize("name", MODELS)

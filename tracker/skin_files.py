@@ -18,6 +18,12 @@ from tracker.source_files import text_of
 _LARGEST_BYTES = 2**28
 """Of a surface: a scan of a million triangles has a tenth of it."""
 
+_MOST_VERTICES = 2**31
+"""More than a file of that size can have."""
+
+_NO_ARCHIVE = TypeError, ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zipfile.LargeZipFile
+"""What numpy makes of files that are none, or of one array alone."""
+
 
 @dataclass(frozen=True)
 class ScannedSurface:
@@ -99,6 +105,8 @@ def _read_obj(path: Path) -> ScannedSurface:
                 group = words[1] if len(words) > 1 else ""
             elif words[:1] == ["f"]:
                 corners = [int(word.partition("/")[0]) for word in words[1:]]
+                if not all(0 < abs(one) < _MOST_VERTICES for one in corners):
+                    raise ModelError(f"{path}: line {n}: vertices {corners}, expected 1 and on, or -1 and back")
                 corners = [one - 1 if one > 0 else len(points) + one for one in corners]
                 # a polygon as a fan of triangles
                 for k in range(1, len(corners) - 1):
@@ -128,16 +136,21 @@ def read_rigging(path: Path, n_points: int) -> Rigging:
             names = list(archive.files)
     except OSError as error:
         raise ModelError(f"{path}: cannot read the weights: {error.strerror or error}") from error
-    except (ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:
+    except _NO_ARCHIVE as error:
         raise ModelError(f"{path}: not an archive of numpy: {str(error)[:100]}") from error
     if "segments" not in found or not {"weights", "label"} & set(found):
         raise ModelError(
             f'{path}: expected "segments", and "weights" or "label"; found {", ".join(names) or "nothing"}'
         )
     segments = tuple(str(name) for name in found["segments"].ravel())
-    if "weights" in found:
+    name = "weights" if "weights" in found else "label"
+    if found[name].dtype.kind not in "biuf":
+        raise ModelError(f'{path}: "{name}" are of type {found[name].dtype}, expected numbers')
+    if name == "weights":
         weights = np.asarray(found["weights"], dtype=np.float64)
     else:
+        if not np.array_equal(found["label"], np.floor(found["label"])):
+            raise ModelError(f'{path}: "label" has values that are no whole numbers, expected those of segments')
         labels = np.asarray(found["label"], dtype=np.int64).ravel()
         if len(labels) and not 0 <= labels.min() <= labels.max() < len(segments):
             raise ModelError(f"{path}: labels {labels.min()} to {labels.max()}, expected 0 to {len(segments) - 1}")

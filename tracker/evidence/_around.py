@@ -11,6 +11,7 @@ import numpy as np
 from tracker.arrays import Array32, Image, Mask, Region
 from tracker.imaging.densities import Codes, Densities, colour_codes, densities, texture_codes
 from tracker.imaging.level_set import signed_distance
+from tracker.kernels.pictures.coverage import cover_shares
 from tracker.sight import Sight
 
 
@@ -77,10 +78,15 @@ def around(sight: Sight, v: int, silhouette: Mask, reach: Reach) -> Around | Non
 
 
 def _cut(mask: Mask, region: Region, factor: int) -> Mask:
-    """(h, w) every `factor`-th pixel of a mask in a region."""
+    """(h, w) small pixels of a region of which a mask covers half or more.
+
+    One pixel in the corner of each, taken for all of it, put outlines half a small pixel down and to the right.
+    """
     x, y, width, height = region
-    inside = mask[y : y + height : factor, x : x + width : factor]
-    return inside[: height // factor, : width // factor]
+    shares = np.empty((height // factor, width // factor), dtype=np.float32)
+    cover_shares(np.ascontiguousarray(mask[y : y + height, x : x + width]), factor, shares)
+    covered: Mask = shares >= 0.5
+    return covered
 
 
 def _aligned(silhouette: Mask, margin: int, factor: int) -> Region:

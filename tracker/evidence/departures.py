@@ -170,7 +170,9 @@ class DeparturesEvidence(Evidence):
             return known
         small, levels = reduced(sight, v, image, factor), self._levels
         silhouette = silhouette[: small.shape[0], : small.shape[1]]
-        gaps = cv2.distanceTransform((~silhouette).astype(np.uint8), cv2.DIST_L2, 3) * factor
+        # from a person who is not in the view all is as far as can be: OpenCV has it at the end of all numbers
+        gaps = np.minimum(cv2.distanceTransform((~silhouette).astype(np.uint8), cv2.DIST_L2, 3), sum(small.shape))
+        gaps *= factor
         codes, n_person, last = (colour_codes(small),), int(np.count_nonzero(silhouette)), frozen(small, np.float32)
         looks = densities(codes, silhouette, (gaps > 0) & (gaps < self.around * max(image.shape[:2])))
         if known is None:

@@ -45,9 +45,9 @@ class TogetherEvidence(Evidence):
     that walk past each other were exchanged (72 instead of 29 mm)."""
 
     exact_px: tuple[pydantic.NonNegativeFloat, ...] = ()
-    """For each kind: what its equations leave over, RMS at 720 px of image width and less in smaller images, under
-    which it counts more in them, px; 0 for never, empty for none. A kind that fits so well knows the body; see
-    `auto`."""
+    """For each kind: what its equations leave over, RMS where the longer side of images has 720 px and less in smaller
+    ones, under which it counts more in them, px; 0 for never, empty for none. A kind that fits so well knows the body;
+    see `auto`."""
 
     def __post_init__(self) -> None:
         """Checks that every kind has its weights, and that something is left to refine on.

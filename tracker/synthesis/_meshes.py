@@ -37,10 +37,11 @@ def boxes_of(scene: Scene, placements: Array, widths: Array, shown: Mask) -> Int
     ends = _axis_ends(scene, placements)
     boxes = np.zeros((*shown.shape[:2], 4), dtype=np.int64)
     for v, camera in enumerate(scene.rig.cameras):
-        pixels = camera.project(ends)
-        depths = np.maximum(camera.in_camera(ends)[..., 2].min(axis=-1) - widths, NEAREST_M)
-        # a tenth on top covers perspective and lens distortion across the width of a part
-        reach = 1.1 * max(camera.matrix[0, 0], camera.matrix[1, 1]) * widths / depths + 2
+        pixels, local = camera.project(ends), camera.in_camera(ends)
+        depths = np.maximum(local[..., 2].min(axis=-1) - widths, NEAREST_M)
+        # as `tracker.kernels.contours.solids` has it: off the axis a width is drawn out, else a tenth on top covers it
+        drawn_out = (np.linalg.norm(local, axis=-1) / np.maximum(local[..., 2], NEAREST_M)).max(axis=-1).clip(min=1.1)
+        reach = drawn_out * max(camera.matrix[0, 0], camera.matrix[1, 1]) * widths / depths + 2
         seen = shown[:, v, :, None]
         lows = np.where(seen, pixels.min(axis=2) - reach[..., None], np.inf).min(axis=1)
         highs = np.where(seen, pixels.max(axis=2) + reach[..., None], -np.inf).max(axis=1)

@@ -14,7 +14,7 @@ from tracker.arrays import Array, Array32, Integers, Mask, frozen
 from tracker.components import component
 from tracker.contours import Contours
 from tracker.geometry.superquadrics import spread, surface
-from tracker.kernels.contours.pieces import MOST_COLUMNS
+from tracker.kernels.contours.pieces import MOST_COLUMNS, MOST_ROWS
 from tracker.kernels.contours.scoring import moving_parts, score_poses, trace_still
 from tracker.kernels.contours.tracing import trace_contours
 from tracker.kernels.pictures.silhouettes import fill_parts
@@ -48,17 +48,17 @@ class CpuSynthesis:
     contact_m: float = pydantic.Field(default=0.02, ge=0)
     """An edge whose outer side is this close to another part is an edge between parts, metres."""
 
-    n_eta: int = pydantic.Field(default=9, ge=5)
+    n_eta: int = pydantic.Field(default=9, ge=5, le=MOST_ROWS)
     """Latitudes of the surface grid."""
 
     n_omega: int = pydantic.Field(default=16, ge=8, le=MOST_COLUMNS)
     """Longitudes of the surface grid."""
 
     search_steps: float = pydantic.Field(default=52.0, gt=0)
-    """A sample in a search stands for the longer side of an image divided by this, px: scores of many poses correlate
-    to 0.9995 with those of samples four times as dense."""
+    """A sample in a search stands for the longer side of the smallest image divided by this, px: scores of many poses
+    correlate to 0.9995 with those of samples four times as dense."""
 
-    search_n_eta: int = pydantic.Field(default=6, ge=5)
+    search_n_eta: int = pydantic.Field(default=6, ge=5, le=MOST_ROWS)
     """Latitudes of the surface grid in a search."""
 
     search_n_omega: int = pydantic.Field(default=12, ge=8, le=MOST_COLUMNS)
@@ -97,9 +97,11 @@ class CpuSynthesis:
 
     def _drawn(self, scene: Scene, placements: Array, coarse: bool) -> Contours:
         """Contours of all superquadrics, found now."""
-        found = self._traced(scene, placements, _SAMPLES_PER_PART * len(scene.shapes), coarse)
-        while int(found.counts.max(initial=0)) == found.parts.shape[2]:
-            found = self._traced(scene, placements, 2 * found.parts.shape[2], coarse)
+        capacity = _SAMPLES_PER_PART * len(scene.shapes)
+        found, most = self._traced(scene, placements, capacity, coarse)
+        while most == capacity:
+            capacity *= 2
+            found, most = self._traced(scene, placements, capacity, coarse)
         return found
 
     def _sampling(self, scene: Scene, coarse: bool) -> tuple[tuple[int, int], tuple[float, float]]:
@@ -109,8 +111,8 @@ class CpuSynthesis:
         step_px = float(scene.rig.sizes.max(axis=1).min()) / self.search_steps
         return (self.search_n_eta, self.search_n_omega), (step_px, self.contact_m)
 
-    def _traced(self, scene: Scene, placements: Array, capacity: int, coarse: bool) -> Contours:
-        """Contours with room for so many samples in a view; further ones are dropped."""
+    def _traced(self, scene: Scene, placements: Array, capacity: int, coarse: bool) -> tuple[Contours, int]:
+        """Contours with room for so many samples in a view, further ones are dropped; and most that were traced."""
         grid, spacing = self._sampling(scene, coarse)
         grids, planes, bounds = _grids(scene.shapes, *grid)
         layout = (len(placements), len(scene.rig), capacity)
@@ -119,7 +121,7 @@ class CpuSynthesis:
         parts = np.empty(layout, dtype=np.int64)
         between = np.empty(layout, dtype=np.bool_)
         counts = np.zeros(layout[:2], dtype=np.int64)
-        trace_contours(
+        most = trace_contours(
             placements,
             scene.shapes,
             grids,
@@ -136,7 +138,7 @@ class CpuSynthesis:
             between,
             counts,
         )
-        return Contours(positions, points, parts, between, counts)
+        return Contours(positions, points, parts, between, counts), most
 
     def directed_distances(
         self, scene: Scene, person: int, poses: Array, observation: Observation, theta: float, reject: bool

@@ -18,6 +18,7 @@ from tracker.kernels.regions.misfits import score_lines
 from tracker.kernels.regions.scoring import score_regions
 from tracker.kernels.regions.shifts import find_shifts
 from tracker.kernels.regions.sides import parts_beside
+from tracker.kernels.rows import camera
 
 
 def region_calls() -> list[Call]:
@@ -28,7 +29,7 @@ def region_calls() -> list[Call]:
     tables, known = Tables(*shares), frozen(B1, 1, 1)
     looks = Looks(tables, frozen(U1, 1, 1, N_COLOURS), known, frozen(F8, 1))
     samples = Samples(own(F4, 1, 1, 5), own(F4, 1, 1, 3), own(I8, 1, 1), own(I8, 1))
-    beside, cameras, wanted = own(I8, 1, 1, 2), frozen(F8, 1, 25), own(B1, 1)
+    beside, cameras, wanted = own(I8, 1, 1, 2), frozen(F8, 1, camera.N_COLUMNS), own(B1, 1)
     poses = own(F4, 0, 1, 1, 5), own(F4, 0, 1, 1, 3), own(I8, 0, 1, 1), own(I8, 0, 1)
     rule = Rule(0.01, 7, 0.07, 2e-4, 20.0, 3.0)
     lines, (model, rig) = Lines(picture, looks, wanted, rule), seen_body()
@@ -65,7 +66,7 @@ def motion_calls() -> list[Call]:
     """As `tracking_calls`, for what is followed from image to image."""
     places = own(F8, 0, 3), own(F8, 0, 3), own(F8, 0, 3), own(F8, 0)
     carried = Carried(own(I8, 0), own(I8, 0), *places, own(F8, 0, 2), own(F8, 0))
-    placed, cameras, found = own(F8, 1, 1, 4, 4), frozen(F8, 1, 25), own(F8, 0, 10)
+    placed, cameras, found = own(F8, 1, 1, 4, 4), frozen(F8, 1, camera.N_COLUMNS), own(F8, 0, 10)
     chains, seen = (own(I8, 1), own(F8, 1, 6), frozen(B1, 1, 2)), own(F8, 1, 3, 4)
     return [
         (gaps_of, (placed, cameras, carried, 0.1, own(F8, 1, 0))),

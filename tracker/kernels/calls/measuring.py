@@ -10,7 +10,7 @@ from tracker.kernels.patches.bending import bending_shifts
 from tracker.kernels.patches.growth import grow, push_all
 from tracker.kernels.patches.keys import cut_keys, key_side, match_keys
 from tracker.kernels.patches.matching import N_FOUND, match_patches
-from tracker.kernels.rows import bundle_camera
+from tracker.kernels.rows import bundle_camera, camera
 
 
 def matching_calls() -> list[Call]:
@@ -36,7 +36,7 @@ def matching_calls() -> list[Call]:
         (cut_keys, (image, own(I8, 0, 2), 2, own(F4, 0, 81), own(B1, 0))),
         (match_keys, (own(F4, 0, 81), own(I8, 0), image, own(F8, 0, N_FOUND), own(I8, 0), rule, noise)),
         (bending_shifts, (own(F8, 0, 1, 2), own(I8, 0, 1), own(F8, 0, 2, 2), own(B1, 0), 2)),
-        (intersect_rays, (frozen(F8, 1, 25), *meeting)),
+        (intersect_rays, (frozen(F8, 1, camera.N_COLUMNS), *meeting)),
     ]
 
 

@@ -24,6 +24,7 @@ from tracker.kernels.pictures.id_contours import id_contours
 from tracker.kernels.pictures.rasterization import rasterize
 from tracker.kernels.pictures.rods import covered_by_rods
 from tracker.kernels.pictures.silhouettes import fill_parts
+from tracker.kernels.rows import camera
 from tracker.kernels.skins.filling import fill_mesh
 from tracker.kernels.skins.mesh import Mesh
 from tracker.kernels.skins.tracing import trace_skins
@@ -38,6 +39,7 @@ def tracking_calls() -> list[Call]:
     first_pose = own(F4, 0, 1, 5), own(I8, 0, 1), own(I8, 0)
     pairs = own(I8, 0, 4), own(F4, 1, 1, 5), own(F4, 1, 1, 3), own(I8, 1, 1), own(I8, 1)
     slopes, found = (own(I2, 1, 1), own(I2, 1, 1)), (own(F4, 0, 2), own(F4, 0, 2), own(I8, 0))
+    lens, lenses = frozen(F8, camera.N_COLUMNS), own(F8, 1, camera.N_COLUMNS)
     seen = own(U1, 1 + 2 * MARGIN, 1 + 2 * MARGIN, 3)
     grey, depths = own(U1, 1, 1), own(F4, 1, 1)
     spots, weighted = frozen(F4, 1, 9 * 16, 3), (frozen(I8, 1, 3), frozen(F4, 0, 2))
@@ -74,14 +76,14 @@ def tracking_calls() -> list[Call]:
         (large_regions, (own(I4, 1, 1), 1, 0.02, own(B1, 1, 1))),
         (match_oriented, (own(F4, 1, 1, 5), own(I8, 1), *scene, (30.0, 0.8), own(I8, 0, 4))),
         (normal_equations, (*pairs, scene[0], rig[0], own(F8, 1, 6), frozen(B1, 1, 2), 16.0, 1.0)),
-        (fill_parts, (own(F8, 1, 4, 4), frozen(F4, 1, 17 * 32, 7), (9, 16), frozen(F8, 25), own(B1, 1, 1))),
-        (cover_still, (own(F8, 1, 1, 4, 4), own(B1, 1), spots, (9, 16), own(F8, 1, 25), *weighted)),
-        (covered_sums, (own(F8, 0, 1, 4, 4), own(B1, 1), spots, (9, 16), own(F8, 1, 25), *weighted, still)),
+        (fill_parts, (own(F8, 1, 4, 4), frozen(F4, 1, 17 * 32, 7), (9, 16), lens, own(B1, 1, 1))),
+        (cover_still, (own(F8, 1, 1, 4, 4), own(B1, 1), spots, (9, 16), lenses, *weighted)),
+        (covered_sums, (own(F8, 0, 1, 4, 4), own(B1, 1), spots, (9, 16), lenses, *weighted, still)),
         (cover_shares, (own(B1, 1, 1), 1, depths)),
         (cover_shares, (frozen(B1, 1, 1), 1, depths)),
         (covered_by_rods, (own(F4, 0, 1, 2), own(F4, 0, 1, 2), depths, own(F4, 1, 2), own(F8, 1))),
         (rasterize, (own(F8, 0, 2), own(F8, 0), own(I8, 0, 3), (0, 0), own(F4, 1, 1, 4))),
-        (id_contours, (own(I8, 1, 1), depths, (0, 0, 1, 1), frozen(F8, 25), own(F8, 1, 17), 0.02, *traced)),
+        (id_contours, (own(I8, 1, 1), depths, (0, 0, 1, 1), lens, own(F8, 1, 17), 0.02, *traced)),
     ]
 
 
@@ -90,7 +92,7 @@ def skin_calls() -> list[Call]:
     vertices = frozen(F4, 0, 3), frozen(F4, 0, 3), frozen(I8, 0, 1), frozen(F4, 0, 1)
     mesh = Mesh(*vertices, frozen(I8, 0, 3), frozen(I8, 0), frozen(I8, 0, 4), 0, 1)
     samples = own(F4, 0, 1, 1, 5), own(F4, 0, 1, 1, 3), own(I8, 0, 1, 1), own(B1, 0, 1, 1), own(I8, 0, 1)
-    rig = frozen(F8, 1, 25), frozen(F8, 1, 2)
+    rig = frozen(F8, 1, camera.N_COLUMNS), frozen(F8, 1, 2)
     return [
         (trace_skins, (own(F8, 0, 1, 4, 4), frozen(F8, 1, 4, 4), mesh, *rig, (8.0, 0.02, 240.0), *samples)),
         (fill_mesh, (own(F8, 0, 3), frozen(I8, 0, 3), rig[0][0], own(B1, 1, 1))),

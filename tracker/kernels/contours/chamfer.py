@@ -89,8 +89,8 @@ def matching_workspace(n_scene: int, n_samples: int) -> Matching:
         np.zeros(n_scene, dtype=np.float32),
         np.zeros(n_scene, dtype=np.float32),
         np.zeros(n_scene, dtype=np.float32),
-        np.zeros(most, dtype=np.float32),
-        np.zeros(most, dtype=np.float32),
+        np.empty(most, dtype=np.float32),
+        np.empty(most, dtype=np.float32),
     )
 
 

@@ -23,6 +23,9 @@ from tracker.kernels.rows.workspace import ROW
 MOST_COLUMNS = 62
 """Columns of a grid that fit into one integer."""
 
+MOST_ROWS = 400
+"""Rows of a grid whose contour has room: it crosses each row and each column twice, and two rows more must fit."""
+
 
 @compiled(fastmath={"contract", "nsz", "nnan", "ninf"})
 def _face(planes: Array32, p: int, solids: Array32, facing: Array32, n: int) -> None:

@@ -206,7 +206,8 @@ def score_poses(
     result = np.full((n_poses, n_views, 2), np.nan)
     everything = np.ones(n_parts, dtype=np.bool_)
     solids = np.zeros((n_parts, solid.N_COLUMNS), dtype=np.float32)
-    traced = np.zeros((128 * n_parts, sample.N_COLUMNS), dtype=np.float32)
+    # room for all that there can be: memory that nothing is written to costs nothing
+    traced = np.empty((ROW * n_parts, sample.N_COLUMNS), dtype=np.float32)
     spots = np.zeros(spot.N_ROWS * ROW, dtype=np.float32)
     tracing, matching = tracing_workspace(n_parts, layout), matching_workspace(len(scene), len(traced))
     same = repeated_parts(placements)

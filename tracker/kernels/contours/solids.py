@@ -13,7 +13,7 @@ from tracker.arrays import Array, Array32
 from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_point
 from tracker.kernels.rows import solid, superquadric
-from tracker.kernels.rows.camera import CENTRE_X, CENTRE_Y, CENTRE_Z, FX
+from tracker.kernels.rows.camera import CENTRE_X, CENTRE_Y, CENTRE_Z, FX, FY
 
 # A Python float in a formula would make the compiled code compute it in double precision.
 _HALF: Any = np.float32(0.5)
@@ -98,8 +98,14 @@ def view_solid(shapes: Array, bounds: Array, camera: Array, margin_m: float, p: 
         dv / square,
     )
     solids[p, solid.AXIS_U], solids[p, solid.AXIS_V] = du, dv
-    # A tenth on top covers perspective and lens distortion across the width of a part.
-    wide = 1.1 * camera[FX] * width / max(depth, 0.05)
+    # Off the axis of a camera a width is drawn out by the ratio of distance and depth; else a tenth on top covers
+    # perspective and lens distortion across the width of a part.
+    drawn_out = 1.1
+    if depth > 0.05:
+        cx, cy, cz = x - camera[CENTRE_X], y - camera[CENTRE_Y], z - camera[CENTRE_Z]
+        drawn_out = max(drawn_out, np.sqrt((cx - ax) ** 2 + (cy - ay) ** 2 + (cz - az) ** 2) / d0)
+        drawn_out = max(drawn_out, np.sqrt((cx + ax) ** 2 + (cy + ay) ** 2 + (cz + az) ** 2) / d1)
+    wide = drawn_out * max(camera[FX], camera[FY]) * width / max(depth, 0.05)
     solids[p, solid.WIDTH2] = wide * wide
     solids[p, solid.LEAST_U], solids[p, solid.MOST_U] = min(u0, u1) - wide, max(u0, u1) + wide
     solids[p, solid.LEAST_V], solids[p, solid.MOST_V] = min(v0, v1) - wide, max(v0, v1) + wide

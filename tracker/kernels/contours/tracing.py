@@ -47,12 +47,8 @@ def _sample(
         i, j = pieces[k, 0], pieces[k, 1]
         x0, y0, z0 = crossings[crossing.X + i], crossings[crossing.Y + i], crossings[crossing.Z + i]
         a0, b0, c0 = crossings[crossing.NX + i], crossings[crossing.NY + i], crossings[crossing.NZ + i]
-        u0, v0, nu0, nv0 = (
-            crossings[crossing.U + i],
-            crossings[crossing.V + i],
-            crossings[crossing.NU + i],
-            crossings[crossing.NV + i],
-        )
+        u0, v0 = crossings[crossing.U + i], crossings[crossing.V + i]
+        nu0, nv0 = crossings[crossing.NU + i], crossings[crossing.NV + i]
         dx, dy, dz = crossings[crossing.X + j] - x0, crossings[crossing.Y + j] - y0, crossings[crossing.Z + j] - z0
         da, db, dc = crossings[crossing.NX + j] - a0, crossings[crossing.NY + j] - b0, crossings[crossing.NZ + j] - c0
         du, dv = crossings[crossing.U + j] - u0, crossings[crossing.V + j] - v0
@@ -200,7 +196,7 @@ def trace_contours(
     parts: Integers,
     between: Mask,
     counts: Integers,
-) -> None:
+) -> int:
     """Visible occluding-contour samples of many poses in all views.
 
     Args:
@@ -216,12 +212,15 @@ def trace_contours(
         positions: (B, V, M, 5) output: pixel, image normal, contour length.
         points: (B, V, M, 3) output: world positions.
         parts, between, counts: outputs, laid out as in `Contours`.
+
+    Returns:
+        Most samples traced in a view; with M there may be more. Of these `exact` may place some outside of the image.
     """
     solids = np.zeros((len(shapes), solid.N_COLUMNS), dtype=np.float32)
     work = tracing_workspace(len(shapes), layout)
     traced = np.zeros((parts.shape[2], sample.N_COLUMNS), dtype=np.float32)
     lenses = cameras.astype(np.float32)
-    everything = np.ones(len(shapes), dtype=np.bool_)
+    everything, most = np.ones(len(shapes), dtype=np.bool_), 0
     masks = everything, everything
     for b in range(len(placements)):
         place_solids(placements, b, shapes, bounds, solids)
@@ -229,7 +228,7 @@ def trace_contours(
             view_solids(shapes, bounds, cameras[v], spacing[1], solids)
             size = sizes[v, 0], sizes[v, 1]
             n_traced = trace_view(grids, planes, layout, bounds, solids, lenses[v], size, spacing, masks, work, traced)
-            n = 0
+            most, n = max(most, n_traced), 0
             for i in range(n_traced):
                 x, y = float(traced[i, sample.U]), float(traced[i, sample.V])
                 if exact:
@@ -248,3 +247,4 @@ def trace_contours(
                 between[b, v, n] = traced[i, sample.BETWEEN] > 0.0
                 n += 1
             counts[b, v] = n
+    return most

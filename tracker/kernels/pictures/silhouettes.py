@@ -10,6 +10,9 @@ from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_point
 from tracker.kernels.rows import camera as at
 
+_NEAREST_M = 0.05
+"""Parts that come closer to the camera than this are not drawn, metres."""
+
 
 @compiled
 def widen(u0: float, v0: float, u1: float, v1: float, extents: Array) -> None:
@@ -138,7 +141,8 @@ def fill_parts(placements: Array, grids: Array32, layout: tuple[int, int], camer
         grids: (P, F, 7) surface points first; see `tracker.kernels.contours.pieces.find_pieces`.
         layout: R, C of the grids, with F = (2 R - 1) (2 C) and 2 C at most 62.
         camera: (29,) row of `Rig.packed`.
-        mask: (h, w) in and out; parts that are not wholly before the camera, within its reach, are left out.
+        mask: (h, w) in and out; parts that come nearer to the camera than 5 cm, or that are not wholly within the reach
+            of its lens, are left out, as in all other pictures.
     """
     height, width = mask.shape
     nodes = 2 * layout[0] - 1, 2 * layout[1]
@@ -146,7 +150,7 @@ def fill_parts(placements: Array, grids: Array32, layout: tuple[int, int], camer
     pixels, seen, extents = np.zeros((2, n)), np.zeros((2, n)), np.zeros((2, height))
     turning = np.zeros(nodes[0] + 1, dtype=np.int64)
     for p in range(len(placements)):
-        if _turning(placements[p], grids[p], nodes, camera, seen, turning) <= 0.0:
+        if _turning(placements[p], grids[p], nodes, camera, seen, turning) < _NEAREST_M:
             continue
         extents[0], extents[1] = np.inf, -np.inf
         if not _widen_turning(placements[p], grids[p], nodes, camera, turning, pixels, extents):

@@ -181,7 +181,7 @@ def score_regions(
     everything, moving = np.ones(n_parts, dtype=np.bool_), moving_parts(placements)
     solids = np.zeros((n_parts, solid.N_COLUMNS), dtype=np.float32)
     traced, spots = (
-        np.zeros((128 * n_parts, sample.N_COLUMNS), dtype=np.float32),
+        np.empty((ROW * n_parts, sample.N_COLUMNS), dtype=np.float32),
         np.zeros(spot.N_ROWS * ROW, dtype=np.float32),
     )
     work, kept, own = tracing_workspace(n_parts, layout), _nothing_kept(), np.zeros((1, 1, 5))

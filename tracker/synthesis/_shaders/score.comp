@@ -1,4 +1,4 @@
-// Directed chamfer distances of one pose in one view, a workgroup a tile: tracker/kernels/chamfer.py.
+// Directed chamfer distances of one pose in one view, a workgroup a tile: tracker/kernels/contours/chamfer.py.
 layout(local_size_x = 256) in;
 layout(std430, binding = 5) readonly buffer Views { int views[]; };     // 9 a view: image size, chamfer image, points
 layout(std430, binding = 6) readonly buffer Chamfer { float chamfer[]; };
@@ -74,7 +74,9 @@ void main() {
     vec2 own = vec2(0.0);
     for (int k = me; k < n; k += 256) {
         Sample found = sample_at(ivec2(edges[base + k]));
-        own += found.weight * vec2(min(looked_up(tile.z, found.pixel), theta), 1.0);
+        float gap = looked_up(tile.z, found.pixel);
+        // below 0 something hides the sample: it is not measured
+        if (gap >= 0.0) own += found.weight * vec2(min(gap, theta), 1.0);
         edges[base + k] = found.weight > 0.0 ? found.pixel : vec2(1e9);
     }
     memoryBarrierBuffer();
