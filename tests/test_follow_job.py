@@ -14,8 +14,14 @@ from typer.testing import CliRunner
 
 from tracker.cli import app
 from tracker.errors import ConfigError, MatchingError, SequenceError, TrackerError
+from tracker.following.following import Following
 from tracker.following.record import read
+from tracker.frame import Frame
 from tracker.jobs import execute, load_job
+from tracker.jobs._born import Born
+from tracker.lsm.growth import Growth
+from tracker.lsm.surface import SurfaceMeasurement
+from tracker.rig import Rig
 from tracker.rig_layouts import save_rig
 
 N_FRAMES = 7
@@ -161,6 +167,10 @@ def test_named_points_keep_their_names(folder):
     assert len(rows) == 2 * N_FRAMES
     first = read(outcome.folder / "points.bin", 3)[:2]["pixels"][:, 1]
     np.testing.assert_allclose(first, [[80, 70], [120.5, 71.25]])
+    sigmas = np.array([[float(row[f"sigma_{axis}_m"]) for axis in "xyz"] for row in rows]).reshape(N_FRAMES, 2, 3)
+    # of the matches across views; another match comes to it in each later frame
+    assert (sigmas[0] < sigmas[1]).all()
+    assert (sigmas[0] > 0.3 * sigmas[1]).all()
     trc = (outcome.folder / "trajectories.trc").read_text().splitlines()
     assert "left_hip\t\t\tright_hip" in trc[3]
     assert len(trc) == 6 + N_FRAMES
@@ -227,6 +237,29 @@ def test_joints_beside_the_surface_move_with_it(folder, rig):
         assert np.linalg.norm([float(row[f"{axis}_m"]) for axis in "xyz"] - true) < 4e-4
         assert float(row["spread_m"]) < 5e-4
         assert 25 <= int(row["points_around"]) <= 40
+
+
+def test_clicks_beside_the_surface_are_those_of_the_images_that_are_followed(folder, rig):
+    place = np.array([[0.01, 0.0, -0.03]])
+    half = [camera.project(place)[0] * (1, 0.5) for camera in rig.cameras[:2]]
+    clicks = [f"key_points.knee.{name}=[{x}, {y}]" for name, (x, y) in zip(rig.names, half, strict=False)]
+    job = load_job("follow", folder / "follow.toml", (*clicks, "surface.preparation.odd_lines_only=true"))
+    np.testing.assert_allclose(job._around(rig).keywords["places"], place, atol=1e-6)
+
+
+def test_texture_at_the_border_alone_is_told(rig):
+    dot = np.full((160, 200), 90, np.uint8)
+    dot[2:5, 3:6] = 200
+    born = Born(SurfaceMeasurement(), Following(), Rig(rig.cameras[:1]), (), [])
+    with pytest.raises(MatchingError, match="no patch of 15 px around it is within the image"):
+        born.first(Frame(0, 0.0, (dot,)), (dot,))
+
+
+def test_points_of_voxels_are_born_where_their_pixels_are(rig, frames):
+    measurement = SurfaceMeasurement(growth=Growth(step_px=8), voxel_mm=30)
+    new = Born(measurement, Following(), rig, (), []).first(frames[0], ())
+    assert 50 < len(new.positions) < 120
+    np.testing.assert_allclose(rig.project(new.positions), new.pixels, atol=0.2)
 
 
 def test_a_recording_that_goes_dark_is_told_as_lost(folder, rig, frames):

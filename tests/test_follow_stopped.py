@@ -32,6 +32,16 @@ def test_ctrl_c_saves_the_state_that_the_job_goes_on_from(folder, outcome, monke
         assert (out / name).read_bytes() == (outcome.folder / name).read_bytes()
 
 
+def test_ctrl_c_before_the_first_frame_leaves_nothing(folder, monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tracker.jobs._born.measure_surface", stopped)
+    told = CliRunner().invoke(app, ["follow", str(folder / "follow.toml"), "--output", str(folder / "at_once")])
+    assert told.exit_code == 130, told.output
+    assert not (folder / "at_once").exists()
+
+
 @dataclass
 class Outcome:
     interrupted: bool = True

@@ -20,6 +20,8 @@ from tracker.body import BodyModel
 from tracker.errors import ConfigError, SequenceError, TrackerError
 from tracker.evaluation.marker_comparison import compare
 from tracker.evaluation.marker_set import joints_of, load_marker_set
+from tracker.following.marker_files import Markers as FollowedMarkers
+from tracker.following.marker_files import write_c3d
 from tracker.marker_layouts import read_markers
 from tracker.markers import Markers
 
@@ -70,6 +72,15 @@ def test_c3d_and_trc_of_a_recording_agree(data):
     assert one.rate_hz == pytest.approx(120, rel=1e-3)
     np.testing.assert_allclose(one.points, other.points, atol=1e-6)
     assert 0.02 < one.gaps < 0.04
+
+
+def test_c3d_of_more_markers_than_a_parameter_has_names_is_read(tmp_path):
+    pytest.importorskip("ezc3d")
+    names, places = tuple(f"p{k}" for k in range(520)), np.random.default_rng(0).uniform(0.1, 1, (2, 520, 3))
+    write_c3d(tmp_path / "many.c3d", FollowedMarkers(names, np.array([0.0, 0.02]), places, np.full((2, 520), 1e-3)))
+    read = read_markers(tmp_path / "many.c3d")
+    assert read.names == names
+    np.testing.assert_allclose(read.points, places, atol=1e-6)
 
 
 @pytest.mark.parametrize(

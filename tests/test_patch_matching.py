@@ -9,7 +9,17 @@ from scipy.optimize import least_squares
 from textures import Waves, deformed
 
 from tracker.errors import ConfigError
-from tracker.kernels.patches.matching import DRIFTED, MATCHED, NOT_CONVERGED, OUTSIDE, WEAK
+from tracker.kernels.patches.equations import workspace
+from tracker.kernels.patches.matching import (
+    COVARIANCE,
+    DRIFTED,
+    MATCHED,
+    N_FOUND,
+    NOT_CONVERGED,
+    OUTSIDE,
+    WEAK,
+    match_patch,
+)
 from tracker.kernels.patches.splines import reaches_out, sample_gradient, sample_patch, sample_whole_pixels
 from tracker.lsm._noise import gaussian_taps, noise_powers
 from tracker.lsm.matching import LeastSquaresMatching
@@ -198,6 +208,21 @@ def test_sigmas_are_honest_on_strong_and_on_weak_texture(contrast, wavelength, p
     assert 0.8 < np.sqrt(np.mean(ratio**2)) < 1.3
     if contrast == 40:
         assert matches.sigmas[usable].max() < 0.03
+
+
+def test_a_larger_patch_is_as_precise_after_a_small_one_as_alone():
+    small, larger = LeastSquaresMatching(), LeastSquaresMatching(patch_px=21)
+    images, at = [small.prepared(image).packed for image in pair(2.0)], np.array([90.0, 70.0])
+
+    def covariance(before):
+        work = workspace(10, len(small.noise[2]))
+        for matching in (*before, larger):
+            found = np.zeros(N_FOUND)
+            found[:6] = *(AFFINE @ at + SHIFT), *AFFINE.ravel()
+            assert match_patch(*images, at, found, matching.rule, matching.noise, work) == MATCHED
+        return found[COVARIANCE]
+
+    np.testing.assert_allclose(covariance([small]), covariance([]), rtol=1e-6)
 
 
 def test_smoothing_keeps_the_bias_of_interpolation_below_two_thousandths():

@@ -23,6 +23,14 @@ def test_names_with_commas_and_quotes_are_read_back(tmp_path):
     np.testing.assert_allclose(read.positions, made.positions, atol=1e-6)
 
 
+@pytest.mark.parametrize("name", ["²", "20231109123456789012"])
+def test_names_that_look_like_numbers_are_names(tmp_path, name):
+    (tmp_path / "trajectories.csv").write_text(f"{HEAD}\n0,0,{name},1,2,3,0,0,0\n", encoding="utf-8")
+    read = read_trajectories(tmp_path)
+    np.testing.assert_array_equal(read.ids, [0])
+    np.testing.assert_allclose(read.positions, [[[1, 2, 3]]])
+
+
 @pytest.mark.parametrize(
     ("rows", "message"),
     [

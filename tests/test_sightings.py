@@ -39,7 +39,7 @@ def test_a_key_that_failed_is_not_the_one_that_a_point_was_found_by() -> None:
     present = Prepared(9, (None,), (None,))
     sightings = Sightings(Following(), rig, points, present, present)
     sightings.put(0, POINT, found(60, UNIT))
-    birth = points.birth_keys[0].select(POINT), points.birth_drift[0, POINT], UNIT, points.born[POINT]
+    birth = points.birth_keys[0].select(POINT), points.birth_drift[0, POINT], UNIT, points.born[POINT], np.zeros((1, 2))
     sightings.new_keys.append(NewKeys(0, POINT, *birth))
     sightings.hide(POINT)
     sightings.put(0, POINT, found(61, TURNED))

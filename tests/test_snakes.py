@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tracker.errors import ConfigError
-from tracker.following.leading import led_nodes
+from tracker.following.leading import inside, led_nodes
 from tracker.following.led_snakes import advanced, begun, evenly
 from tracker.following.snake_edges import _best
 from tracker.following.snake_files import FollowedSnake, Seen, snakes_csv
@@ -104,6 +104,12 @@ def test_points_of_another_surface_do_not_lead():
     assert (n_leading >= 6).all()
     # an affinity is held towards a shift a little
     np.testing.assert_allclose(led, places @ shear.T + (5, -2), atol=0.25)
+
+
+def test_a_point_projected_far_outside_is_outside():
+    square = np.array([[10.2, 10.0], [60.7, 10.0], [60.7, 60.7], [10.2, 60.7]])
+    points = np.array([[30.0, 40.0], [8e5, 40.0], [40.0, 9e5], [-8e5, 30.0], [62.0, 30.0], [9.0, 30.0]])
+    np.testing.assert_array_equal(inside(points, square), [True] + [False] * 5)
 
 
 def test_nodes_that_nothing_leads_go_on_as_they_moved():

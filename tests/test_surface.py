@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 from tracker.camera import Camera
 from tracker.cli import app
 from tracker.errors import ConfigError, MatchingError, SequenceError, TrackerError
+from tracker.following.births import given_points
 from tracker.frame import Frame
 from tracker.imaging.local_contrast import wallis_filter
 from tracker.jobs import described, load_job
@@ -25,6 +26,7 @@ from tracker.lsm.growth import Growth
 from tracker.lsm.points import voxel_filtered
 from tracker.lsm.seeds import Seeds
 from tracker.lsm.surface import SurfaceMeasurement, measure_surface, residual_rms_px
+from tracker.lsm.surface_files import write_csv
 from tracker.lsm.views import Preparation, blur_px, field_camera
 from tracker.reading.stills import StillReading
 from tracker.rig import Rig
@@ -103,6 +105,23 @@ def test_points_that_not_all_views_show_are_measured_where_that_is_wanted(frame,
     assert np.abs(everywhere.points[:, 2]).max() < 2e-3
 
 
+def test_a_view_of_something_else_is_done_without_where_two_are_enough(frame, rig):
+    other = plane_seen(Waves(0.012, widest=16.0, n=120, seed=9), rig.cameras[2], NOISE, 7)
+    spoilt = with_image(frame, 2, cv2.cvtColor(other, cv2.COLOR_GRAY2BGR))
+    found = measured(spoilt, rig, min_views=2)
+    assert len(found.points) > 500
+    assert set(found.points.n_views.tolist()) == {2}
+    assert [warning for warning in found.warnings if 'views "middle" and "right"' in warning]
+    clicked = given_points(found, SurfaceMeasurement(min_views=2), np.array([[120.0, 90.0]]), ["navel"])
+    np.testing.assert_array_equal(np.isfinite(clicked.pixels[:, 0, 0]), [True, True, False])
+    with pytest.raises(
+        MatchingError, match=r"navel at \[120, 90\]: seen by 2 of 3 views; in view \"right\": nothing matched"
+    ):
+        given_points(found, SurfaceMeasurement(), np.array([[120.0, 90.0]]), ["navel"])
+    with pytest.raises(MatchingError, match='views "middle" and "right"'):
+        measured(spoilt, rig)
+
+
 def test_seeds_may_be_given_by_hand(frame, rig, surface):
     place = np.array([0.01, 0.0, 0.0])
     pixels = {camera.name: tuple(np.round(camera.project(place)) + 2) for camera in rig.cameras}
@@ -154,7 +173,7 @@ def test_enhanced_contrast_adds_points_and_takes_none(frame, rig):
 def test_a_surface_that_hardly_grew_is_warned_of(frame, rig, surface):
     assert surface.warnings == ()
     assert all(coverage is None or coverage.share > 0.8 for coverage in surface.coverages)
-    noise = np.random.default_rng(0).normal(scale=15, size=(3, *SIZE[::-1], 1))
+    noise = np.random.default_rng(0).normal(scale=18, size=(3, *SIZE[::-1], 1))
     noisy = (np.stack(frame.images) + noise).clip(0, 255).astype(np.uint8)
     grainy = Frame(0, 0.0, tuple(noisy))
     poor = measured(grainy, rig, neighbourhood=NeighbourhoodFilter(min_island=1, min_neighbours=1))
@@ -168,12 +187,25 @@ def test_why_seeds_fail_is_said(frame, rig):
         measured(frame, rig, growth=Growth(step_px=6, min_correlation=1.0))
 
 
+def test_the_limit_that_leaves_no_point_is_named(frame, rig):
+    with pytest.raises(MatchingError, match=r"none of \d+ points is as precise as 0.0001 mm \(max_sigma_mm\)"):
+        measured(frame, rig, max_sigma_mm=1e-4)
+
+
 def test_voxels_replace_points_by_their_centre_of_gravity(surface):
     coarse = voxel_filtered(surface.points, 0.02)
     assert 20 < len(coarse) < 0.2 * len(surface.points)
     assert np.abs(coarse.points[:, 2]).max() < np.abs(surface.points.points[:, 2]).max()
     assert (coarse.sigma_m > 0.5 * np.median(surface.points.sigma_m)).all()
     np.testing.assert_allclose(voxel_filtered(surface.points, 1e-6).points, sorted_like(surface.points.points))
+
+
+def test_views_of_any_name_have_their_columns(surface, tmp_path):
+    write_csv(surface.points, ("left, near", "middle", 'the "right"'), tmp_path / "surface.csv")
+    with (tmp_path / "surface.csv").open(newline="") as file:
+        row = next(csv.DictReader(file))
+    assert float(row["left, near_x"]) == pytest.approx(surface.points.pixels[0, 0, 0], abs=1e-3)
+    assert float(row['the "right"_y']) == pytest.approx(surface.points.pixels[2, 0, 1], abs=1e-3)
 
 
 def sorted_like(points):

@@ -8,12 +8,23 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracker.following.cuts import cut_where_false
+from tracker.camera import Camera
+from tracker.following.cuts import cut_where_false, no_cuts
 from tracker.following.filters import TrajectoryFilters
+from tracker.following.following import Following
+from tracker.following.key_points import surroundings
 from tracker.following.motion import motion_of
+from tracker.following.pictures import points_picture
 from tracker.following.record import sighting_type, trajectories_of
+from tracker.following.snakes import Snake
+from tracker.following.summary import Course, summarized
 from tracker.following.windows import windows
+from tracker.frame import Frame
+from tracker.jobs._second_look import SecondLook
+from tracker.jobs._trajectory_files import TrajectoryFiles
+from tracker.lsm.views import Preparation
 from tracker.point_trajectories import PointStatus
+from tracker.rig import Rig
 
 N_FRAMES, N_POINTS, FPS, NOISE_M = 40, 1600, 50.0, 3e-4
 
@@ -159,3 +170,38 @@ def test_the_points_seen_longest_are_chosen_and_the_named_ones(turning):
     positions[10:, 100:] = np.nan
     cuts, _ = cut(positions)
     np.testing.assert_array_equal(cuts.longest(np.array([500, 700]), 52), [*range(50), 500, 700])
+
+
+def test_a_recording_too_short_for_any_trajectory_is_told_and_written(turning, tmp_path):
+    record = sightings(turning.positions[:2, :9]), np.arange(2), np.arange(2) / FPS
+    cuts = cut_where_false(TrajectoryFilters(), *record)
+    asked = []
+
+    def around(ids, positions):
+        asked.append((ids, positions))
+        return surroundings(ids, positions, ("knee",), positions[:1], 1.0)
+
+    TrajectoryFiles(("left", "right"), {}, around, 1, 500, c3d=False).write(tmp_path, record, cuts)
+    assert (tmp_path / "trajectories.csv").read_text().count("\n") == 1
+    assert (tmp_path / "trajectories.trc").read_text().splitlines()[2].split("\t")[2:4] == ["2", "0"]
+    np.testing.assert_array_equal(asked[0][1], turning.positions[0, :9])
+    told = summarized(record[0], record[1], cuts, Course(1.0, interrupted=False, warnings=())).warnings
+    assert told == ("all 9 trajectories are seen in too few frames, and removed: filters.min_frames",)
+
+
+def test_a_frame_without_any_image_has_no_picture(tmp_path):
+    rig = Rig((Camera.looking_at("one", (100, 80), 100, (0, -1, 0), np.zeros(3)),))
+    look = SecondLook(Snake(), {}, rig, Following(), Preparation(), picture_frames=1)
+    rows, grey = np.zeros(0, dtype=sighting_type(1)), np.full((80, 100, 3), 90, np.uint8)
+    frames = (Frame(t, t / FPS, (None if t == 1 else grey,)) for t in range(3))
+    (tmp_path / "points_000009.jpg").touch()
+    look.take(tmp_path, frames, (rows, np.arange(3)), no_cuts(rows))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["points_000000.jpg", "points_000002.jpg"]
+
+
+def test_views_of_any_height_are_shown_whole():
+    rows = np.zeros(1, dtype=sighting_type(2))
+    rows["status"], rows["pixels"] = PointStatus.BORN, ((40, 30), (40, 130))
+    picture = points_picture(tuple(np.full((height, 100, 3), 90, np.uint8) for height in (60, 140)), rows, 0)
+    assert picture.shape == (980, 1400, 3)
+    assert (picture[910, 700 + 280] == 255).all()

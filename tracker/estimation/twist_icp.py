@@ -111,7 +111,10 @@ class TwistIcpEstimation:
 
 
 def _limited_step(q: Array, matrix: Array, vector: Array, limits: Array) -> Array:
-    """The minimum of the quadratic model inside the joint limits, by fixing the parameters that hit one."""
+    """Near the minimum of the quadratic model inside the limits: what hits one stays there, the rest is solved anew.
+
+    Three times at most; a parameter that was fixed too early is free again in the next step.
+    """
     low, high = limits.T
     target = q + _solved(matrix, -vector)
     result: Array = np.minimum(np.maximum(target, low), high)

@@ -67,7 +67,7 @@ def _take_previous_keys(sightings: Sightings, rows: Integers) -> None:
             points.keys[v].put(new.rows, new.keys)
             points.drift[v, new.rows] = sightings.drift[v, new.rows] = new.drift
             points.key_from_birth[v, new.rows] = new.from_birth
-            points.keys_in[v, new.rows] = new.cut_in
+            points.keys_in[v, new.rows], points.key_bending[v, new.rows] = new.cut_in, new.bending
             points.affine[v, new.rows] = sightings.affine[v, new.rows] = np.eye(2)
             points.variances[v, new.rows] = 0.0
 
@@ -82,7 +82,8 @@ def _keys_of_previous(sightings: Sightings, view: int, rows: Integers) -> NewKey
     affine = points.affine[view, rows]
     drift = carried(points.drift[view, rows], affine) + points.variances[view, rows]
     cut_in = np.full(len(rows), sightings.previous.index)
-    return NewKeys(view, rows, keys, drift, affine @ points.key_from_birth[view, rows], cut_in)
+    from_birth = affine @ points.key_from_birth[view, rows]
+    return NewKeys(view, rows, keys, drift, from_birth, cut_in, points.bending[view, rows])
 
 
 def look_for_previous(sightings: Sightings) -> None:
@@ -106,8 +107,7 @@ def look_for_previous(sightings: Sightings) -> None:
         rows = new.rows[good]
         sightings.drift[v, rows] = new.drift[good]
         sightings.status[rows] = PointStatus.REKEYED
-        kept = new.keys.select(good), new.drift[good], new.from_birth[good], new.cut_in[good]
-        sightings.new_keys.append(NewKeys(v, rows, *kept))
+        sightings.new_keys.append(new.select(good))
 
 
 def look_again(sightings: Sightings) -> None:
@@ -182,5 +182,5 @@ def _look_expected(sightings: Sightings, view: int, rows: Integers, expectation:
     sightings.put(view, rows[near], found.select(near))
     if of_birth:
         unit = np.tile(np.eye(2), (int(near.sum()), 1, 1))
-        own = keys.select(rows[near]), drift[near], unit, points.born[rows[near]]
+        own = keys.select(rows[near]), drift[near], unit, points.born[rows[near]], np.zeros((len(unit), 2))
         sightings.new_keys.append(NewKeys(view, rows[near], *own))

@@ -11,12 +11,13 @@ from scipy.spatial import cKDTree
 from tracker.arrays import Array, Array32, Image, Integers, Mask
 from tracker.errors import MatchingError
 from tracker.following.newborn import NewPoints
+from tracker.kernels.adjustment.ray_intersection import intersect_rays
 from tracker.kernels.patches.keys import key_side
 from tracker.kernels.patches.matching import COVARIANCE
 from tracker.lsm.growth import MatchField
 from tracker.lsm.matching import Matches, PatchImage
 from tracker.lsm.surface import Surface, SurfaceMeasurement
-from tracker.triangulation import triangulate
+from tracker.rig import Rig
 
 
 def points_of_surface(surface: Surface) -> NewPoints:
@@ -94,6 +95,9 @@ def given_points(surface: Surface, measurement: SurfaceMeasurement, at: Array, n
     for v, field in enumerate(surface.fields):
         if field is None:
             continue
+        if not field.matched.any():
+            faults = [f'in view "{surface.views[v].camera.name}": nothing matched'] * n
+            continue
         matches = _from_nearest(field, measurement, (template, surface.views[v].grey), at)
         good = measurement.growth.good(matches)
         pixels[v, good] = matches.pixels[good]
@@ -108,8 +112,21 @@ def given_points(surface: Surface, measurement: SurfaceMeasurement, at: Array, n
             f"point {names[k]} at [{at[k, 0]:g}, {at[k, 1]:g}]: seen by {n_seen[k]} of {needed} views; {faults[k]}: "
             "choose a place of more texture, on a surface that all views show"
         )
-    positions, covariances = triangulate(cameras, pixels)
-    return NewPoints(pixels, across, variances, positions, covariances, measurement.growth.step_px)
+    places = _intersected(Rig(tuple(cameras)), surface.template, pixels, variances)
+    return NewPoints(pixels, across, variances, *places, measurement.growth.step_px)
+
+
+def _intersected(rig: Rig, template: int, pixels: Array, variances: Array) -> tuple[Array, Array]:
+    """Positions (M, 3) and covariances (M, 3, 3) of matched points, weighted as those of a surface are.
+
+    Half of a match's variances (V, M, 3) is the template's, half the search image's; see `tracker.lsm.points`.
+    """
+    shares, others = variances / 2, np.isfinite(pixels[..., 0])
+    others[template] = False
+    shares[template] = (shares * others[..., None]).sum(axis=0) / np.maximum(others.sum(axis=0), 1)[:, None]
+    positions, covariances = rig.triangulate(pixels)
+    intersect_rays(rig.packed, pixels, shares, positions, covariances, np.zeros(len(positions)))
+    return positions, covariances
 
 
 def _from_nearest(

@@ -50,7 +50,7 @@ class TrajectoryFilters:
     """Side of the cubes in which points should move alike, mm."""
 
     max_difference_m_s: float = pydantic.Field(default=0.2, gt=0)
-    """Steps whose velocity differs more from the mean of the cube in three frames are false, m/s; added to four times
+    """Steps whose velocity differs more from the median of the cube in three frames are false, m/s; added to four times
     the spread of the cube, which turns and stretches."""
 
     min_frames: int = pydantic.Field(default=3, ge=1)
@@ -75,7 +75,7 @@ class TrajectoryFilters:
         return fast
 
     def _unlike(self, trajectories: PointTrajectories, steps: Array) -> Mask:
-        """(T, N) steps unlike the mean of the cube in the frames before, of and after each."""
+        """(T, N) steps unlike the median of the cube in the frames before, of and after each."""
         unlike = np.zeros(steps.shape[:2], dtype=np.bool_)
         for t in range(len(steps)):
             frames = np.arange(max(1, t - 1), min(len(steps), t + 2))

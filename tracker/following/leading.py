@@ -45,11 +45,12 @@ def led_nodes(
 
 def inside(points: Array, contour: Array) -> Mask:
     """(M,) points (M, 2) within a closed contour (N, 2), px."""
-    low = np.floor(np.minimum(points.min(axis=0), contour.min(axis=0))) - 1
-    width, height = (np.maximum(points.max(axis=0), contour.max(axis=0)) - low + 2).astype(int)
+    low = np.floor(contour.min(axis=0)) - 1
+    width, height = (contour.max(axis=0) - low + 3).astype(int)
     mask = np.zeros((height, width), dtype=np.uint8)
     cv2.fillPoly(mask, [np.round(contour - low).astype(np.int32)], 1)
-    columns, rows = np.round(points - low).astype(int).T
+    # points that the view does not show may be projected anywhere, and the frame of the mask is empty
+    columns, rows = np.round(np.clip(points - low, 0, (width - 1, height - 1))).astype(int).T
     own: Mask = mask[rows, columns] > 0
     return own
 

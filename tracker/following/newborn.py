@@ -83,9 +83,12 @@ def born(new: NewPoints, keys: tuple[Keys, ...], living: Points | None, reach_px
         since=np.zeros(n, dtype=np.int64),
         born=np.full(n, index),
         keys_in=np.full((n_views, n), index),
+        bending=np.zeros((n_views, n, 2)),
+        key_bending=np.zeros((n_views, n, 2)),
         keys=keys,
         birth_keys=tuple(key.select(np.arange(n)) for key in keys),
         next_id=first + n,
+        latest=index,
     )
 
 

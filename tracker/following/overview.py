@@ -51,8 +51,8 @@ class Gathering:
         self.n_with_status.append(np.stack([(status == kind).sum(axis=1) for kind in range(len(PointStatus))], axis=1))
         self.n_with_status[-1][:, int(PointStatus.HIDDEN)] = 0
         self._add_steps(window, motion)
-        if len(self.markers):
-            columns = np.searchsorted(own.ids, self.markers).clip(0, max(len(own.ids) - 1, 0))
+        if not own.flat:
+            columns = np.searchsorted(own.ids, self.markers)
             known = np.isin(self.markers, own.ids)
             places, sigmas = own.positions[inner], np.sqrt((own.sigmas[inner] ** 2).sum(axis=2))
             shape = (len(places), len(self.markers))

@@ -32,8 +32,8 @@ def points_picture(pictures: tuple[Image | None, ...], rows: Rows, frame: int) -
     """
     recent = between(rows, frame - _TAIL_FRAMES + 1, frame + 1)
     drawn = [_drawn(picture, recent, v, frame) for v, picture in enumerate(pictures) if picture is not None]
-    height = min(picture.shape[0] for picture in drawn)
-    return np.concatenate([picture[:height] for picture in drawn], axis=1)
+    height = max(picture.shape[0] for picture in drawn)
+    return np.concatenate([np.pad(p, ((0, height - len(p)), (0, 0), (0, 0))) for p in drawn], axis=1)
 
 
 def _drawn(picture: Image, rows: Rows, view: int, frame: int) -> Image:

@@ -75,9 +75,19 @@ class Points:
     keys_in: Integers
     """(V, N) frame numbers of the images that the key patches were cut from."""
 
+    bending: Array
+    """(V, N, 2) px from the point to the mean of a patch of its birth, see `bending_shifts`; NaN where neighbours
+    cannot tell."""
+
+    key_bending: Array
+    """(V, N, 2) px: the same in the key's image, in which the key lies around the point itself."""
+
     keys: tuple[Keys, ...]
     birth_keys: tuple[Keys, ...]
     next_id: int
+
+    latest: int
+    """Number of the frame; those without enough images are passed over."""
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -136,7 +146,7 @@ class Points:
         chosen = {name: getattr(self, name)[kept] for name in _FIRST_AXIS}
         chosen |= {name: getattr(self, name)[:, kept] for name in _SECOND_AXIS}
         keys = tuple(k.select(kept) for k in self.keys), tuple(k.select(kept) for k in self.birth_keys)
-        return Points(**chosen, keys=keys[0], birth_keys=keys[1], next_id=self.next_id)
+        return Points(**chosen, keys=keys[0], birth_keys=keys[1], next_id=self.next_id, latest=self.latest)
 
     def joined(self, more: Points) -> Points:
         """Both, the newer ones last."""
@@ -144,7 +154,7 @@ class Points:
         chosen |= {name: np.concatenate([getattr(self, name), getattr(more, name)], axis=1) for name in _SECOND_AXIS}
         keys = tuple(a.joined(b) for a, b in zip(self.keys, more.keys, strict=True))
         births = tuple(a.joined(b) for a, b in zip(self.birth_keys, more.birth_keys, strict=True))
-        return Points(**chosen, keys=keys, birth_keys=births, next_id=more.next_id)
+        return Points(**chosen, keys=keys, birth_keys=births, next_id=more.next_id, latest=self.latest)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All of it under flat names, to be saved; see `restored`."""
@@ -152,13 +162,13 @@ class Points:
         for kind, all_keys in (("keys", self.keys), ("birth_keys", self.birth_keys)):
             for v, keys in enumerate(all_keys):
                 saved |= {f"{kind}_{v}_{field.name}": getattr(keys, field.name) for field in fields(Keys)}
-        return saved | {"next_id": np.array(self.next_id)}
+        return saved | {"next_id": np.array(self.next_id), "latest": np.array(self.latest)}
 
 
 _FIRST_AXIS = ("ids", "status", "positions", "neighbours", "since", "born")
 _SECOND_AXIS = (
     *("pixels", "before", "last_pixels", "affine", "variances", "drift", "birth_pixels", "key_from_birth"),
-    *("across", "birth_drift", "neighbour_pixels", "keys_in"),
+    *("across", "birth_drift", "neighbour_pixels", "keys_in", "bending", "key_bending"),
 )
 
 
@@ -170,7 +180,8 @@ def restored(saved: Mapping[str, NDArray[Any]]) -> Points:
         n_views = len(saved["pixels"])
         return tuple(Keys(*(saved[f"{kind}_{v}_{field.name}"] for field in fields(Keys))) for v in range(n_views))
 
-    return Points(**chosen, keys=keys("keys"), birth_keys=keys("birth_keys"), next_id=int(saved["next_id"]))
+    chosen |= {"next_id": int(saved["next_id"]), "latest": int(saved["latest"])}
+    return Points(**chosen, keys=keys("keys"), birth_keys=keys("birth_keys"))
 
 
 def carried(variances: Array, affine: Array) -> Array:

@@ -96,7 +96,8 @@ def _arranged(head: list[str], rows: list[list[str]], path: Path) -> PointTable:
         i, j = np.triu_indices(n_axes, 1)
         spread[:, i, j] = spread[:, j, i] = _numbers(head, rows, ("cov_xy_m2", "cov_xz_m2", "cov_yz_m2"), path)
     labels: Words = np.array([row[_column(head, "point", path)] for row in rows])
-    numbered = bool(np.char.isdigit(labels).all())
+    # 19 digits are more than a number holds, and there are digits that are none: ²
+    numbered = bool((np.char.isdecimal(labels) & (np.char.str_len(labels) < 19)).all())
     names, n = np.unique(labels.astype(np.int64) if numbered else labels, return_inverse=True)
     whole = _whole(numbers[:, 0], path)
     known, first = np.unique(whole, return_index=True)

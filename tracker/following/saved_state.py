@@ -39,15 +39,24 @@ class SavedState:
 
     frames: tuple[int, ...]
     times: tuple[float, ...]
+    seconds: float
+    """That the following has taken until then."""
+
     points: Points
     warnings: tuple[str, ...]
 
 
 def save_state(folder: Path, points: Points, counts: Counts, n_bytes: int) -> None:
-    """Writes the state of the present frame in place of an earlier one."""
+    """Writes the state of the present frame in place of an earlier one.
+
+    Frames without enough images, which the points have passed over since, are left out: the next frame is compared with
+    the one before these, and they have no sightings.
+    """
+    n_frames = counts.frames.index(points.latest) + 1
     told: dict[str, NDArray[Any]] = {
-        "frames": np.array(counts.frames),
-        "times": np.array(counts.times),
+        "frames": np.array(counts.frames[:n_frames]),
+        "times": np.array(counts.times[:n_frames]),
+        "seconds": np.array(counts.seconds),
         "n_bytes": np.array(n_bytes),
         "warnings": np.array(counts.warnings, dtype=np.str_),
     }
@@ -64,9 +73,11 @@ def saved_state(folder: Path) -> SavedState:
     try:
         with np.load(folder / STATE) as saved:
             arrays = {name: saved[name] for name in saved.files}
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        frames = tuple(int(frame) for frame in arrays["job_frames"])
+        times = tuple(float(time_s) for time_s in arrays["job_times"])
+        warnings, seconds = tuple(map(str, arrays["job_warnings"])), float(arrays["job_seconds"])
+        n_bytes, points = int(arrays["job_n_bytes"]), restored(arrays)
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        # a KeyError: of a version that knew less
         raise SequenceError(f"{folder / STATE}: no saved state to go on from; run without --resume") from error
-    frames = tuple(int(frame) for frame in arrays["job_frames"])
-    times = tuple(float(time_s) for time_s in arrays["job_times"])
-    warnings = tuple(map(str, arrays["job_warnings"]))
-    return SavedState(frames[-1], int(arrays["job_n_bytes"]), frames, times, restored(arrays), warnings)
+    return SavedState(frames[-1], n_bytes, frames, times, seconds, points, warnings)

@@ -74,7 +74,7 @@ def follow(
             _check_first(rig, frame)
             new = births(frame)
             points, covariances = following.begin(new, present.images, frame.index), new.covariances
-        elif len(present.seen) < following.needed(points).max(initial=1):
+        elif len(present.seen) < following.needed(points).max(initial=min(len(rig), 2)):
             # The points have moved further by the next frame; they have not vanished.
             yield points.unseen(frame.index, frame.time_s), points
             continue

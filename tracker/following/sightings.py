@@ -53,10 +53,13 @@ class NewKeys:
     cut_in: Integers
     """(M,) frame numbers of the images that they were cut from."""
 
+    bending: Array
+    """(M, 2) px, see `Points.key_bending`."""
+
     def select(self, which: Mask) -> NewKeys:
         """The chosen ones."""
-        rows, keys = self.rows[which], self.keys.select(which)
-        return NewKeys(self.view, rows, keys, self.drift[which], self.from_birth[which], self.cut_in[which])
+        rows, keys, bending = self.rows[which], self.keys.select(which), self.bending[which]
+        return NewKeys(self.view, rows, keys, self.drift[which], self.from_birth[which], self.cut_in[which], bending)
 
 
 class Sightings:
@@ -73,6 +76,7 @@ class Sightings:
         self.drift = points.drift.copy()
         self.positions = points.positions.copy()
         self.covariances = np.full((n, 3, 3), np.nan)
+        self.bending = np.full((n_views, n, 2), np.nan)
         self.status = np.where(points.alive, PointStatus.FOLLOWED, PointStatus.HIDDEN).astype(np.int64)
         self.new_keys: list[NewKeys] = []
 
@@ -134,14 +138,22 @@ class Sightings:
         return residuals
 
     def correct_curvature(self) -> None:
-        """Shifts what was found from the means of the patches to the points; see `bending_shifts`."""
+        """Shifts what was found from the means of the patches to the points; see `bending_shifts`.
+
+        A key that was cut after the birth knows nothing of the curvature before: only what has grown since counts.
+        """
         points, seen = self.points, self.seen
         rows = points.rows_of(points.neighbours[:, :N_NEAREST])
         from_birth = self.affine @ self.key_from_birth
         half = self.following.matching.patch_px // 2
         for v in range(points.n_views):
             offsets = points.neighbour_pixels[v, :, :N_NEAREST] - points.birth_pixels[v][:, None]
-            self.pixels[v] -= bending_shifts(offsets, rows, from_birth[v], seen[v], half)
+            shifts = bending_shifts(offsets, rows, from_birth[v], seen[v], half)
+            self.bending[v] = np.where(shifts.any(axis=1, keepdims=True), shifts, np.nan)
+        of_key = points.key_bending.copy()
+        for new in self.new_keys:
+            of_key[new.view, new.rows] = new.bending
+        self.pixels -= np.nan_to_num(self.bending - np.einsum("vnij,vnj->vni", self.affine, of_key))
         self.intersect(np.flatnonzero(self.alive))
 
     @property
@@ -162,10 +174,12 @@ class Sightings:
             points.drift[new.view, rows] = new.drift[kept]
             points.key_from_birth[new.view, rows] = new.from_birth[kept]
             points.keys_in[new.view, rows] = new.cut_in[kept]
+            points.key_bending[new.view, rows] = new.bending[kept]
         points.before, points.pixels = points.pixels, self.pixels
         points.last_pixels = np.where(seen[..., None], self.pixels, points.last_pixels)
         points.affine = np.where(seen[..., None, None], self.affine, points.affine)
         points.variances = np.where(seen[..., None], self.variances, points.variances)
+        points.bending = np.where(seen[..., None], self.bending, points.bending)
         points.positions = np.where(self.alive[:, None], self.positions, points.positions)
-        points.status = self.status
+        points.status, points.latest = self.status, self.present.index
         points.since = np.where(self.alive, 0, points.since + 1)

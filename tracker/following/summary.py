@@ -82,7 +82,7 @@ def summarized(rows: Rows, frames: Integers, cuts: Cuts, course: Course) -> Summ
         median_sigma_px=usual if flat else None,
         points_a_second=round(len(rows) / max(course.seconds, 1e-9)),
         interrupted=course.interrupted,
-        warnings=(*course.warnings, *_warnings(len(first), len(last))),
+        warnings=(*course.warnings, *_warnings(len(first), len(last), cuts)),
     )
 
 
@@ -90,7 +90,10 @@ def summarized(rows: Rows, frames: Integers, cuts: Cuts, course: Course) -> Summ
 _FEW = 0.5
 
 
-def _warnings(first: int, last: int) -> tuple[str, ...]:
-    if last >= _FEW * first:
-        return ()
-    return (f"of {first} points at first, {last} are seen at last: most have been lost or are hidden",)
+def _warnings(first: int, last: int, cuts: Cuts) -> tuple[str, ...]:
+    told = []
+    if cuts.n_removed and cuts.n_removed == cuts.n_before:
+        told.append(f"all {cuts.n_removed} trajectories are seen in too few frames, and removed: filters.min_frames")
+    if last < _FEW * first:
+        told.append(f"of {first} points at first, {last} are seen at last: most have been lost or are hidden")
+    return tuple(told)

@@ -46,7 +46,7 @@ def csv_lines(trajectories: PointTrajectories, motion: Motion, names: Names, inn
     n_frames, n_points = trajectories.status.shape
     if not trajectories.flat:
         values += [trajectories.covariances[:, :, (0, 0, 1), (1, 2, 2)]]
-        values += [trajectories.pixels.swapaxes(1, 2).reshape(n_frames, n_points, -1)]
+        values += [trajectories.pixels.swapaxes(1, 2).reshape(n_frames, n_points, 2 * trajectories.pixels.shape[1])]
         digits += ["%.4g"] * 3 + ["%.3f"] * (2 * trajectories.pixels.shape[1])
     labels = [quoted(names.get(int(number), str(number))) for number in trajectories.ids]
     words = {int(status): status.name.lower() for status in PointStatus}

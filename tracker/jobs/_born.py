@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from tracker.following.births import (
 from tracker.following.following import Following
 from tracker.following.newborn import NewPoints
 from tracker.frame import Frame
-from tracker.lsm.surface import SurfaceMeasurement, measure_surface
+from tracker.lsm.points import one_a_voxel
+from tracker.lsm.surface import Surface, SurfaceMeasurement, measure_surface
 from tracker.rig import Rig
 
 Places = tuple[tuple[float, float], ...] | dict[str, tuple[float, float]]
@@ -68,9 +69,16 @@ class Born:
         if len(self.rig) == 1:
             assert greys[0] is not None
             return self._in_image(greys[0], at, names)
-        surface = measure_surface(self.surface, frame, self.rig)
+        surface = self._measured(frame)
         self.warnings.extend(surface.warnings)
         return given_points(surface, self.surface, at, names) if len(at) else points_of_surface(surface)
+
+    def _measured(self, frame: Frame) -> Surface:
+        """A surface of which each point is where its pixels are: no centre of gravity of several can be followed."""
+        surface = measure_surface(replace(self.surface, voxel_mm=None), frame, self.rig)
+        if self.surface.voxel_mm is None:
+            return surface
+        return replace(surface, points=one_a_voxel(surface.points, self.surface.voxel_mm / 1000))
 
     def _in_image(self, grey: Image, at: Array, names: list[str]) -> NewPoints:
         patch_px = self.following.for_views(1).matching.patch_px
@@ -78,12 +86,18 @@ class Born:
             check_room(at, names, grey, patch_px)
             return points_of_image(at)
         places = textured_places(grey, self.surface.growth.step_px)
-        return points_of_image(places[with_room(places, grey, patch_px)])
+        room = with_room(places, grey, patch_px)
+        if not room.any():
+            raise MatchingError(
+                f"the first image has texture only so near its border that no patch of {patch_px} px around it is "
+                "within the image: lower following.alone_patch_px, or choose another reading.start"
+            )
+        return points_of_image(places[room])
 
     def later(self, frame: Frame) -> NewPoints:
         """Points of new surface; none where it cannot be measured, which is no reason to end."""
         try:
-            return points_of_surface(measure_surface(self.surface, frame, self.rig))
+            return points_of_surface(self._measured(frame))
         except (MatchingError, SequenceError) as error:
             if not any(warning.startswith(_NO_NEW) for warning in self.warnings):
                 self.warnings.append(f"{_NO_NEW} in frame {frame.index}, perhaps in later ones neither: {error}")

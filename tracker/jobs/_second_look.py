@@ -85,6 +85,8 @@ class SecondLook:
         views = sorted({snake.view for snake in snakes})
         wanted, shown = {frames[0], *frames[:: self.picture_frames], frames[-1]}, set(sheet_frames(frames))
         pictures: list[tuple[int, int, Image]] = []
+        for path in folder.glob("points_*.jpg"):  # of this run as it was interrupted, also of its last frame
+            path.unlink()
         for frame in images:
             if frame.index > frames[-1]:
                 break
@@ -95,7 +97,7 @@ class SecondLook:
             for view in views if frame.index in shown else ():
                 if (grey := greys[view]) is not None:
                     pictures.append((frame.index, view, drawn(snakes, grey, view, frame.index)))
-            if frame.index in wanted:
+            if frame.index in wanted and any(grey is not None for grey in greys):
                 write_picture(folder / f"points_{frame.index:06d}.jpg", points_picture(greys, rows, frame.index))
         if snakes:
             write_whole(folder / "snakes.csv", "".join(snakes_csv(snakes, self.rig.names)))

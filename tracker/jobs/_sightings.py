@@ -29,7 +29,7 @@ def begun(folder: Path, state: SavedState | None) -> Counts:
         record.touch()
         return Counts()
     shortened(record, state.n_bytes)
-    return Counts(list(state.frames), list(state.times), warnings=list(state.warnings))
+    return Counts(list(state.frames), list(state.times), state.seconds, warnings=list(state.warnings))
 
 
 def record_sightings(
@@ -47,9 +47,13 @@ def record_sightings(
         counts: what has been followed before; these frames are added.
         planned: frames of the recording, and those from one saved state to the next.
         progress: told how far it is.
+
+    Raises:
+        KeyboardInterrupt: somebody asked before there was a frame.
     """
     n_frames, saved_frames = planned
     record, begin, n_points = folder.path / RECORD, time.perf_counter(), 0
+    seconds_before = counts.seconds
     with stopping() as stop:
         try:
             for k, (frame, points) in enumerate(steps):
@@ -57,10 +61,11 @@ def record_sightings(
                 counts.frames.append(frame.index)
                 counts.times.append(frame.time_s)
                 n_points += int(frame.alive.sum())
+                counts.seconds = seconds_before + time.perf_counter() - begin
                 if len(counts.frames) % saved_frames == 0:
                     save_state(folder.path, points, counts, record.stat().st_size)
                 folder.keep()
-                seconds = max(time.perf_counter() - begin, 1e-9)
+                seconds = max(counts.seconds - seconds_before, 1e-9)
                 rate = f"{int(frame.alive.sum())} points seen, {n_points / seconds:.0f} points/s"
                 progress("following", len(counts.frames), n_frames, rate if k else "")
                 stop.patient = True
@@ -68,5 +73,7 @@ def record_sightings(
                     save_state(folder.path, points, counts, record.stat().st_size)
                     raise KeyboardInterrupt
         except KeyboardInterrupt:
+            if not counts.frames:
+                raise
             counts.interrupted = True
-    counts.seconds = time.perf_counter() - begin
+    counts.seconds = seconds_before + time.perf_counter() - begin

@@ -17,7 +17,7 @@ from tracker.following.key_points import KEY_POINTS_HEADER, Surroundings, follow
 from tracker.following.marker_files import marker_labels, trc_text, write_c3d
 from tracker.following.motion import REACH_FRAMES, Motion, motion_of
 from tracker.following.overview import Gathering, Overview
-from tracker.following.record import Rows
+from tracker.following.record import Rows, between
 from tracker.following.tables import Names, csv_header, csv_lines, ply_bytes
 from tracker.following.windows import Window, windows
 
@@ -64,14 +64,15 @@ class TrajectoryFiles:
         with contextlib.ExitStack() as files:
             table = _opened(files, folder / "trajectories.csv", csv_header(self.views))
             places = _opened(files, folder / "key_points.csv", KEY_POINTS_HEADER) if self.around else None
-            around: Surroundings | None = None
+            first = between(record[0], int(record[1][0]), int(record[1][0]) + 1)
+            # before the cuts, as when the following began: what these leave may be too few
+            around = self.around(first["id"].astype(np.int64), first["position"]) if self.around else None
             for window in windows(*record, 2 * REACH_FRAMES, cuts.relabelled):
                 own, motion = window.trajectories, motion_of(window.trajectories)
                 gathering.add(window, motion)
                 table.writelines(csv_lines(own, motion, self.names, window.inner))
                 self._write_clouds(folder, window, motion)
-                if places is not None and self.around is not None:
-                    around = around or self.around(own.ids, own.positions[0])
+                if places is not None and around is not None:
                     found = followed_key_points(own, around)
                     places.writelines(key_points_csv(found, own.frames, own.times, window.inner))
         if not flat:

@@ -27,7 +27,7 @@ from tracker.following.points import Points
 from tracker.following.record import read
 from tracker.following.report import report_html
 from tracker.following.saved_state import Counts, SavedState, saved_state
-from tracker.following.sequence import follow
+from tracker.following.sequence import follow, prepared_rig
 from tracker.following.snakes import Contour, Snake, snake_faults
 from tracker.following.summary import Course, Summary, summarized
 from tracker.frame import Frame
@@ -142,7 +142,7 @@ class FollowJob:
             raise ConfigError(f'one view alone is followed in its image: say view = "{sequence.rig.names[0]}"')
         if self.view is None:
             self.surface.template_of(sequence.rig)
-            clicked_places(self.key_points, sequence.rig)
+            clicked_places(self.key_points, prepared_rig(self.surface.preparation, sequence.rig))
         elif self.key_points:
             raise ConfigError("key_points move in space: they need all views, and no `view`")
         if fault := snake_faults(self.snakes, self._rig(sequence).names):
@@ -204,7 +204,8 @@ class FollowJob:
     def _around(self, rig: Rig) -> Around | None:
         if not self.key_points:
             return None
-        names, places = list(self.key_points), clicked_places(self.key_points, rig)
+        places = clicked_places(self.key_points, prepared_rig(self.surface.preparation, rig))
+        names = list(self.key_points)
         return partial(surroundings, names=names, places=places, reach_m=self.key_point_reach_mm / 1000)
 
     def _second_look(self, rig: Rig) -> SecondLook:

@@ -161,17 +161,24 @@ def voxel_filtered(surface: SurfacePoints, voxel_m: float) -> SurfacePoints:
     if len(surface) == 0:
         return surface
     members = voxel_members(surface.points, voxel_m)
-    count = np.bincount(members)
+    centres, covariances = _means(surface.points, members), _means(surface.covariances, members)
+    kept = one_a_voxel(surface, voxel_m)
+    return SurfacePoints(centres, covariances, kept.pixels, kept.residual_px, kept.colours, surface.s0)
 
-    def mean(values: Array) -> Array:
-        columns = values.reshape(len(values), -1).T
-        sums = np.stack([np.bincount(members, weights=column) for column in columns], axis=1)
-        means: Array = (sums / count[:, None]).reshape(-1, *values.shape[1:])
-        return means
 
-    centres = mean(surface.points)
-    distances = np.linalg.norm(surface.points - centres[members], axis=1)
+def one_a_voxel(surface: SurfacePoints, voxel_m: float) -> SurfacePoints:
+    """The measured point nearest to the centre of gravity of each voxel: a place of the surface, seen at its pixels."""
+    if len(surface) == 0:
+        return surface
+    members = voxel_members(surface.points, voxel_m)
+    distances = np.linalg.norm(surface.points - _means(surface.points, members)[members], axis=1)
     order = np.lexsort((distances, members))
-    nearest = order[np.r_[0, np.cumsum(count)[:-1]]]
-    kept = surface.select(nearest)
-    return SurfacePoints(centres, mean(surface.covariances), kept.pixels, kept.residual_px, kept.colours, surface.s0)
+    return surface.select(order[np.r_[0, np.cumsum(np.bincount(members))[:-1]]])
+
+
+def _means(values: Array, members: Integers) -> Array:
+    """Means (M, ...) of values (N, ...) over the members of each of M voxels."""
+    columns = values.reshape(len(values), -1).T
+    sums = np.stack([np.bincount(members, weights=column) for column in columns], axis=1)
+    means: Array = (sums / np.bincount(members)[:, None]).reshape(-1, *values.shape[1:])
+    return means

@@ -39,7 +39,10 @@ class Surface:
     """Matches of each view after filtering, None for the template."""
 
     coverages: tuple[Coverage | None, ...]
-    """How far the measurement of each view reached, None for the template."""
+    """How far the measurement of each view reached, None for the template, and for views of which nothing matched."""
+
+    unmatched: tuple[str, ...] = ()
+    """Why nothing of a view matched, where `min_views` does without it."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -50,7 +53,7 @@ class Surface:
             for name, coverage in zip(names, self.coverages, strict=True)
             if coverage is not None
         ]
-        return tuple(warning for warning in said if warning)
+        return (*self.unmatched, *(warning for warning in said if warning))
 
 
 @component
@@ -125,7 +128,7 @@ def measure_surface(measurement: SurfaceMeasurement, frame: Frame, rig: Rig, pro
 
     Raises:
         SequenceError: a view has no image.
-        MatchingError: the images show no common surface that can be measured; the reason is named.
+        MatchingError: fewer images than must show a point show a common surface that can be measured; why is said.
         ConfigError: the parameters do not fit the rig.
     """
     template = measurement.template_of(rig)
@@ -135,22 +138,33 @@ def measure_surface(measurement: SurfaceMeasurement, frame: Frame, rig: Rig, pro
     progress("preparing the images", 1, 1)
     fields: list[MatchField | None] = [None] * len(views)
     attempts: list[Attempt | None] = [None] * len(views)
+    min_views, unmatched = measurement.min_views or len(views), list[str]()
     for v in range(len(views)):
         if v != template:
             pairs = tuple(zip(images[template], images[v], strict=True))
-            fields[v], attempts[v] = _matched(measurement, (views[template], views[v]), pairs, progress)
+            try:
+                fields[v], attempts[v] = _matched(measurement, (views[template], views[v]), pairs, progress)
+            except MatchingError as error:
+                unmatched.append(str(error))
+                if len(views) - len(unmatched) < min_views:
+                    raise
+                fields[v] = MatchField.empty(pairs[0][0].size, measurement.growth.step_px)
     cameras = tuple(view.camera for view in views)
-    min_views = measurement.min_views or len(views)
     points = intersect(cameras, template, fields, min_views, measurement.max_residual_px)
     reach_px = max(measurement.growth.step_px, measurement.matching.patch_px / 2)
     coverages = tuple(None if a is None else coverage_of(a, points.pixels[template], reach_px) for a in attempts)
-    points = _finished(measurement, _coloured(points, views[template], template))
+    n_points, points = len(points), _finished(measurement, _coloured(points, views[template], template))
+    if n_points and len(points) == 0:
+        raise MatchingError(
+            f"none of {n_points} points is as precise as {measurement.max_sigma_mm:g} mm (max_sigma_mm): raise it, or "
+            "set views farther from one another"
+        )
     if len(points) == 0:
         raise MatchingError(
             f"no point was matched in {min_views} views with rays that meet within {measurement.max_residual_px:g} px: "
             "is this the rig of these images? lower min_views if not all views show the surface"
         )
-    return Surface(points, views, template, tuple(fields), coverages)
+    return Surface(points, views, template, tuple(fields), coverages, tuple(unmatched))
 
 
 _Pairs = tuple[tuple[PatchImage, PatchImage], ...]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker.files import write_whole
+from tracker.files import csv_lines, write_whole
 from tracker.lsm.points import SurfacePoints
 
 _COLUMNS = ("x", "y", "z", "sigma_x", "sigma_y", "sigma_z", "sigma", "residual_px", "red", "green", "blue")
@@ -35,7 +35,7 @@ def write_csv(surface: SurfacePoints, views: Sequence[str], path: Path) -> None:
     pixels = surface.pixels.transpose(1, 0, 2).reshape(len(surface), -1)
     columns = [*_COLUMNS, *(f"{view}_{axis}" for view in views for axis in "xy")]
     left = np.column_stack([surface.points, deviations, surface.sigma_m, surface.residual_px])
-    lines = [",".join(columns)]
+    lines = [csv_lines([columns]).removesuffix("\r\n")]
     for row, colour, seen in zip(left.tolist(), surface.colours[:, ::-1].tolist(), pixels.tolist(), strict=True):
         metres = [f"{value:.7f}" for value in row[:7]]
         places = ["" if value != value else f"{value:.3f}" for value in seen]

@@ -59,7 +59,7 @@ class Preparation:
     odd_lines_only: bool = False
     """Interlaced images: use the 1st, 3rd, 5th ... line alone, which were all taken at one time.
 
-    Pixel positions, of given seeds and in results, are then those of the images of half the height.
+    Pixel positions, of all that is clicked and in results, are then those of the images of half the height.
     """
 
     enhance_contrast: bool = False

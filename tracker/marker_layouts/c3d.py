@@ -50,7 +50,7 @@ def read_c3d(path: Path) -> Markers:
 def _content(reader: Any) -> tuple[str, float, tuple[str, ...], int, Array32]:
     """Unit, rate, names, number of the first frame from 0 on, and all frames (T, M, 5): x, y, z, residual, cameras."""
     unit = reader.get("POINT:UNITS").string_value.strip().lower()
-    names = tuple(label.strip() for label in reader.point_labels)
+    names = tuple(label.strip() for label in _labels(reader))
     wanted = reader.last_frame - reader.first_frame + 1
     if reader.point_used < 1:
         raise SequenceError("no markers in it")
@@ -58,6 +58,15 @@ def _content(reader: Any) -> tuple[str, float, tuple[str, ...], int, Array32]:
     if len(frames) != wanted:
         raise SequenceError(f"{len(frames)} of {wanted} frames are there")
     return unit, float(reader.point_rate), names, int(reader.first_frame) - 1, np.array(frames, dtype=np.float32)
+
+
+def _labels(reader: Any) -> list[str]:
+    """Names of all markers: a parameter holds 255 of them, the rest is in LABELS2, LABELS3 and so on."""
+    labels, further = list(reader.point_labels), 2
+    while len(labels) < reader.point_used and (more := reader.get(f"POINT:LABELS{further}")) is not None:
+        labels += list(more.string_array)
+        further += 1
+    return labels
 
 
 def _library() -> Any:

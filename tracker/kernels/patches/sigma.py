@@ -70,6 +70,8 @@ def _propagated(design: Array32, vectors: Array, size: int, taps: Array32, padde
         influence, passed = padded[axis], padded[2]
         _influence(design, vectors[2 + axis], size, wide, lead, influence)
         if n_taps > 1:
+            # what a patch of another size has left there
+            passed[:lead] = np.float32(0.0)
             _correlate(influence, taps, 1, lead, size * wide, passed)
             passed[lead + size * wide :] = np.float32(0.0)
             _correlate(passed, taps, wide, lead, wide * wide, influence)
