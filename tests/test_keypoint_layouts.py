@@ -9,11 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tracker.camera import Camera
 from tracker.errors import SequenceError
+from tracker.frame import Frame
 from tracker.keypoint_layouts import open_keypoints
 from tracker.keypoint_layouts.views import KeypointViews
 from tracker.keypoints import LAYOUTS, plain_name, swapped_sides
 from tracker.mirror import Mirror
+from tracker.rig import Rig
 
 
 def written(folder: Path, frame: int, people: list[list[float]]) -> None:
@@ -173,3 +176,31 @@ def test_what_is_no_file_of_keypoints_is_one_clear_line(name: str, tmp_path: Pat
     (tmp_path / "video.mp4").touch()
     with pytest.raises(SequenceError, match="expected a folder of OpenPose's JSON files"):
         open_keypoints(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers"), [("json", (1 + 5, 1 + 8)), ("images", (6, 9)), ("rows", (5, 8)), ("sleap", (5, 8))]
+)
+def test_keypoints_are_those_of_the_images_of_a_frame(tmp_path: Path, kind: str, numbers: tuple[int, int]) -> None:
+    """Images numbered from 1 on, the second view three images late: files are named as images, tables count from 0."""
+    for view in ("one", "two"):
+        if kind == "json":
+            (tmp_path / view).mkdir()
+            for n in range(20):
+                people = {"people": [{"pose_keypoints_2d": [n, 1.0, 0.9] * 17}]}
+                (tmp_path / view / f"{n:04d}.json").write_text(json.dumps(people))
+        else:
+            head = (
+                "frame_idx,nose.x,nose.y,nose.score"
+                if kind == "sleap"
+                else "scorer,a,a,a\nbodyparts,nose,nose,nose\ncoords,x,y,likelihood"
+            )
+            label = "labeled/img{:04d}.png" if kind == "images" else "{}"
+            rows = [f"{label.format(n)},{n},1,0.9" for n in range(20)]
+            (tmp_path / f"{view}.csv").write_text("\n".join([head, *rows, ""]))
+    cameras = (Camera.looking_at(name, (64, 48), 50.0, (x, -2, 1), (0, 0, 1)) for name, x in (("one", 0), ("two", 1)))
+    rig = Rig(tuple(cameras))
+    views = KeypointViews.open(str(tmp_path / ("{view}" if kind == "json" else "{view}.csv")), rig.names)
+    found = views.at(Frame(5, 0.2, (None, None), (), (5, 8), 1), rig)
+    assert tuple(round(view[0, 0, 0]) for view in found) == numbers
+    assert [round(view[0, 0, 0]) for view in views.at(Frame(5, 0.2, (None, None)), rig)] == [5, 5]

@@ -18,6 +18,7 @@ from numbered_pictures import (
 )
 
 from tracker.errors import CalibrationError, SequenceError
+from tracker.reading._pictures import read_painted
 from tracker.reading.images import ImageReading
 
 
@@ -37,6 +38,7 @@ def test_masks_come_with_their_frames(numbered: Path, tmp_path: Path) -> None:
     reading = videos(numbered, masks=masks, start=3, stop=6, offsets={"north": 2})
     for frame in reading.open().frames():
         for v, shift in enumerate((0, 2, 0)):
+            assert frame.position(v) == frame.index + shift
             mask = frame.mask(v)
             assert mask is not None
             assert mask.sum() == 100
@@ -62,6 +64,7 @@ def test_masks_of_images_are_numbered_as_they_are(tmp_path: Path, numbered: Path
     mask = frame.mask(1)
     assert mask is not None
     assert mask[10:20, 14:24].all()
+    assert (frame.index, frame.position(1), frame.first_number) == (4, 4, 17)
 
 
 def test_masks_that_are_missing_or_wrong_are_named(numbered: Path, tmp_path: Path) -> None:
@@ -79,3 +82,26 @@ def test_masks_that_are_missing_or_wrong_are_named(numbered: Path, tmp_path: Pat
     cv2.imwrite(str(tmp_path / "masks" / "east" / "000.png"), np.zeros((10, 10), dtype=np.uint8))
     with pytest.raises(CalibrationError, match='10x10 px, the images of view "east" have 64x48'):
         next(dataclasses.replace(reading, stop=2).open().frames())
+
+
+@pytest.mark.parametrize("kind", ["jpg", "transparent", "grey and transparent", "opaque for nobody", "16 bits"])
+def test_a_mask_is_what_is_neither_black_nor_transparent(kind: str, tmp_path: Path) -> None:
+    """A JPEG rings around edges: silhouettes of all that is not 0 were 5 % larger."""
+    shape = np.zeros((120, 160), dtype=np.uint8)
+    cv2.circle(shape, (80, 60), 40, 255, -1)
+    white = np.full_like(shape, 255)
+    pictures = {
+        "jpg": shape,
+        "transparent": np.dstack([white, white, white, shape]),
+        "grey and transparent": np.dstack([white // 2, white // 2, white // 2, shape]),
+        "opaque for nobody": np.dstack([shape, shape, shape, 0 * shape]),
+        "16 bits": (shape > 0).astype(np.uint16),
+    }
+    path = tmp_path / f"0.{'jpg' if kind == 'jpg' else 'png'}"
+    cv2.imwrite(str(path), pictures[kind], [cv2.IMWRITE_JPEG_QUALITY, 80])
+    np.testing.assert_array_equal(read_painted(path), shape > 0)
+
+
+def test_nobody_in_a_jpeg_is_nobody(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "0.jpg"), np.zeros((48, 64), dtype=np.uint8))
+    assert not np.any(read_painted(tmp_path / "0.jpg"))

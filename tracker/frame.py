@@ -23,6 +23,16 @@ class Frame:
     masks: tuple[Mask | None, ...] = ()
     """Silhouettes `(h, w)` of the persons that the user brings; empty for none, None where a view has none."""
 
+    positions: tuple[int, ...] = ()
+    """Of each view's image among all that it has, from 0 on; empty where they are the frame's."""
+
+    first_number: int = 0
+    """That the file name of an image at position 0 has."""
+
+    def position(self, view: int) -> int:
+        """Of a view's image among all that it has, from 0 on."""
+        return self.positions[view] if self.positions else self.index
+
     def mask(self, view: int) -> Mask | None:
         """The silhouette that the user brings for a view."""
         return self.masks[view] if self.masks else None

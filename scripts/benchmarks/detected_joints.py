@@ -22,6 +22,7 @@ from tracker.body import BodyModel
 from tracker.body_files import load_body
 from tracker.evaluation.joint_names import JointNames
 from tracker.evaluation.tables import Frames, read_joints, read_rows
+from tracker.frame import Frame
 from tracker.keypoint_layouts.views import KeypointViews
 from tracker.keypoints import limbs, swapped_sides
 from tracker.resources import model_path
@@ -195,7 +196,7 @@ class DetectedRecording:
         """(J, 3) metres; NaN where fewer than two views agree."""
         if frame not in self._found:
             views, body = self._views, self._body
-            found = views.at(frame, self._rig, least_confidence=_LEAST_CONFIDENCE)
+            found = views.at(Frame(frame, 0.0, ()), self._rig, least_confidence=_LEAST_CONFIDENCE)
             orders = swapped_sides(views.names, body.mirror), limbs(views.names, body)
             persons = skeletons(self._rig, found, *orders, most=1)
             order = [views.names.index(name) for name in JOINTS]

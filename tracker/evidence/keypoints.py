@@ -8,7 +8,7 @@ has an end: S. Geman, D. McClure, Statistical methods for tomographic image reco
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pydantic
@@ -23,6 +23,7 @@ from tracker.equations import Equations
 from tracker.errors import ConfigError, SequenceError
 from tracker.evidence import Evidence, Memory
 from tracker.evidence._shares import over_views
+from tracker.frame import Frame
 from tracker.kernels.body.keypoints import Detected, Matches, match_keypoints
 from tracker.keypoint_layouts.views import KeypointViews
 from tracker.keypoints import Meant, limbs, meant, swapped_sides
@@ -63,7 +64,9 @@ class _Known:
 class ObservedKeypoints:
     """What was detected in a frame."""
 
-    frame: int
+    frame: Frame
+    """Without images; those that are missing have no keypoints."""
+
     seen: tuple[bool, ...]
     """Views that are not missing."""
 
@@ -114,7 +117,7 @@ class KeypointEvidence(Evidence):
 
     path: PathPattern
     """A folder of OpenPose's JSON files, or a CSV table of DeepLabCut or SLEAP, for each view: for instance
-    `keypoints/{view}_json`. Their frames are numbered as those of the recording."""
+    `keypoints/{view}_json`. JSON files are numbered as the images are, tables from 0 at a view's first image."""
 
     names: tuple[str, ...] = ()
     """Names of the keypoints in JSON files; empty for those of COCO-17, BODY_25 or HALPE_26, told by their number."""
@@ -153,7 +156,8 @@ class KeypointEvidence(Evidence):
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> ObservedKeypoints:
         """Which frame is asked about; see `tracker.evidence.Evidence.observe`."""
-        return ObservedKeypoints(sight.frame.index, tuple(image is not None for image in sight.frame.images))
+        seen = tuple(image is not None for image in sight.frame.images)
+        return ObservedKeypoints(replace(sight.frame, images=(None,) * len(seen), masks=()), seen)
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) mean loss of the keypoints, over those of a view and the views that have some, px; see `Matches`."""

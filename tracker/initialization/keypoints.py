@@ -45,7 +45,7 @@ class KeypointInitialization:
 
     path: PathPattern
     """A folder of OpenPose's JSON files, or a CSV table of DeepLabCut or SLEAP, for each view: for instance
-    `keypoints/{view}_json`. Their frames are numbered as those of the recording."""
+    `keypoints/{view}_json`. JSON files are numbered as the images are, tables from 0 at a view's first image."""
 
     names: tuple[str, ...] = ()
     """Names of the keypoints in JSON files; empty for those of COCO-17, BODY_25 or HALPE_26, told by their number."""
@@ -82,7 +82,7 @@ class KeypointInitialization:
         """
         try:
             views = KeypointViews.open(self.path, scene.rig.names, self.names)
-            found = views.at(frame.index, scene.rig, self.downscale, self.least_confidence)
+            found = views.at(frame, scene.rig, self.downscale, self.least_confidence)
         except SequenceError as error:
             raise InitializationError(str(error)) from error
         body = scene.persons[0].body

@@ -20,8 +20,13 @@ class KeypointSource(Protocol):
         """Of the keypoints."""
         ...
 
-    def at(self, frame: int) -> Detections:
-        """What was found in a frame, counted as the files count; nobody where they tell nothing."""
+    @property
+    def named(self) -> bool:
+        """Whether what was found is told by the names of the images, not counted from the first image on."""
+        ...
+
+    def at(self, number: int) -> Detections:
+        """What was found in an image, by the number in its name or its position; nobody where nothing is told."""
         ...
 
 
@@ -36,7 +41,7 @@ def open_keypoints(path: Path, names: tuple[str, ...] = ()) -> KeypointSource:
         SequenceError: the file is missing or of no known kind.
     """
     if path.suffix.lower() == ".csv":
-        return _Table(read_table(path))
+        return _Table(*read_table(path))
     if path.is_dir():
         return OpenPoseFolder.of(path, names)
     kind = "is neither a folder nor a .csv table" if path.exists() else "does not exist"
@@ -48,9 +53,9 @@ def open_keypoints(path: Path, names: tuple[str, ...] = ()) -> KeypointSource:
 class _Table:
     """A table read as a whole."""
 
-    def __init__(self, frames: Mapping[int, Detections]) -> None:
-        self._frames = frames
+    def __init__(self, frames: Mapping[int, Detections], named: bool) -> None:
+        self._frames, self.named = frames, named
         self.names = next(iter(frames.values())).names
 
-    def at(self, frame: int) -> Detections:
-        return self._frames.get(frame) or Detections.none(self.names)
+    def at(self, number: int) -> Detections:
+        return self._frames.get(number) or Detections.none(self.names)

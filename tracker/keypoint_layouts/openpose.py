@@ -23,6 +23,8 @@ class OpenPoseFolder:
 
     files: dict[int, Path]
     names: tuple[str, ...]
+    named: bool = True
+    """See `KeypointSource.named`."""
 
     @staticmethod
     def of(folder: Path, names: tuple[str, ...] = ()) -> OpenPoseFolder:
@@ -43,19 +45,19 @@ class OpenPoseFolder:
             raise SequenceError(f"{folder}: no .json file in it, expected one a frame, as OpenPose and Pose2Sim write")
         return OpenPoseFolder(files, names or _layout(files))
 
-    def at(self, frame: int) -> Detections:
-        """What was found in a frame; nobody where there is no file.
+    def at(self, number: int) -> Detections:
+        """What was found in an image of that number; nobody where there is no file.
 
         Raises:
             SequenceError: the file is not one of OpenPose's.
         """
-        if frame not in self.files:
+        if number not in self.files:
             return Detections.none(self.names)
-        people = _people(self.files[frame])
+        people = _people(self.files[number])
         wanted = len(self.names)
         for person in people:
             if len(person) != wanted:
-                raise SequenceError(f"{self.files[frame]}: {len(person)} keypoints, the names given are {wanted}")
+                raise SequenceError(f"{self.files[number]}: {len(person)} keypoints, the names given are {wanted}")
         return Detections(self.names, np.array(people).reshape(-1, wanted, 3))
 
 

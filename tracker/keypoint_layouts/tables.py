@@ -19,8 +19,8 @@ _MOST_FRAMES = 10**9
 _Rows = list[list[str]]
 
 
-def read_table(path: Path) -> dict[int, Detections]:
-    """Keypoints of one view by frame.
+def read_table(path: Path) -> tuple[dict[int, Detections], bool]:
+    """Keypoints of one view by frame; and whether these are numbers in names of images, not counted from 0 on.
 
     Args:
         path: a table of DeepLabCut (header rows `scorer`, perhaps `individuals`, `bodyparts`, `coords`) or of SLEAP
@@ -31,16 +31,16 @@ def read_table(path: Path) -> dict[int, Detections]:
     """
     rows = cells_of(path, SequenceError)
     if rows and "frame_idx" in rows[0]:
-        found = _sleap(rows, path)
+        found, named = _sleap(rows, path), False
     elif rows and rows[0][0].strip().lower() == "scorer":
-        found = _deeplabcut(rows, path)
+        found, named = _deeplabcut(rows, path), not rows[-1][0].strip().replace(".", "").isdecimal()
     else:
         raise SequenceError(
             f'{path}: neither a table of DeepLabCut (first cell "scorer") nor of SLEAP (a column "frame_idx")'
         )
     if not found:
         raise SequenceError(f"{path}: no frame in it")
-    return found
+    return found, named
 
 
 def _deeplabcut(rows: _Rows, path: Path) -> dict[int, Detections]:

@@ -12,6 +12,7 @@ from tracker.arrays import Array
 from tracker.camera import Camera
 from tracker.errors import SequenceError
 from tracker.files import Stamp, stamp_of
+from tracker.frame import Frame
 from tracker.keypoint_layouts import KeypointSource, open_keypoints
 from tracker.rig import Rig
 
@@ -44,11 +45,12 @@ class KeypointViews:
         paths = tuple(Path(pattern.replace("{view}", view)) for view in views)
         return _opened(paths, views, names, tuple(map(stamp_of, paths)))
 
-    def at(self, frame: int, rig: Rig, downscale: int | None = None, least_confidence: float = 0.0) -> list[Array]:
-        """What was found in one frame.
+    def at(self, frame: Frame, rig: Rig, downscale: int | None = None, least_confidence: float = 0.0) -> list[Array]:
+        """What was found in the images of one frame.
 
         Args:
-            frame: its number, as the files count.
+            frame: tells which images of the views they are; files that are named are numbered as the images are,
+                tables from 0 on.
             rig: the cameras of the images tracked.
             downscale: how much larger the images were that the detector saw; None: as they were recorded.
             least_confidence: keypoints of less are left out.
@@ -60,12 +62,13 @@ class KeypointViews:
             SequenceError: most keypoints of a view lie outside of its image.
         """
         found = []
-        for source, camera in zip(self.sources, rig.cameras, strict=True):
-            persons = source.at(frame).found.copy()
+        for v, (source, camera) in enumerate(zip(self.sources, rig.cameras, strict=True)):
+            number = frame.position(v) + (frame.first_number if source.named else 0)
+            persons = source.at(number).found.copy()
             # pixel centres lie at integer coordinates
             persons[..., :2] = (persons[..., :2] + 0.5) / (downscale or camera.downscale) - 0.5
             persons[persons[..., 2] < least_confidence] = np.nan
-            _check_size(persons[..., :2], camera, frame)
+            _check_size(persons[..., :2], camera, frame.index)
             found.append(persons)
         return found
 

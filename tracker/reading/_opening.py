@@ -105,6 +105,7 @@ def _chosen_views(settings: Settings, footage: Footage, sizes: tuple[tuple[int, 
         smoothing_px=settings.smoothing_px or 0.0,
         on_missing=settings.on_missing,
         open_views=footage.open_views,
+        first_number=footage.first,
     )
 
 
@@ -135,7 +136,7 @@ def _opened_masks(pattern: str, footage: Footage, views: OpenViews) -> MaskFiles
     paths = mask_paths(pattern, views.names)
     by_name = dict(zip(views.names, paths, strict=True))
     files = opened_views(views.names, lambda name: numbered_files(name, by_name[name]), views.on_missing)
-    offsets = tuple(footage.first + offset for offset in views.offsets)
+    offsets = tuple(views.first_number + offset for offset in views.offsets)
     found = MaskFiles(tuple(one or {} for one in files), views.names, views.source_sizes, offsets, views.downscale)
     return checked_masks(found, views.selection, views.on_missing)
 

@@ -31,6 +31,8 @@ class OpenViews:
     smoothing_px: float
     on_missing: OnMissing
     open_views: Callable[[], tuple[ImageStream, ...]]
+    first_number: int
+    """That the file name of a view's image at position 0 has."""
 
     @property
     def sizes(self) -> tuple[tuple[int, int], ...]:
@@ -63,7 +65,8 @@ class OpenViews:
                 images = tuple(future.result() for future in waiting)
                 if k + 1 < len(indices):
                     waiting = request(indices[k + 1])
-                yield Frame(index, index / self.fps, images)
+                positions = tuple(index + offset for offset in self.offsets)
+                yield Frame(index, index / self.fps, images, (), positions, self.first_number)
 
     def image(self, v: int, view: ImageStream, index: int) -> Image | None:
         """An image (h, w, 3) of one view as delivered; None where it may be and is missing.
