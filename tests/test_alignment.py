@@ -240,7 +240,7 @@ def test_a_common_motion_of_what_is_seen_is_no_turn():
 def test_a_delay_is_told_from_five_sigmas_and_what_matters():
     rig = small_simulation("arm_swing", 1).scene.rig
 
-    def made(delays_s, sigma_s, speed_m_per_s=1.0):
+    def made(delays_s, sigma_s, speed_m_per_s=1.0, n_moments=24):
         sigmas = np.array([0.0, *[sigma_s] * 3])
         return ViewAlignment(
             rig,
@@ -249,7 +249,7 @@ def test_a_delay_is_told_from_five_sigmas_and_what_matters():
             sigmas,
             np.zeros((4, 3)),
             np.full((4, 3), 1e-4),
-            24,
+            n_moments,
             np.ones(3),
             speed_m_per_s,
         )
@@ -258,6 +258,9 @@ def test_a_delay_is_told_from_five_sigmas_and_what_matters():
     assert not made([0, 0.02, 0, 0], 0.01).out_of_step, "not beyond doubt"
     assert not made([0, 0.004, 0, 0], 0.0001).out_of_step, "too little to matter"
     assert not made([0, 0.02, 0, 0], 0.001, 0.2).out_of_step, "hardly anything moves meanwhile"
+    assert made([0, -0.014, -0.006, -0.014], 0.001).out_of_step
+    assert not made([0, -0.014, -0.006, -0.014], 0.001, n_moments=10).out_of_step, "what does not fit is alike in few"
+    assert made([0, 0.02, 0, 0], 0.001, n_moments=10).out_of_step
 
 
 @pytest.fixture(scope="module")
