@@ -97,6 +97,13 @@ def test_dark_recordings_are_made_brighter(tmp_path: Path) -> None:
     assert job(replace(dark, gain=1.5)).open().sequence.gain == 1.5  # type: ignore[attr-defined]
     assert job(usual).open().sequence.gain == 1  # type: ignore[attr-defined]
     assert job(darkened(tmp_path / "lit", 220)).open().sequence.gain == 1  # type: ignore[attr-defined]
+    late = darkened(tmp_path / "late", 0)  # a lamp that goes on after two images
+    for name in bright.names:
+        lit = tmp_path / "late" / name / "2.png"
+        (tmp_path / "late" / name / "0.png").rename(lit)
+        for n in range(2):
+            cv2.imwrite(str(lit.with_stem(str(n))), np.zeros_like(images[0]))
+    assert job(late).open().sequence.gain == gain  # type: ignore[attr-defined]
 
 
 def job(reading: VideoReading | ImageReading) -> TrackJob:

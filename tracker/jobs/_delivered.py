@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import islice
+from itertools import dropwhile, islice
 from statistics import median
 from typing import Any
 
@@ -27,6 +27,9 @@ in 55 of 64 frames, for what differs from a plate is 14 grey levels at least."""
 
 _MOST_GAIN = 5.0
 """Of darker images rounding leaves little."""
+
+_BLACK_FRAMES = 100
+"""Looked at where the first image is darker than that, for some that are not."""
 
 _NOISY_GREY = 2.0
 """Noise of images that are smoothed, grey levels. Recordings of `BODYTRACK_DATA` have up to 1.1. Of 3.1 a dance was
@@ -85,18 +88,28 @@ def chosen_settings(reading: Any, sequence: Sequence) -> dict[str, float]:
 
 
 def _first(sequence: Sequence, n_frames: int) -> list[Frame]:
+    """So many frames from the first one on that is not black, as before a lamp is on; of those that all are, the first."""
     try:
-        return list(islice(sequence.frames(), n_frames))
+        frames = list(islice(sequence.frames(), n_frames))
+        if frames and _gain_of(frames[0]) > _MOST_GAIN:
+            lit = dropwhile(lambda frame: _gain_of(frame) > _MOST_GAIN, islice(sequence.frames(), _BLACK_FRAMES))
+            frames = list(islice(lit, n_frames)) or frames
     except TrackerError:
         return []  # tracking tells what is wrong
+    return frames
 
 
 def _gain(sequence: Sequence) -> float:
-    """What makes the first images as bright as usual, the median of the views; 1 where there are none."""
-    images = [image for frame in _first(sequence, 1) for image in frame.images if image is not None]
+    """What makes the first images as bright as usual; 1 where there are none."""
+    return float(np.clip(max(map(_gain_of, _first(sequence, 1)), default=1.0), 1.0, _MOST_GAIN))
+
+
+def _gain_of(frame: Frame) -> float:
+    """What makes images as bright as usual, the median of the views; 1 where there are none."""
+    images = [image for image in frame.images if image is not None]
     levels = [np.percentile(image[::4, ::4].max(axis=2), (50, 99)) for image in images]
     gains = [min(_BRIGHT_GREY / max(half, 1.0), _WHITE_GREY / max(most, 1.0)) for half, most in levels]
-    return float(np.clip(median(gains), 1.0, _MOST_GAIN)) if gains else 1.0
+    return float(median(gains)) if gains else 1.0
 
 
 def _is_noisy(sequence: Sequence) -> bool:
