@@ -241,6 +241,25 @@ def test_silhouettes_of_a_smoothed_result_are_not_told(result, truth, tmp_path):
         assert evaluate(result, tmp_path).silhouette_iou == expected
 
 
+def test_a_run_that_was_not_finished_is_told_and_so_is_what_was_made_before_it_went_on(result, truth, tmp_path, caplog):
+    smoothed = result / "smoothed"
+    smoothed.mkdir()
+    (smoothed / "poses.csv").write_text((result / "poses.csv").read_text())
+    for folder in (result, smoothed):
+        write_joints(folder / "joints.csv", {"a": truth})
+    write_joints(tmp_path / "truth_joints.csv", {"1": truth})
+    (result / "run.json").write_text(json.dumps({"complete": False, "summary": {"frames": 0}}))
+    (smoothed / "run.json").write_text(json.dumps({"complete": True, "smoothing": {}, "summary": {"frames": 10}}))
+    assert evaluate(result, tmp_path).silhouette_iou == {}
+    assert "the run was not finished" in caplog.text
+    caplog.clear()
+    evaluate(smoothed, tmp_path)
+    assert not caplog.text
+    (result / "run.json").write_text(json.dumps({"complete": True, "summary": {"frames": 16}}))
+    evaluate(smoothed, tmp_path)
+    assert "made when the run had 10 frames, it has 16 now: make it anew" in caplog.text
+
+
 def test_flexion_is_the_angle_between_the_segments():
     joints = np.array([[[0, 0, 0], [0, 0, -1], [np.sin(0.7), 0, -1 - np.cos(0.7)]]])
     assert flexion(joints) == pytest.approx(np.degrees(0.7))

@@ -16,7 +16,7 @@ from tracker.recording.csv_table import joint_statuses
 from tracker.scene import Person
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Track:
     """What was found of one person; what is lost is NaN everywhere."""
 
@@ -30,6 +30,10 @@ class Track:
 
     estimates: tuple[Estimate, ...]
     """(T,) all that is known of each frame; the poses of lost ones are predictions and not to be used."""
+
+    def __repr__(self) -> str:
+        """Of whom, and how long."""
+        return f"Track({self.name!r}, model {self.body.name!r}, {len(self.frames)} frames)"
 
     @cached_property
     def lost(self) -> Mask:

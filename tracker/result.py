@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -28,8 +29,11 @@ from tracker.trajectory import Replay, Step
 
 log = logging.getLogger("tracker")
 
+CHANGED = frozenset(("smoothing", "alignment", "alignment_change"))
+"""What run.json tells of poses that were changed after the run, in a result of their own."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Result:
     """A finished run."""
 
@@ -57,6 +61,10 @@ class Result:
     def times_s(self) -> Array:
         """(T,) seconds."""
         return frozen([replay.time_s for replay in self.replays])
+
+    def __repr__(self) -> str:
+        """Of what run, how long, and who is in it."""
+        return f"Result({self.name!r}, {str(self.folder)!r}, {len(self.replays)} frames of {', '.join(self.bodies)})"
 
     @property
     def fps(self) -> float:
@@ -143,7 +151,26 @@ def load_result(folder: Path | str) -> Result:
         log.warning("%s: %s: what follows is left out", journal.path, journal.fault)
     if not journal:
         raise ConfigError(f"{folder}: no frame was tracked in this run")
+    for remark in remarks(path.parent, told):
+        log.warning("%s: %s", folder, remark)
     return Result(told["name"], path.parent, rig, bodies, tuple(journal.values()), told)
+
+
+def remarks(folder: Path, told: Mapping[str, Any]) -> tuple[str, ...]:
+    """What whoever uses a result should know: its run is not finished, or has gone on since this was made of it.
+
+    Args:
+        folder: of the result.
+        told: content of its run.json.
+    """
+    found = []
+    if told.get("complete") is False:
+        found.append("the run was not finished; `bodytrack run ... --resume` goes on with it")
+    with contextlib.suppress(ConfigError, OSError, KeyError, TypeError, AttributeError):
+        own, whole = told["summary"]["frames"], json_of(folder.parent / "run.json", ConfigError)["summary"]["frames"]
+        if CHANGED & told.keys() and own < whole:
+            found.append(f"made when the run had {own} frames, it has {whole} now: make it anew")
+    return tuple(found)
 
 
 def _told(path: Path) -> dict[str, Any]:

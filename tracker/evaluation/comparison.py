@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,14 +16,14 @@ from tracker.errors import SequenceError
 from tracker.evaluation.joint_names import JointNames, names_of
 from tracker.evaluation.person_errors import PersonErrors, errors_of, with_parameters
 from tracker.evaluation.tables import Frames, JointTable, read_joints, read_rows
+from tracker.result import CHANGED, remarks
 from tracker.source_files import frame_in, json_of, one_line
 
 # Persons who share no joint in no frame are matched last.
 _NOWHERE_M = 1e6
-_CHANGED = {"smoothing", "alignment", "alignment_change"}
-"""What run.json tells of poses that were changed after the run: its silhouettes are those of the raw ones."""
-
 _TRUTH_NAMES = ("truth_joints.csv", "gt_joints.csv", "joints.csv")
+
+log = logging.getLogger("tracker")
 
 
 @dataclass(frozen=True)
@@ -133,9 +134,10 @@ def _overlaps(result: Path) -> dict[str, float]:
         return {}
     try:
         run = json_of(path, SequenceError)
-        if _CHANGED & run.keys():
-            return {}
-        told = run["summary"]["silhouette_iou"]
+        for remark in remarks(result, run):
+            log.warning("%s: %s", result, remark)
+        # silhouettes are those of the raw poses
+        told = {} if CHANGED & run.keys() else run["summary"].get("silhouette_iou", {})
         return {str(view): float(value) for view, value in told.items()}
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise SequenceError(f"{path}: damaged, expected what a run writes there: {one_line(error)}") from error
