@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from tracker.arrays import Image, Mask
 from tracker.cli import app
 from tracker.errors import TrackerError
+from tracker.estimate import Status
 from tracker.evidence.level_set import LevelSetEvidence
 from tracker.jobs import execute, load_job
 from tracker.outlines import overlap
@@ -89,6 +90,17 @@ def test_what_is_seen_is_learnt_on_the_way(result: Result) -> None:
     assert all(first)
     assert not all(last)
     assert other[0].statuses == ("doubtful",)
+
+
+def test_who_is_lost_is_not_segmented(result: Result) -> None:
+    gone = [
+        replace(one, estimates=(replace(one.estimates[0], status=Status.LOST, q=result.scene.persons[0].q),))
+        for one in result.replays
+    ]
+    replays = (*gone[:3], *result.replays[3:])
+    found = list(segmented(replace(result, replays=replays), LevelSetEvidence(), Chosen(every=3, back=2)))
+    assert [(one.statuses, len(one.views)) for one in found] == [(("lost",), 0), (("tracked",), 4)]
+    np.testing.assert_array_equal(found[1].views[0].alone[0], silhouettes(result, 3)[0])
 
 
 def colours_of(picture: Image, row: int) -> dict[str, int]:

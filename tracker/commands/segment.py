@@ -36,19 +36,24 @@ def segment(
 
     chosen = Chosen(every, *_range(frames), back)
     by, folder = _evidence(set_ or []), output or result / FOLDER
-    n_written = 0
+    n_seen = n_drawn = 0
     for one in segmented(load_result(result), by, chosen):
+        n_seen += 1
+        if not one.views:
+            console.print(f"frame {one.frame}: everybody is lost, or no view has an image", highlight=False)
+            continue
         folder.mkdir(parents=True, exist_ok=True)
+        n_drawn += 1
         write_picture(folder / f"{one.frame:06d}.png", one, width)
         alone, held = one.overlaps()
         console.print(
             f"frame {one.frame}: overlap with the pose found {alone:.2f} without its shape, {held:.2f} with it",
             highlight=False,
         )
-        n_written += 1
-    if not n_written:
+    if not n_seen:
         raise ConfigError(f"--frames {frames}: the result has no such frame")
-    console.print(f"written: {folder}, {n_written} pictures", highlight=False, soft_wrap=True)
+    told = f"written: {folder}, {n_drawn} pictures" if n_drawn else "no picture: nobody was found in these frames"
+    console.print(told, highlight=False, soft_wrap=True)
 
 
 def _range(frames: str | None) -> tuple[int, int | None]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tracker.arrays import Image, Mask
 from tracker.contours import ViewContours
+from tracker.estimate import Estimate
 from tracker.evidence import Memory
 from tracker.evidence.level_set import LevelSetEvidence
 from tracker.outlines import overlap
@@ -72,6 +73,7 @@ class Segmented:
     time_s: float
     statuses: tuple[str, ...]
     views: tuple[SegmentedView, ...]
+    """Those with an image; none where everybody is lost. Who is lost is in none of them."""
 
     def overlaps(self) -> tuple[float, float]:
         """Intersection over union of model and region, without and with the prior, mean over the views; may be NaN."""
@@ -95,20 +97,40 @@ def segmented(result: Result, by: LevelSetEvidence, chosen: Chosen) -> Iterator[
     """
     replays = {replay.index: replay for replay in result.replays}
     memory: Memory = None
-    before: list[Scene] = []
+    before: list[Replay] = []
     for k, frame in enumerate(frame for frame in images_of(result) if frame.index in replays):
         replay, sight = replays[frame.index], Sight(frame)
-        scene = result.scene.with_poses(tuple(estimate.q for estimate in replay.estimates))
-        before = [*before, scene][-chosen.back - 1 :]
+        before = [*before, replay][-chosen.back - 1 :]
+        who = [n for n, estimate in enumerate(replay.estimates) if not estimate.lost]
+        # of who was lost then, the contour begins at the pose of now
+        begins = replace(replay, estimates=_known_then(before[0], replay))
+        scenes = _posed(result, begins, who), _posed(result, replay, who)
         if chosen.has(k, frame.index):
-            yield _segmented(by, memory, sight, (before[0], scene), replay)
-        memory = by.learned(memory, sight, scene, CpuSynthesis().contours(scene), _trusted(replay, scene))
+            yield _segmented(by, memory, sight, scenes, replay)
+        if len(who) == len(replay.estimates):  # who is lost would be learnt as background
+            scene = scenes[1]
+            memory = by.learned(memory, sight, scene, CpuSynthesis().contours(scene), _trusted(replay, scene))
+
+
+def _known_then(before: Replay, now: Replay) -> tuple[Estimate, ...]:
+    """What was known of each person in a frame before, of who was lost then what is known now."""
+    pairs = zip(before.estimates, now.estimates, strict=True)
+    return tuple(late if early.lost else early for early, late in pairs)
+
+
+def _posed(result: Result, replay: Replay, who: Sequence[int]) -> Scene:
+    """Some of the persons at the poses of a frame."""
+    persons = result.scene.with_poses(tuple(estimate.q for estimate in replay.estimates)).persons
+    return replace(result.scene, persons=tuple(persons[n] for n in who))
 
 
 def _segmented(
     by: LevelSetEvidence, memory: Memory, sight: Sight, scenes: tuple[Scene, Scene], replay: Replay
 ) -> Segmented:
     """A frame whose contours begin at the first scene's outline, and are held by that of the second."""
+    statuses = tuple(str(estimate.verdict) for estimate in replay.estimates)
+    if not scenes[1].persons:
+        return Segmented(replay.index, replay.time_s, statuses, ())
     starts, priors = (CpuSynthesis().silhouettes(scene) for scene in scenes)
     found, steps = CpuSynthesis().contours(scenes[1]), STEPS[by.way]
     freely, views = replace(by, shape=0.0), []
@@ -118,13 +140,11 @@ def _segmented(
             alone = freely.stages(sight, v, (starts[v], starts[v]), known, steps)
             held = by.stages(sight, v, (starts[v], priors[v]), known, steps)
             views.append(SegmentedView(name, image, found.of(v), priors[v], alone, held))
-    statuses = tuple(str(estimate.verdict) for estimate in replay.estimates)
     return Segmented(replay.index, replay.time_s, statuses, tuple(views))
 
 
 def _trusted(replay: Replay, scene: Scene) -> Mask:
     """(P,) parts of the scene whose places can be learnt from."""
     persons = zip(replay.estimates, scene.persons, strict=True)
-    sure = [np.full(len(who.body.parts), not (found.lost or found.doubtful)) for found, who in persons]
-    parts: Mask = np.concatenate(sure)
+    parts: Mask = np.concatenate([np.full(len(who.body.parts), not found.doubtful) for found, who in persons])
     return parts
