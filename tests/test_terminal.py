@@ -59,6 +59,24 @@ def test_a_warning_is_a_line_of_its_own_beside_a_bar_too():
     assert shown.file.getvalue().splitlines() == ["input: nobody moves [in any view]"]
 
 
+def test_what_was_told_with_other_numbers_moves_along_in_the_last_line():
+    """Of a hundred frames no hundred lines, among which a warning would be lost."""
+    shown = Console(width=80, file=io.StringIO())
+    with ProgressBar(shown) as bar:
+        for frame in range(100):
+            bar(f"first pass, frame {frame}")
+            if frame == 50:
+                bar("input: nobody moves")
+                assert [task.description for task in bar._bar.tasks] == ["first pass, frame 50"]
+        bar("tracking", 1, 4, DETAIL)
+        bar("second pass, back to frame 3")
+        assert [task.description for task in bar._bar.tasks] == ["tracking"]
+        bar("tracking", 4, 4)
+    lines = shown.file.getvalue().splitlines()
+    assert lines[:2] == ["first pass, frame 0", "input: nobody moves"]
+    assert "first pass" not in "".join(lines[1:])
+
+
 def test_names_and_paths_are_shown_as_they_are():
     """What stands in brackets is no markup: rich would swallow it, or fail at `[/`."""
     shown = Console(width=120, file=io.StringIO(), force_terminal=True, color_system=None)

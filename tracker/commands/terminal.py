@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from types import TracebackType
 
 from rich.console import Console, RenderableType
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+)
 from rich.table import Column
 from rich.text import Text
 
@@ -56,10 +66,14 @@ class _Bars(Progress):
 _DETAIL = TextColumn("{task.fields[detail]}", markup=False, table_column=Column(no_wrap=True, ratio=1))
 
 
+_NUMBER = re.compile(r"\d+")
+
+
 class ProgressBar:
     """A bar for each thing that is counted; a `tracker.progress.Progress`.
 
-    A message is a line of its own before anything is counted, and stands beside the bar meanwhile; a warning stays one.
+    A message is a line of its own before anything is counted, and stands beside the bar meanwhile; one that was told
+    before, with other numbers, moves along in the last line. A warning is always a line that stays.
     """
 
     def __init__(self, shown_on: Console = console) -> None:
@@ -73,6 +87,8 @@ class ProgressBar:
             console=shown_on,
         )
         self._task: TaskID | None = None
+        self._passing: TaskID | None = None
+        self._told: set[str] = set()
 
     def __enter__(self) -> ProgressBar:
         self._bar.start()
@@ -81,6 +97,7 @@ class ProgressBar:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._let_pass()
         self._bar.stop()
 
     def __call__(self, what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
@@ -88,7 +105,8 @@ class ProgressBar:
         if total == 0:
             self._message(what)
             return
-        task = None if self._task is None else self._bar.tasks[self._task]
+        self._let_pass()
+        task = self._counted()
         if self._task is None or task is None or task.description != what or done < task.completed:
             if self._task is not None:
                 self._bar.stop_task(self._task)
@@ -96,8 +114,25 @@ class ProgressBar:
         self._bar.update(self._task, completed=done, total=total, detail=detail)
 
     def _message(self, text: str) -> None:
-        task = None if self._task is None else self._bar.tasks[self._task]
-        if self._task is None or task is None or task.finished or text.startswith(WARNING):
+        task, stem = self._counted(), _NUMBER.sub("", text)
+        if text.startswith(WARNING):
             self._console.print(text, highlight=False, markup=False)
-        else:
+        elif self._task is not None and task is not None and not task.finished:
             self._bar.update(self._task, detail=text)
+        elif stem in self._told:
+            if self._passing is None:
+                self._passing = self._bar.add_task(text, total=None, detail="")
+            self._bar.update(self._passing, description=text)
+        else:
+            self._told.add(stem)
+            self._let_pass()
+            self._console.print(text, highlight=False, markup=False)
+
+    def _counted(self) -> Task | None:
+        """What is counted now, or was last."""
+        return next((task for task in self._bar.tasks if task.id == self._task), None)
+
+    def _let_pass(self) -> None:
+        if self._passing is not None:
+            self._bar.remove_task(self._passing)
+            self._passing = None
