@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import struct
 import tomllib
 from pathlib import Path
 
@@ -87,6 +88,17 @@ def test_images_of_another_size_than_calibrated_are_said(study, recording, tmp_p
     save_rig(load_rig(large / "rig.toml"), study / "Calibration" / "Calib.toml")
     found = draft(study / "videos", study / "run.toml")
     assert found.remarks[0] == "trial1_BACK.mp4: 360x288 px, but calibrated at 720x576"
+
+
+def test_videos_that_their_metadata_turn_are_as_large_as_they_are_read(study):
+    """A phone held upright: its header tells the size of the sensor."""
+    for path in (study / "videos").iterdir():
+        content, unit = path.read_bytes(), 0x10000
+        upright = struct.pack(">9i", unit, 0, 0, 0, unit, 0, 0, 0, 0x40000000)
+        turned = struct.pack(">9i", 0, unit, 0, -unit, 0, 0, 0, 0, 0x40000000)
+        place = content.index(upright, content.index(b"tkhd"))
+        path.write_bytes(content[:place] + turned + content[place + 36 :])
+    assert {one.size for one in draft(study / "videos", study / "run.toml").footage} == {(288, 360)}
 
 
 def test_a_folder_without_videos_is_one_clear_line(tmp_path):

@@ -10,14 +10,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from exported import FOUND, HUNDREDTH_MM, motion_of, vars_of
-from motions import LOST, N_FRAMES, SIGMA, made_up
+from motions import LOST, MODELS, N_FRAMES, SIGMA, made_up, performed
 from typer.testing import CliRunner
 
+from tracker.body_files import load_body
 from tracker.cli import app
 from tracker.commands.export import FORMATS
 from tracker.components import find
 from tracker.errors import ConfigError
 from tracker.recording.bvh import Bvh
+from tracker.recording.mot import Mot
+from tracker.recording.osim import Osim
+from tracker.recording.trc import Trc
 from tracker.recording.wide_table import WideTable
 
 
@@ -61,8 +65,7 @@ def test_lost_frames_that_a_format_cannot_leave_out_are_said(tmp_path, caplog):
     with caplog.at_level(logging.WARNING, "tracker"):
         made_up("gavrila22", "gavrila22").record(Bvh(), tmp_path)
     assert [record.getMessage() for record in caplog.records] == [
-        f"{tmp_path / 'person1.bvh'}: person1 is lost in 3 of 12 frames, whose poses are interpolated: "
-        "the format cannot leave them out"
+        "person1.bvh: person1 is lost in 3 of 12 frames, whose poses are interpolated: the format cannot leave them out"
     ]
 
 
@@ -98,6 +101,35 @@ def test_several_formats_at_once_into_the_result(tmp_path):
     told = CliRunner().invoke(app, ["export", str(result), "--to", "trc", "c3d", "--y-up"])
     assert told.exit_code == 0, told.output
     assert {"person1.trc", "person1.c3d"} <= {path.name for path in result.iterdir()}
+
+
+def test_names_are_such_as_the_readers_take(tmp_path):
+    """With spaces BVH had two joints called `left`, OpenSim opened no model, and a tab was one more column."""
+    text = (MODELS / "gavrila22.toml").read_text()
+    for name, other in (("left_thigh", "left thigh"), ("left_shin", "left/shin")):
+        text = text.replace(f'"{name}"', f'"{other}"')
+    text = text.replace('"left_leg_twist"', '"left leg\\ttwist"')
+    (tmp_path / "odd.toml").write_text(text)
+    body = load_body(tmp_path / "odd.toml")
+    assert {"left thigh", "left/shin"} <= {segment.name for segment in body.segments}
+    odd, plain = (performed(one, np.zeros((2, one.dof))) for one in (body, load_body(MODELS / "gavrila22.toml")))
+    (tmp_path / "odd").mkdir()
+    (tmp_path / "plain").mkdir()
+    for recording in (Bvh(), Trc(), Mot(), Osim()):
+        (made,) = odd.record(recording, tmp_path / "odd")
+        (expected,) = plain.record(recording, tmp_path / "plain")
+        assert made.read_text() == expected.read_text()
+
+
+def test_an_export_that_is_refused_leaves_what_was_there(tmp_path):
+    """The table of the format before the one that cannot be written had lost its rows."""
+    result = made_up("quadruped").result(tmp_path / "result")
+    assert CliRunner().invoke(app, ["export", str(result), "--to", "wide_table"]).exit_code == 0
+    before = {path.name: path.read_bytes() for path in result.iterdir() if path.is_file()}
+    told = CliRunner().invoke(app, ["export", str(result), "--to", "wide_table", "trc", "isb_angles"])
+    assert isinstance(told.exception, ConfigError), told.output
+    assert {path.name: path.read_bytes() for path in result.iterdir() if path.is_file()} == before
+    assert not list(result.glob(".*"))
 
 
 @pytest.mark.parametrize(

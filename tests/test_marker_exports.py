@@ -114,6 +114,22 @@ def test_c3d_of_a_long_recording_keeps_to_what_the_format_holds(tmp_path, caplog
         C3d().begin(replace(movement.context(tmp_path), n_frames=65536))
 
 
+def test_c3d_of_more_points_than_a_list_holds_is_read_back(tmp_path):
+    """More than 255, of a body of some 65 segments: nothing could read the file."""
+    movement = made_up("gavrila22")
+    (person,) = movement.scene.persons
+    extra = [replace(person.body.landmarks[k % 10], name=f"mark_{k}") for k in range(250)]
+    body = replace(person.body, landmarks=(*person.body.landmarks, *extra))
+    many = replace(movement, scene=replace(movement.scene, persons=(replace(person, body=body),)))
+    names, places = truth(many)
+    read = ezc3d.c3d(str(many.record(C3d(), tmp_path)[0]))
+    point = read["parameters"]["POINT"]
+    assert point["LABELS"]["value"] + point["LABELS2"]["value"] == names
+    assert len(names) > 255
+    found = read["data"]["points"][:3].transpose(2, 1, 0) / 1000
+    np.testing.assert_allclose(found[FOUND], places[FOUND], atol=HUNDREDTH_MM)
+
+
 def test_doubt_is_told_by_the_reliabilities(tmp_path):
     movement = made_up("gavrila22")
     sure, limb, all_of_it = (movement.steps[t].estimates[0] for t in (0, 1, 2))

@@ -25,7 +25,7 @@ from numbered_pictures import (
 
 from tracker.arrays import Image
 from tracker.errors import SequenceError
-from tracker.reading._timeline import timeline_of
+from tracker.reading._timeline import at_one_pace, timeline_of
 from tracker.reading.video import open_clip
 
 
@@ -119,6 +119,81 @@ def test_dropped_frames_are_missing_and_the_others_stay_at_their_times(copied: P
     assert opened.fps == FPS
     found = [seen(frame.images[1]) for frame in opened.frames()]
     assert found == [(1, k) if k in kept else None for k in range(N_FRAMES)]
+
+
+def test_dropped_frames_of_an_avi_are_missing_too(copied: Path) -> None:
+    """It has no time stamps, but an empty place for each."""
+    kept = [k for k in range(N_FRAMES) if k not in (3, 4, 11)]
+    for codec in ("mjpeg", "libx264"):
+        with av.open(str(copied / "north.avi"), "w") as container:
+            stream = container.add_stream(codec, rate=FPS, options={"bf": "0"})
+            stream.height, stream.width = picture(1, 0).shape[:2]
+            stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+            for k in kept:
+                frame = av.VideoFrame.from_ndarray(picture(1, k), format="bgr24")
+                frame.pts, frame.time_base = k, Fraction(1, FPS)
+                container.mux(stream.encode(frame))
+            container.mux(stream.encode())
+        n_frames, fps, view = open_clip(copied / "north.avi", "north")
+        assert (n_frames, fps) == (N_FRAMES, FPS)
+        assert [seen(view.read(k)) for k in range(n_frames)] == [(1, k) if k in kept else None for k in range(N_FRAMES)]
+
+
+def test_masks_and_keypoints_of_a_video_with_dropped_frames_are_those_of_its_images(copied: Path) -> None:
+    """Whoever decodes the file counts the images that it has: behind a gap masks were those of a later image."""
+    kept = [k for k in range(N_FRAMES) if k not in (3, 4, 11)]
+    written_at(copied / "north.mp4", [round(1000 * k / FPS) for k in kept], [picture(1, k) for k in kept])
+    for name in VIEWS:
+        (copied / "masks" / name).mkdir(parents=True)
+        for number, shown_frame in enumerate(kept if name == "north" else range(N_FRAMES)):
+            mask = np.zeros(picture(1, 0).shape[:2], dtype=np.uint8)
+            mask[0, shown_frame] = 1
+            cv2.imwrite(str(copied / "masks" / name / f"{number}.png"), mask)
+    recording = videos(copied, on_missing="skip", masks=str(copied / "masks" / "{view}" / "{frame}.png"))
+    for frame in recording.open().frames():
+        found = frame.mask(1)
+        assert (found is None) == (frame.index not in kept)
+        assert found is None or found[0, frame.index]
+        assert frame.position(0) == frame.index
+        assert frame.position(1) == (kept.index(frame.index) if frame.index in kept else -1)
+    for number in range(len(kept), N_FRAMES):
+        cv2.imwrite(str(copied / "masks" / "north" / f"{number}.png"), mask)
+    with pytest.raises(SequenceError, match=r'view "north": numbered up to 19, the video holds 17 images'):
+        recording.open()
+
+
+def test_a_video_trimmed_without_encoding_it_anew_is_whole(copied: Path) -> None:
+    """An edit list says from where on it is shown; what is before it is still in the file, and in its header."""
+    path = copied / "north.mp4"
+    written_at(path, [round(1000 * (k - 5) / FPS) for k in range(N_FRAMES)], pictures_of(1))
+    with av.open(str(path)) as container:
+        assert container.streams.video[0].frames == N_FRAMES
+    n_frames, _, view = open_clip(path, "north")
+    oracle = cv2.VideoCapture(str(path)).read()[1]
+    assert n_frames == N_FRAMES - 5
+    assert [seen(view.read(k)) for k in range(n_frames)] == [(1, k) for k in range(5, N_FRAMES)]
+    assert seen(np.asarray(oracle, dtype=np.uint8)) == (1, 5)
+
+
+def test_views_whose_frame_rates_vary_stay_together() -> None:
+    """What they are resampled to is one pace for all: by their usual intervals they were 0.4 s apart after 100 s."""
+    stamps = []
+    for usual, seed in ((2997, 1), (3009, 2)):
+        rng = np.random.default_rng(seed)
+        steps = np.where(rng.random(3000) < 0.8, usual, usual * rng.choice([0.5, 1.4, 1.6], 3000))
+        stamps.append([0, *np.cumsum(np.round(steps)).astype(int).tolist()])
+    one, other, absent = at_one_pace([*(timeline_of(list(own), 1 / 90000, 30.0) for own in stamps), None])
+    assert one is not None
+    assert other is not None
+    assert absent is None
+    assert one.fps == other.fps
+    shown_at = [np.array(view.stamps[:2900], dtype=float) / 90000 for view in (one, other)]
+    assert np.abs(shown_at[0] - shown_at[1]).max() < 1.7 / 30
+    even = timeline_of([3000 * k for k in range(3000)], 1 / 90000, 30.0)
+    again, unchanged = at_one_pace([one, even])
+    assert again is not None
+    assert again.fps == 30.0
+    assert unchanged is even
 
 
 def test_a_frame_rate_that_varies_is_resampled_by_time_and_that_is_said(

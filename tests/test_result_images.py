@@ -47,6 +47,14 @@ def test_settings_that_cannot_be_are_one_line(config: Path, tmp_path: Path) -> N
             images_of(SimpleNamespace(folder=tmp_path, details={"images": images}))
 
 
+def test_pictures_of_occluders_are_not_needed(config: Path, tmp_path: Path) -> None:
+    """Plates are not made: with occluders, which only plates have, a run could not be viewed or aligned."""
+    table = described(load_job("track", config))
+    table["reading"]["occluders"] = str(tmp_path / "{view}.png")
+    (tmp_path / "config.toml").write_text(tomli_w.dumps(table))
+    assert len(list(images_of(SimpleNamespace(folder=tmp_path, details={})))) == 2
+
+
 def test_still_pictures_are_looked_at_too(config: Path, tmp_path: Path) -> None:
     for video in config.parent.glob("*.mp4"):
         with av.open(str(video)) as opened:

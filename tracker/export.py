@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
+import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -39,7 +40,14 @@ def export(result: Path, recordings: Iterable[Recording], output: Path | None = 
 
 
 def write_recordings(result: Result, recordings: Iterable[Recording], folder: Path) -> tuple[Path, ...]:
-    """Writes recordings of a result that is loaded; see `export`."""
+    """Writes recordings of a result that is loaded, all of them or none; see `export`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as unfinished:
+        files = _written(result, recordings, Path(unfinished))
+        return tuple(sorted(file.replace(folder / file.name) for file in files))
+
+
+def _written(result: Result, recordings: Iterable[Recording], folder: Path) -> list[Path]:
     context = RunContext(
         name=result.name,
         folder=folder,
@@ -49,7 +57,6 @@ def write_recordings(result: Result, recordings: Iterable[Recording], folder: Pa
         n_frames=len(result.replays),
         details={key: result.details[key] for key in _DETAILS if key in result.details},
     )
-    folder.mkdir(parents=True, exist_ok=True)
     files: list[Path] = []
     with contextlib.ExitStack() as closing:
         recorders: list[Recorder] = []
@@ -59,7 +66,7 @@ def write_recordings(result: Result, recordings: Iterable[Recording], folder: Pa
         for step in result.steps():
             for recorder in recorders:
                 recorder.write(step)
-    return tuple(sorted(files))
+    return files
 
 
 def write_result(result: Result, folder: Path) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 
 import av
+from av.container import InputContainer
 
 from tracker.errors import SequenceError
 from tracker.reading.images import intact_image
@@ -127,6 +129,14 @@ def _replaced(text: str, name: str) -> str:
     return f"{before}{{view}}{behind}" if found else text
 
 
+def _shown_size(container: InputContainer) -> tuple[int, int]:
+    """Width and height of a video's images as they are shown: its metadata may turn them."""
+    stream, turned = container.streams.video[0], False
+    with contextlib.suppress(av.FFmpegError, StopIteration, ValueError):  # what cannot be decoded is said by a run
+        turned = next(container.decode(stream)).rotation % 180 != 0
+    return (stream.height, stream.width) if turned else (stream.width, stream.height)
+
+
 def header(source: Path, view: str) -> Footage:
     """What a video's header, or the first image, tells.
 
@@ -143,6 +153,6 @@ def header(source: Path, view: str) -> Footage:
         with av.open(str(source)) as container:
             stream = container.streams.video[0]
             rate = float(stream.average_rate or stream.guessed_rate or 0)
-            return Footage(source, view, (stream.width, stream.height), rate, stream.frames)
+            return Footage(source, view, _shown_size(container), rate, stream.frames)
     except (av.FFmpegError, IndexError, OSError) as error:
         raise SequenceError(f"{source} is not a video that can be read: {error}") from error

@@ -24,7 +24,7 @@ class Frame:
     """Silhouettes `(h, w)` of the persons that the user brings; empty for none, None where a view has none."""
 
     positions: tuple[int, ...] = ()
-    """Of each view's image among all that it has, from 0 on; empty where they are the frame's."""
+    """Of each view's image among all that it has, from 0 on; empty where they are the frame's, negative for none."""
 
     first_number: int = 0
     """That the file name of an image at position 0 has."""

@@ -88,7 +88,7 @@ def chosen_settings(reading: Any, sequence: Sequence) -> dict[str, float]:
 
 
 def _first(sequence: Sequence, n_frames: int) -> list[Frame]:
-    """So many frames from the first one on that is not black, as before a lamp is on; of those that all are, the first."""
+    """So many frames from the first on that is not black, as before a lamp is on; the first ones if all are."""
     try:
         frames = list(islice(sequence.frames(), n_frames))
         if frames and _gain_of(frames[0]) > _MOST_GAIN:

@@ -48,6 +48,10 @@ class Footage:
     first: int = 0
     """Number in the file names of the images, or of masks, that belongs to a view's image 0."""
 
+    positions: tuple[tuple[int, ...] | None, ...] = ()
+    """Of each view, for each image that can be asked for, its position in the file, -1 where it was dropped; None, or
+    no views at all: it is what is asked for."""
+
 
 @dataclass(frozen=True)
 class AbsentView:

@@ -9,8 +9,9 @@ import numpy as np
 
 from tracker.arrays import Mask, frozen
 from tracker.errors import CalibrationError, SequenceError
-from tracker.reading._pictures import read_raw
-from tracker.reading._selection import OnMissing, Selection, view_paths
+from tracker.reading._pictures import read_painted
+from tracker.reading._selection import view_paths
+from tracker.reading._streaming import OpenViews
 
 
 @dataclass(frozen=True)
@@ -24,32 +25,31 @@ class MaskFiles:
     sizes: tuple[tuple[int, int], ...]
     """Widths and heights of the images as on disk, px."""
 
-    offsets: tuple[int, ...]
-    """Number in a view's file names that belongs to frame 0."""
+    first: int
+    """Number in a view's file names that belongs to its image at position 0."""
 
     downscale: float
 
-    def read(self, view: int, index: int) -> Mask | None:
-        """The mask (h, w) of a frame as delivered; None where there is none.
+    def read(self, view: int, position: int) -> Mask | None:
+        """The mask (h, w) of a view's image as delivered; None where there is none.
 
         Raises:
             SequenceError: the file cannot be read.
             CalibrationError: it has another size than the images.
         """
-        path = self.files[view].get(index + self.offsets[view])
+        path = self.files[view].get(position + self.first)
         if path is None:
             return None
-        picture = read_raw(path)
-        if picture is None:
+        covered = read_painted(path)
+        if covered is None:
             raise SequenceError(f"{path}: not an image that can be read: the file is corrupt or truncated")
-        covered = picture if picture.ndim == 2 else picture[..., :3].max(axis=2)
         size = covered.shape[1], covered.shape[0]
         if size != self.sizes[view]:
             raise CalibrationError(
                 f'{path}: the mask has {size[0]}x{size[1]} px, the images of view "{self.names[view]}" have '
                 f"{self.sizes[view][0]}x{self.sizes[view][1]} px"
             )
-        mask: Mask = frozen(_smaller(covered > 0, self.downscale), np.bool_)
+        mask: Mask = frozen(_smaller(covered, self.downscale), np.bool_)
         return mask
 
 
@@ -67,19 +67,27 @@ def _smaller(mask: Mask, factor: float) -> Mask:
     return most
 
 
-def checked_masks(masks: MaskFiles, selection: Selection, on_missing: OnMissing) -> MaskFiles:
-    """The masks, if there is one for each frame that is read, or some may be missing.
+def checked_masks(masks: MaskFiles, views: OpenViews) -> MaskFiles:
+    """The masks, if there is one for each image that is read, or some may be missing.
 
     Raises:
-        SequenceError: names the first one that is missing.
+        SequenceError: names the first one that is missing, or the last of those that count what a video has dropped.
     """
+    frames = {index: views.positions(index) for index in views.selection.indices}
     for v, name in enumerate(masks.names):
-        lacking = [index for index in selection.indices if index + masks.offsets[v] not in masks.files[v]]
-        if lacking and on_missing == "error":
+        numbers = {index: places[v] + masks.first for index, places in frames.items() if places[v] >= 0}
+        lacking = [index for index, number in numbers.items() if number not in masks.files[v]]
+        if lacking and views.on_missing == "error":
             raise SequenceError(
-                f'masks of view "{name}": none numbered {lacking[0] + masks.offsets[v]} for frame {lacking[0]}, '
-                f"{len(lacking)} of {len(selection.indices)} frames have none; add them, choose others with start and "
-                'stop, or set on_missing = "skip" to go on without'
+                f'masks of view "{name}": none numbered {numbers[lacking[0]]} for frame {lacking[0]}, '
+                f"{len(lacking)} of {len(views.selection.indices)} frames have none; add them, choose others with "
+                'start and stop, or set on_missing = "skip" to go on without'
+            )
+        uneven = views.uneven[v] if views.uneven else None
+        if uneven is not None and masks.files[v] and max(masks.files[v]) > max(uneven) + 1:
+            raise SequenceError(
+                f'masks of view "{name}": numbered up to {max(masks.files[v])}, the video holds {max(uneven) + 1} '
+                "images, for some were dropped: number the masks as the images in it, from 0 on"
             )
     return masks
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker.arrays import Image, Mask
+from tracker.arrays import Mask
 from tracker.camera import Camera
 from tracker.errors import SequenceError
 from tracker.plate import Plate
-from tracker.reading._pictures import check_size, downscaled, read_image
+from tracker.reading._pictures import check_size, downscaled, read_painted
 from tracker.reading._selection import view_paths
 from tracker.rig import Rig
 
@@ -34,10 +34,10 @@ def load_occluders(rig: Rig, pattern: str, factor: float) -> tuple[Mask | None, 
         raise SequenceError(f"occluders: no file {paths[0]}, nor of another view; expected one for each that has some")
     found: list[Mask | None] = []
     for camera, path in zip(rig.cameras, paths, strict=True):
-        picture = read_image(path) if path.exists() else None
-        if picture is None and path.exists():
+        painted = read_painted(path) if path.exists() else None
+        if painted is None and path.exists():
             raise SequenceError(f'occluders of view "{camera.name}": {path} is not an image that can be read')
-        found.append(None if picture is None else _mask(camera, picture, path, factor))
+        found.append(None if painted is None else _mask(camera, painted, path, factor))
     return tuple(found)
 
 
@@ -47,11 +47,11 @@ def with_occluders(plates: Sequence[Plate | None], occluders: Sequence[Mask | No
     return tuple(plate if plate is None or mask is None else replace(plate, occluder=mask) for plate, mask in pairs)
 
 
-def _mask(camera: Camera, picture: Image, path: Path, factor: float) -> Mask:
-    check_size(camera.name, picture, camera.size, f"the picture of occluders {path}")
-    painted = np.where(picture.max(axis=2, keepdims=True) > 0, np.uint8(255), np.uint8(0))
+def _mask(camera: Camera, painted: Mask, path: Path, factor: float) -> Mask:
+    white = np.where(painted[..., None], np.uint8(255), np.uint8(0))
+    check_size(camera.name, white, camera.size, f"the picture of occluders {path}")
     # a pixel of which a part is covered shows the person only partly
-    mask: Mask = downscaled(np.repeat(painted, 3, axis=2), factor)[..., 0] > 0
+    mask: Mask = downscaled(np.repeat(white, 3, axis=2), factor)[..., 0] > 0
     if mask.all():
         raise SequenceError(
             f'occluders of view "{camera.name}": all of the picture is painted; leave the view out with `views`'

@@ -106,6 +106,7 @@ def _chosen_views(settings: Settings, footage: Footage, sizes: tuple[tuple[int, 
         on_missing=settings.on_missing,
         open_views=footage.open_views,
         first_number=footage.first,
+        uneven=footage.positions,
     )
 
 
@@ -136,9 +137,9 @@ def _opened_masks(pattern: str, footage: Footage, views: OpenViews) -> MaskFiles
     paths = mask_paths(pattern, views.names)
     by_name = dict(zip(views.names, paths, strict=True))
     files = opened_views(views.names, lambda name: numbered_files(name, by_name[name]), views.on_missing)
-    offsets = tuple(views.first_number + offset for offset in views.offsets)
-    found = MaskFiles(tuple(one or {} for one in files), views.names, views.source_sizes, offsets, views.downscale)
-    return checked_masks(found, views.selection, views.on_missing)
+    first = views.first_number
+    found = MaskFiles(tuple(one or {} for one in files), views.names, views.source_sizes, first, views.downscale)
+    return checked_masks(found, views)
 
 
 def _spread_images(views: OpenViews, length: int, v: int) -> list[Image]:

@@ -105,7 +105,9 @@ def selected(start: int, stop: int | None, stride: int, length: int) -> Selectio
     """
     end = length if stop is None else stop
     if not 0 <= start < end <= length:
-        raise SequenceError(f"frames {start} to {end} asked for, the recording has {length}: mend start and stop, or --frames")
+        raise SequenceError(
+            f"frames {start} to {end} asked for, the recording has {length}: mend start and stop, or --frames"
+        )
     return Selection(start, end, stride)
 
 

@@ -77,6 +77,6 @@ class OpenSequence(OpenViews):
 
     def _masked(self, masks: MaskFiles, frames: Iterator[Frame]) -> Iterator[Frame]:
         for frame in frames:
-            read = (masks.read(v, frame.index) for v in range(len(frame.images)))
+            read = (masks.read(v, frame.position(v)) for v in range(len(frame.images)))
             shown = zip(frame.images, read, strict=True)
             yield replace(frame, masks=tuple(None if image is None else mask for image, mask in shown))

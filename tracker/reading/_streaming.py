@@ -34,6 +34,9 @@ class OpenViews:
     first_number: int
     """That the file name of a view's image at position 0 has."""
 
+    uneven: tuple[tuple[int, ...] | None, ...]
+    """See `tracker.reading._footage.Footage.positions`."""
+
     @property
     def sizes(self) -> tuple[tuple[int, int], ...]:
         """Image widths and heights as delivered, px."""
@@ -65,8 +68,18 @@ class OpenViews:
                 images = tuple(future.result() for future in waiting)
                 if k + 1 < len(indices):
                     waiting = request(indices[k + 1])
-                positions = tuple(index + offset for offset in self.offsets)
-                yield Frame(index, index / self.fps, images, (), positions, self.first_number)
+                yield Frame(index, index / self.fps, images, (), self.positions(index), self.first_number)
+
+    def positions(self, index: int) -> tuple[int, ...]:
+        """Of each view's image of a frame among all that it has; negative where there is none."""
+        places = tuple(index + offset for offset in self.offsets)
+        if not self.uneven:
+            return places
+        pairs = zip(places, self.uneven, strict=True)
+        return tuple(
+            place if uneven is None or place < 0 else uneven[place] if place < len(uneven) else -1
+            for place, uneven in pairs
+        )
 
     def image(self, v: int, view: ImageStream, index: int) -> Image | None:
         """An image (h, w, 3) of one view as delivered; None where it may be and is missing.

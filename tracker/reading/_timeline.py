@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,9 +29,46 @@ class Timeline:
     remark: str = ""
     """What has been done to the times, for whoever uses the video."""
 
+    images: tuple[tuple[int, float], ...] = ()
+    """Time stamp and time, seconds, of every image of a video that is resampled; none of others."""
+
     def __len__(self) -> int:
         """Number of frames."""
         return len(self.stamps)
+
+    @property
+    def positions(self) -> tuple[int, ...] | None:
+        """For each frame the position of its image among those of the file, -1 where it is dropped; None: its number.
+
+        So whoever has decoded the file counts, masks and keypoints are numbered.
+        """
+        numbers = self._numbers()
+        found = tuple(-1 if stamp is None else numbers[stamp] for stamp in self.stamps)
+        return None if found == tuple(range(len(found))) else found
+
+    def _numbers(self) -> dict[int, int]:
+        """Stamp of an image -> its position in the file."""
+        told = (stamp for stamp in self.stamps if stamp is not None)
+        return {stamp: k for k, stamp in enumerate(sorted({*told, *(stamp for stamp, _ in self.images)}))}
+
+    def numbered(self) -> Timeline:
+        """The same for a decoder that gives no stamps: the first image's is 0, the next one's 1."""
+        numbers = self._numbers()
+        stamps = tuple(None if stamp is None else numbers[stamp] for stamp in self.stamps)
+        images = tuple((numbers[stamp], time_s) for stamp, time_s in self.images)
+        return replace(self, stamps=stamps, images=images, timed=False)
+
+
+def at_one_pace(timelines: Sequence[Timeline | None]) -> tuple[Timeline | None, ...]:
+    """The timelines of all views, None for an absent one; those that are resampled are so at the pace of the others.
+
+    A pace of their own, the usual one of each, would let views of one recording drift apart.
+    """
+    told = sorted((one for one in timelines if one is not None and one.fps > 0), key=lambda one: bool(one.images))
+    return tuple(
+        one if one is None or not one.images else replace(_resampled(one.images, 1 / told[0].fps), timed=one.timed)
+        for one in timelines
+    )
 
 
 def timeline_of(stamps: list[int | None], unit_s: float, told_fps: float) -> Timeline:
@@ -61,17 +99,18 @@ def timeline_of(stamps: list[int | None], unit_s: float, told_fps: float) -> Tim
         for place, stamp in zip(places.tolist(), ordered, strict=True):
             dropped[place] = stamp
         return Timeline(1 / pace_s, tuple(dropped), remark=f"{dropped.count(None)} dropped frames")
-    return _resampled(ordered, times, usual_s)
+    return _resampled(tuple(zip(ordered, times.tolist(), strict=True)), usual_s)
 
 
 def _evenly(times: Array, places: Integers, interval_s: float) -> bool:
     return bool(np.abs(times - interval_s * places).max() < _MOST_OFF * interval_s)
 
 
-def _resampled(ordered: list[int], times: Array, usual_s: float) -> Timeline:
+def _resampled(images: tuple[tuple[int, float], ...], usual_s: float) -> Timeline:
+    times = np.array([time_s for _, time_s in images])
     wanted = np.arange(0, float(times[-1]) + usual_s / 2, usual_s)
     after = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
     nearest = np.where(wanted - times[after - 1] <= times[after] - wanted, after - 1, after)
     shortest, longest = 1000 * float(np.diff(times).min()), 1000 * float(np.diff(times).max())
     remark = f"its frame rate varies ({shortest:.0f} to {longest:.0f} ms): resampled to {1 / usual_s:.2f} fps by time"
-    return Timeline(1 / usual_s, tuple(ordered[k] for k in nearest.tolist()), remark=remark)
+    return Timeline(1 / usual_s, tuple(images[k][0] for k in nearest.tolist()), remark=remark, images=images)

@@ -110,19 +110,24 @@ def timeline(path: Path, name: str, whole: bool) -> Timeline:
                 raise SequenceError(f'view "{name}": {path} has no video stream')
             stream = container.streams.video[0]
             told_fps, n_told = float(stream.average_rate or stream.guessed_rate or 0), stream.frames
-            # AVI keeps no time stamps
+            # AVI keeps no time stamps, but places for frames, some of them empty
             timed = "avi" not in container.format.name
-            packets = (packet for packet in container.demux(stream) if packet.size > 0 and not packet.is_discard)
-            stamps = [packet.pts if timed else None for packet in packets]
+            packets = (packet for packet in container.demux(stream) if packet.size > 0)
+            held = [(packet.pts if timed else packet.dts, packet.is_discard) for packet in packets]
+            # what an edit list cuts off is still in the file, and counts in the header
+            stamps = [stamp for stamp, cut_off in held if not cut_off]
+            last = held[-1][0] if held and not timed else None
+            n_held = len(held) if last is None else max(len(held), last + 1)
             unit_s = float(stream.time_base or 0)
     except FAULTS as error:
         told = getattr(error, "strerror", None) or type(error).__name__
         raise SequenceError(f'view "{name}": {path} is not a video that can be read: {told}') from error
     if not stamps:
         raise SequenceError(f'view "{name}": {path} holds no frame')
-    if whole and len(stamps) < n_told:
+    if whole and n_held < n_told:
         raise SequenceError(
-            f'view "{name}": {path} holds {len(stamps)} of the {n_told} frames that its header tells: it is truncated; '
+            f'view "{name}": {path} holds {n_held} of the {n_told} frames that its header tells: it is truncated; '
             'copy it anew, or set on_missing = "skip"'
         )
-    return timeline_of(stamps, unit_s, told_fps)
+    found = timeline_of(stamps, unit_s, told_fps)
+    return found if timed else found.numbered()

@@ -45,7 +45,7 @@ class ImageReading:
 
     masks: PathPattern | None = None
     """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered
-    as the images; what is not 0 is a person."""
+    as the images; what is not black, nor transparent, is a person."""
 
     occluders: PathPattern | None = None
     """Pictures of what stands before the persons, for instance `occluders/{view}.png`, for those views that have some:

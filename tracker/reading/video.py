@@ -18,6 +18,7 @@ from tracker.reading._pictures import Downscale
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
 from tracker.reading._sequence import OpenSequence
 from tracker.reading._streaming import OpenViews
+from tracker.reading._timeline import at_one_pace
 from tracker.reading._video_view import VideoView, timeline
 
 log = logging.getLogger("tracker")
@@ -49,7 +50,8 @@ class VideoReading:
 
     masks: PathPattern | None = None
     """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered
-    from 0 at the first frame of the file; what is not 0 is a person."""
+    from 0 at the first image of the file; dropped ones have no number. What is not black, nor transparent, is a person.
+    """
 
     occluders: PathPattern | None = None
     """Pictures of what stands before the persons, for instance `occluders/{view}.png`, for those views that have some:
@@ -98,7 +100,7 @@ class VideoReading:
     def _footage(self, names: tuple[str, ...]) -> Footage:
         paths = dict(zip(names, view_paths(self.path, names), strict=True))
         whole = self.on_missing == "error"
-        timelines = opened_views(names, lambda name: timeline(paths[name], name, whole), self.on_missing)
+        timelines = at_one_pace(opened_views(names, lambda name: timeline(paths[name], name, whole), self.on_missing))
         known = [(name, one) for name, one in zip(names, timelines, strict=True) if one]
         for name, one in known:
             if one.remark:
@@ -109,7 +111,8 @@ class VideoReading:
             return tuple(VideoView(path, one) if one else AbsentView() for path, one in files)
 
         fps = self.fps or _common_fps([(name, one.fps) for name, one in known])
-        return Footage(names, fps, tuple(len(one) if one else 0 for one in timelines), views, plate_of_clip)
+        lengths, places = zip(*((len(one), one.positions) if one else (0, None) for one in timelines), strict=True)
+        return Footage(names, fps, lengths, views, plate_of_clip, positions=places)
 
 
 def open_clip(path: Path, name: str) -> tuple[int, float, VideoView]:

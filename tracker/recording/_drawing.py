@@ -19,6 +19,8 @@ _ORANGE, _BLUE = (40, 140, 255), (220, 120, 60)
 _SUBPIXEL = 4
 _BETWEEN_PX = 4.0
 _LINE_PX = 30
+_LEAST_CLOSE = 0.1
+"""Share of a view that a close-up shows at the least: of somebody at its border there may be a single sample."""
 
 
 def draw_step(step: Step, scene: Scene, width_px: int, stick_figure: bool = False, close: bool = False) -> Image:
@@ -105,8 +107,9 @@ def _close_up(picture: Image, contours: ViewContours) -> Image:
         return picture
     low, high = contours.pixels.min(axis=0), contours.pixels.max(axis=0)
     height, width = picture.shape[:2]
-    scale = min(1.0, 1.4 * float(max((high[0] - low[0]) / width, (high[1] - low[1]) / height)))
-    size = np.array([round(width * scale), round(height * scale)])
+    scale = 1.4 * float(max((high[0] - low[0]) / width, (high[1] - low[1]) / height))
+    scale = min(1.0, max(_LEAST_CLOSE, scale))
+    size = np.array([max(1, round(width * scale)), max(1, round(height * scale))])
     x, y = np.clip(np.round((low + high - size) / 2), 0, (width, height) - size).astype(int).tolist()
     return picture[y : y + size[1], x : x + size[0]]
 

@@ -93,7 +93,7 @@ class Motion:
         if self.lost.any():
             log.warning(
                 "%s: %s is lost in %d of %d frames, whose poses are interpolated: the format cannot leave them out",
-                path,
+                path.name,
                 self.name,
                 int(self.lost.sum()),
                 len(self.lost),
@@ -108,7 +108,8 @@ class Motion:
         times = self.times_s[0] + self.interval_s * np.arange(n_frames)
         if n_frames == len(self.times_s) and np.abs(times - self.times_s).max() < _EVEN * self.interval_s:
             return self
-        nearest = np.abs(self.times_s[:, None] - times).argmin(axis=0)
+        after = np.clip(np.searchsorted(self.times_s, times), 1, len(self.times_s) - 1)
+        nearest = np.where(times - self.times_s[after - 1] <= self.times_s[after] - times, after - 1, after)
         gap = np.abs(self.times_s[nearest] - times) > _GAP * self.interval_s
         known = np.where(self.body.rotates, np.unwrap(self.filled, axis=0), self.filled)
         q = np.stack([np.interp(times, self.times_s, column) for column in known.T], axis=1)

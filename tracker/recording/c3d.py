@@ -31,6 +31,9 @@ _MOST_FRAMES = 2**16 - 1
 _LAST_BLOCK = 2**15 - 1
 """In which a ROTATION signal may begin, as a parameter of two bytes with a sign says."""
 
+_MOST_DESCRIPTIONS = 255
+"""Of a list of texts, in one byte. ezc3d goes on in LABELS2, but of more descriptions it made files that none reads."""
+
 _MOST_PARAMETER_BLOCKS = 256
 """Before the points: their number is one byte."""
 
@@ -65,12 +68,12 @@ class C3d:
         motion = motion.even()
         path = folder / f"{motion.name}.c3d"
         n_frames, n_markers = len(motion.q), len(markers_of(motion.body))
-        check_frames(n_frames, str(path))
+        check_frames(n_frames, path.name)
         file, whole = _content(motion, self.y_up), _block_of_rotations(n_frames, n_markers) <= _LAST_BLOCK
         if whole:
             _add_rotations(file, motion, self.y_up)
         else:
-            log.warning("%s: rotations of segments are left out: %d frames are too many for them", path, n_frames)
+            log.warning("%s: rotations of segments are left out: %d frames are too many for them", path.name, n_frames)
         with replacing(path) as unfinished:
             file.write(str(unfinished))
             if whole:
@@ -111,7 +114,7 @@ def _content(motion: Motion, y_up: bool) -> Any:
     point = file["parameters"]["POINT"]
     point["RATE"]["value"], point["UNITS"]["value"] = [rate], ["mm"]
     point["LABELS"]["value"] = [marker.name for marker in markers]
-    point["DESCRIPTIONS"]["value"] = [marker.segment for marker in markers]
+    point["DESCRIPTIONS"]["value"] = [marker.segment for marker in markers[:_MOST_DESCRIPTIONS]]
     for axis, word in (("X_SCREEN", "+X"), ("Y_SCREEN", "+Y" if y_up else "+Z")):
         file.add_parameter("POINT", axis, [word])
     file.add_parameter("MANUFACTURER", "COMPANY", ["bodytrack"])

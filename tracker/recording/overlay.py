@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from pathlib import Path
 
@@ -23,6 +24,9 @@ _FRAGMENT = 10
 
 _TICKS = 90_000
 """Time stamps a second: the clock of MPEG, in which every common frame rate is a whole number."""
+
+_LEAST_TICKS = 4
+"""From one frame to the next: the fastest cameras have more frames a second than that clock has stamps."""
 
 
 @component
@@ -52,6 +56,7 @@ class OverlayRecorder:
         self._container: OutputContainer | None = None
         self._stream: VideoStream | None = None
         self._start_s = 0.0
+        self._ticks = _TICKS * max(1, math.ceil(_LEAST_TICKS / (run.interval_s * _TICKS)))
 
     def write(self, step: Step) -> None:
         """Adds one frame at its own time."""
@@ -63,8 +68,8 @@ class OverlayRecorder:
             self._stream = self._open_stream(self._container, picture.shape[1], picture.shape[0])
             self._start_s = step.frame.time_s
         frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="bgr24")
-        frame.time_base = Fraction(1, _TICKS)
-        frame.pts = round((step.frame.time_s - self._start_s) * _TICKS)
+        frame.time_base = Fraction(1, self._ticks)
+        frame.pts = round((step.frame.time_s - self._start_s) * self._ticks)
         self._mux(self._container, self._stream.encode(frame))
         if step.frame.index not in self._run.resumed:
             self._file.take_place()
@@ -75,13 +80,13 @@ class OverlayRecorder:
         options = {"crf": str(self._settings.quality), "preset": "veryfast", "tune": "zerolatency", "g": str(_FRAGMENT)}
         stream = container.add_stream("libx264", rate=rate, options=options)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-        stream.codec_context.time_base = Fraction(1, _TICKS)
+        stream.codec_context.time_base = Fraction(1, self._ticks)
         return stream
 
     def _mux(self, container: OutputContainer, packets: list[Packet[VideoStream]]) -> None:
         for packet in packets:
             # A frame is shown until the next one; of the last one, and of the last before a kill, this is all there is.
-            packet.duration = round(self._run.interval_s * _TICKS)
+            packet.duration = round(self._run.interval_s * self._ticks)
             container.mux(packet)
 
     def finish(self) -> tuple[Path, ...]:

@@ -28,7 +28,7 @@ def images_of(result: Result) -> Iterator[Frame]:
     """
     reading = load_job("track", config_of(result.folder), _chosen(result)).reading
     # still pictures are never looked through for plates, nor do they have masks
-    none = {"background": "none", "masks": None, "align_background": False}
+    none = {"background": "none", "masks": None, "occluders": None, "align_background": False}
     sequence: Sequence = dataclasses.replace(
         reading, **(none if hasattr(reading, "masks") else {"background": None})
     ).open()
