@@ -141,6 +141,23 @@ def test_another_rig(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
     assert any("do not meet in space" in line for line in told(frames, scene, simulation.plates))
 
 
+@pytest.mark.parametrize(("change", "words"), [(np.logical_not, "cover 9"), (np.zeros_like, "show nobody in most")])
+def test_masks_that_are_inverted_or_empty(
+    change: Callable[[Array], Array], words: str, simulation: Simulation, frames: tuple[Frame, ...]
+) -> None:
+    seen = survey(frames, simulation.scene, simulation.plates)
+    bare = replace(seen, plates=(None,) * 4, masked=(True,) * 4)
+    assert findings(bare) == ()
+    masks = tuple(tuple(None if mask is None else change(mask) for mask in row) for row in seen.foregrounds)
+    assert any(words in line for line in findings(replace(bare, foregrounds=masks)))
+
+
+def test_a_black_plate(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+    black = Plate(np.zeros_like(simulation.plates[1].picture))
+    lines = told(frames[:20], simulation.scene, (simulation.plates[0], black, *simulation.plates[2:]))
+    assert any("grey levels all over" in line and simulation.scene.rig.names[1] in line for line in lines)
+
+
 @pytest.mark.parametrize("by", [LATE, -LATE])
 def test_a_view_out_of_step(by: int, simulation: Simulation, frames: tuple[Frame, ...]) -> None:
     shown = late(frames, 2, by) if by > 0 else late(frames[::-1], 2, -by)[::-1]
