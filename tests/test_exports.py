@@ -18,7 +18,9 @@ from tracker.cli import app
 from tracker.commands.export import FORMATS
 from tracker.components import find
 from tracker.errors import ConfigError
+from tracker.estimate import Status
 from tracker.recording.bvh import Bvh
+from tracker.recording.glb import Glb
 from tracker.recording.mot import Mot
 from tracker.recording.osim import Osim
 from tracker.recording.trc import Trc
@@ -59,6 +61,19 @@ def test_the_wide_table_is_read_back(movement, tmp_path):
             for name, place in zip(body.landmark_names, body.landmarks_in_world(motion.q[t]), strict=True):
                 found = [float(row[f"{name}_{axis}_m"]) for axis in "xyz"]
                 np.testing.assert_allclose(found, place, atol=HUNDREDTH_MM)
+
+
+@pytest.mark.parametrize("recording", [Bvh(), Glb(), Mot()])
+def test_who_is_lost_in_all_frames_is_in_no_format_that_needs_a_pose(recording, tmp_path, caplog):
+    """A file of the pose at rest would be an export of somebody who stands."""
+    movement = made_up("gavrila22", "gavrila22")
+    gone = [
+        replace(step, estimates=(replace(step.estimates[0], status=Status.LOST), step.estimates[1]))
+        for step in movement.steps
+    ]
+    replace(movement, steps=gone).record(recording, tmp_path)
+    assert [path.stem for path in tmp_path.glob("person*")] == ["person2"]
+    assert [record.getMessage()[:36] for record in caplog.records] == ["person1 is lost in all 12 frames: no"]
 
 
 def test_lost_frames_that_a_format_cannot_leave_out_are_said(tmp_path, caplog):

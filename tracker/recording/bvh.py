@@ -31,7 +31,7 @@ class Bvh:
 
     def begin(self, run: RunContext) -> MotionRecorder:
         """Collects the poses; the files are written at the end."""
-        return MotionRecorder(run, self._written)
+        return MotionRecorder(run, self._written, "bvh")
 
     def _written(self, motion: Motion, folder: Path) -> Path:
         motion, path = motion.even(), folder / f"{motion.name}.bvh"

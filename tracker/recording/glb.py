@@ -45,7 +45,7 @@ class Glb:
 
     def begin(self, run: RunContext) -> MotionRecorder:
         """Collects the poses; the files are written at the end."""
-        return MotionRecorder(run, self._written)
+        return MotionRecorder(run, self._written, "glb")
 
     def _written(self, motion: Motion, folder: Path) -> Path:
         path = folder / f"{motion.name}.glb"

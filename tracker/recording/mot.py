@@ -22,7 +22,7 @@ class Mot:
 
     def begin(self, run: RunContext) -> MotionRecorder:
         """Collects the poses; the files are written at the end."""
-        return MotionRecorder(run, _written)
+        return MotionRecorder(run, _written, "mot")
 
 
 def _written(motion: Motion, folder: Path) -> Path:
