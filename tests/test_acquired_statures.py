@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tests.test_scan import POSE_DEG, scanned
-from tracker.acquisition._residuals import no_rows
+from tracker.acquisition._residuals import height_row, no_rows
 from tracker.acquisition.fitting import Fit
-from tracker.acquisition.result import model_of, stature_of
+from tracker.acquisition.result import bone_lengths, model_of, stature_of
 from tracker.acquisition.scan import read_scan
 from tracker.acquisition.scan_rigging import rigged
 from tracker.acquisition.shape_space import ShapePrior, space_of
@@ -30,6 +30,33 @@ def test_what_a_person_carries_makes_nobody_taller() -> None:
     found = Fit(space, (), np.zeros(n), np.zeros(0), 1e-4 * np.eye(n), (no_rows(n),))
     assert stature_of(found.body) > stature_of(human.build()) + 0.1
     assert model_of(found, "anna", "", ("pole",)).stature_m == pytest.approx(stature_of(human.build()))
+
+
+@pytest.mark.parametrize("model", ["gavrila22", "human", "upper21", "upper32", "quadruped"])
+def test_bundled_bodies_are_as_tall_as_they_say(model: str) -> None:
+    """By the measure of a fit: else a person of the very stature that is told comes out as of another one."""
+    body = read_description(model_path(model)).build()
+    assert stature_of(body) == pytest.approx(body.stature_m, rel=0.002)
+
+
+def test_the_height_that_is_held_is_that_of_the_whole_body() -> None:
+    """Of an animal whose neck reaches above its head, though its middle is lower."""
+    animal = read_description(model_path("quadruped"))
+    neck = next(part for part in animal.parts if part.name == "neck")
+    higher = neck.model_copy(update={"end": (0.53, 0.0, 0.45)})
+    parts = tuple(higher if part is neck else part for part in animal.parts)
+    space = space_of(animal.model_copy(update={"parts": parts}), ShapePrior())
+    shape = np.zeros(len(space.names))
+    body = space.body(shape)
+    row = height_row((body, space.neighbours(shape), space.steps(shape)), 0.9, 1.0)
+    assert row.residuals[0] == pytest.approx(stature_of(body) - 0.9)
+    assert stature_of(body) > stature_of(animal.build()) + 0.03
+
+
+def test_a_body_without_links_has_no_bones_to_measure() -> None:
+    space = space_of(read_description(model_path("human")).model_copy(update={"links": ()}), ShapePrior())
+    n = len(space.names)
+    assert bone_lengths(Fit(space, (), np.zeros(n), np.zeros(0), np.eye(n), (no_rows(n),))) == ()
 
 
 def test_offsets_and_ways_of_a_scanned_person_are_of_its_size(tmp_path: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,6 +12,7 @@ import numpy as np
 import pytest
 import tomli_w
 from observations import bent, four_views
+from recordings import cycle_for, small_simulation
 from test_cli import bodytrack
 from test_shape_space import some_shape, space
 
@@ -21,22 +24,23 @@ from tracker.acquisition.calibrated_views import (
     check_overlaps,
 )
 from tracker.acquisition.fit_task import FitSettings, Task
-from tracker.acquisition.fitting import fit
+from tracker.acquisition.fitting import Fit, fit
 from tracker.acquisition.looks import Look
 from tracker.acquisition.part_search import section_distances
 from tracker.acquisition.pictures import Pair, Picture, orthographic_camera, read_silhouette
 from tracker.acquisition.result import bone_lengths, model_of, stature_of
 from tracker.acquisition.silhouette_task import SilhouetteSettings
-from tracker.acquisition.two_silhouettes import acquire
+from tracker.acquisition.two_silhouettes import _turn_deg, acquire
 from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.body_files import load_body, read_description, save_description
+from tracker.camera import Camera
 from tracker.config_files import Table, read_config
 from tracker.errors import SequenceError, TrackerError
 from tracker.frame import Frame
 from tracker.geometry.superquadrics import surface
-from tracker.jobs.acquire import acquire_to, acquisition_from
+from tracker.jobs.acquire import _in_view, acquire_to, acquisition_from
 from tracker.outlines import outline_observation, overlap
 from tracker.resources import model_path
 from tracker.rig import Rig
@@ -194,6 +198,13 @@ def test_bad_pairs_are_refused_by_name(person: BodyModel, tmp_path: Path, what: 
         acquire(read_description(model_path("gavrila22")), [pair(tmp_path, front, side)], stature_of(person), few)
 
 
+def test_a_scale_that_contradicts_the_stature_is_refused(person: BodyModel, tmp_path: Path) -> None:
+    """Else a body of 1.65 m covered 98 % of the silhouettes of somebody of 1.80 m: lengths were of neither."""
+    given = pair(tmp_path, silhouette(person, t_pose(person)), silhouette(person, t_pose(person, np.pi / 2)))
+    with pytest.raises(SequenceError, match=r"by its px_per_m, and 1\.\d\d m by stature_m: check both"):
+        acquire(read_description(model_path("gavrila22")), [given], 0.9 * stature_of(person), QUICK)
+
+
 def test_a_person_not_found_in_the_views_is_refused() -> None:
     with pytest.raises(SequenceError, match=r"covers 20% .* worst is view b with 10%"):
         check_overlaps(np.array([0.3, 0.1, np.nan]), ("a", "b", "c"), ViewSettings())
@@ -310,6 +321,33 @@ def test_the_acquisition_files_can_be_used(name: str, monkeypatch: pytest.Monkey
     # Everything is read and checked before the first picture or video is missed.
     with pytest.raises(TrackerError, match=r"no file|calibration"):
         acquire_to(acquisition_from(read_config(config), name, config.parent, name), tmp_path / "one.toml")
+
+
+def test_who_comes_in_late_is_still_seen_in_as_many_frames() -> None:
+    class Late:
+        n_frames = 50
+
+        def frames(self) -> Iterator[Frame]:
+            return (Frame(2 * n + 10, 0.0, ()) for n in range(self.n_frames))
+
+    cycle = replace(cycle_for(small_simulation(n_frames=1)), nobody_before=60)
+    frames, n_frames = _in_view(Late(), cycle)  # type: ignore[arg-type]
+    assert [frame.index for frame in frames] == list(range(60, 110, 2))
+    assert n_frames == 25
+
+
+def test_the_turn_between_views_is_seen_along_the_lines_of_sight(person: BodyModel) -> None:
+    """Two cameras at a right angle, as seen by the person, whatever they look at beside her."""
+    looks, poses = [], []
+    for n, name in enumerate(("front", "side")):
+        place = np.array([(4.0, 0.0, 1.0), (0.0, 4.0, 1.0)][n])
+        aim = (0.6, 0.9, 1.0) if n == 0 else (0.9, -0.6, 1.0)
+        camera = Camera.looking_at(name, (800, 600), 600.0, tuple(place.tolist()), np.array(aim))
+        looks.append(Look(Rig((camera,)), n * person.dof + np.arange(person.dof)))
+        poses.append(person.rest())
+    of = space()
+    found = Fit(of, tuple(looks), np.zeros(len(of.names)), np.concatenate(poses), np.eye(1))
+    assert _turn_deg(person, found, 0) == pytest.approx(90)
 
 
 def test_a_model_is_refined_over_the_frames_of_a_run(tmp_path: Path) -> None:

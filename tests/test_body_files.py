@@ -8,12 +8,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 import tomli_w
 
-from tracker.body_files import load_body
+from tracker.body_files import load_body, read_description, save_description
 from tracker.errors import ModelError
+from tracker.jobs.acquire import acquisition_from
 
 LAMP: dict[str, Any] = {
     "name": "lamp",
@@ -126,9 +128,21 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "part of no segment": (lambda m: m["parts"][1].update(segment="shde"), r'"shade": no segment "shde".*"shade"'),
     "part of no length": (lambda m: m["parts"][0].update(end=[0, 0, 0]), r'"foot": start and end are the same'),
     "front along the part": (lambda m: m["parts"][1].update(front=[2, 0, 0]), r'"shade": `front` is parallel'),
-    "negative radius": (lambda m: m["parts"][0].update(radii=[-0.1, 0.1]), r"expected positive"),
-    "squareness": (lambda m: m["parts"][0].update(squareness=[2, 1]), r"squareness.*expected 0\.1 to 1"),
+    "negative radius": (
+        lambda m: m["parts"][0].update(radii=[-0.1, 0.1]),
+        r'part "foot": superquadric: .*expected positive',
+    ),
+    "squareness": (lambda m: m["parts"][0].update(squareness=[2, 1]), r'part "foot": .*squareness.*expected 0\.1 to 1'),
     "landmark of no segment": (lambda m: m["landmarks"]["bulb"].update(segment="lamp"), r'"bulb": no segment "lamp"'),
+    "no number": (lambda m: m["segments"][2].update(joint=[math.nan, 0, 0]), r"segments\.2\.joint\.0: .*finite number"),
+    "no end": (
+        lambda m: m["landmarks"]["bulb"].update(at=[0, 0, math.inf]),
+        r"landmarks\.bulb\.at\.2: .*finite number",
+    ),
+    "no plane": (lambda m: m.update(across=[0, 0, 0]), r"across: the normal .* has no length"),
+    "no parts": (lambda m: m.update(parts=[], landmarks={}, links=[]), r"parts: none, expected at least one"),
+    "an empty group": (lambda m: m["groups"].update(bulbs=[]), r'group "bulbs": expected one parameter or more'),
+    "a parameter twice in a group": (lambda m: m["groups"]["mast"].append("lift"), r'group "mast": .* each once'),
     "link to no landmark": (lambda m: m.update(links=[["base", "blub"]]), r'no landmark "blub".*did you mean "bulb"'),
     "group of no parameter": (lambda m: m["groups"].update(mast=["lft"]), r'"mast": no parameter "lft".*"lift"'),
 }
@@ -142,6 +156,40 @@ def test_a_wrong_entry_is_named(tmp_path: Path, fault: str) -> None:
         load_body(path)
     assert str(refusal.value).startswith(f"{path}: ")
     assert "\n" not in str(refusal.value)
+
+
+def test_limits_may_be_infinite(tmp_path: Path) -> None:
+    body = load_body(written(tmp_path, lambda m: m["segments"][1]["parameters"][1].update(limits_m=[-math.inf, 0.2])))
+    np.testing.assert_array_equal(body.limits[1], (-math.inf, 0.2))
+
+
+@pytest.mark.parametrize("fault", ["unknown parent", "part of no segment", "negative radius"])
+@pytest.mark.parametrize("kind", ["pairs", "moments", "scan"])
+def test_a_model_is_checked_before_it_is_fitted(tmp_path: Path, fault: str, kind: str) -> None:
+    change, reason = FAULTS[fault]
+    mask = np.zeros((200, 200), np.uint8)
+    mask[20:180, 80:120] = 255
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+    picture = {"mask": "mask.png", "px_per_m": 100.0}
+    asked: dict[str, Any] = {
+        "pairs": [{"front": picture, "side": picture}],
+        "moments": [{"cloud": "none.ply"}],
+        "scan": {"surface": "none.ply", "weights": "none.npz", "joints": "none.json"},
+    }
+    told = {} if kind == "scan" else {"stature_m": 0.6}
+    table = {"model": str(written(tmp_path, change)), kind: asked[kind], **told}
+    with pytest.raises(ModelError, match=rf"lamp\.toml: .*{reason}"):
+        acquisition_from(table, "lamp.toml", tmp_path, "lamp").open()
+
+
+def test_blanks_in_names_survive(tmp_path: Path) -> None:
+    change = {
+        "base, of it": {"segment": "foot", "at": [0, 0, 0]},
+        "a  bulb,": {"segment": "shade", "at": [0.1, 0, 0.5]},
+    }
+    given = read_description(written(tmp_path, lambda m: m.update(landmarks=change, links=[[*change]])))
+    save_description(given, tmp_path / "again.toml", decimals=None)
+    assert read_description(tmp_path / "again.toml") == given
 
 
 def test_files_that_are_not_there_or_not_toml(tmp_path: Path) -> None:

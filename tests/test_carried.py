@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.body_files import read_description
 from tracker.carried import with_carried
 from tracker.config import build_class, described_fields
@@ -50,6 +51,36 @@ def test_a_thing_hangs_on_the_segment_of_its_landmark_and_keeps_its_size(stature
     assert np.arccos(-turned[2] / 0.55) == pytest.approx(0.5, abs=1e-6)
     q[laden.index("left_wrist_flexion")] += 0.5
     np.testing.assert_array_equal(laden.world_from_part(q)[part, :3, 3] - at, turned)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("grown", ["left_upper_arm.length", "left_shoulder.joint_y", "chest.width", "stature"])
+def test_a_thing_stays_in_its_hand_while_the_arm_grows(side: str, grown: str) -> None:
+    """The other hand has none: it is neither moved twice nor left behind."""
+    laden = subject({**RACKET, "by": f"{side}_wrist"}).description()
+    space = space_of(laden, ShapePrior())
+    shape = np.zeros(len(space.names))
+    shape[space.names.index(grown)] = 0.02
+    found = space.described(shape)
+    ways = [np.subtract(one.parts[-1].start, one.landmarks[f"{side}_wrist"].at) for one in (laden, found)]
+    moved = np.subtract(found.landmarks[f"{side}_wrist"].at, laden.landmarks[f"{side}_wrist"].at)
+    assert np.linalg.norm(moved) > 4e-4
+    np.testing.assert_allclose(ways[1], ways[0] * (1.02 if grown == "stature" else 1.0), atol=1e-12)
+
+
+@pytest.mark.parametrize("by", ["right_wrist", "neck"])
+def test_a_thing_beside_the_body_can_be_fitted_to_every_side(by: str) -> None:
+    start, end = ([0.0, -0.3, -0.1], [0.0, -0.5, -0.4]) if by == "neck" else ([0.0, 0.0, -0.1], [0.0, -0.2, -0.4])
+    space = space_of(
+        subject({**RACKET, "by": by, "start": start, "end": end, "radii": [0.1, 0.1]}).description(), ShapePrior()
+    )
+    assert {"racket.start_side", "racket.end_side"} <= set(space.names)
+    shape = np.zeros(len(space.names))
+    shape[space.names.index("racket.end_along")] = 0.1
+    before, after = (
+        np.subtract(one.parts[-1].end, one.parts[-1].start) for one in (space.description, space.described(shape))
+    )
+    np.testing.assert_allclose(after / np.linalg.norm(after), before / np.linalg.norm(before), atol=1e-12)
 
 
 def test_without_a_thing_the_body_is_what_it_was() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from observations import bent
@@ -41,6 +43,18 @@ def test_crossed_legs_change_places(model: str) -> None:
     # hips are 0.2 m apart, so that legs of the same length reach each other's knees but for some centimetres
     assert gaps[exchanged] < 0.09
     assert gaps[exchanged] < 0.6 * gaps[mirrored]
+
+
+def test_what_one_limb_alone_has_draws_none_of_them(tmp_path: Path) -> None:
+    """A watch, called after its side or not: the other arm has no place for it."""
+    told = '[landmarks]\nleft_watch = { segment = "left_forearm", at = [0, 0.2, 0.1] }\n'
+    told += 'watch = { segment = "left_forearm", at = [0, 0.2, 0.1] }\n'
+    file = tmp_path / "model.toml"
+    file.write_text(model_path("gavrila22").read_text().replace("[landmarks]\n", told, 1))
+    plain, watched = load_body(model_path("gavrila22")), load_body(file)
+    q = bent(plain)
+    found = exchanged(watched, q, "left_arm", "right_arm")
+    np.testing.assert_array_equal(found, exchanged(plain, q, "left_arm", "right_arm"))
 
 
 @pytest.mark.parametrize(("model", "limb"), PAIRS)

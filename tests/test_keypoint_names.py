@@ -113,6 +113,13 @@ def test_bundled_persons_know_what_detectors_call_their_joints(model: str, layou
         assert place["nose"][0] > place["left_eye"][0] > place["left_ear"][0]
 
 
+def test_a_keypoint_of_a_side_that_the_body_lacks_is_left_out(tmp_path: Path) -> None:
+    text = model_path("gavrila22").read_text().split("[groups]")[0]
+    text = text.replace("[landmarks]\n", '[landmarks]\nleft_stick = { segment = "left_forearm", at = [0, 0.2, 0.1] }\n')
+    (tmp_path / "model.toml").write_text(text + '[keypoints]\nleft_tip = { landmark = "left_stick" }\n')
+    assert [one.name for one in load_body(tmp_path / "model.toml").keypoints] == ["left_tip"]
+
+
 def test_sides_of_an_animal_are_exchanged_leg_by_leg() -> None:
     """Fore and hind knees have the same words; what is exchanged of one pair leaves the other alone."""
     body = load_body(model_path("quadruped"))

@@ -24,7 +24,7 @@ from tracker.errors import ConfigError, ModelError
 from tracker.geometry.superquadrics import surface
 from tracker.mirror import Mirror
 from tracker.resources import model_path
-from tracker.skin_files import Rigging, ScannedSurface, write_rigging, write_surface
+from tracker.skin_files import Rigging, ScannedSurface, read_surface, write_rigging, write_surface
 
 POSE_DEG = {"arm_abduction": 35.0, "arm_elevation": 8.0, "arm_twist": -6.0, "arm_extension": 12.0}
 CENTRES = {
@@ -230,6 +230,34 @@ def test_wrong_joints_are_one_sentence(tmp_path: Path, change: object, said: str
     with pytest.raises(ConfigError) as found:
         read_scan(scan.files, Mirror())
     assert said in str(found.value)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "error", "said"),
+    [
+        (1000 * np.eye(3), ConfigError, r"scan\.ply: a surface of 1\.68e\+03 m, expected one person in metres"),
+        (Rotation.from_euler("x", -90, degrees=True).as_matrix(), ModelError, r"(89|90) degrees from .*expected z up"),
+    ],
+)
+def test_other_units_and_axes_are_refused(tmp_path: Path, matrix: Array, error: type[Exception], said: str) -> None:
+    scan = scanned(tmp_path, "upper21", {})
+    surface = read_surface(scan.files.surface)
+    write_surface(ScannedSurface(surface.points @ matrix.T, surface.faces), scan.files.surface)
+    table = json.loads(scan.files.joints.read_text(encoding="utf-8"))
+    for one in table["joints"]:
+        one["centre_m"], one["axes"] = (matrix @ one["centre_m"]).tolist(), {}
+    scan.files.joints.write_text(json.dumps(table), encoding="utf-8")
+    with pytest.raises(error, match=said):
+        rigged(read_description(model_path("upper21")), read_scan(scan.files, Mirror()), "nobody")
+
+
+def test_joints_in_one_place_point_nowhere(tmp_path: Path) -> None:
+    scan = read_scan(scanned(tmp_path, "upper21", POSE_DEG).files, Mirror())
+    elbow = next(one for one in scan.joints if one.child == "left_forearm")
+    joints = tuple(replace(one, centre=elbow.centre) if one.child == "left_hand" else one for one in scan.joints)
+    known = rigged(read_description(model_path("upper21")), replace(scan, joints=joints), "somebody").description
+    assert np.isfinite([part.start for part in known.parts]).all()
+    known.model_copy(update={"skin": None}).build()
 
 
 def test_a_scan_without_the_models_segments_is_refused(tmp_path: Path) -> None:

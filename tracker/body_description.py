@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
+import numpy as np
 import pydantic
 
 from tracker.arrays import frozen
@@ -12,7 +13,7 @@ from tracker.body import BodyModel
 from tracker.body_defaults import bones, chains, marks
 from tracker.body_entries import LandmarkEntry, PartEntry, SegmentEntry, Vector, of_segment, part_of, tree_of
 from tracker.body_facts import keypoint_marks, with_facts
-from tracker.body_sections import Clothes, Entry, Joints, KeypointEntry, Movement, SkinSection, StartMarks
+from tracker.body_sections import Clothes, Entry, Joints, KeypointEntry, Movement, OrInfinite, SkinSection, StartMarks
 from tracker.body_skin import skin_of
 from tracker.errors import ModelError, name_fault, nearest
 from tracker.mirror import Mirror
@@ -47,7 +48,7 @@ class BodyDescription(Entry):
     skin: SkinSection | None = None
     """The body's own surface; None: its parts are all that is known."""
 
-    sigmas: dict[str, float] = pydantic.Field(default={})
+    sigmas: dict[str, OrInfinite] = pydantic.Field(default={})
     """Standard deviations of what was measured on the person, metres or plain numbers; empty for a general model."""
 
     def mirrored(self, name: str) -> str:
@@ -118,7 +119,13 @@ class BodyDescription(Entry):
 def _build(model: BodyDescription) -> BodyModel:
     if fault := name_fault(model.name):
         raise ModelError(f"name: {fault}")
+    if not model.segments or not model.parts:
+        raise ModelError(f"{'parts' if model.segments else 'segments'}: none, expected at least one")
     parameters, segments = tree_of(model.segments)
+    if not parameters:
+        raise ModelError("segments: none of them has parameters, expected at least one")
+    if not np.linalg.norm(model.across):
+        raise ModelError("across: the normal of the plane of symmetry has no length")
     names = [parameter.name for parameter in parameters]
     if len(set(names)) < len(names):
         raise ModelError(f"parameter {max(names, key=names.count)!r} is defined twice")
@@ -152,6 +159,8 @@ def _check_names(model: BodyDescription, parameters: list[str]) -> None:
         for member in members:
             if member not in parameters:
                 raise ModelError(f'group "{group}": no parameter "{member}"; {nearest(member, parameters)}')
+        if not members or len(set(members)) < len(members):
+            raise ModelError(f'group "{group}": expected one parameter or more, each once')
     for link in model.links:
         for end in link:
             if end not in model.landmarks:

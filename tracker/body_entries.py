@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 import pydantic
 
 from tracker.arrays import Array, frozen
-from tracker.body_sections import Entry
+from tracker.body_sections import Entry, OrInfinite
 from tracker.errors import ModelError, nearest
 from tracker.segments import Parameter, Part, Segment
 from tracker.shape import TaperedSuperquadric
 
-Vector = tuple[float, float, float]
+Finite = Annotated[float, pydantic.Field(allow_inf_nan=False)]
+Vector = tuple[Finite, Finite, Finite]
 
 
 class AxisEntry(Entry):
@@ -21,8 +23,8 @@ class AxisEntry(Entry):
 
     name: str
     axis: Vector
-    limits_m: tuple[float, float] | None = None
-    limits_deg: tuple[float, float] | None = None
+    limits_m: tuple[OrInfinite, OrInfinite] | None = None
+    limits_deg: tuple[OrInfinite, OrInfinite] | None = None
     usual_deg: float | None = pydantic.Field(default=None, gt=0)
     """How far a rotation is from the rest pose in everyday movement, standard deviation: where images hardly tell, a
     pose is as usual as they allow. None where every angle within the limits is as likely."""
@@ -128,5 +130,8 @@ def part_of(part: PartEntry, last: dict[str, int]) -> Part:
     placement[:3, :3] = np.stack([np.cross(side, long_axis), side, long_axis], axis=1)
     placement[:3, 3] = (start + end) / 2
     size = np.array([*part.radii, length / 2])
-    shape = TaperedSuperquadric(size, np.array(part.squareness), np.array(part.taper))
+    try:
+        shape = TaperedSuperquadric(size, np.array(part.squareness), np.array(part.taper))
+    except ModelError as error:
+        raise ModelError(f'part "{part.name}": {error}') from error
     return Part(part.name, part.segment, of_segment(part.segment, last, part.name), shape, frozen(placement))

@@ -55,9 +55,9 @@ def keypoint_marks(body: BodyModel, entries: Mapping[str, KeypointEntry]) -> tup
             raise ModelError(f'keypoints: "{known}" and "{name}" are one keypoint, spelt in two ways; leave one out')
     found = {name: _beside(body, name, one.landmark, one) for name, one in entries.items()}
     for name, one in entries.items():
-        other = body.mirror.of(plain_name(name))
-        if other not in spelt:
-            found[other] = _beside(body, other, body.mirror.of(one.landmark), one, mirrored=True)
+        other, landmark = body.mirror.of(plain_name(name)), body.mirror.of(one.landmark)
+        if other not in spelt and landmark in body.landmark_names:  # a body may lack the other side's
+            found[other] = _beside(body, other, landmark, one, mirrored=True)
     return tuple(found.values())
 
 

@@ -30,6 +30,20 @@ def read_description(path: Path) -> BodyDescription:
     return found if found.skin is None else found.model_copy(update={"skin": found.skin.beside(path.parent)})
 
 
+def read_buildable(path: Path) -> BodyDescription:
+    """Reads the content of a model file of which a body can be made, whatever its skin is.
+
+    Raises:
+        ModelError: the file is missing or wrong; the message names the entry.
+    """
+    description = read_description(path)
+    try:
+        description.model_copy(update={"skin": None}).build()
+    except ModelError as error:
+        raise ModelError(f"{path}: {error}") from error
+    return description
+
+
 def _first_fault(error: pydantic.ValidationError) -> str:
     first = error.errors()[0]
     where = ".".join(str(step) for step in first["loc"])
@@ -76,7 +90,8 @@ _INNER_ARRAY = re.compile(r"\[\n([^\[\]{}]*?),?\n *\]")
 
 
 def _on_one_line(array: re.Match[str]) -> str:
-    return f"[{' '.join(array[1].split())}]"
+    # line by line: names may have blanks in them
+    return f"[{' '.join(filter(None, map(str.strip, array[1].splitlines())))}]"
 
 
 def _rounded(value: Any, decimals: int) -> Any:

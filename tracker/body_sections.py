@@ -11,9 +11,9 @@ from tracker.errors import nearest
 
 
 class Entry(pydantic.BaseModel):
-    """A table of a model file; a key that it does not have is refused with the nearest valid one."""
+    """A table of a model file. A key that it does not have is refused with the nearest valid one; so are NaN, inf."""
 
-    model_config = pydantic.ConfigDict(extra="forbid", frozen=True)
+    model_config = pydantic.ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     @pydantic.model_validator(mode="before")
     @classmethod
@@ -22,6 +22,10 @@ class Entry(pydantic.BaseModel):
             if key not in cls.model_fields:
                 raise ValueError(f'unknown key "{key}"; {nearest(str(key), cls.model_fields)}')
         return table
+
+
+OrInfinite = Annotated[float, pydantic.Field(allow_inf_nan=True)]
+"""A number of a model file that may be infinite: the limit of what is free."""
 
 
 class StartMarks(Entry):

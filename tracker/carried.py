@@ -8,11 +8,11 @@ from typing import Annotated
 import pydantic
 
 from tracker.body_description import BodyDescription
-from tracker.body_entries import PartEntry, Vector
+from tracker.body_entries import Finite, PartEntry, Vector
 from tracker.components import component
 from tracker.errors import ConfigError, nearest
 
-Radius = Annotated[float, pydantic.Field(gt=0)]
+Radius = Annotated[float, pydantic.Field(gt=0, allow_inf_nan=False)]
 """Metres."""
 
 
@@ -36,10 +36,10 @@ class Carried:
     radii: tuple[Radius, Radius]
     """Half its depth and half its width across that axis, metres."""
 
-    squareness: tuple[float, float] = (0.5, 1.0)
-    """As of a model's parts: along and around the axis, 0 for a box, 1 for an ellipsoid."""
+    squareness: tuple[Finite, Finite] = (0.5, 1.0)
+    """As of a model's parts: along and around the axis, 0.1 for a box, 1 for an ellipsoid."""
 
-    taper: tuple[float, float] = (0.0, 0.0)
+    taper: tuple[Finite, Finite] = (0.0, 0.0)
     """As of a model's parts."""
 
     front: Vector = (1.0, 0.0, 0.0)

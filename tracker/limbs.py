@@ -59,8 +59,9 @@ def exchanged(body: BodyModel, q: Array, one: str, other: str) -> Array:
         q: (dof,) rad and m.
         one, other: groups of mirrored limbs, `left_leg` and `right_leg`.
     """
-    marks = np.flatnonzero(body.landmarks_of(one) | body.landmarks_of(other))
     names = body.landmark_names
+    paired = np.array([name != body.mirror.of(name) in names for name in names], dtype=np.bool_)
+    marks = np.flatnonzero((body.landmarks_of(one) | body.landmarks_of(other)) & paired)
     places = np.array([names.index(body.mirror.of(names[mark])) for mark in marks], dtype=np.int64)
     columns = np.concatenate([body.group(one), body.group(other)])
     return _reaching(body, mirrored(body, q, one, other), columns, marks, body.landmarks_in_world(q)[places])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tracker.arrays import Array
 from tracker.body_description import BodyDescription
+from tracker.body_entries import PartEntry
 
 _FIELDS = ("joints", "starts", "ends", "radii", "squareness", "taper", "landmarks")
 
@@ -53,6 +55,11 @@ class Anatomy:
 
     part_mates: tuple[int, ...]
     landmark_mates: tuple[int, ...]
+    lone_segments: tuple[bool, ...]
+    lone_parts: tuple[bool, ...]
+    lone_landmarks: tuple[bool, ...]
+    """Whether it is of one side and the other side has no such: a racket in a hand."""
+
     fronts: Array
     """(P, 3)"""
 
@@ -66,6 +73,15 @@ class Anatomy:
         parts = [part.name for part in body.parts]
         marks = list(body.landmarks)
         place = {name: k for k, name in enumerate(names)} | {"world": -1}
+        parents = [place[segment.parent] for segment in body.segments]
+        part_segments = [place[part.segment] for part in body.parts]
+        landmark_segments = [place[mark.segment] for mark in body.landmarks.values()]
+        across = np.array(body.across) / np.linalg.norm(body.across)
+        segment_mates = _mates(names, body)
+        lone_segments: list[bool] = []
+        for k, parent in enumerate(parents):
+            lone_segments.append(_is_lone(k, names, parent, (segment_mates, lone_segments), body))
+        sided = (segment_mates, lone_segments)
         return cls(
             joints=np.array([segment.joint for segment in body.segments]),
             starts=np.array([part.start for part in body.parts]),
@@ -74,14 +90,20 @@ class Anatomy:
             squareness=np.array([part.squareness for part in body.parts]),
             taper=np.array([part.taper for part in body.parts]),
             landmarks=np.array([mark.at for mark in body.landmarks.values()]).reshape(-1, 3),
-            parents=tuple(place[segment.parent] for segment in body.segments),
-            part_segments=tuple(place[part.segment] for part in body.parts),
-            landmark_segments=tuple(place[mark.segment] for mark in body.landmarks.values()),
-            segment_mates=_mates(names, body),
+            parents=tuple(parents),
+            part_segments=tuple(part_segments),
+            landmark_segments=tuple(landmark_segments),
+            segment_mates=segment_mates,
             part_mates=_mates(parts, body),
             landmark_mates=_mates(marks, body),
+            lone_segments=tuple(lone_segments),
+            lone_parts=tuple(
+                _is_lone(p, parts, k, sided, body) or (body.mirrored(one.name) == one.name and _is_beside(one, across))
+                for p, (k, one) in enumerate(zip(part_segments, body.parts, strict=True))
+            ),
+            lone_landmarks=tuple(_is_lone(m, marks, k, sided, body) for m, k in enumerate(landmark_segments)),
             fronts=np.array([part.front for part in body.parts]),
-            across=np.array(body.across) / np.linalg.norm(body.across),
+            across=across,
         )
 
     def described(self, body: BodyDescription) -> BodyDescription:
@@ -161,21 +183,28 @@ class Anatomy:
         return change.packed()
 
     def mirrored(self, change: Array) -> Array:
-        """A change (n,) as the other side has it."""
+        """A change (n,) as the other side has it; what that side has not goes along with its segment."""
         given = self.still().plus(change)
         flip = np.eye(3) - 2 * np.outer(self.across, self.across)
-        return Anatomy.packed(
-            replace(
-                given,
-                joints=given.joints[list(self.segment_mates)] @ flip,
-                starts=given.starts[list(self.part_mates)] @ flip,
-                ends=given.ends[list(self.part_mates)] @ flip,
-                radii=given.radii[list(self.part_mates)],
-                squareness=given.squareness[list(self.part_mates)],
-                taper=given.taper[list(self.part_mates)],
-                landmarks=given.landmarks[list(self.landmark_mates)] @ flip,
-            )
+        found = replace(
+            given,
+            joints=given.joints[list(self.segment_mates)] @ flip,
+            starts=given.starts[list(self.part_mates)] @ flip,
+            ends=given.ends[list(self.part_mates)] @ flip,
+            radii=given.radii[list(self.part_mates)],
+            squareness=given.squareness[list(self.part_mates)],
+            taper=given.taper[list(self.part_mates)],
+            landmarks=given.landmarks[list(self.landmark_mates)] @ flip,
         )
+        moved = np.concatenate([found.joints, np.zeros((1, 3))])  # the world, -1, stays
+        for k in np.flatnonzero(self.lone_segments):
+            found.joints[k] = moved[k] = moved[self.parents[k]]
+        for p in np.flatnonzero(self.lone_parts):
+            found.starts[p] = found.ends[p] = moved[self.part_segments[p]]
+            found.radii[p], found.squareness[p], found.taper[p] = 0.0, 0.0, 0.0
+        for m in np.flatnonzero(self.lone_landmarks):
+            found.landmarks[m] = moved[self.landmark_segments[m]]
+        return found.packed()
 
     def symmetrized(self, change: Array) -> Array:
         """What of a change (n,) keeps the body symmetric."""
@@ -186,3 +215,17 @@ class Anatomy:
 def _mates(names: list[str], body: BodyDescription) -> tuple[int, ...]:
     mates = [body.mirrored(name) for name in names]
     return tuple(names.index(mate) if mate in names else k for k, mate in enumerate(mates))
+
+
+def _is_lone(
+    k: int, names: list[str], above: int, sided: tuple[Sequence[int], Sequence[bool]], body: BodyDescription
+) -> bool:
+    """Whether the k-th of some names is alone: called after a side or hanging on one, and without a partner."""
+    mate, (mates, lone) = body.mirrored(names[k]), sided
+    return mate not in names or (mate == names[k] and above >= 0 and (mates[above] != above or lone[above]))
+
+
+def _is_beside(part: PartEntry, across: Array) -> bool:
+    """Whether the plane of symmetry does not run through a part."""
+    levels = np.array([part.start, part.end]) @ across
+    return bool(np.abs(levels).min() > max(part.radii) and levels[0] * levels[1] > 0)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tracker.acquisition._variants import Variants, heights
+from tracker.acquisition._variants import Variants, heights, levels
 from tracker.acquisition.looks import Look
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.body import BodyModel
@@ -189,9 +189,9 @@ def height_row(bodies: Bodies, stature_m: float, weight: float) -> Rows:
         weight: factor of the residual.
     """
     body, neighbours, steps = bodies
-    levels = body.model_from_parts[:, 2, 3]
-    # The highest and the lowest parts are enough.
-    shown = [int(np.argmax(levels)), int(np.argmin(levels))]
+    low, high = levels(body.shapes, body.model_from_parts)
+    # The parts that reach highest and lowest are enough.
+    shown = [int(np.argmax(high)), int(np.argmin(low))]
     tall = heights(body.shapes[shown], body.model_from_parts[shown])
     moved = heights(neighbours.shapes[:, shown], neighbours.model_from_parts[:, shown])
     return Rows(

@@ -77,12 +77,18 @@ def heights(shapes: Array, model_from_parts: Array) -> Array:
         shapes: (..., P, 7) packed superquadrics.
         model_from_parts: (..., P, 4, 4)
     """
+    low, high = levels(shapes, model_from_parts)
+    tall: Array = high.max(axis=-1) - low.min(axis=-1)
+    return tall
+
+
+def levels(shapes: Array, model_from_parts: Array) -> tuple[Array, Array]:
+    """Lowest and highest points (..., P) of parts in the reference pose, metres; arguments as of `heights`."""
     eta, omega = np.linspace(-np.pi / 2, np.pi / 2, 25)[:, None], np.linspace(-np.pi, np.pi, 25)[:-1]
     points, _ = surface(np.moveaxis(shapes, -1, 0)[..., None, None], eta, omega)
     up = model_from_parts[..., 2, :]
-    levels = np.einsum("...pehi,...pi->...peh", points, up[..., :3]) + up[..., 3, None, None]
-    tall: Array = levels.max(axis=(-3, -2, -1)) - levels.min(axis=(-3, -2, -1))
-    return tall
+    found = np.einsum("...pehi,...pi->...peh", points, up[..., :3]) + up[..., 3, None, None]
+    return found.min(axis=(-2, -1)), found.max(axis=(-2, -1))
 
 
 _SHAPE = ("radii", "squareness", "taper")

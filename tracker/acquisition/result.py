@@ -89,7 +89,8 @@ def bone_lengths(found: Fit) -> tuple[BoneLength, ...]:
 
 def _links(body: BodyModel, landmarks: Array) -> Array:
     """Lengths (..., N) of the links, metres, where the landmarks are at (..., L, 3)."""
-    ends = np.array([[body.landmark_names.index(name) for name in link] for link in body.links]).reshape(-1, 2)
+    ends = np.array([[body.landmark_names.index(name) for name in link] for link in body.links], dtype=np.int64)
+    ends = ends.reshape(-1, 2)  # a model may have no links
     lengths: Array = np.linalg.norm(landmarks[..., ends[:, 0], :] - landmarks[..., ends[:, 1], :], axis=-1)
     return lengths
 

@@ -17,6 +17,9 @@ from tracker.mirror import Mirror
 from tracker.skin_files import Rigging, ScannedSurface, read_rigging, read_surface
 from tracker.source_files import json_of
 
+_SMALLEST_M, _LARGEST_M = 0.1, 5.0
+"""Extent of a scan along its longest axis: what is less is no body, what is more is not in metres."""
+
 
 @component
 class ScanFiles:
@@ -81,9 +84,12 @@ def read_scan(files: ScanFiles, mirror: Mirror) -> Scan:
 
     Raises:
         ModelError: surface or weights are wrong.
-        ConfigError: the joints are.
+        ConfigError: the joints are, or it is not in metres.
     """
     surface = read_surface(files.surface)
+    extent = float(np.ptp(surface.points, axis=0).max())
+    if not _SMALLEST_M < extent < _LARGEST_M:
+        raise ConfigError(f"{files.surface}: a surface of {extent:.3g} m, expected one person in metres: other units?")
     rigging = read_rigging(files.weights, len(surface.points))
     table = json_of(files.joints, ConfigError)
     entries = _joints(table, files.joints, rigging.segments)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +14,9 @@ from tracker.arrays import Array
 from tracker.body_description import BodyDescription
 from tracker.body_entries import AxisEntry, SegmentEntry
 from tracker.mirror import Mirror
+
+SAME_PLACE_M = 1e-6
+"""Joints less apart have no bone between them that points anywhere."""
 
 # How much the direction of the next hinge counts against that of the bone itself.
 _HINGE = 0.3
@@ -85,8 +89,9 @@ def _angles(entry: SegmentEntry, general: BodyDescription, scan: Scan, turn: Arr
     """
     n = len(entry.parameters)
     mirror = Mirror(general.sides, general.across)
-    behind = next((joint for joint in scan.joints if joint.parent == entry.name), None)
     own, below = scan.joint_of(entry.name), [one for one in general.segments if one.parent == entry.name]
+    below = [one for one in below if math.dist(one.joint, entry.joint) > SAME_PLACE_M]
+    behind = None if own is None else next((one for one in scan.joints if _hangs_below(one, own)), None)
     if not n or mirror.of(entry.name) == entry.name or own is None or behind is None or not below:
         return np.zeros(n)
     general_axes = [np.array(axis.axis, dtype=np.float64) for axis in entry.parameters]
@@ -109,6 +114,11 @@ def _angles(entry: SegmentEntry, general: BodyDescription, scan: Scan, turn: Arr
     best: Array = min(found, key=lambda one: float(one.cost)).x
     wrapped: Array = (best + np.pi) % (2 * np.pi) - np.pi
     return wrapped
+
+
+def _hangs_below(joint: Joint, own: Joint) -> bool:
+    """Whether a joint is at the other end of the bone that begins at another one."""
+    return joint.parent == own.child and float(np.linalg.norm(joint.centre - own.centre)) > SAME_PLACE_M
 
 
 def _sense(hinge: Array, turn: Array, axis: Array) -> float:

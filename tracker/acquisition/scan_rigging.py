@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracker.acquisition.scan import Scan
-from tracker.acquisition.scan_joints import Placed, joint_of, placed_segment, triple
+from tracker.acquisition.scan_joints import SAME_PLACE_M, Placed, joint_of, placed_segment, triple
 from tracker.acquisition.superquadric_fit import Fitted, fit_superquadric
 from tracker.arrays import Array
 from tracker.body_description import BodyDescription
@@ -20,6 +20,9 @@ from tracker.body_entries import LandmarkEntry, PartEntry
 from tracker.body_sections import SkinSection
 from tracker.errors import ModelError, nearest
 from tracker.mirror import Mirror
+
+_UPRIGHT = 0.3
+"""Cosine between a trunk and that of the model, which stands, at least: lower ones lie, or y is up."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +43,10 @@ def rigged(general: BodyDescription, scan: Scan, name: str) -> Rigged:
         name: of the model.
 
     Raises:
-        ModelError: the scan has no segment of that model.
+        ModelError: the scan has no segment of that model, or another axis than z is up in it.
     """
     owners = _owners(general, scan)
+    _check_upright(general, scan)
     ratio = _height(scan) / general.stature_m if general.stature_m > 0 else 1.0
     larger, placed, segments = general.scaled(ratio), Placed(), []
     for entry in general.segments:
@@ -71,6 +75,23 @@ def rigged(general: BodyDescription, scan: Scan, name: str) -> Rigged:
         "skin": SkinSection(surface="scan.ply", weights="scan.npz", pose_deg=placed.pose_deg),
     }
     return Rigged(general.model_copy(update=changes), fits)
+
+
+def _check_upright(general: BodyDescription, scan: Scan) -> None:
+    """Refuses a scan whose midline does not run as the model's does."""
+    mirror, root = Mirror(general.sides, general.across), general.segments[0]
+    known = {one.child: one.centre for one in scan.joints if mirror.of(one.child) == one.child}
+    ways = {one.name: np.subtract(one.joint, root.joint) for one in general.segments if one.name in known}
+    if not ways:
+        return
+    name = max(ways, key=lambda one: float(np.linalg.norm(ways[one])))
+    lengths = float(np.linalg.norm(ways[name]) * np.linalg.norm(known[name]))
+    cosine = float(ways[name] @ known[name]) / lengths if lengths else 1.0
+    if cosine < _UPRIGHT:
+        raise ModelError(
+            f'the joint of "{name}" lies {np.degrees(np.arccos(max(cosine, -1.0))):.0f} degrees from where the model '
+            f'"{general.name}" has it, seen from the root: expected z up in the scan, and somebody who stands or sits'
+        )
 
 
 def _height(scan: Scan) -> float:
@@ -103,8 +124,9 @@ def _parts(scan: Scan, owners: dict[str, str], placed: Placed) -> tuple[dict[str
         if not own.any():
             continue
         points, owner = scan.surface.points[own], owners[name]
-        middle = areas[own] @ points / areas[own].sum()
-        found = fit_superquadric(points, areas[own], _direction(scan, name, middle), np.array([1.0, 0.0, 0.0]))
+        weights = areas[own] if areas[own].any() else np.ones(len(points))  # of no face, they have no area
+        middle = weights @ points / weights.sum()
+        found = fit_superquadric(points, weights, _direction(scan, name, middle), np.array([1.0, 0.0, 0.0]))
         fits[name] = found
         rotation, centre, half = found.placement[:3, :3], found.placement[:3, 3], found.shape[2]
         ends = [placed.in_reference(owner, centre + way * half * rotation[:, 2]) for way in (-1, 1)]
@@ -129,8 +151,9 @@ def _direction(scan: Scan, name: str, middle: Array) -> Array:
     behind = [joint.centre for joint in scan.joints if joint.parent == name]
     if own is None or len(behind) > 1:
         return np.array([0.0, 0.0, 1.0])
-    way: Array = (behind[0] if behind else middle) - own.centre
-    return way
+    ways = [end - own.centre for end in (*behind, middle)]
+    # rigging programs put joints, for instance those of a twist, into one place
+    return next((way for way in ways if np.linalg.norm(way) > SAME_PLACE_M), np.array([0.0, 0.0, 1.0]))
 
 
 def _vertex_areas(scan: Scan) -> Array:

@@ -146,7 +146,7 @@ def _parameters(anatomy: Anatomy, body: BodyDescription, prior: ShapePrior) -> I
         sides = _sides(anatomy.part_mates[p], p, prior)
         if sides is not None:
             for name, sigma, direction, limits in _part_changes(anatomy, p, prior):
-                midline = prior.symmetric and anatomy.part_mates[p] == p
+                midline = prior.symmetric and anatomy.part_mates[p] == p and not anatomy.lone_parts[p]
                 if midline:
                     direction = anatomy.symmetrized(direction)
                 if np.abs(direction).max() > 0.1:
@@ -173,7 +173,7 @@ def _joint_parameters(anatomy: Anatomy, body: BodyDescription, k: int, prior: Sh
         return
     for axis, name in enumerate("xyz"):
         direction = shifted(anatomy, k, np.eye(3)[axis])
-        if prior.symmetric and mate == k:
+        if prior.symmetric and mate == k and not anatomy.lone_segments[k]:
             direction = anatomy.symmetrized(direction)
         if np.abs(direction).max() > 0.1:
             yield ShapeParameter(

@@ -49,7 +49,7 @@ def fit_superquadric(points: Array, weights: Array, axis: Array, front: Array) -
         front: (3,) about that of x.
 
     Returns:
-        The fit; of fewer than 12 points, an ellipsoid around them.
+        The fit; of fewer than 12 points, a rounded can around them.
     """
     start = _frame(axis, front)
     chosen = np.linspace(0, len(points) - 1, min(len(points), _MOST_POINTS)).astype(int)

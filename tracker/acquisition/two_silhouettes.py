@@ -22,6 +22,9 @@ from tracker.progress import Progress, silent
 from tracker.synthesis import Synthesis
 from tracker.synthesis.cpu import CpuSynthesis
 
+_MOST_TALLER = 0.08
+"""How much a silhouette may differ from the stature told, as a share: hair and shoes count, and legs may be apart."""
+
 
 @dataclass(frozen=True)
 class Acquired:
@@ -69,7 +72,7 @@ def acquire(
         for pair in pairs
     ]
     for front, side in silhouettes:
-        _check_sizes(front, side)
+        _check_sizes(front, side, stature_m)
     stature = stature_m or _measured_stature(silhouettes[0][0])
     if description.stature_m <= 0:
         raise ModelError(f'model "{description.name}" does not tell its stature_m: it cannot be scaled')
@@ -94,8 +97,8 @@ def _narrow(settings: FitSettings) -> FitSettings:
     return replace(settings, gate_m=gate_m, rigid_share=0.0)
 
 
-def _check_sizes(front: Silhouette, side: Silhouette) -> None:
-    """Refuses a pair whose pictures cannot show front and side of one person."""
+def _check_sizes(front: Silhouette, side: Silhouette, stature_m: float | None) -> None:
+    """Refuses a pair whose pictures cannot show front and side of one person, or of one of the stature told."""
     widths = [one.box[2] / one.box[3] for one in (front, side)]
     if widths[1] > 1.15 * widths[0]:
         raise SequenceError(
@@ -108,6 +111,13 @@ def _check_sizes(front: Silhouette, side: Silhouette) -> None:
             raise SequenceError(
                 f"the person is {heights[0]:.2f} m high in the front view and {heights[1]:.2f} m in the side view: "
                 "check px_per_m of both"
+            )
+    for one in (front, side):
+        height_m = one.box[3] * 1000 / one.camera.matrix[1, 1] if one.orthographic else None
+        if stature_m is not None and height_m is not None and abs(height_m / stature_m - 1) > _MOST_TALLER:
+            raise SequenceError(
+                f"the person is {height_m:.2f} m high in the {one.name} view by its px_per_m, and {stature_m:.2f} m by "
+                "stature_m: check both"
             )
 
 
@@ -128,8 +138,9 @@ def _turn_deg(body: BodyModel, found: Fit, pair: int) -> float:
     """Turn of the person between the two views, seen from the cameras, degrees."""
     angles = []
     for k in (2 * pair, 2 * pair + 1):
-        axis = found.looks[k].rig.cameras[0].camera_from_world[2, :3]
-        angles.append(found.pose(k)[body.root.turn] - np.arctan2(axis[1], axis[0]))
+        # the line of sight, not the camera's axis: the person may stand beside the middle of the picture
+        sight = found.pose(k)[body.root.shifts] - found.looks[k].rig.cameras[0].centre
+        angles.append(found.pose(k)[body.root.turn] - np.arctan2(sight[1], sight[0]))
     turn = float(np.degrees(angles[1] - angles[0]))
     return abs((turn + 180) % 360 - 180)
 

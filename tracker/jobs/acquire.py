@@ -29,14 +29,16 @@ from tracker.arrays import Array
 from tracker.body_files import read_description, save_description
 from tracker.components import component
 from tracker.config_files import Table
+from tracker.cycle import Cycle
 from tracker.errors import ConfigError, nearest
 from tracker.files import write_json, write_whole
 from tracker.found_before import knowing
+from tracker.frame import Frame
 from tracker.jobs import ResultFolder, described, execute, job_from
 from tracker.jobs._acquired import Acquired, AcquireOutcome
-from tracker.jobs._persons import frames_in_view
 from tracker.jobs.track import OpenedTrack, TrackJob
 from tracker.progress import Progress, silent
+from tracker.reading import Sequence as Recording
 from tracker.tracking import track
 from tracker.trajectory import Step
 
@@ -66,12 +68,12 @@ class AcquireJob(TrackJob):
         for _ in range(settings.rounds):
             shape = np.zeros(len(space.names)) if found is None else found.shape
             scene, sequence = opened.scene.with_bodies({person: space.body(shape)}), opened.sequence
-            frames = frames_in_view(sequence.frames, cycle)
-            steps = _told(track(frames, scene, cycle, reopen=sequence.frames), sequence.n_frames, progress)
+            frames, n_frames = _in_view(sequence, cycle)
+            steps = _told(track(frames, scene, cycle, reopen=sequence.frames), n_frames, progress)
             first = next(steps)
             steps = itertools.chain([first], steps)
             cycle = knowing(cycle, {first.frame.index: first.estimates}, first.start)
-            seen = best_seen(steps, person, sequence.n_frames, settings.frames, doubted_too=True)
+            seen = best_seen(steps, person, n_frames, settings.frames, doubted_too=True)
             fitted = fit_to_views(space, (shape, person), seen, watching, settings, progress)
             if found is None:
                 poses = np.concatenate([one.scene.persons[person].q for one in seen])
@@ -119,6 +121,13 @@ class AcquireJob(TrackJob):
         if name is not None and name not in names:
             raise ConfigError(f'[acquisition]: no person "{name}"; {nearest(name, names)}')
         return 0 if name is None else names.index(name)
+
+
+def _in_view(sequence: Recording, cycle: Cycle) -> tuple[Iterator[Frame], int]:
+    """The frames from the first one on in which somebody is looked for, and how many these are."""
+    frames = enumerate(sequence.frames())
+    n_before, first = next(one for one in frames if one[1].index >= cycle.nobody_before)
+    return itertools.chain([first], (frame for _, frame in frames)), sequence.n_frames - n_before
 
 
 def _told(steps: Iterator[Step], n_frames: int, progress: Progress) -> Iterator[Step]:

@@ -12,7 +12,7 @@ from tracker.acquisition.pictures import Pair, read_silhouette
 from tracker.acquisition.silhouette_task import SilhouetteSettings
 from tracker.acquisition.two_silhouettes import acquire
 from tracker.body_description import BodyDescription
-from tracker.body_files import read_description
+from tracker.body_files import read_buildable
 from tracker.components import ModelFile, component
 from tracker.jobs import ResultFolder, described
 from tracker.jobs._acquired import Acquired, AcquireOutcome
@@ -51,7 +51,7 @@ class PictureJob:
         for pair in self.pairs:
             read_silhouette(pair.front, "front", self.stature_m)
             read_silhouette(pair.side, "side", self.stature_m)
-        return read_description(self.model)
+        return read_buildable(self.model)
 
     @property
     def model_name(self) -> str:

@@ -18,7 +18,7 @@ from tracker.acquisition.pictures import Silhouette, read_silhouette
 from tracker.acquisition.shape_space import ShapeSpace, space_of
 from tracker.arrays import Array, Image, Integers
 from tracker.body import BodyModel
-from tracker.body_files import read_description
+from tracker.body_files import read_buildable
 from tracker.camera import Camera
 from tracker.components import FilePath, ModelFile, component
 from tracker.errors import ConfigError, ModelError, nearest
@@ -87,7 +87,7 @@ class PointsJob:
 
     def open(self, earlier: Path | None = None) -> OpenedPoints:
         """Reads points, pictures and trajectories; see `tracker.jobs.Job.open`."""
-        general = read_description(self.model)
+        general = read_buildable(self.model)
         if general.stature_m <= 0:
             raise ModelError(f'model "{general.name}" does not tell its stature_m: it cannot be scaled')
         space = space_of(general.scaled(self.stature_m / general.stature_m), self.acquisition.prior)

@@ -15,7 +15,7 @@ from tracker.acquisition.scan_rigging import Rigged, rigged
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.body_description import BodyDescription
-from tracker.body_files import read_description, save_description
+from tracker.body_files import read_buildable, read_description, save_description
 from tracker.body_skin import measured_pose
 from tracker.camera import Camera
 from tracker.components import ModelFile, component
@@ -59,7 +59,7 @@ class ScanJob:
 
     def open(self, earlier: Path | None = None) -> tuple[BodyDescription, Scan]:
         """Reads the model and the scan; see `tracker.jobs.Job.open`."""
-        general = read_description(self.model)
+        general = read_buildable(self.model)
         return general, read_scan(self.scan, Mirror(general.sides, general.across))
 
     @property
