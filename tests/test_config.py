@@ -61,7 +61,7 @@ def test_overrides_reach_entries_of_lists(written):
     run = load_job("track", written(GOOD), ["persons.0.model=human", "persons.0.stature_m=1.6"])
     assert (run.persons[0].model.stem, run.persons[0].stature_m) == ("human", 1.6)
     for override in ("persons.1.model=human", "persons.anna.model=human", "persons.2=3"):
-        with pytest.raises(ConfigError, match=r"expected the number of an entry, counted from 0, at most 0"):
+        with pytest.raises(ConfigError, match=r"expected the number of an entry, from 0 on, at most 0"):
             read_config(written(GOOD), [override])
 
 

@@ -71,7 +71,7 @@ def test_what_is_missing_or_does_not_fit_is_said(study):
     shutil.rmtree(study / "background")
     (study / "videos" / "trial1_BACK.mp4").rename(study / "videos" / "notes.mp4")
     found = draft(study / "videos", study / "run.toml")
-    assert found.remarks[0] == "cameras without a recording: BACK; `views` names those to be used"
+    assert found.remarks[0] == "cameras without a recording: BACK; `views` names those that are used"
     assert found.remarks[1] == "left out, for their names follow another pattern: notes.mp4"
     assert "no plates found" in found.remarks[2]
     assert "# background" in found.text
@@ -80,6 +80,26 @@ def test_what_is_missing_or_does_not_fit_is_said(study):
     assert "no calibration found" in found.remarks[0]
     assert found.rig is None
     assert "rig" not in tomllib.loads(found.text)["reading"]
+
+
+def test_what_is_written_for_fewer_views_than_cameras_can_be_opened(study):
+    (study / "videos" / "trial1_BACK.mp4").unlink()
+    (study / "background" / "LEFT_empty.png").unlink()
+    found = draft(study / "videos", study / "run.toml")
+    assert any(
+        line.endswith("else plates are made of the recording") and "no plate of LEFT" in line for line in found.remarks
+    )
+    (study / "run.toml").write_text(found.text)
+    assert tomllib.loads(found.text)["reading"]["views"] == ["FRONT", "RIGHT", "LEFT"]
+    assert load_job("track", study / "run.toml").reading.open().rig.names == ("FRONT", "RIGHT", "LEFT")
+
+
+def test_a_calibration_that_cannot_be_used_says_why(study):
+    path = study / "Calibration" / "Calib.toml"
+    path.write_text(path.read_text().replace("FRONT", "FR\\\\ONT"))
+    first, second, *_ = draft(study / "videos", study / "run.toml").remarks
+    assert "Calib.toml" in first
+    assert "no calibration found" in second
 
 
 def test_images_of_another_size_than_calibrated_are_said(study, recording, tmp_path):

@@ -58,5 +58,6 @@ def override_table(table: Table, overrides: Sequence[str]) -> None:
 def _entry(entries: list[Any], number: str, override: str) -> int:
     """The place in a list that an override names."""
     if not number.isdecimal() or int(number) >= len(entries):
-        raise ConfigError(f'--set {override}: "{number}", expected the number of an entry, counted from 0, at most {len(entries) - 1}')
+        most = len(entries) - 1
+        raise ConfigError(f'--set {override}: "{number}", expected the number of an entry, from 0 on, at most {most}')
     return int(number)

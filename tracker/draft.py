@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -49,7 +50,7 @@ def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
         CalibrationError: the calibration that is given cannot be used, or nothing is called after its cameras.
     """
     there = sources(folder)
-    found = (rig, read_rig(rig).rig) if rig is not None else _found_rig(folder, there)
+    found, faults = ((rig, read_rig(rig).rig), []) if rig is not None else _found_rig(folder, there)
     pattern, views = pattern_of(there, folder, found[1] if found else None)
     if not views and found is not None:
         cameras, files = ", ".join(found[1].names), ", ".join(path.name for path in there[:4])
@@ -58,14 +59,17 @@ def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
             "or cameras"
         )
     footage = tuple(header(path, view) for view, path in sorted(views.items()))
-    plates = _found_plates(folder, [one.view for one in footage])
+    plates, unplated = _found_plates(folder, [one.view for one in footage])
     unused = sorted(set(there) - set(views.values()))
-    remarks = tuple(_remarks(footage, found, plates, unused, "{frame}" in str(pattern)))
+    absent = sorted(set(found[1].names) - set(views)) if found else []
+    remarks = (*faults, *_remarks(footage, found, absent, unused, "{frame}" in str(pattern)), *_told(plates, unplated))
+    plates = None if unplated else plates
     start = target.resolve().parent
     chosen = found[0] if found else None
     near = {"path": pattern, "rig": chosen, "background": plates}
     told = {key: _relative(path, start) for key, path in near.items() if path is not None}
-    text = _text(_name(folder.resolve()), told)
+    chosen_views = [name for name in found[1].names if name in views] if found and absent else []
+    text = _text(_name(folder.resolve()), told, chosen_views)
     return Draft(footage, chosen, str(plates or ""), remarks, text)
 
 
@@ -76,38 +80,56 @@ def _near(folder: Path, words: tuple[str, ...]) -> Iterator[Path]:
         yield from sorted(p for p in listed(place) if p.is_dir() and any(word in p.name.lower() for word in words))
 
 
-def _found_rig(folder: Path, there: list[Path]) -> tuple[Path, Rig] | None:
-    """The calibration near the recording whose cameras most of its views are called after."""
+def _found_rig(folder: Path, there: list[Path]) -> tuple[tuple[Path, Rig] | None, list[str]]:
+    """The calibration near the recording whose cameras most of its views are called after.
+
+    If there is none, also why those that are called so are none.
+    """
     best: tuple[int, Path, Rig] | None = None
+    faults: list[str] = []
     for place in _near(folder, _CALIBRATION_WORDS):
         for path in sorted(p for p in listed(place) if p.suffix.lower() in _RIGS):
             try:
                 rig = read_rig(path).rig
-            except (CalibrationError, OSError, ValueError, KeyError):
-                continue  # something else
+            except (CalibrationError, OSError, ValueError, KeyError) as error:
+                if any(word in path.stem.lower() for word in _CALIBRATION_WORDS):  # else something else
+                    faults.append(str(error) if str(path) in str(error) else f"{path}: {error}")
+                continue
             n_named = len(pattern_of(there, folder, rig)[1])
             if n_named and (best is None or n_named > best[0]):
                 best = n_named, path, rig
-    return None if best is None else (best[1], best[2])
+    return (None, faults) if best is None else ((best[1], best[2]), [])
 
 
-def _found_plates(folder: Path, views: list[str]) -> Path | None:
-    """The pattern of pictures, one a view, in a folder called after plates."""
+def _found_plates(folder: Path, views: list[str]) -> tuple[Path | None, list[str]]:
+    """The pattern of pictures, one a view, in a folder called after plates; and views that lack one, fewest of all."""
+    best: tuple[Path | None, list[str]] = None, views
     for place in _near(folder, _PLATE_WORDS):
         if not any(word in place.name.lower() for word in _PLATE_WORDS):
             continue
         for path in sorted(p for p in listed(place) if p.suffix.lower() in PICTURES):
             for view in (view for view in views if view in path.stem):
                 pattern = path.name.replace(view, "{view}")
-                if all((place / pattern.replace("{view}", other)).is_file() for other in views):
-                    return place / pattern
-    return None
+                lacking = [other for other in views if not (place / pattern.replace("{view}", other)).is_file()]
+                if len(lacking) < len(best[1]):
+                    best = place / pattern, lacking
+    return best
+
+
+def _told(plates: Path | None, lacking: list[str]) -> Iterator[str]:
+    if plates is None:
+        yield "no plates found: film the empty room for some seconds; else they are made of the recording"
+    elif lacking:
+        yield (
+            f"{plates} has no plate of {', '.join(lacking)}: add what is missing and set `background`, or leave these "
+            "views out with `views`; else plates are made of the recording"
+        )
 
 
 def _remarks(
     footage: tuple[Footage, ...],
     found: tuple[Path, Rig] | None,
-    plates: Path | None,
+    absent: list[str],
     unused: list[Path],
     numbered: bool,
 ) -> Iterator[str]:
@@ -118,8 +140,8 @@ def _remarks(
         for one in footage:
             if one.size != (size := sizes[one.view]):
                 yield f"{one.path.name}: {one.size[0]}x{one.size[1]} px, but calibrated at {size[0]}x{size[1]}"
-        if missing := sorted(set(sizes) - {one.view for one in footage}):
-            yield f"cameras without a recording: {', '.join(missing)}; `views` names those to be used"
+        if absent:
+            yield f"cameras without a recording: {', '.join(absent)}; `views` names those that are used"
     if unused:
         yield f"left out, for their names follow another pattern: {', '.join(path.name for path in unused)}"
     if len({round(one.fps, 2) for one in footage}) > 1:
@@ -128,8 +150,6 @@ def _remarks(
         yield "the views have different numbers of frames: `offsets` and `stop` make them fit"
     if numbered:
         yield "images do not tell how many there are a second: set `fps`"
-    if plates is None:
-        yield "no plates found: film the empty room for some seconds; else they are made of the recording"
 
 
 def _relative(path: Path, start: Path) -> str:
@@ -142,8 +162,8 @@ def _name(folder: Path) -> str:
     return folder.parent.name if plain and folder.parent.name else folder.name
 
 
-def _text(name: str, paths: dict[str, str]) -> str:
-    """The configuration; `paths` by their keys, those that are missing become comments."""
+def _text(name: str, paths: dict[str, str], views: list[str]) -> str:
+    """The configuration; `paths` by their keys, those that are missing become comments; views if not all are used."""
     told = {key: tomli_w.dumps({key: path}).strip() for key, path in paths.items()}
     rig_line = told.get("rig", '# rig = "Calib.toml"                    # missing: the calibration of the cameras')
     images = "{frame}" in paths["path"]
@@ -151,6 +171,7 @@ def _text(name: str, paths: dict[str, str]) -> str:
     use = 'use = "images"' if images else 'use = "video"'
     frame = " and {frame} the number of the image" if images else ""
     rate = "# fps = 25.0              # missing: images do not tell how many there are a second\n" if images else ""
+    chosen = f"views = {json.dumps(views, ensure_ascii=False)}\n" if views else ""
     plate_line = told.get("background", '# background = "background/{view}.png"  # clean plates; else of the recording')
     return f"""\
 # Written by `bodytrack init`. `bodytrack run THIS --dry-run` checks it; `bodytrack show jobs` lists what else there is.
@@ -162,7 +183,7 @@ persons = [{{ name = "person1", model = "human", stature_m = 1.75 }}]
 {use}
 {told["path"]}   # {{view}} is {names}{frame}
 {rate}{rig_line}
-{plate_line}
+{chosen}{plate_line}
 # start = 0                 # first frame: one in which everybody stands apart, arms away from the body
 # downscale = 2             # images are averaged until persons are some 300 px high, or enlarged (0.5); 1: as is
 
