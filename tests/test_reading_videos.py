@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import struct
 from fractions import Fraction
 from pathlib import Path
@@ -25,8 +26,8 @@ from numbered_pictures import (
 
 from tracker.arrays import Image
 from tracker.errors import SequenceError
-from tracker.reading._timeline import at_one_pace, timeline_of
-from tracker.reading.video import open_clip
+from tracker.reading._timeline import Timeline, at_one_pace, timeline_of
+from tracker.reading.video import _apart, open_clip
 
 
 def truncate(path: Path, view: int, share: float) -> None:
@@ -265,3 +266,14 @@ def test_different_frame_rates_are_refused(copied: Path) -> None:
         videos(copied).open()
     assert videos(copied, fps=50.0).open().fps == 50.0
     assert next(videos(copied, fps=50.0, start=10).open().frames()).time_s == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("n_frames", "words"), [(200, ""), (2000, r"paired by number: at the end they are 2\.0 frames")]
+)
+def test_views_that_drift_apart_slowly_are_told_of(n_frames: int, words: str) -> None:
+    """29.97 and 30 frames a second are one frame apart every 33 s."""
+    even = Timeline(30.0, tuple(range(n_frames)))
+    told = _apart([even, dataclasses.replace(even, fps=29.97)])
+    assert re.search(words, told) if words else not told
+    assert not _apart([even, even])

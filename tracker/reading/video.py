@@ -18,13 +18,16 @@ from tracker.reading._pictures import Downscale
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
 from tracker.reading._sequence import OpenSequence
 from tracker.reading._streaming import OpenViews
-from tracker.reading._timeline import at_one_pace
+from tracker.reading._timeline import Timeline, at_one_pace
 from tracker.reading._video_view import VideoView, timeline
 
 log = logging.getLogger("tracker")
 
 # Frames of a background clip that its median is taken over.
 _PLATE_FRAMES = 25
+
+_APART_FRAMES = 0.5
+"""Of views by the end of a recording, from which it is said."""
 
 
 @component
@@ -111,6 +114,8 @@ class VideoReading:
             return tuple(VideoView(path, one) if one else AbsentView() for path, one in files)
 
         fps = self.fps or _common_fps([(name, one.fps) for name, one in known])
+        if self.fps is None and (apart := _apart([one for _, one in known])):
+            log.warning(apart)
         lengths, places = zip(*((len(one), one.positions) if one else (0, None) for one in timelines), strict=True)
         return Footage(names, fps, lengths, views, plate_of_clip, positions=places)
 
@@ -137,6 +142,18 @@ def _common_fps(rates: list[tuple[str, float]]) -> float:
     if highest <= 0:
         raise SequenceError("the videos do not tell their frame rate: give fps")
     return rates[0][1]
+
+
+def _apart(timelines: list[Timeline]) -> str:
+    """What is said of views whose frame rates hardly differ, but by frames at the end; empty if they do not."""
+    rates = [one.fps for one in timelines]
+    n_frames = max(map(len, timelines)) * (1 - min(rates) / max(rates)) if max(rates) > 0 else 0.0
+    if n_frames < _APART_FRAMES:
+        return ""
+    return (
+        f"the views have {min(rates):.3f} to {max(rates):.3f} frames a second and are paired by number: at the end "
+        f"they are {n_frames:.1f} frames apart, unless one clock has released them all (fps says that it has)"
+    )
 
 
 def plate_of_clip(path: Path) -> Image:
