@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from solids import RIGS, posed
 
 from tests.recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
-from tests.test_synthesis import RIGS, posed
 from tracker.comparison import Comparison
 from tracker.correspondences import Correspondences
 from tracker.estimation.twist_icp import TwistIcpEstimation

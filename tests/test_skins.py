@@ -7,8 +7,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from solids import RIGS, outline_errors, posed, solid, thing
 
-from tests.test_synthesis import RIGS, outline_errors, posed, solid, thing
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.body_files import load_body

@@ -1,0 +1,15 @@
+"""The bundled library of movements, and a body that moves so."""
+
+from __future__ import annotations
+
+from tracker.body_files import load_body
+from tracker.recognition.library import load_library
+from tracker.resources import model_path
+
+BODY = load_body(model_path("gavrila22"))
+
+LIBRARY = load_library(())
+
+
+def known(movement):
+    return next(iter(LIBRARY.movements[movement].performances.values()))
