@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from tracker.alignment._gauge import without_common_motion
+from tracker.alignment.moments import MOST_MOMENTS
 from tracker.arrays import Array
 from tracker.rig import Rig
 
@@ -21,11 +22,8 @@ __all__ = ["DelayChange", "ViewAlignment", "beside_most"]
 _LATE_FRAMES = 0.2
 """Delays against the mean of the views from which they are told, frames. Of 90 results of recordings in step one had
 0.14, of somebody who moved slowly, the others 0.1 at most; four whose views were 13, -8 and 19 ms late, of 40, had 0.23
-to 0.33, and were tracked 4 to 15 mm worse."""
-
-_USUAL_MOMENTS = 24
-"""Moments that these results had, or more. What a body does not fit by scatters less over many: of ten moments of a dry
-run, with a scaled body, views in step seemed 0.2 frames late by twelve standard deviations."""
+to 0.33, and were tracked 4 to 15 mm worse. All had `MOST_MOMENTS` or more: what a body does not fit by scatters less
+over many. Of ten moments of a dry run, with a scaled body, views in step seemed 0.2 frames late, twelve deviations."""
 
 _LATE_M = 0.004
 """How far the joints move meanwhile, on average, from which delays are told, metres. Of somebody of whom forearms alone
@@ -132,7 +130,7 @@ class ViewAlignment:
         """Whether views are late, beyond doubt and by what matters."""
         sigmas, most = float(self.delay_sigmas_s.max()) / self.interval_s, float(np.abs(self.late_frames).max())
         matters = most * self.interval_s * self.speed_m_per_s > _LATE_M
-        least = _LATE_FRAMES * max(1.0, float(np.sqrt(_USUAL_MOMENTS / max(self.n_moments, 1))))
+        least = _LATE_FRAMES * max(1.0, float(np.sqrt(MOST_MOMENTS / max(self.n_moments, 1))))
         return matters and most > max(least, _SURE * sigmas)
 
     @property

@@ -211,10 +211,9 @@ def euler_angles(matrices: Array, order: Literal["ZXY", "XYZ"]) -> Array:
 
 
 class MotionRecorder:
-    """A recorder that writes a file of each person's whole movement at the end."""
+    """Writes a file of each person's whole movement at the end; `filled` names a format that needs every pose."""
 
     def __init__(self, run: RunContext, write: Callable[[Motion, Path], Path], filled: str = "") -> None:
-        """Begins with no frame; `filled` names a format that has a pose for lost frames, too."""
         self._folder, self._motions, self._write, self._filled = run.folder, Motions(run), write, filled
 
     def write(self, step: Step) -> None:
@@ -223,12 +222,13 @@ class MotionRecorder:
 
     def finish(self) -> tuple[Path, ...]:
         """Writes the files; those that cannot leave frames out not of who is lost in all of them."""
-        motions = self._motions.all()
-        for motion in motions:
+        files: list[Path] = []
+        for motion in self._motions.all():
             if self._filled and motion.lost.all():
                 log.warning("%s is lost in all %d frames: no %s", motion.name, len(motion.lost), self._filled)
-        written = (motion for motion in motions if not (self._filled and motion.lost.all()))
-        return tuple(self._write(motion, self._folder) for motion in written)
+            else:
+                files.append(self._write(motion, self._folder))
+        return tuple(files)
 
 
 def markers_of(body: BodyModel) -> tuple[Landmark, ...]:

@@ -14,7 +14,7 @@ from tracker.components import component
 from tracker.files import write_whole
 from tracker.recording import RunContext
 from tracker.recording._motion import Y_UP, Motion, MotionRecorder, euler_angles
-from tracker.recording._names import plain_name
+from tracker.recording._names import exported_name
 
 # A metre in the unit that programs expect of BVH.
 _CM = 100.0
@@ -64,7 +64,7 @@ def _hierarchy(motion: Motion) -> Iterator[str]:
         open_to = depth + 1
         indent, root = "\t" * depth, segment.parent < 0
         offset = np.zeros(3) if root else Y_UP @ (segment.joint - body.segments[segment.parent].joint)
-        yield f"{indent}{'ROOT' if root else 'JOINT'} {plain_name(segment.name)}"
+        yield f"{indent}{'ROOT' if root else 'JOINT'} {exported_name(segment.name)}"
         yield indent + "{"
         yield f"{indent}\tOFFSET {_centimetres(offset)}"
         rotations = " ".join(f"{axis}rotation" for axis in _ORDER)

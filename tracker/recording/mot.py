@@ -10,7 +10,7 @@ from tracker.components import component
 from tracker.files import write_whole
 from tracker.recording import RunContext
 from tracker.recording._motion import Motion, MotionRecorder
-from tracker.recording._names import plain_name
+from tracker.recording._names import exported_name
 
 
 @component
@@ -37,7 +37,7 @@ def _written(motion: Motion, folder: Path) -> Path:
         "inDegrees=yes",
         "endheader",
     ]
-    lines = [*header, "\t".join(("time", *map(plain_name, motion.body.names)))]
+    lines = [*header, "\t".join(("time", *map(exported_name, motion.body.names)))]
     for time_s, row in zip(motion.times_s, q, strict=True):
         lines.append(f"{time_s:.8f}\t" + "\t".join(f"{value:.8f}" for value in row))
     write_whole(path, "\n".join(lines) + "\n")

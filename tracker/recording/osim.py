@@ -15,7 +15,7 @@ from tracker.components import component
 from tracker.files import write_whole
 from tracker.recording import RunContext
 from tracker.recording._motion import Y_UP, Motion, MotionRecorder, euler_angles, markers_of
-from tracker.recording._names import plain_name
+from tracker.recording._names import exported_name
 from tracker.segments import Part, Segment
 
 _DENSITY_KG_M3 = 1000.0
@@ -44,7 +44,7 @@ class Osim:
 def _written(motion: Motion, folder: Path) -> Path:
     path = folder / f"{motion.name}.osim"
     document = Node("OpenSimDocument", {"Version": "40500"})
-    document.append(_model(motion.body, plain_name(motion.name)))
+    document.append(_model(motion.body, exported_name(motion.name)))
     ElementTree.indent(document)
     text = ElementTree.tostring(document, encoding="unicode")
     write_whole(path, f'<?xml version="1.0" encoding="UTF-8" ?>\n{text}\n')
@@ -70,8 +70,8 @@ def _model(body: BodyModel, name: str) -> Node:
             joints.append(joint)
     origins = {segment.name: segment.joint for segment in body.segments}
     for mark in markers_of(body):
-        marker = _child(markers, "Marker", name=plain_name(mark.name))
-        _child(marker, "socket_parent_frame", f"/bodyset/{plain_name(mark.segment)}")
+        marker = _child(markers, "Marker", name=exported_name(mark.name))
+        _child(marker, "socket_parent_frame", f"/bodyset/{exported_name(mark.segment)}")
         _child(marker, "location", _numbers(mark.point - origins[mark.segment]))
         _child(marker, "fixed", "true")
     return model
@@ -88,12 +88,12 @@ def _numbers(values: Sequence[float] | Array) -> str:
 
 
 def _body(segment: Segment, parts: Sequence[Part]) -> Node:
-    body = Node("Body", {"name": plain_name(segment.name)})
+    body = Node("Body", {"name": exported_name(segment.name)})
     frames = _child(body, "components")
     for part in parts:
         placed = part.model_from_part
-        frame = _frame(f"{plain_name(part.name)}_frame", "..", placed[:3, 3] - segment.joint, placed[:3, :3])
-        shape = _child(_child(frame, "attached_geometry"), "Ellipsoid", name=plain_name(part.name))
+        frame = _frame(f"{exported_name(part.name)}_frame", "..", placed[:3, 3] - segment.joint, placed[:3, :3])
+        shape = _child(_child(frame, "attached_geometry"), "Ellipsoid", name=exported_name(part.name))
         _child(shape, "socket_frame", "..")
         _child(shape, "radii", _numbers(part.shape.size))
         _child(_child(shape, "Appearance"), "color", "0.85 0.75 0.65")
@@ -147,7 +147,7 @@ def _pieces(body: BodyModel, segment: Segment) -> list[list[int]]:
 def _body_names(body: BodyModel, segment: Segment) -> list[str]:
     """Names of the bodies that a segment's joints move, its own the last."""
     between = len(_pieces(body, segment)) - 1
-    name = plain_name(segment.name)
+    name = exported_name(segment.name)
     return [*(f"{name}_between_{k}" for k in range(1, between + 1)), name]
 
 
@@ -157,7 +157,9 @@ def _joints(body: BodyModel, segment: Segment, names: Sequence[str]) -> Iterator
         before = _frame("parent_offset", "/ground", Y_UP @ segment.joint, Y_UP)
     else:
         parent = body.segments[segment.parent]
-        before = _frame("parent_offset", f"/bodyset/{plain_name(parent.name)}", segment.joint - parent.joint, np.eye(3))
+        before = _frame(
+            "parent_offset", f"/bodyset/{exported_name(parent.name)}", segment.joint - parent.joint, np.eye(3)
+        )
     for name, own in zip(names, _pieces(body, segment), strict=True):
         joint = Node("CustomJoint", {"name": f"{name}_joint"})
         _child(joint, "socket_parent_frame", "parent_offset")
@@ -174,7 +176,7 @@ def _joints(body: BodyModel, segment: Segment, names: Sequence[str]) -> Iterator
 
 def _coordinate(body: BodyModel, k: int) -> Node:
     low, high = np.clip(body.limits[k], -_FREE, _FREE)
-    coordinate = Node("Coordinate", {"name": plain_name(body.names[k])})
+    coordinate = Node("Coordinate", {"name": exported_name(body.names[k])})
     _child(coordinate, "default_value", "0")
     _child(coordinate, "range", _numbers([low, high]))
     _child(coordinate, "clamped", "false")
@@ -191,7 +193,7 @@ def _transform(body: BodyModel, parameters: Sequence[int]) -> Node:
         for i, axis in enumerate(axes):
             entry = _child(transform, "TransformAxis", name=f"{kind}{i + 1}")
             if i < len(own):
-                _child(entry, "coordinates", plain_name(body.names[own[i]]))
+                _child(entry, "coordinates", exported_name(body.names[own[i]]))
             _child(entry, "axis", _numbers(axis))
             function = _child(entry, "LinearFunction" if i < len(own) else "Constant", name="function")
             _child(function, *(("coefficients", "1 0") if i < len(own) else ("value", "0")))

@@ -10,7 +10,7 @@ from tracker.components import component
 from tracker.files import write_whole
 from tracker.recording import RunContext
 from tracker.recording._motion import Y_UP, Motion, MotionRecorder, markers_of
-from tracker.recording._names import plain_name
+from tracker.recording._names import exported_name
 
 
 @component
@@ -44,7 +44,7 @@ def _content(name: str, motion: Motion, y_up: bool) -> bytes:
         f"PathFileType\t4\t(X/Y/Z)\t{name}",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
         "\t".join([rate, rate, n_frames, str(len(markers)), "m", rate, "1", n_frames]),
-        "Frame#\tTime\t" + "\t\t\t".join(plain_name(marker.name) for marker in markers) + "\t\t",
+        "Frame#\tTime\t" + "\t\t\t".join(exported_name(marker.name) for marker in markers) + "\t\t",
         "\t\t" + "\t".join(f"{axis}{k}" for k in numbers for axis in "XYZ"),
         "",
     ]

@@ -11,11 +11,8 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask, Numbers16
 from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.scoring import repeated_parts
-from tracker.kernels.pictures.silhouettes import widen
+from tracker.kernels.pictures.silhouettes import NEAREST_M, widen
 from tracker.kernels.projection import project_grid
-
-# A part nearer to a camera than this has no outline that could be filled, metres.
-_NEAREST_M = 0.05
 
 
 @compiled
@@ -24,7 +21,7 @@ def _extents(
 ) -> tuple[int, int]:
     """Writes where a part's rows of pixels begin and end (2, h); its first row and the one after its last."""
     n_rows, n_columns = layout
-    if project_grid(placement, grid, camera, pixels) <= _NEAREST_M:
+    if project_grid(placement, grid, camera, pixels) <= NEAREST_M:
         return 0, 0
     low, high = np.inf, -np.inf
     for i in range(n_rows * n_columns):

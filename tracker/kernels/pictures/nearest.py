@@ -7,10 +7,8 @@ from numpy.typing import NDArray
 
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
+from tracker.kernels.pictures.silhouettes import NEAREST_M
 from tracker.kernels.projection import project_grid
-
-_NEAREST_M = 0.05
-"""Parts that come closer to the camera than this are not drawn, metres."""
 
 _LEVEL_PX = 1e-9
 """Sides that rise by less are level: no row lies between their ends."""
@@ -29,7 +27,7 @@ def project_surfaces(placements: Array, surfaces: Array, wanted: Mask, camera: A
             the camera.
     """
     for p in range(len(placements)):
-        if not wanted[p] or project_grid(placements[p], surfaces[p], camera, seen[p]) < _NEAREST_M:
+        if not wanted[p] or project_grid(placements[p], surfaces[p], camera, seen[p]) < NEAREST_M:
             seen[p] = np.nan
         else:
             seen[p, 2] = 1.0 / seen[p, 2]

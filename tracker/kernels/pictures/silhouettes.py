@@ -10,7 +10,7 @@ from tracker.kernels.compilation import compiled
 from tracker.kernels.projection import project_point
 from tracker.kernels.rows import camera as at
 
-_NEAREST_M = 0.05
+NEAREST_M = 0.05
 """Parts that come closer to the camera than this are not drawn, metres."""
 
 
@@ -150,7 +150,7 @@ def fill_parts(placements: Array, grids: Array32, layout: tuple[int, int], camer
     pixels, seen, extents = np.zeros((2, n)), np.zeros((2, n)), np.zeros((2, height))
     turning = np.zeros(nodes[0] + 1, dtype=np.int64)
     for p in range(len(placements)):
-        if _turning(placements[p], grids[p], nodes, camera, seen, turning) < _NEAREST_M:
+        if _turning(placements[p], grids[p], nodes, camera, seen, turning) < NEAREST_M:
             continue
         extents[0], extents[1] = np.inf, -np.inf
         if not _widen_turning(placements[p], grids[p], nodes, camera, turning, pixels, extents):
