@@ -19,7 +19,7 @@ from benchmarks.motion_files import read_deepmimic
 from rich.console import Console
 
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.recognition.additions import add_performance
 from tracker.recognition.library import Description, bundled_library
 from tracker.recognition.limb_directions import Course, course, course_of

@@ -34,7 +34,7 @@ from rich.console import Console
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_files import load_body, read_description
+from tracker.body.files import load_body, read_description
 from tracker.commands.terminal import ProgressBar
 from tracker.config_files import read_config
 from tracker.errors import ConfigError, TrackerError, nearest

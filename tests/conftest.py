@@ -13,7 +13,7 @@ from numbered_pictures import record
 from observations import bent, four_views, ideal
 
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.observation import Observation
 from tracker.resources import model_path
 from tracker.scene import Person, Scene

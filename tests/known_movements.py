@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.recognition.library import load_library
 from tracker.resources import model_path
 

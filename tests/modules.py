@@ -14,19 +14,16 @@ ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
     "errors arrays plugins components config config_files field_types resources files source_files pages progress "
-    "clock geometry imaging kernels",
-    "camera lens fisheye rig rig_layouts frame shape skin skin_files segments mirror point_trajectories body_sections "
-    "kinematic_tree body body_defaults body_facts body_skin body_entries body_description body_files body_surface "
-    "limbs scene contours expectation observation keypoints keypoint_layouts skeletons markers marker_layouts account "
-    "hidden equations plate plate_changes sight estimate in_view in_space loss start carried subject trajectory doubts "
-    "triangulation views shown_size "
-    "seen_pixels",
+    "clock keypoint_names geometry imaging kernels",
+    "camera lens fisheye rig rig_layouts frame shape skin skin_files segments mirror point_trajectories body limbs "
+    "scene contours expectation observation keypoints keypoint_layouts skeletons markers marker_layouts account hidden "
+    "equations plate plate_changes sight estimate in_view in_space loss start carried subject trajectory doubts "
+    "triangulation views shown_size seen_pixels",
     "reading calibration prediction synthesis analysis recording smoothing",
     "comparison outlines correspondences strangers part_colours lsm following person_track result ball_joints",
     "similarity evidence objective",
     "estimation initialization",
-    "rivals single_view other_places outcome cycle cycle_turn even_ways bridges jumps rehearsal backwards easier_start "
-    "found_before tracking recorded_plates windows coming_in two_passes",
+    "tracking",
     "acquisition alignment recognition evaluation simulation inspection",
     "jobs rig_check epipolar_picture export smoothed aligned batching run forecast draft footage viewing",
     "cli commands __main__ scripts",

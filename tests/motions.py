@@ -12,7 +12,7 @@ from rig_samples import sample_rig
 from tracker.account import Account
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.contours import Contours
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from tracker.arrays import Array, Image
-from tracker.cycle import Cycle
 from tracker.estimate import Estimate
 from tracker.estimation.hybrid import HybridEstimation
 from tracker.evidence.contours import ContourEvidence
@@ -22,6 +21,7 @@ from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, Simulation, simulate
 from tracker.start import Start
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.cycle import Cycle
 
 SMALL = (360, 288)
 """Image size of quick tests; a pixel is 12.5 mm at the person."""

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.camera import Camera
 from tracker.contours import ViewContours
 from tracker.geometry.superquadrics import inside_outside

@@ -14,8 +14,8 @@ from tracker.acquisition.result import bone_lengths, model_of, stature_of
 from tracker.acquisition.scan import read_scan
 from tracker.acquisition.scan_rigging import rigged
 from tracker.acquisition.shape_space import ShapePrior, space_of
-from tracker.body_files import read_description
-from tracker.body_sections import KeypointEntry, Movement, Term
+from tracker.body.files import read_description
+from tracker.body.sections import KeypointEntry, Movement, Term
 from tracker.carried import Carried, with_carried
 from tracker.mirror import Mirror
 from tracker.resources import model_path

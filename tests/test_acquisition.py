@@ -34,7 +34,7 @@ from tracker.acquisition.two_silhouettes import _turn_deg, acquire
 from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
-from tracker.body_files import load_body, read_description, save_description
+from tracker.body.files import load_body, read_description, save_description
 from tracker.camera import Camera
 from tracker.config_files import Table, read_config
 from tracker.errors import SequenceError, TrackerError

@@ -13,7 +13,7 @@ from tracker.analysis._observe import thinned
 from tracker.analysis.contours import ContourAnalysis
 from tracker.analysis.silhouettes import SilhouetteAnalysis
 from tracker.arrays import Array, Array32, Mask
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.camera import Camera
 from tracker.components import available, find
 from tracker.contours import Contours, joined

@@ -14,7 +14,7 @@ from recordings import cycle_for, joint_errors_mm, small_simulation
 from typer.testing import CliRunner
 
 import tracker
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.cli import app
 from tracker.initialization._persons import Found
 from tracker.initialization._placement import placements, stands_upright, without_legs

@@ -7,7 +7,7 @@ import pytest
 from observations import four_views
 
 from tracker.arrays import Array, Mask
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.camera import Camera
 from tracker.geometry.axes import line_from_planes, nearest_along_line
 from tracker.imaging.principal_axis import iterated_axes, region_points

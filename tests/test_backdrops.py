@@ -19,7 +19,6 @@ from tracker.comparison import Comparison
 from tracker.errors import BackdropError, InitializationError
 from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.silhouettes import SilhouetteEvidence
-from tracker.found_before import StartedBefore
 from tracker.frame import Frame
 from tracker.initialization import Backdrops, Stages
 from tracker.initialization._foregrounds import foregrounds, outlined, segmented
@@ -33,12 +32,13 @@ from tracker.plate_changes import changed
 from tracker.reading._plates import backdrop
 from tracker.reading._recorded_plate import recorded_plate
 from tracker.reading.video import VideoReading
-from tracker.recorded_plates import without_persons
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.start import Hypothesis, Start, sureness
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.found_before import StartedBefore
+from tracker.tracking.recorded_plates import without_persons
 
 BOX = slice(60, 200), slice(140, 180)
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from tracker.ball_joints import BallJoint, ball_joints, with_angles, with_vectors
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.resources import model_path
 from tracker.smoothing import Smoothed, Stretch
 from tracker.smoothing.rts import RauchTungStriebel

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from tracker.acquisition.silhouette_task import SilhouetteSettings
 from tracker.acquisition.things import _is_near_the_trunk
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.cli import app
 from tracker.errors import ModelError
 from tracker.initialization.auto import AutoInitialization

@@ -13,16 +13,12 @@ import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 from test_backdrops import legs, showing
 
-import tracker.recorded_plates as recorded_plates
-from tracker.cycle import Cycle, State
-from tracker.easier_start import LedBack
+import tracker.tracking.recorded_plates as recorded_plates
 from tracker.evidence.auto import AutoEvidence
-from tracker.found_before import StartedBefore
 from tracker.jobs import execute, load_job
 from tracker.jobs.track import TrackJob
 from tracker.loss import LossRule
 from tracker.plate import Plate
-from tracker.recorded_plates import behind_who_stays
 from tracker.recording._journal_line import line_of, replay_of
 from tracker.sight import Sight
 from tracker.simulation.sequence import Recipe, Simulation
@@ -30,8 +26,12 @@ from tracker.simulation.sequence_files import write_sequence
 from tracker.start import Start
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking import Looking, tracked
+from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.easier_start import LedBack
+from tracker.tracking.found_before import StartedBefore
+from tracker.tracking.recorded_plates import behind_who_stays
+from tracker.tracking.windows import there
 from tracker.trajectory import Step
-from tracker.windows import there
 
 
 @pytest.fixture(scope="module")

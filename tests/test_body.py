@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from tracker.arrays import Array, Image
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.camera import Camera
 from tracker.comparison import Comparison
 from tracker.contours import ViewContours

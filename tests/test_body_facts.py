@@ -12,7 +12,7 @@ import pytest
 import tomli_w
 
 from tracker.body import BodyModel
-from tracker.body_files import load_body, read_description, save_description
+from tracker.body.files import load_body, read_description, save_description
 from tracker.errors import ModelError
 from tracker.initialization._placement import axis_marks
 from tracker.mirror import Mirror

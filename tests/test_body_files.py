@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from tracker.body_files import load_body, read_description, save_description
+from tracker.body.files import load_body, read_description, save_description
 from tracker.errors import ModelError
 from tracker.jobs.acquire import acquisition_from
 

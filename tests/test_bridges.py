@@ -10,16 +10,16 @@ from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 
 from tracker.account import Account
 from tracker.arrays import Array
-from tracker.bridges import bridged
 from tracker.comparison import Comparison
 from tracker.contours import Contours
-from tracker.cycle import Cycle, State
 from tracker.equations import Equations
 from tracker.estimate import Estimate, Status
 from tracker.evidence import Evidence, Memory
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.tracking import track
+from tracker.tracking.bridges import bridged
+from tracker.tracking.cycle import Cycle, State
 from tracker.trajectory import Step
 
 JUMPS = range(5, 9)
@@ -143,6 +143,6 @@ def test_what_was_in_doubt_of_other_limbs_is_so_still(
     def legs_too(objective: object, estimate: Estimate, within_px: float) -> Estimate:
         return replace(estimate, ambiguous=(*estimate.ambiguous, "left_leg"), vague=(*estimate.vague, "left_leg"))
 
-    monkeypatch.setattr("tracker.cycle_turn.with_vague_limbs", legs_too)
+    monkeypatch.setattr("tracker.tracking.cycle_turn.with_vague_limbs", legs_too)
     even = smoothed(jumping(steps), replace(cycle, evidence=Blind()))
     assert all({"left_leg", "left_arm"} <= set(even[n].estimates[0].ambiguous) for n in JUMPS)

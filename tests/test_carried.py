@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tracker.acquisition.shape_space import ShapePrior, space_of
-from tracker.body_files import read_description
+from tracker.body.files import read_description
 from tracker.carried import with_carried
 from tracker.config import build_class, described_fields
 from tracker.errors import ConfigError

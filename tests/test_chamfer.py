@@ -14,7 +14,7 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial.distance import cdist
 
 from tracker.arrays import Array, Array32
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.comparison import Comparison
 from tracker.contours import Contours
 from tracker.evidence._shares import shares

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
-import tracker.coming_in
+import tracker.tracking.coming_in
 from tracker.arrays import Image
-from tracker.backwards import as_replay, frames_before
-from tracker.cycle import Cycle
 from tracker.estimate import Status
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
 from tracker.loss import LossRule
 from tracker.simulation.sequence import Simulation
+from tracker.tracking.backwards import as_replay, frames_before
+from tracker.tracking.cycle import Cycle
+from tracker.tracking.two_passes import track_twice
 from tracker.trajectory import Replay, Step
-from tracker.two_passes import track_twice
 
 IN_VIEW, NOBODY_BEFORE = 5, 9
 """From which frame on the person is there, and is looked for: in the third window."""
@@ -28,8 +28,8 @@ IN_VIEW, NOBODY_BEFORE = 5, 9
 
 @pytest.fixture(autouse=True)
 def _short_windows(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tracker.windows._LONGEST", 4)
-    monkeypatch.setattr("tracker.two_passes.SHORTEST", 4)
+    monkeypatch.setattr("tracker.tracking.windows._LONGEST", 4)
+    monkeypatch.setattr("tracker.tracking.two_passes.SHORTEST", 4)
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +86,8 @@ def test_an_empty_room_is_not_gone_through_for_long(
     n_pieces: int,
 ) -> None:
     told: list[str] = []
-    monkeypatch.setattr(tracker.coming_in, "_GONE_S", gone_s)
-    monkeypatch.setattr(tracker.coming_in, "_LONGEST", 2)
+    monkeypatch.setattr(tracker.tracking.coming_in, "_GONE_S", gone_s)
+    monkeypatch.setattr(tracker.tracking.coming_in, "_LONGEST", 2)
     steps = tracked(simulation, frames, replace(cycle, progress=lambda line, *_: told.append(line)))
     assert [step.estimates[0].lost for step in steps] == [True] * IN_VIEW + [False] * (14 - IN_VIEW)
     assert sum("to go" in line for line in told) == n_pieces
@@ -114,8 +114,8 @@ def test_a_limb_that_jumps_between_two_windows_is_told(
         seen.append([step.frame.index for step in steps])
         return [replace(step, estimates=(step.estimates[0].doubting(["left_arm"]),)) for step in steps]
 
-    monkeypatch.setattr(tracker.coming_in, "_LONGEST", 2)
-    monkeypatch.setattr(tracker.coming_in, "with_jumps", doubting_all)
+    monkeypatch.setattr(tracker.tracking.coming_in, "_LONGEST", 2)
+    monkeypatch.setattr(tracker.tracking.coming_in, "with_jumps", doubting_all)
     steps = tracked(simulation, frames, cycle)
     assert seen == [[7, 6, 5, 4, 3, 2, 1, 0]], "all windows on the way back, together"
     assert all("left_arm" in step.estimates[0].ambiguous for step in steps[IN_VIEW:8])
@@ -161,6 +161,6 @@ def test_frames_come_backwards_in_pieces_that_fit_into_memory(
     n_bytes = sum(image.nbytes for image in frames[7].images if image is not None)
     for at_once, n_times in ((1, 6), (2, 3), (4, 2), (100, 1)):
         opened = itertools.count()
-        monkeypatch.setattr("tracker.backwards._MOST_BYTES", at_once * n_bytes)
+        monkeypatch.setattr("tracker.tracking.backwards._MOST_BYTES", at_once * n_bytes)
         assert [frame.index for frame in frames_before(frames[7], 1, reopen)] == [6, 5, 4, 3, 2, 1]
         assert next(opened) == n_times

@@ -22,7 +22,6 @@ from sections import each, made
 from tracker.analysis.contours import ContourAnalysis
 from tracker.comparison import Comparison
 from tracker.components import available
-from tracker.cycle import Cycle
 from tracker.errors import ConfigError, InitializationError
 from tracker.estimate import Estimate
 from tracker.evidence import GUESSED, Evidence
@@ -37,6 +36,7 @@ from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.synthesis._pictures import misfits_of
+from tracker.tracking.cycle import Cycle
 
 HINTS = {"departures", "motion"}
 """Evidence that is used beside other evidence only: of limbs that are missing (tests/test_departures.py), of what has

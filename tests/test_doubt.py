@@ -21,13 +21,13 @@ from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
 from tracker.loss import LossRule, doubted, is_looked_about, judged, limb_spreads_m, sought_anew, trusted_parts
 from tracker.observation import Observation
-from tracker.outcome import judged_as_wholes
 from tracker.recording import RunContext
 from tracker.recording._drawing import states_of
 from tracker.recording.csv_table import CsvTable
-from tracker.rivals import found_twice
 from tracker.scene import Scene
 from tracker.tracking import track
+from tracker.tracking.outcome import judged_as_wholes
+from tracker.tracking.rivals import found_twice
 from tracker.trajectory import Step
 
 IMAGES = (np.zeros((2, 2, 3), np.uint8),) * 4

@@ -10,7 +10,6 @@ import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
 from tracker.arrays import Array, Image
-from tracker.cycle import Cycle
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.estimation.hybrid import HybridEstimation
@@ -23,6 +22,7 @@ from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
 from tracker.start import Hypothesis, Start
 from tracker.tracking import track
+from tracker.tracking.cycle import Cycle
 from tracker.trajectory import Replay, Step
 
 RULE = LossRule(look_ahead_s=(0.08, 0.2, 0.24), look_on_s=(), rehearse=0)

@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.cli import app
 from tracker.errors import SequenceError
 from tracker.evaluation.comparison import error_figure, evaluate

@@ -8,10 +8,10 @@ from recordings import TrueStart, cycle_for, small_simulation
 
 from tracker.arrays import Array
 from tracker.comparison import Comparison
-from tracker.cycle_turn import objective_of
 from tracker.estimation.hybrid import HybridEstimation
 from tracker.evidence.contours import ContourEvidence
 from tracker.sight import Sight
+from tracker.tracking.cycle_turn import objective_of
 
 
 class Counting(ContourEvidence):

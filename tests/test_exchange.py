@@ -9,7 +9,7 @@ import pytest
 from observations import bent
 
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.limbs import exchanged, mirrored
 from tracker.resources import model_path
 

@@ -13,7 +13,7 @@ from exported import FOUND, HUNDREDTH_MM, motion_of, vars_of
 from motions import LOST, MODELS, N_FRAMES, SIGMA, made_up, performed
 from typer.testing import CliRunner
 
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.cli import app
 from tracker.commands.export import FORMATS
 from tracker.components import find

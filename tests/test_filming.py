@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.camera import Camera
 from tracker.cli import app
 from tracker.correspondences import PX_PER_OBSERVATION

@@ -16,12 +16,10 @@ from tracker.acquisition.calibrated_views import ViewSettings, Watching, fit_to_
 from tracker.acquisition.fit_task import FitSettings
 from tracker.acquisition.from_recording import best_seen, fit_bodies
 from tracker.acquisition.shape_space import ShapePrior, space_of
-from tracker.body_description import BodyDescription
-from tracker.body_files import read_description, save_description
-from tracker.cycle import Cycle, State
+from tracker.body.description import BodyDescription
+from tracker.body.files import read_description, save_description
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate
-from tracker.found_before import StartedBefore, knowing
 from tracker.jobs import execute, load_job
 from tracker.jobs._persons import _unlike
 from tracker.jobs.track import TrackJob
@@ -37,8 +35,10 @@ from tracker.simulation.sequence_files import write_sequence
 from tracker.start import Start
 from tracker.subject import Subject
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.found_before import StartedBefore, knowing
+from tracker.tracking.windows import back, there
 from tracker.trajectory import Step
-from tracker.windows import back, there
 
 QUICK = ViewSettings(frames=4, rounds=1, fit=FitSettings(iterations=6, pose_deg=8.0, pose_m=0.05, rigid_share=0.2))
 N_FRAMES = 8

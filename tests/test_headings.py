@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.camera import Camera
 from tracker.resources import model_path
 from tracker.rig import Rig

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.initialization._inverse_kinematics import fitted_pose
 from tracker.keypoints import meant
 from tracker.resources import model_path

@@ -10,7 +10,7 @@ import pytest
 from tests.motions import estimate_of
 from tests.observations import bent, four_views
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.frame import Frame
 from tracker.initialization._drafts import Draft, likeliest_of
 from tracker.initialization._hypotheses import apart, coarse_poses, finalists, hypothesis, ranked, turned_round

@@ -11,7 +11,6 @@ import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
 from tracker.arrays import Image
-from tracker.cycle_turn import objective_of
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.evidence.auto import AutoEvidence
@@ -21,7 +20,6 @@ from tracker.in_view import judged_in_view
 from tracker.inspection import first_in_view
 from tracker.jobs.track import TrackJob
 from tracker.loss import LossRule
-from tracker.outcome import still_lost
 from tracker.plate import Plate
 from tracker.progress import Progress
 from tracker.rig import Rig
@@ -30,7 +28,9 @@ from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking import track
-from tracker.two_passes import track_twice
+from tracker.tracking.cycle_turn import objective_of
+from tracker.tracking.outcome import still_lost
+from tracker.tracking.two_passes import track_twice
 
 NOBODY_BEFORE = 6
 

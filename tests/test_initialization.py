@@ -13,7 +13,7 @@ from recordings import cycle_for, joint_errors_mm, small_simulation
 from test_cli import bodytrack
 
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.contours import Contours
 from tracker.errors import ConfigError, InitializationError
 from tracker.estimation.hybrid import HybridEstimation

@@ -10,7 +10,7 @@ import pytest
 from motions import LOST, MODELS, N_FRAMES, made_up
 from scipy.spatial.transform import Rotation
 
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.errors import ConfigError
 from tracker.recording._anatomical import joints_of, leaning_limb
 from tracker.recording._motion import Y_UP

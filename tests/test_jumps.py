@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.estimate import Status
-from tracker.jumps import with_jumps
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.tracking import track
+from tracker.tracking.jumps import with_jumps
 from tracker.trajectory import Step
 
 N = 14

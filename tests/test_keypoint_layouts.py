@@ -14,7 +14,8 @@ from tracker.errors import SequenceError
 from tracker.frame import Frame
 from tracker.keypoint_layouts import open_keypoints
 from tracker.keypoint_layouts.views import KeypointViews
-from tracker.keypoints import LAYOUTS, plain_name, swapped_sides
+from tracker.keypoint_names import plain_name
+from tracker.keypoints import LAYOUTS, swapped_sides
 from tracker.mirror import Mirror
 from tracker.rig import Rig
 

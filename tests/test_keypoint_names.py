@@ -12,13 +12,14 @@ from recordings import cycle_for, small_simulation
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_files import load_body, read_description, save_description
+from tracker.body.files import load_body, read_description, save_description
 from tracker.comparison import Comparison
 from tracker.errors import ModelError
 from tracker.evidence.keypoints import KeypointEvidence
 from tracker.frame import Frame
 from tracker.initialization.keypoints import KeypointInitialization
-from tracker.keypoints import LAYOUTS, limbs, meant, plain_name, swapped_sides
+from tracker.keypoint_names import plain_name
+from tracker.keypoints import LAYOUTS, limbs, meant, swapped_sides
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.sight import Sight

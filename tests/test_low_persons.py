@@ -14,7 +14,7 @@ from observations import four_views
 from recordings import SMALL, cycle_for, small_simulation
 
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.components import find
 from tracker.errors import ConfigError, InitializationError
 from tracker.estimation.hybrid import HybridEstimation

@@ -9,7 +9,7 @@ import pytest
 from recordings import small_simulation
 
 from tracker.analysis.silhouettes import SilhouetteAnalysis
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.frame import Frame
 from tracker.inspection import findings, first_in_view, survey
 from tracker.resources import model_path

@@ -10,7 +10,7 @@ from observations import four_views
 
 from tracker.arrays import Array, Image, Mask
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.comparison import Comparison
 from tracker.equations import Equations
 from tracker.evidence import GUESSED

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.test_skins import meshed, smooth
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.plate import Plate
 from tracker.recognition.limb_directions import JOINTS
 from tracker.resources import model_path

@@ -11,8 +11,6 @@ from recordings import Staying, cycle_for, joint_errors_mm, small_simulation
 
 from tracker.arrays import Array
 from tracker.comparison import Comparison
-from tracker.cycle import State
-from tracker.cycle_turn import advance, bootstrap
 from tracker.errors import InitializationError
 from tracker.estimate import Status
 from tracker.estimation.twist_icp import TwistIcpEstimation
@@ -20,13 +18,15 @@ from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.objective import Objective
-from tracker.other_places import in_likeliest_places
 from tracker.part_colours import part_colours
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.start import Start
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.cycle import State
+from tracker.tracking.cycle_turn import advance, bootstrap
+from tracker.tracking.other_places import in_likeliest_places
 from tracker.trajectory import History
 
 

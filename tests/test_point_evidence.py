@@ -13,7 +13,7 @@ from observations import four_views
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.comparison import Comparison
 from tracker.errors import SequenceError
 from tracker.evidence.points import PointEvidence

@@ -12,7 +12,7 @@ import pytest
 from known_movements import BODY, LIBRARY, known
 from scipy.spatial.transform import Rotation
 
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.errors import ConfigError, ModelError
 from tracker.kernels.movements.warping import direction_gaps, warp_sequence
 from tracker.recognition.additions import one_round

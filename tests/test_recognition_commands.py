@@ -10,7 +10,7 @@ import pytest
 from motions import made_up, performed
 from typer.testing import CliRunner
 
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.cli import app
 from tracker.errors import ConfigError, ModelError
 from tracker.recognition.additions import add_performance

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from recordings import TrueStart, cycle_for, small_simulation
 
 from tracker.account import Account
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.components import component
 from tracker.errors import ConfigError, SequenceError
 from tracker.estimate import Estimate, Status

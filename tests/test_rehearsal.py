@@ -10,8 +10,6 @@ import pytest
 from recordings import Staying, cycle_for, joint_errors_mm, small_simulation
 
 from tracker.arrays import Array
-from tracker.cycle import Cycle
-from tracker.cycle_turn import advance
 from tracker.doubts import Doubts
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
@@ -20,11 +18,13 @@ from tracker.initialization._hypotheses import turned_round
 from tracker.initialization.given import GivenInitialization
 from tracker.jobs._starts import told_of_start
 from tracker.loss import LossRule
-from tracker.rehearsal import _following, _in_order, rehearsed
 from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
 from tracker.start import Hypothesis, Start, sureness
 from tracker.tracking import track
+from tracker.tracking.cycle import Cycle
+from tracker.tracking.cycle_turn import advance
+from tracker.tracking.rehearsal import _following, _in_order, rehearsed
 
 
 class WrongFirst:
@@ -87,7 +87,7 @@ def test_a_hypothesis_is_judged_with_its_limbs_where_they_are_likeliest(
     initialization.found = replace(initialization.found, poses=(hypotheses[0].q,), hypotheses=(hypotheses,))
     cycle = cycle_for(simulation, initialization, evidence=AutoEvidence(), estimation=Staying())
     looked_for = ranked(simulation, cycle).hypotheses[0][0]
-    monkeypatch.setattr("tracker.cycle_turn.in_likeliest_places", lambda objective, estimate, *rest: estimate)
+    monkeypatch.setattr("tracker.tracking.cycle_turn.in_likeliest_places", lambda objective, estimate, *rest: estimate)
     left = ranked(simulation, cycle).hypotheses[0][0]
     np.testing.assert_array_equal(looked_for.q, left.q)
     assert looked_for.limbs_left_over["right_arm"] < 0.3 < 0.6 < left.limbs_left_over["right_arm"]
@@ -98,7 +98,8 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Numbers of the frames that hypotheses are followed into, one of each."""
     numbers: list[int] = []
     monkeypatch.setattr(
-        "tracker.rehearsal.advance", lambda sight, *rest: numbers.append(sight.frame.index) or advance(sight, *rest)
+        "tracker.tracking.rehearsal.advance",
+        lambda sight, *rest: numbers.append(sight.frame.index) or advance(sight, *rest),
     )
     return numbers
 
@@ -108,7 +109,7 @@ def test_where_all_hypotheses_are_doubtful_a_rehearsal_ends(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch, seen: list[int], doubtful_above: float, n_frames: int
 ) -> None:
     """One of them is true: with the usual bound it runs through the nine frames that there are."""
-    monkeypatch.setattr("tracker.rehearsal._BEATEN", np.inf)
+    monkeypatch.setattr("tracker.tracking.rehearsal._BEATEN", np.inf)
     rule = LossRule(doubtful_above=doubtful_above)
     start = ranked(simulation, cycle_for(simulation, WrongFirst(simulation, sure=0.1), loss=rule))
     assert sorted(seen) == sorted([*range(1, n_frames + 1)] * 2)
@@ -148,7 +149,7 @@ def test_hypotheses_that_come_to_one_pose_are_one(simulation: Simulation, seen: 
 def test_limbs_lower_the_confidence_without_plates_alone(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch, known: bool, factor: float
 ) -> None:
-    monkeypatch.setattr("tracker.rehearsal.limbs_shown", lambda best: 0.5)
+    monkeypatch.setattr("tracker.tracking.rehearsal.limbs_shown", lambda best: 0.5)
     cycle = cycle_for(simulation, WrongFirst(simulation, sure=0.1))
     start = ranked(simulation, cycle if known else replace(cycle, plates=(None,) * len(cycle.plates)))
     assert start.sureness[0] == pytest.approx(factor * sureness(start.hypotheses[0]))
@@ -156,7 +157,7 @@ def test_limbs_lower_the_confidence_without_plates_alone(
 
 
 def test_masks_are_as_good_as_plates(simulation: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tracker.rehearsal.limbs_shown", lambda best: 0.5)
+    monkeypatch.setattr("tracker.tracking.rehearsal.limbs_shown", lambda best: 0.5)
     cycle = cycle_for(simulation, WrongFirst(simulation, sure=0.1), plates=(None,) * 4)
     first = next(iter(simulation.frames()))
     masks = tuple(np.ones(image.shape[:2], dtype=np.bool_) for image in first.images if image is not None)

@@ -337,7 +337,7 @@ ELSEWHERE = """
 import sys
 import numpy as np
 from observations import bent, four_views
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.synthesis.osmesa import OsmesaSynthesis

@@ -12,12 +12,12 @@ from test_best_first import Landscape
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.estimate import Estimate
 from tracker.limbs import taken_over
 from tracker.objective import Objective
 from tracker.resources import model_path
-from tracker.rivals import weighed
+from tracker.tracking.rivals import weighed
 
 LIMBS = "left_arm", "right_leg"
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.errors import ConfigError, SequenceError, TrackerError
 from tracker.initialization.given import GivenInitialization
 from tracker.jobs import described, execute, job_from, load_job

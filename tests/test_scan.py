@@ -18,7 +18,7 @@ from tracker.acquisition.scan_rigging import rigged
 from tracker.acquisition.superquadric_fit import Fitted, fit_superquadric
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_files import load_body, read_description
+from tracker.body.files import load_body, read_description
 from tracker.cli import app
 from tracker.errors import ConfigError, ModelError
 from tracker.geometry.superquadrics import surface

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.geometry.superquadrics import inside_outside
 from tracker.kernels.body.self_collision import depth
 from tracker.observation import Observation

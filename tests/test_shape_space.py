@@ -9,7 +9,7 @@ from observations import bent
 from tracker.acquisition._anatomy import Anatomy
 from tracker.acquisition._residuals import motion
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace, space_of
-from tracker.body_files import read_description
+from tracker.body.files import read_description
 from tracker.geometry.superquadrics import shape_derivatives, surface
 from tracker.resources import model_path, models_folder
 

@@ -11,12 +11,12 @@ from recordings import TrueStart, cycle_for, small_simulation
 
 from tracker.initialization.pca import PcaInitialization
 from tracker.initialization.stance import StanceInitialization
-from tracker.rehearsal import rehearsed
 from tracker.start import Start
 from tracker.synthesis import side_by_side
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.egl import EglSynthesis
 from tracker.synthesis.osmesa import OsmesaSynthesis
+from tracker.tracking.rehearsal import rehearsed
 
 
 @pytest.mark.parametrize("synthesis", [CpuSynthesis(), EglSynthesis(), OsmesaSynthesis()])

@@ -13,7 +13,7 @@ import pytest
 import typer
 from recordings import small_simulation
 
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.camera import Camera
 from tracker.errors import ConfigError
 from tracker.resources import model_path

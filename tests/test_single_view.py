@@ -14,7 +14,7 @@ from tracker.loss import LossRule, judged
 from tracker.objective import Objective
 from tracker.rig import Rig
 from tracker.scene import Scene
-from tracker.single_view import with_vague_limbs
+from tracker.tracking.single_view import with_vague_limbs
 
 LIMBS = ("left_arm", "right_arm", "left_leg", "right_leg")
 WITHIN_PX = LossRule().elsewhere_px

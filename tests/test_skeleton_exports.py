@@ -15,7 +15,7 @@ from exported import HUNDREDTH_MM, motion_of
 from motions import INTERVAL_S, LOST, N_FRAMES, made_up
 from scipy.spatial.transform import Rotation
 
-from tracker.body_surface import surface_of
+from tracker.body.surface import surface_of
 from tracker.estimate import Status
 from tracker.recording._motion import Y_UP
 from tracker.recording.bvh import Bvh

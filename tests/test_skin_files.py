@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from tracker.body_files import load_body, read_description, save_description
+from tracker.body.files import load_body, read_description, save_description
 from tracker.errors import ModelError
 from tracker.skin import Skin
 from tracker.skin_files import Rigging, ScannedSurface, read_rigging, read_surface, write_rigging, write_surface

@@ -11,7 +11,7 @@ from solids import RIGS, outline_errors, posed, solid, thing
 
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.contours import Contours, ViewContours
 from tracker.geometry.superquadric_meshes import meshes_of
 from tracker.kernels.pictures.rasterization import rasterize

@@ -9,7 +9,7 @@ import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 
 from tracker.arrays import Mask
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.doubts import Doubts
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame

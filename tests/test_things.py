@@ -19,8 +19,8 @@ from tracker.acquisition.moving_along import most_moving
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.acquisition.things import Thing, _around, carried_of, entry_of, things_of, told_of_things, tracked_with
 from tracker.analysis.contours import ContourAnalysis
-from tracker.body_description import BodyDescription
-from tracker.body_files import read_description, save_description
+from tracker.body.description import BodyDescription
+from tracker.body.files import read_description, save_description
 from tracker.carried import Carried, with_carried
 from tracker.config import build_class
 from tracker.jobs._persons import _told
@@ -29,8 +29,8 @@ from tracker.scene import Person, Scene
 from tracker.simulation.sequence import Simulation
 from tracker.subject import Subject
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.windows import there
 from tracker.trajectory import Step
-from tracker.windows import there
 
 N_FRAMES = 16
 BALL = Carried(name="ball", by="right_wrist", start=(0.0, 0.0, -0.15), end=(0.0, 0.0, -0.35), radii=(0.1, 0.1))

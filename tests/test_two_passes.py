@@ -11,18 +11,18 @@ import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 from test_easier_start import TurnedRoundAtFirst
 
-import tracker.windows
+import tracker.tracking.windows
 from tracker.arrays import Image
-from tracker.cycle import Cycle
 from tracker.errors import InitializationError
 from tracker.estimate import Status
 from tracker.evidence.auto import AutoEvidence
 from tracker.loss import LossRule
 from tracker.simulation.sequence import Simulation
 from tracker.tracking import track
+from tracker.tracking.cycle import Cycle
+from tracker.tracking.two_passes import track_twice
+from tracker.tracking.windows import length_of_windows, windows_of
 from tracker.trajectory import Replay, Step
-from tracker.two_passes import track_twice
-from tracker.windows import length_of_windows, windows_of
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +32,8 @@ def simulation() -> Simulation:
 
 @pytest.fixture
 def short_windows(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tracker.windows, "_LONGEST", 4)
-    monkeypatch.setattr("tracker.two_passes.SHORTEST", 4)
+    monkeypatch.setattr(tracker.tracking.windows, "_LONGEST", 4)
+    monkeypatch.setattr("tracker.tracking.two_passes.SHORTEST", 4)
 
 
 DOUBTING = LossRule(doubtful_above=0.0, again_after=100)
@@ -70,7 +70,7 @@ def test_large_images_make_short_windows_or_one_pass(simulation: Simulation, mon
     first = next(iter(simulation.frames()))
     n_bytes = sum(image.nbytes for image in first.images if image is not None)
     for most, length in ((5 * n_bytes, 4), (1000 * n_bytes, 100), (n_bytes - 1, 0)):
-        monkeypatch.setattr(tracker.windows, "_MOST_BYTES", most)
+        monkeypatch.setattr(tracker.tracking.windows, "_MOST_BYTES", most)
         assert length_of_windows(first) == length
     steps = twice(simulation, cycle_for(simulation, TrueStart(simulation), loss=DOUBTING))
     assert [step.estimates[0].status for step in steps] == [Status.BOOTSTRAPPED] + 8 * [Status.TRACKED]
@@ -106,7 +106,7 @@ def test_a_limb_that_jumps_is_followed_back_though_no_frame_is_in_doubt(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An arm held up by the first pass until it falls into place: the way back has it right before as well."""
-    forwards, body, until = tracker.windows._forwards, simulation.scene.persons[0].body, 4
+    forwards, body, until = tracker.tracking.windows._forwards, simulation.scene.persons[0].body, 4
 
     def held_up(*asked: Any) -> tuple[list[Step], Any]:
         steps, reached = forwards(*asked)
@@ -119,9 +119,9 @@ def test_a_limb_that_jumps_is_followed_back_though_no_frame_is_in_doubt(
 
     cycle = cycle_for(simulation, TrueStart(simulation))
     followed_back_before = replace(cycle, known=dict.fromkeys(range(9), ()))
-    monkeypatch.setattr(tracker.windows, "_forwards", held_up)
+    monkeypatch.setattr(tracker.tracking.windows, "_forwards", held_up)
     assert max(errors_mm(simulation, twice(simulation, followed_back_before))) < 8
-    monkeypatch.setattr(tracker.windows, "with_jumps", list)
+    monkeypatch.setattr(tracker.tracking.windows, "with_jumps", list)
     # of frames in which a way back has ended before there is no other one, of others always
     assert max(errors_mm(simulation, twice(simulation, followed_back_before))[:until]) > 30
     assert max(errors_mm(simulation, twice(simulation, cycle))) < 8

@@ -10,15 +10,15 @@ import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.limbs import exchanged, taken_over
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.start import Start
+from tracker.tracking.two_passes import track_twice
 from tracker.trajectory import Step
-from tracker.two_passes import track_twice
 
 
 def legs_unmarked(text: str) -> str:

@@ -10,7 +10,7 @@ from observations import ideal, joint_errors_mm, objective_of
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.equations import Equations
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.observation import Observation

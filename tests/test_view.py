@@ -19,7 +19,7 @@ from motions import LOST, MODELS, N_FRAMES, made_up
 from staged import Server
 from typer.testing import CliRunner
 
-from tracker.body_surface import segments_in_world
+from tracker.body.surface import segments_in_world
 from tracker.cli import app
 from tracker.errors import ConfigError
 from tracker.frame import Frame

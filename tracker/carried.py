@@ -7,8 +7,8 @@ from typing import Annotated
 
 import pydantic
 
-from tracker.body_description import BodyDescription
-from tracker.body_entries import Finite, PartEntry, Vector
+from tracker.body.description import BodyDescription
+from tracker.body.entries import Finite, PartEntry, Vector
 from tracker.components import component
 from tracker.errors import ConfigError, nearest
 

@@ -52,7 +52,7 @@ class LossRule:
     px; 0 for no looking elsewhere. Of four recordings by two cameras 24 of 26 frames with a joint 150 mm off are
     flagged, 6 without it, and 56 of 208 others, 33 without. With 0.15 px a third of the limbs that it names, right or
     wrong, would not be. Of five recordings by three and four cameras it names 3 limbs of 1680. See
-    `tracker.single_view`."""
+    `tracker.tracking.single_view`."""
 
     restart_every: int = pydantic.Field(default=3, ge=1)
     """A lost person is initialized anew in the frame of the loss, so many frames later, and again whenever it has been
@@ -150,7 +150,7 @@ def sought_anew(estimate: Estimate, frames_lost: int, frames_doubted: int, found
         estimate: in this frame.
         frames_lost: for how many frames before this one the person was lost.
         frames_doubted: the same for doubts.
-        found_twice: whether another way has led to the same pose, in doubt as well; see `tracker.rivals.found_twice`.
+        found_twice: whether another way has led to the same pose, in doubt as well; see `tracking.rivals.found_twice`.
         loss: the rule.
     """
     if estimate.lost:

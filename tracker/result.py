@@ -15,7 +15,7 @@ import numpy as np
 
 from tracker.arrays import Array, Integers, frozen
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.contours import Contours
 from tracker.errors import ConfigError, name_fault, nearest
 from tracker.frame import Frame

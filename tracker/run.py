@@ -14,8 +14,8 @@ from tracker.progress import Progress, silent
 from tracker.result import Result, load_result
 from tracker.scene import Scene
 from tracker.tracking import track
+from tracker.tracking.two_passes import track_twice
 from tracker.trajectory import Step
-from tracker.two_passes import track_twice
 
 
 @dataclass(frozen=True)

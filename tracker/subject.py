@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 import pydantic
 
 from tracker.body import BodyModel
-from tracker.body_description import BodyDescription
-from tracker.body_files import read_description
+from tracker.body.description import BodyDescription
+from tracker.body.files import read_description
 from tracker.carried import Carried, with_carried
 from tracker.components import ModelFile, component
 from tracker.errors import ConfigError, ModelError

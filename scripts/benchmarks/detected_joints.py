@@ -19,7 +19,7 @@ from benchmarks.recorded import Recorded
 from benchmarks.recording_run import Asked
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.evaluation.joint_names import JointNames
 from tracker.evaluation.tables import Frames, read_joints, read_rows
 from tracker.frame import Frame

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from tracker.arrays import Array
-from tracker.body_files import read_description
-from tracker.body_sections import Movement
+from tracker.body.files import read_description
+from tracker.body.sections import Movement
 from tracker.errors import ModelError
 from tracker.simulation.movements import poses_of
 from tracker.source_files import toml_of

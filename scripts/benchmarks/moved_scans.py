@@ -24,7 +24,7 @@ _USUAL, _STEADY = 0.03, 0.05
 # A point that runs through another part by its full depth turns a limb by some ten degrees.
 _APART = 0.15
 _DELTA = 1e-5
-# No joint of nineteen true movements does that at 25 frames a second, see `tracker.jumps`.
+# No joint of nineteen true movements does that at 25 frames a second, see `tracker.tracking.jumps`.
 _JUMP_M, _TIMES = 0.1, 2.5
 # Headings tried for the first frame.
 _HEADINGS = np.radians(np.arange(0, 360, 45))

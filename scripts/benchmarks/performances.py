@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.motion_files import read_cmu
 from tracker.arrays import Array
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.recognition.library import Library, load_library
 from tracker.recognition.limb_directions import Course, course, course_of
 from tracker.resources import model_path

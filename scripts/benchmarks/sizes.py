@@ -18,7 +18,7 @@ from rich.table import Table
 
 from benchmarks.trial import default_cycle
 from tracker.arrays import Array
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.camera import Camera
 from tracker.frame import Frame
 from tracker.initialization import Stages

@@ -12,8 +12,8 @@ from rich.table import Table
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_files import load_body
-from tracker.body_surface import surface_of
+from tracker.body.files import load_body
+from tracker.body.surface import surface_of
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.simulation.sequence import Recipe, simulate

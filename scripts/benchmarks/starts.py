@@ -13,7 +13,6 @@ from rich.table import Table
 
 from benchmarks.timing import seconds
 from tracker.arrays import Array
-from tracker.cycle import Cycle
 from tracker.estimation.hybrid import HybridEstimation
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
@@ -23,10 +22,11 @@ from tracker.kernels.pictures.rasterization import rasterize
 from tracker.loss import LossRule
 from tracker.plate import Plate
 from tracker.prediction.polynomial import PolynomialPrediction
-from tracker.rehearsal import rehearsed
 from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, simulate
 from tracker.synthesis.cpu import FINEST, CpuSynthesis
+from tracker.tracking.cycle import Cycle
+from tracker.tracking.rehearsal import rehearsed
 
 _N_POSES = 24
 """Places of a limb whose colours are looked at."""

@@ -11,7 +11,6 @@ import numpy as np
 from tracker.analysis.contours import ContourAnalysis
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
-from tracker.cycle import Cycle
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate
 from tracker.estimation.hybrid import HybridEstimation
@@ -29,6 +28,7 @@ from tracker.scene import Scene
 from tracker.start import Start
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking import track
+from tracker.tracking.cycle import Cycle
 
 TRACKED_MM = 100.0
 """Mean joint error above which a pose is wrong."""

@@ -13,7 +13,7 @@ from fuzzing import samples
 from fuzzing.image_readers import image_readers
 from fuzzing.mutations import BINARY, TEXT
 from fuzzing.trial import Reader
-from tracker.body_files import load_body, read_description
+from tracker.body.files import load_body, read_description
 from tracker.calibration import read_points
 from tracker.config_files import read_config
 from tracker.evaluation.comparison import evaluate

@@ -14,7 +14,7 @@ import numpy as np
 
 from tracker.account import Account
 from tracker.arrays import Image
-from tracker.body_files import load_body, read_description, save_description
+from tracker.body.files import load_body, read_description, save_description
 from tracker.camera import Camera
 from tracker.estimate import Estimate
 from tracker.jobs import INPUTS

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tracker.arrays import Array
-from tracker.body_description import BodyDescription
-from tracker.body_entries import PartEntry
+from tracker.body.description import BodyDescription
+from tracker.body.entries import PartEntry
 
 _FIELDS = ("joints", "starts", "ends", "radii", "squareness", "taper", "landmarks")
 

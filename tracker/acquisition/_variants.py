@@ -9,7 +9,7 @@ import numpy as np
 from tracker.acquisition._anatomy import Anatomy
 from tracker.arrays import Array, Integers, frozen
 from tracker.body import BodyModel
-from tracker.body_description import BodyDescription
+from tracker.body.description import BodyDescription
 from tracker.geometry.superquadrics import surface
 from tracker.kernels.body.kinematics import chain_transforms
 

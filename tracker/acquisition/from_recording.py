@@ -22,15 +22,15 @@ from tracker.acquisition.who_is_who import apart_m, whose
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.carried import Carried, with_carried
-from tracker.cycle import Cycle, State
 from tracker.estimate import Estimate
-from tracker.found_before import knowing
 from tracker.frame import Frame
-from tracker.rehearsal import Reopen
 from tracker.scene import Scene
 from tracker.start import Start
+from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.found_before import knowing
+from tracker.tracking.rehearsal import Reopen
+from tracker.tracking.windows import back, length_of_windows, there
 from tracker.trajectory import Step
-from tracker.windows import back, length_of_windows, there
 
 Spaces = Mapping[int, ShapeSpace]
 """Place of a person in the scene -> how its body may differ from that in the scene."""

@@ -11,7 +11,7 @@ from tracker.acquisition._variants import heights
 from tracker.acquisition.fitting import Fit
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_description import BodyDescription
+from tracker.body.description import BodyDescription
 
 
 @dataclass(frozen=True)

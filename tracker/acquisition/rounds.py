@@ -11,9 +11,9 @@ from tracker.acquisition.calibrated_views import Seen, ViewSettings, Watching, f
 from tracker.acquisition.fitting import Fit
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapeSpace
-from tracker.cycle import Cycle
 from tracker.loss import doubted
 from tracker.scene import Scene
+from tracker.tracking.cycle import Cycle
 from tracker.trajectory import Step
 
 LEAST_OUTLINED = 2

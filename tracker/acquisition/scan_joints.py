@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from tracker.acquisition.scan import Joint, Scan
 from tracker.arrays import Array
-from tracker.body_description import BodyDescription
-from tracker.body_entries import AxisEntry, SegmentEntry
+from tracker.body.description import BodyDescription
+from tracker.body.entries import AxisEntry, SegmentEntry
 from tracker.mirror import Mirror
 
 SAME_PLACE_M = 1e-6

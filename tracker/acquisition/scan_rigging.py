@@ -15,9 +15,9 @@ from tracker.acquisition.scan import Scan
 from tracker.acquisition.scan_joints import SAME_PLACE_M, Placed, joint_of, placed_segment, triple
 from tracker.acquisition.superquadric_fit import Fitted, fit_superquadric
 from tracker.arrays import Array
-from tracker.body_description import BodyDescription
-from tracker.body_entries import LandmarkEntry, PartEntry
-from tracker.body_sections import SkinSection
+from tracker.body.description import BodyDescription
+from tracker.body.entries import LandmarkEntry, PartEntry
+from tracker.body.sections import SkinSection
 from tracker.errors import ModelError, nearest
 from tracker.mirror import Mirror
 

@@ -14,7 +14,7 @@ from tracker.acquisition._growth import end_moved, fattened, grown, lengthened, 
 from tracker.acquisition._variants import Variants
 from tracker.arrays import Array, frozen
 from tracker.body import BodyModel
-from tracker.body_description import BodyDescription
+from tracker.body.description import BodyDescription
 from tracker.components import component
 from tracker.errors import ModelError
 

@@ -16,7 +16,7 @@ from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
 from tracker.acquisition.standing import best_pose, placed
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_description import BodyDescription
+from tracker.body.description import BodyDescription
 from tracker.components import component
 from tracker.errors import ModelError, nearest
 from tracker.observation import Observation

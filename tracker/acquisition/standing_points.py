@@ -13,7 +13,7 @@ from tracker.acquisition._surface_rows import outside
 from tracker.acquisition.clouds import Cloud, cloud_of
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_surface import surface_of
+from tracker.body.surface import surface_of
 
 _HEADINGS_DEG = np.arange(0, 360, 45)
 """Directions that the person may face: those between are within reach of the steps."""

@@ -13,8 +13,8 @@ from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.acquisition.moving_along import Moving, most_moving
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
-from tracker.body_description import BodyDescription
-from tracker.body_entries import Vector
+from tracker.body.description import BodyDescription
+from tracker.body.entries import Vector
 from tracker.carried import Carried, with_carried
 from tracker.scene import Scene
 

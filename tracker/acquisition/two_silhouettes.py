@@ -15,7 +15,7 @@ from tracker.acquisition.shape_space import space_of
 from tracker.acquisition.silhouette_task import SilhouetteSettings, started
 from tracker.acquisition.standing import scene_of
 from tracker.body import BodyModel
-from tracker.body_description import BodyDescription
+from tracker.body.description import BodyDescription
 from tracker.errors import ModelError, SequenceError
 from tracker.outlines import overlap
 from tracker.progress import Progress, silent

@@ -53,7 +53,7 @@ class NeighboursEstimation:
     """Share left over of a limb above which its neighbours are tried."""
 
     lead_px: float = pydantic.Field(default=0.1, ge=0)
-    """What a neighbour must be better by, px; see `tracker.rivals`."""
+    """What a neighbour must be better by, px; see `tracker.tracking.rivals`."""
 
     def estimate(self, objective: Objective, starts: Array) -> Estimate:
         """The best of what was found and of its refined neighbours."""

@@ -10,8 +10,8 @@ from typing import Any
 import pydantic
 
 from tracker.arrays import Array
-from tracker.body_files import load_body
-from tracker.body_sections import Joints
+from tracker.body.files import load_body
+from tracker.body.sections import Joints
 from tracker.errors import SequenceError
 from tracker.mirror import Mirror
 from tracker.resources import model_path

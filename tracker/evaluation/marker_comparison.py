@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tracker.arrays import Array
-from tracker.body_sections import Joints
+from tracker.body.sections import Joints
 from tracker.evaluation.marker_alignment import Alignment, align
 from tracker.evaluation.marker_set import MarkerSet, check_marker_set, joints_of, load_marker_set
 from tracker.evaluation.time_correlation import Clocked, flexions

@@ -11,7 +11,7 @@ import numpy as np
 import pydantic
 
 from tracker.arrays import Array
-from tracker.body_sections import Entry
+from tracker.body.sections import Entry
 from tracker.errors import ConfigError, nearest
 from tracker.evaluation.time_correlation import Clocked
 from tracker.markers import Markers

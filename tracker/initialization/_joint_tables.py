@@ -10,7 +10,8 @@ from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.errors import ConfigError, nearest
 from tracker.initialization._inverse_kinematics import fitted_pose
-from tracker.keypoints import meant, plain_name
+from tracker.keypoint_names import plain_name
+from tracker.keypoints import meant
 from tracker.source_files import frame_in, number_in
 
 Row = dict[str, str]

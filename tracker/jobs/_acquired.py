@@ -10,7 +10,7 @@ from typing import Any
 from tracker.acquisition.figures import Panel, fit_figure
 from tracker.acquisition.fitting import Fit
 from tracker.acquisition.result import BoneLength, PartResidual, bone_lengths, contour_rms_mm, model_of, part_residuals
-from tracker.body_files import save_description
+from tracker.body.files import save_description
 from tracker.config_files import Table
 from tracker.files import replacing, write_json
 

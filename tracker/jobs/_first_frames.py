@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from tracker.cycle import Cycle
 from tracker.inspection import findings, first_in_view, survey
 from tracker.jobs._persons import OpenedTrack, frames_in_view
+from tracker.tracking.cycle import Cycle
 
 
 def looked_at(opened: OpenedTrack, cycle: Cycle, stride: int) -> tuple[str, ...]:

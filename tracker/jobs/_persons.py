@@ -14,20 +14,20 @@ from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.result import model_of
 from tracker.acquisition.shape_space import space_of
 from tracker.acquisition.things import Thing, carried_of, entry_of, told_of_things
-from tracker.body_description import BodyDescription
-from tracker.body_files import read_description, save_description
-from tracker.cycle import Cycle
+from tracker.body.description import BodyDescription
+from tracker.body.files import read_description, save_description
 from tracker.estimate import Estimate
 from tracker.files import write_whole
-from tracker.found_before import knowing
 from tracker.frame import Frame
 from tracker.jobs._views import told_of_views
 from tracker.reading import Sequence as Recording
 from tracker.recording.journal import Expected, OpenJournal, as_kept, line_of, open_journal
-from tracker.rehearsal import Reopen
 from tracker.rig_layouts import save_rig
 from tracker.scene import Scene
 from tracker.subject import Subject
+from tracker.tracking.cycle import Cycle
+from tracker.tracking.found_before import knowing
+from tracker.tracking.rehearsal import Reopen
 
 log = logging.getLogger("tracker")
 

@@ -26,13 +26,11 @@ from tracker.acquisition.rounds import best_seen
 from tracker.acquisition.shape_space import space_of
 from tracker.acquisition.things import Thing, carried_of, entry_of, things_of, told_of_things
 from tracker.arrays import Array
-from tracker.body_files import read_description, save_description
+from tracker.body.files import read_description, save_description
 from tracker.components import component
 from tracker.config_files import Table
-from tracker.cycle import Cycle
 from tracker.errors import ConfigError, nearest
 from tracker.files import write_json, write_whole
-from tracker.found_before import knowing
 from tracker.frame import Frame
 from tracker.jobs import ResultFolder, described, execute, job_from
 from tracker.jobs._acquired import Acquired, AcquireOutcome
@@ -40,6 +38,8 @@ from tracker.jobs.track import OpenedTrack, TrackJob
 from tracker.progress import Progress, silent
 from tracker.reading import Sequence as Recording
 from tracker.tracking import track
+from tracker.tracking.cycle import Cycle
+from tracker.tracking.found_before import knowing
 from tracker.trajectory import Step
 
 log = logging.getLogger("tracker")

@@ -11,8 +11,8 @@ from tracker.acquisition.figures import Panel
 from tracker.acquisition.pictures import Pair, read_silhouette
 from tracker.acquisition.silhouette_task import SilhouetteSettings
 from tracker.acquisition.two_silhouettes import acquire
-from tracker.body_description import BodyDescription
-from tracker.body_files import read_buildable
+from tracker.body.description import BodyDescription
+from tracker.body.files import read_buildable
 from tracker.components import ModelFile, component
 from tracker.jobs import ResultFolder, described
 from tracker.jobs._acquired import Acquired, AcquireOutcome

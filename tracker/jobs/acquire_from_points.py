@@ -18,7 +18,7 @@ from tracker.acquisition.pictures import Silhouette, read_silhouette
 from tracker.acquisition.shape_space import ShapeSpace, space_of
 from tracker.arrays import Array, Image, Integers
 from tracker.body import BodyModel
-from tracker.body_files import read_buildable
+from tracker.body.files import read_buildable
 from tracker.camera import Camera
 from tracker.components import FilePath, ModelFile, component
 from tracker.errors import ConfigError, ModelError, nearest

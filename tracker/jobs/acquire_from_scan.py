@@ -14,9 +14,9 @@ from tracker.acquisition.scan import Scan, ScanFiles, read_scan
 from tracker.acquisition.scan_rigging import Rigged, rigged
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_description import BodyDescription
-from tracker.body_files import read_buildable, read_description, save_description
-from tracker.body_skin import measured_pose
+from tracker.body.description import BodyDescription
+from tracker.body.files import read_buildable, read_description, save_description
+from tracker.body.skin import measured_pose
 from tracker.camera import Camera
 from tracker.components import ModelFile, component
 from tracker.files import replacing, write_json

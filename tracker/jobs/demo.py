@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import pydantic
 
-from tracker.body_files import load_body
+from tracker.body.files import load_body
 from tracker.components import component
 from tracker.evaluation.comparison import Evaluation, evaluate
 from tracker.jobs import ResultFolder, execute, load_job

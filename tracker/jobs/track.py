@@ -12,11 +12,9 @@ from typing import Annotated, ClassVar
 import pydantic
 
 from tracker.components import ReadBy, component, find, standard
-from tracker.cycle import Cycle
 from tracker.errors import name_fault
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence
-from tracker.found_before import knowing
 from tracker.initialization import Initialization
 from tracker.jobs import ResultFolder
 from tracker.jobs._delivered import delivered, opened_even, sized
@@ -34,7 +32,6 @@ from tracker.plate import Plate
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
 from tracker.reading import Reading
-from tracker.recorded_plates import behind_who_stays, without_persons
 from tracker.recording import DEFAULTS, Recording, chosen_recordings, described_recordings
 from tracker.recording.journal import Expected, OpenJournal, as_kept, open_journal
 from tracker.scene import Person, Scene
@@ -42,7 +39,10 @@ from tracker.smoothing import Smoothing
 from tracker.subject import Subject
 from tracker.synthesis import Synthesis
 from tracker.tracking import track
-from tracker.two_passes import track_twice
+from tracker.tracking.cycle import Cycle
+from tracker.tracking.found_before import knowing
+from tracker.tracking.recorded_plates import behind_who_stays, without_persons
+from tracker.tracking.two_passes import track_twice
 
 __all__ = ["OpenedTrack", "TrackJob", "TrackOutcome"]
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.errors import SequenceError, shortened
-from tracker.keypoints import Detections, plain_name
+from tracker.keypoint_names import plain_name
+from tracker.keypoints import Detections
 from tracker.source_files import cells_of
 
 _NUMBER = re.compile(r"\d+")

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
-from tracker.body_surface import segments_in_world
+from tracker.body.surface import segments_in_world
 from tracker.estimate import Status
 from tracker.recording import RunContext
 from tracker.scene import Person

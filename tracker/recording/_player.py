@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Integers
-from tracker.body_surface import surface_of
+from tracker.body.surface import surface_of
 from tracker.camera import Camera
 from tracker.estimate import Estimate
 from tracker.recording import RunContext

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array
-from tracker.body_surface import Skinned, skinned_of
+from tracker.body.surface import Skinned, skinned_of
 from tracker.components import component
 from tracker.files import write_whole
 from tracker.recording import RunContext

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_sections import Movement, Term
+from tracker.body.sections import Movement, Term
 from tracker.errors import ConfigError, nearest
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Image, Integers, Mask
 from tracker.body import BodyModel
-from tracker.body_sections import Clothes
+from tracker.body.sections import Clothes
 from tracker.camera import Camera
 from tracker.kernels.pictures.rasterization import rasterize
 from tracker.scene import Person, Scene

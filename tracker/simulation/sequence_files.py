@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import tomli_w
 
-from tracker.body_files import save_description
+from tracker.body.files import save_description
 from tracker.files import whole_folder
 from tracker.progress import Progress, silent
 from tracker.rig_layouts import save_rig

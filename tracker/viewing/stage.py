@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array, Image
-from tracker.body_surface import segments_in_world, surface_of
+from tracker.body.surface import segments_in_world, surface_of
 from tracker.camera import Camera
 from tracker.estimate import Estimate, Status
 from tracker.scene import Person, Scene

@@ -8,12 +8,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from tracker import body_defaults
 from tracker.arrays import frozen
-from tracker.body import BodyModel
-from tracker.body_sections import Clothes, Entry, Joints, KeypointEntry, Movement, StartMarks
+from tracker.body import BodyModel, defaults
+from tracker.body.sections import Clothes, Entry, Joints, KeypointEntry, Movement, StartMarks
 from tracker.errors import ModelError, name_fault, nearest
-from tracker.keypoints import plain_name
+from tracker.keypoint_names import plain_name
 from tracker.mirror import Mirror
 from tracker.segments import Landmark
 
@@ -23,7 +22,7 @@ _Section = TypeVar("_Section", bound=Entry)
 def with_facts(
     body: BodyModel, start: StartMarks, joints: Joints, clothes: Clothes, movements: dict[str, Movement]
 ) -> BodyModel:
-    """The body with its sections; keys that the file does not set are derived from the shape, see `body_defaults`.
+    """The body with its sections; keys that the file does not set are derived from the shape, see `defaults`.
 
     Raises:
         ModelError: a section names what the body does not have.
@@ -33,11 +32,11 @@ def with_facts(
     parts = _Names(body.mirror, tuple(part.name for part in body.parts), "part")
     return replace(
         body,
-        start=_filled(_start(start, parameters, marks), body_defaults.start_marks(body)),
-        joints=_filled(_joints(joints, marks), body_defaults.joints(body)),
-        clothes=_filled(_clothes(clothes, parts), body_defaults.clothes(body)),
+        start=_filled(_start(start, parameters, marks), defaults.start_marks(body)),
+        joints=_filled(_joints(joints, marks), defaults.joints(body)),
+        clothes=_filled(_clothes(clothes, parts), defaults.clothes(body)),
         movements={name: _movement(name, one, parameters, marks) for name, one in movements.items()}
-        or body_defaults.movements(body),
+        or defaults.movements(body),
     )
 
 

@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from tracker.arrays import Array, Integers, Mask, frozen
-from tracker.body_sections import Clothes, Joints, Movement, StartMarks
+from tracker.body.kinematic_tree import KinematicTree
+from tracker.body.sections import Clothes, Joints, Movement, StartMarks
 from tracker.errors import ModelError, nearest
 from tracker.kernels.body.self_collision import sum_collisions
-from tracker.kinematic_tree import KinematicTree
 from tracker.mirror import Mirror
 from tracker.segments import Landmark, Segment, unjoined
 from tracker.shape import TaperedSuperquadric

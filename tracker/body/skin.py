@@ -8,7 +8,7 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_sections import SkinSection
+from tracker.body.sections import SkinSection
 from tracker.errors import ModelError, nearest
 from tracker.skin import Skin
 from tracker.skin_files import columns_of, read_rigging, read_surface, rigging_of_groups

@@ -10,8 +10,8 @@ import pydantic
 import tomli_w
 
 from tracker.body import BodyModel
-from tracker.body_description import BodyDescription
-from tracker.body_sections import SkinSection
+from tracker.body.description import BodyDescription
+from tracker.body.sections import SkinSection
 from tracker.errors import ModelError
 from tracker.files import write_whole
 from tracker.source_files import toml_of

@@ -16,15 +16,15 @@ from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.clock import Clock
 from tracker.contours import joined
-from tracker.cycle import Cycle, State
-from tracker.cycle_turn import judged_by, objective_of
 from tracker.estimate import Estimate
-from tracker.even_ways import LEAST_PX, Bridge, candidates
 from tracker.limbs import apart_m
 from tracker.objective import Objective
-from tracker.outcome import finished
 from tracker.sight import Sight
 from tracker.strangers import hide_strangers
+from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.cycle_turn import judged_by, objective_of
+from tracker.tracking.even_ways import LEAST_PX, Bridge, candidates
+from tracker.tracking.outcome import finished
 from tracker.trajectory import Step
 
 _MOST_PX = 0.1

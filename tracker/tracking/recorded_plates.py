@@ -10,17 +10,17 @@ import cv2
 import numpy as np
 
 from tracker.arrays import Mask
-from tracker.cycle import Cycle, State
 from tracker.errors import BackdropError, InitializationError
-from tracker.found_before import StartedBefore, knowing
 from tracker.frame import Frame
 from tracker.imaging.growing import grown
 from tracker.plate import Plate
-from tracker.rehearsal import Reopen
 from tracker.scene import Scene
 from tracker.sight import LEAST_COVERED, Sight
 from tracker.start import Start
 from tracker.tracking import Looking, tracked
+from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.found_before import StartedBefore, knowing
+from tracker.tracking.rehearsal import Reopen
 
 log = logging.getLogger("tracker")
 

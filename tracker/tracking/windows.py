@@ -2,7 +2,7 @@
 
 Windows with doubt in them are, and those in which somebody is found: what is wrong from the start on nothing need tell.
 There the first pass stays as it is where the way back ends in the same places. The errors of the two directions hardly
-coincide: a limb is lost on the way into its hiding, not on the way out of it. See `tracker.rivals`.
+coincide: a limb is lost on the way into its hiding, not on the way out of it. See `tracker.tracking.rivals`.
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from tracker.backwards import tracked_back, turned
-from tracker.bridges import bridged
 from tracker.clock import Clock
-from tracker.cycle import Cycle, State
-from tracker.easier_start import LedBack
 from tracker.estimate import Status
 from tracker.frame import Frame
-from tracker.jumps import with_jumps
 from tracker.limbs import are_apart
 from tracker.loss import LossRule, doubted
-from tracker.outcome import judged_as_wholes
-from tracker.rehearsal import Reopen
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.tracking import Ahead, Looking, tracked
+from tracker.tracking.backwards import tracked_back, turned
+from tracker.tracking.bridges import bridged
+from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.easier_start import LedBack
+from tracker.tracking.jumps import with_jumps
+from tracker.tracking.outcome import judged_as_wholes
+from tracker.tracking.rehearsal import Reopen
 from tracker.trajectory import Step
 
 _LONGEST, SHORTEST = 100, 16

@@ -9,8 +9,6 @@ from statistics import fmean
 from typing import TypeVar
 
 from tracker.body import BodyModel
-from tracker.cycle import Cycle, State
-from tracker.cycle_turn import advance, settled
 from tracker.estimate import Estimate, Status
 from tracker.evidence import GUESSED
 from tracker.frame import Frame
@@ -22,6 +20,8 @@ from tracker.sight import Sight
 from tracker.start import Hypothesis, Start, limbs_shown, sureness
 from tracker.strangers import hide_strangers
 from tracker.synthesis import side_by_side
+from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.cycle_turn import advance, settled
 from tracker.trajectory import Step
 
 # Frames closer than this show hardly anything new.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from tracker.cycle import Cycle
 from tracker.estimate import Estimate
 from tracker.frame import Frame
 from tracker.initialization import Initialization, Stages
@@ -13,6 +12,7 @@ from tracker.loss import doubted
 from tracker.plate import Plate
 from tracker.scene import Scene
 from tracker.start import Start
+from tracker.tracking.cycle import Cycle
 
 
 def knowing(

@@ -9,7 +9,7 @@ import numpy as np
 import pydantic
 
 from tracker.arrays import Array, frozen
-from tracker.body_sections import Entry, OrInfinite
+from tracker.body.sections import Entry, OrInfinite
 from tracker.errors import ModelError, nearest
 from tracker.segments import Parameter, Part, Segment
 from tracker.shape import TaperedSuperquadric

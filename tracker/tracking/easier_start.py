@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from tracker.backwards import as_replay, frames_before, tracked_back
-from tracker.cycle import Cycle, State
-from tracker.cycle_turn import settled
 from tracker.errors import InitializationError
 from tracker.estimate import Status
 from tracker.frame import Frame
-from tracker.rehearsal import Reopen, rehearsed
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.start import Start, sureness
 from tracker.strangers import hide_strangers
+from tracker.tracking.backwards import as_replay, frames_before, tracked_back
+from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.cycle_turn import settled
+from tracker.tracking.rehearsal import Reopen, rehearsed
 from tracker.trajectory import Replay, Step
 
 _LIKELY = 0.5

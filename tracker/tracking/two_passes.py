@@ -6,14 +6,14 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from tracker.coming_in import before_all, steps_of
-from tracker.cycle import Cycle, State
 from tracker.frame import Frame
-from tracker.rehearsal import Reopen
 from tracker.scene import Scene
 from tracker.tracking import replayed, track
+from tracker.tracking.coming_in import before_all, steps_of
+from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.rehearsal import Reopen
+from tracker.tracking.windows import SHORTEST, Pass, after, both_ways, length_of_windows, windows_of
 from tracker.trajectory import Replay, Step
-from tracker.windows import SHORTEST, Pass, after, both_ways, length_of_windows, windows_of
 
 
 def track_twice(

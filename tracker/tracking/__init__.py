@@ -11,16 +11,16 @@ from types import MappingProxyType
 import cv2
 
 from tracker.clock import Clock
-from tracker.cycle import Cycle, State
-from tracker.cycle_turn import advance, bootstrap, unfound
-from tracker.easier_start import LedBack, led_back
 from tracker.estimate import Status
 from tracker.frame import Frame
-from tracker.outcome import covered_px
-from tracker.rehearsal import Reopen, rehearsed
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.start import Start
+from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.cycle_turn import advance, bootstrap, unfound
+from tracker.tracking.easier_start import LedBack, led_back
+from tracker.tracking.outcome import covered_px
+from tracker.tracking.rehearsal import Reopen, rehearsed
 from tracker.trajectory import Replay, Step
 
 _NOTHING: Mapping[int, Replay] = MappingProxyType({})

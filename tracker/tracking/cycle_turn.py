@@ -12,22 +12,22 @@ from tracker.arrays import Array
 from tracker.clock import Clock
 from tracker.comparison import Comparison
 from tracker.contours import joined
-from tracker.cycle import Cycle, State
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.evidence import Observed
 from tracker.in_space import judged_in_space
 from tracker.loss import LossRule, is_looked_about, is_out_of_sight, judged, sought_anew
 from tracker.objective import Objective
-from tracker.other_places import in_likeliest_places
-from tracker.outcome import finished, still_lost
 from tracker.part_colours import PartColours, part_colours
-from tracker.rivals import found_twice, weighed
 from tracker.scene import Scene
 from tracker.sight import Sight
-from tracker.single_view import with_vague_limbs
 from tracker.start import Start
 from tracker.strangers import hide_strangers
+from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.other_places import in_likeliest_places
+from tracker.tracking.outcome import finished, still_lost
+from tracker.tracking.rivals import found_twice, weighed
+from tracker.tracking.single_view import with_vague_limbs
 from tracker.trajectory import History, Step
 
 # What a pose found anew must be closer than one that was tracked: the least that images say of a limb, see Objective.

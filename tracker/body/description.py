@@ -10,11 +10,11 @@ import pydantic
 
 from tracker.arrays import frozen
 from tracker.body import BodyModel
-from tracker.body_defaults import bones, chains, marks
-from tracker.body_entries import LandmarkEntry, PartEntry, SegmentEntry, Vector, of_segment, part_of, tree_of
-from tracker.body_facts import keypoint_marks, with_facts
-from tracker.body_sections import Clothes, Entry, Joints, KeypointEntry, Movement, OrInfinite, SkinSection, StartMarks
-from tracker.body_skin import skin_of
+from tracker.body.defaults import bones, chains, marks
+from tracker.body.entries import LandmarkEntry, PartEntry, SegmentEntry, Vector, of_segment, part_of, tree_of
+from tracker.body.facts import keypoint_marks, with_facts
+from tracker.body.sections import Clothes, Entry, Joints, KeypointEntry, Movement, OrInfinite, SkinSection, StartMarks
+from tracker.body.skin import skin_of
 from tracker.errors import ModelError, name_fault, nearest
 from tracker.mirror import Mirror
 from tracker.segments import Landmark

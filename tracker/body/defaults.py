@@ -8,8 +8,8 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.body_entries import LandmarkEntry, PartEntry, SegmentEntry
-from tracker.body_sections import Clothes, Joints, Movement, StartMarks, Term
+from tracker.body.entries import LandmarkEntry, PartEntry, SegmentEntry
+from tracker.body.sections import Clothes, Joints, Movement, StartMarks, Term
 from tracker.errors import ModelError
 from tracker.mirror import Mirror
 from tracker.segments import Landmark, Root, Segment

@@ -8,17 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracker.backwards import as_replay, frames_before, turned
-from tracker.cycle import Cycle
-from tracker.cycle_turn import unfound
-from tracker.jumps import with_jumps
-from tracker.outcome import judged_as_wholes
-from tracker.rehearsal import Reopen
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.tracking import replayed
+from tracker.tracking.backwards import as_replay, frames_before, turned
+from tracker.tracking.cycle import Cycle
+from tracker.tracking.cycle_turn import unfound
+from tracker.tracking.jumps import with_jumps
+from tracker.tracking.outcome import judged_as_wholes
+from tracker.tracking.rehearsal import Reopen
+from tracker.tracking.windows import Pass, after, both_ways, length_of_windows, windows_of
 from tracker.trajectory import Replay, Step
-from tracker.windows import Pass, after, both_ways, length_of_windows, windows_of
 
 _GONE_S = 2.0
 """How long everybody is lost, on the way back, when nobody was there before: a way behind a pillar is shorter."""

@@ -7,11 +7,11 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from tracker.clock import Clock
-from tracker.cycle import Cycle, State
-from tracker.cycle_turn import advance
 from tracker.frame import Frame
-from tracker.rehearsal import Reopen
 from tracker.sight import Sight
+from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.cycle_turn import advance
+from tracker.tracking.rehearsal import Reopen
 from tracker.trajectory import History, Replay, Step
 
 _MOST_BYTES = 2**28
