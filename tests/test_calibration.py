@@ -9,11 +9,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from bars import calibration, images_of, recorded
+from bars import at_truth, calibration, images_of, recorded
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from tracker.calibration import report_text
+from tracker.calibration._bundle import State
+from tracker.calibration._start import bar_observations
+from tracker.calibration._synchronization import time_offsets
 from tracker.calibration._world import WorldFrame, moved_rig
 from tracker.calibration.chessboard import BoardImages, ChessboardCalibration
 from tracker.calibration.reference_bar import BarImages
@@ -61,6 +64,17 @@ def test_a_view_out_of_step_is_named(late, name):
     word = "late" if sum(late) > 0 else "early"
     assert re.search(rf'"{name}" is (0.9|1.0) frames {word}', str(caught.value))
     assert f"{name} = {-sum(late)}" in str(caught.value)
+
+
+@pytest.mark.parametrize("n_views", [2, 4])
+def test_time_offsets_are_as_uncertain_of_the_first_view_as_of_the_others(n_views):
+    recording = recorded(2, 60, Faults(1.0, 0, 0, stride=1))
+    state, _ = at_truth(recording)
+    few = State(state.cameras[:n_views], state.objects)
+    images = bar_observations(recording.pixels[:n_views], images_of(recording).velocities()[:n_views])
+    _, sigmas = time_offsets(few, images, 0.1)
+    assert (sigmas > 0.003).all()
+    assert sigmas.max() < 2 * sigmas.min()
 
 
 def test_a_third_of_a_frame_is_measured_and_allowed_for():

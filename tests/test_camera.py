@@ -73,6 +73,28 @@ def test_undistortion_inverts_projection(lens: str, shear: float) -> None:
     np.testing.assert_allclose(camera.undistort(camera.project(points)), local[:, :2] / local[:, 2:], atol=1e-11)
 
 
+@pytest.mark.parametrize(
+    "lens",
+    [
+        (0.175, 0.148, 0.001, 0.001, -0.117, 0, 0, 0),
+        (0.724, -0.97, 0, 0, 0, 0, 0, 0),
+        (0.132, -0.102, 0.002, 0, 0.159, 0, 0, 0),
+        (0.239, 0.173, 0, 0.001, 0.119, -0.093, 0.032, -0.152),
+    ],
+)
+def test_what_a_lens_images_farther_out_than_it_is_comes_back(lens: tuple[float, ...]) -> None:
+    """Where a lens stretches the image, what is imaged may lie beyond its reach, where its slope leads elsewhere."""
+    found = Lens(np.array(lens))
+    radii, angles = np.linspace(0, 0.95 * min(found.reach, 2.5), 60), np.linspace(0, 6, 7)[:, None]
+    plane = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1)
+    imaged, _ = found.distort(plane)
+    np.testing.assert_allclose(found.undistort(imaged), plane, atol=1e-9)
+    np.testing.assert_allclose(found.undistort(imaged[3, -1]), plane[3, -1], atol=1e-9)
+    if np.isfinite(found.reach):
+        end, _ = found.distort(np.array([found.reach, 0.0]))
+        assert np.isnan(found.undistort(np.array([1.05 * end[0], 0.0]))).all()
+
+
 @pytest.mark.parametrize("shear", [0.0, 12.0])
 def test_the_ray_of_a_pixel_meets_its_point(shear: float) -> None:
     camera = camera_with(shear=shear)

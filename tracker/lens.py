@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from tracker.arrays import Array
+from tracker.arrays import Array, Mask
 
 FARTHEST_DEG = 75.0
 """From the axis of a wide lens, whose radial distortion is a quotient of polynomials: there it ends. It was fitted to
@@ -22,6 +22,9 @@ _MOST_STEPS = 20
 
 _SMALL_STEP, _SETTLED = 1e-13, 1e-6
 """In the plane z = 1: all is done when no step is longer, and a direction is found if its last step was shorter."""
+
+_HALVINGS, _MARGIN = 40, 1.1
+"""Of an interval as long as the lens reaches, for a start; and by how much decentring may image farther, a factor."""
 
 
 @dataclass(frozen=True)
@@ -96,9 +99,18 @@ class Lens:
 
         Solved by Newton steps on the distortion's Jacobian; NaN where the lens images nothing within its reach to.
         """
-        plane: Array = imaged.copy()
         if not self.distortion.any():
-            return plane
+            return imaged.copy()
+        plane, found = self._newton(imaged, imaged)
+        # next to where it turns back, what is imaged may lie beyond: steps from there lead away
+        lost = ~found & (np.linalg.norm(imaged, axis=-1) < _MARGIN * self._farthest)
+        if lost.any():
+            plane[lost], found[lost] = self._newton(imaged[lost], self._straightened(imaged[lost]))
+        return np.where(found[..., None], plane, np.nan)
+
+    def _newton(self, imaged: Array, start: Array) -> tuple[Array, Mask]:
+        """Plane coordinates (..., 2) by steps from a start (..., 2), and which of them (...) are solutions."""
+        plane: Array = start.copy()
         with np.errstate(all="ignore"):  # what has no solution may run anywhere
             for _ in range(_MOST_STEPS):
                 value, slope = self.distort(plane)
@@ -107,7 +119,29 @@ class Lens:
                 if not (np.abs(step) >= _SMALL_STEP).any():
                     break
             found = (np.abs(step).max(axis=-1) < _SETTLED) & (np.linalg.norm(plane, axis=-1) <= self.reach)
-        return np.where(found[..., None], plane, np.nan)
+        return plane, np.asarray(found)
+
+    @cached_property
+    def _farthest(self) -> float:
+        """Where the radial distortion images the end of its reach."""
+        return self.imaged(self.reach) if np.isfinite(self.reach) else np.inf
+
+    def _straightened(self, imaged: Array) -> Array:
+        """Plane coordinates (N, 2) without the radial distortion, which grows within its reach: by halving."""
+        over, under = self._radial
+        distances = np.linalg.norm(imaged, axis=-1)
+        end = self.reach
+        if not np.isfinite(end):
+            end = 1.0
+            while self.imaged(end) < distances.max():
+                end *= 2
+        low, high = np.zeros_like(distances), np.full_like(distances, end)
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            short = middle * over(middle**2) < distances * under(middle**2)
+            low, high = np.where(short, middle, low), np.where(short, high, middle)
+        straight: Array = imaged * (low / np.maximum(distances, 1e-300))[..., None]
+        return straight
 
     def undistort_clamped(self, imaged: Array) -> Array:
         """`undistort`, but what lies beyond the reach of the lens is at its end, on the same side of the axis."""

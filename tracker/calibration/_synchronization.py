@@ -36,7 +36,7 @@ def time_offsets(state: State, observations: Observations, sigma_px: float) -> t
         sigma_px: noise of an image coordinate.
 
     Returns:
-        (V,) offsets and (V,) standard errors; NaN where nothing moves.
+        (V,) offsets and (V,) their standard errors, 0 of a view that is itself the median; NaN where nothing moves.
     """
     free = np.zeros((len(state.cameras), N_UNKNOWNS), dtype=np.bool_)
     free[:, [*GROUPS["exterior"], *GROUPS["camera_constant"], 11]] = True
@@ -57,10 +57,20 @@ def time_offsets(state: State, observations: Observations, sigma_px: float) -> t
     equations = normal_equations(state, observations, Noise(scale, 3 * scale, used=speeds > 0).weights(errors), counted)
     columns = free.ravel()
     inverse = np.linalg.pinv(equations.normal[np.ix_(columns, columns)], hermitian=True, rcond=1e-13)
-    sigmas = np.zeros(len(columns))
-    sigmas[columns] = np.sqrt(np.maximum(np.diag(inverse), 0.0))
-    offsets = state.cameras[:, bundle_camera.DELAY]
-    return offsets - np.median(offsets), sigmas.reshape(free.shape)[:, _OFFSET]
+    covariance = np.zeros((len(columns), len(columns)))
+    covariance[np.ix_(columns, columns)] = inverse
+    return _beside_median(state.cameras[:, bundle_camera.DELAY], covariance)
+
+
+def _beside_median(offsets: Array, covariance: Array) -> tuple[Array, Array]:
+    """Offsets (V,) less their median, and the standard errors (V,) of that, from the covariance (17V, 17V).
+
+    Those of the offsets themselves are against the first camera, whose own is 0 by definition.
+    """
+    order, n = np.argsort(offsets), len(offsets)
+    less = np.eye(n) - np.eye(n)[order[[(n - 1) // 2, n // 2]]].mean(axis=0)
+    own = covariance[_OFFSET::N_UNKNOWNS, _OFFSET::N_UNKNOWNS]
+    return less @ offsets, np.sqrt(np.maximum(np.einsum("vi,ij,vj->v", less, own, less), 0.0))
 
 
 def _noisiest(errors: Array, observations: Observations, n_views: int) -> float:
@@ -78,7 +88,7 @@ def check_synchronized(names: Sequence[str], offsets: Array, sigmas: Array) -> N
     if (
         len(names) == 2
         and np.isfinite(offsets).all()
-        and abs(offsets[1] - offsets[0]) > max(_ALLOWED_FRAMES, 4 * sigmas.max())
+        and abs(offsets[1] - offsets[0]) > max(_ALLOWED_FRAMES, 4 * sigmas.sum())
     ):
         late = [1]
         offsets = offsets - offsets[0]
@@ -93,21 +103,25 @@ def check_synchronized(names: Sequence[str], offsets: Array, sigmas: Array) -> N
 
 
 def lag_advice(adjustment: Adjustment) -> tuple[str, ...]:
-    """Says which cameras expose noticeably before or after the others."""
+    """Says which cameras expose noticeably, and beyond doubt, before or after the others."""
     return tuple(
-        f"camera {measure.name.removeprefix('time offset of ')} exposes {abs(measure.value):.2f} frames "
-        f"{'after' if measure.value > 0 else 'before'} the others; the calibration allows for it, tracking cannot"
-        for measure in lag_measures(adjustment)
-        if abs(measure.value) > NOTICED_FRAMES
+        f"camera {name} exposes {abs(lag):.2f} frames {'after' if lag > 0 else 'before'} the others; the calibration "
+        "allows for it, tracking cannot"
+        for name, lag, sigma in _lags(adjustment)
+        if abs(lag) - NOTICED_SIGMAS * sigma > NOTICED_FRAMES
     )
 
 
 def lag_measures(adjustment: Adjustment) -> tuple[Measure, ...]:
     """The time offset of every camera where they were determined, else nothing."""
-    if not adjustment.free[:, bundle_unknown.DELAY].any():
-        return ()
-    lags = adjustment.state.cameras[:, bundle_camera.DELAY]
     return tuple(
-        Measure(f"time offset of {name}", float(lag - np.median(lags)), "frames", "behind the others")
-        for name, lag in zip(adjustment.names, lags, strict=True)
+        Measure(f"time offset of {name}", lag, "frames", "behind the others") for name, lag, _ in _lags(adjustment)
     )
+
+
+def _lags(adjustment: Adjustment) -> list[tuple[str, float, float]]:
+    """Name, time offset behind the others and its standard error, frames, of every camera; none if not determined."""
+    if not adjustment.free[:, bundle_unknown.DELAY].any():
+        return []
+    lags, sigmas = _beside_median(adjustment.state.cameras[:, bundle_camera.DELAY], adjustment.covariance)
+    return list(zip(adjustment.names, lags.tolist(), sigmas.tolist(), strict=True))
