@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
+from recordings import Staying, TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
 import tracker.tracking.coming_in
 from tracker.arrays import Image
@@ -131,6 +131,24 @@ def test_an_interrupted_run_goes_on_to_the_same_poses(
             assert one.frame.index == other.frame.index
             assert one.estimates[0].status is other.estimates[0].status, n_kept
             np.testing.assert_array_equal(one.estimates[0].q, other.estimates[0].q, err_msg=f"{n_kept} kept")
+
+
+def test_who_is_lost_for_a_moment_before_is_followed_on_and_called_found_when_he_is_back(
+    simulation: Simulation, cycle: Cycle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also in the first frame of the window in which he is looked for; time goes on, the way back does not."""
+    away = {0, 1, 2, 3, 6, 8}
+    monkeypatch.setattr("tracker.tracking.cycle_turn.in_likeliest_places", lambda _, estimate, *more: estimate)
+    cycle = replace(cycle, estimation=Staying())
+
+    def shown(t: int, v: int, image: Image | None) -> Image | None:
+        return simulation.plates[v].picture.copy() if t in away else image
+
+    steps = tracked(simulation, tuple(itertools.islice(with_images(simulation, shown), 10)), cycle)
+    told = [step.estimates[0].status for step in steps]
+    assert [n for n, status in enumerate(told) if status is Status.LOST] == sorted(away)
+    assert [n for n, status in enumerate(told) if status is Status.RECOVERED] == [7]
+    assert [n for n, status in enumerate(told) if status is Status.BOOTSTRAPPED] == [NOBODY_BEFORE]
 
 
 def test_who_leaves_before_gets_what_there_is_and_it_is_done_again(

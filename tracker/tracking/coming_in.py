@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tracker.estimate import Status
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.tracking import replayed
@@ -18,7 +19,7 @@ from tracker.tracking.jumps import with_jumps
 from tracker.tracking.outcome import judged_as_wholes
 from tracker.tracking.rehearsal import Reopen
 from tracker.tracking.windows import Pass, after, both_ways, length_of_windows, windows_of
-from tracker.trajectory import Replay, Step
+from tracker.trajectory import History, Replay, Step
 
 _GONE_S = 2.0
 """How long everybody is lost, on the way back, when nobody was there before: a way behind a pillar is shorter."""
@@ -56,7 +57,7 @@ def before_all(steps: Sequence[Step], at: Pass, begin: int, cycle: Cycle, reopen
             break
     # a limb may jump between two windows as well
     judged = [judged_as_wholes(step) for step in with_jumps(found)]
-    there = [step for step in judged if turn_s - step.frame.time_s >= seen_s]
+    there = [step for step in _told_forwards([first, *judged])[1:] if turn_s - step.frame.time_s >= seen_s]
     return {step.frame.index: replace(as_replay(step), time_s=turn_s - step.frame.time_s) for step in there}
 
 
@@ -68,7 +69,37 @@ def _turned(at: Pass, steps: Sequence[Step], cycle: Cycle) -> Pass:
     ways = zip(*(step.estimates for step in steps), strict=True)
     frames_lost = tuple(sum(1 for _ in itertools.takewhile(lambda one: one.lost, way)) for way in ways)
     state = replace(turned(at_first, first), frames_lost=frames_lost, frames_doubted=(0,) * n_persons)
+    if state.nobody_found:
+        # lost in this very frame, as where it is dark: who is in those soon after it waits where he was seen last, or
+        # nobody would be looked for in all frames before
+        soon = sum(step.frame.time_s - first.frame.time_s < _GONE_S for step in steps)
+        pairs = zip(first.estimates, frames_lost, strict=True)
+        waiting = (History.start(0.0, one.q) if n_lost < soon else None for one, n_lost in pairs)
+        state = replace(state, histories=tuple(waiting))
     return replace(at, scene=first.scene, state=state, before=replace(first, frame=replace(first.frame, time_s=0.0)))
+
+
+def _told_forwards(steps: Sequence[Step]) -> list[Step]:
+    """Steps tracked back, the latest first, with those called found anew who were lost before, as time goes on.
+
+    On the way back it is in the last frame before somebody goes that he is found anew. Who comes in for the first time
+    was followed back to there.
+    """
+    told = list(steps)
+    for k in range(len(steps[0].estimates)):
+        lost = [step.estimates[k].lost for step in steps]
+        for n, step in enumerate(steps):
+            status = step.estimates[k].status
+            lost_before, lost_after = lost[n + 1 : n + 2] == [True], n > 0 and lost[n - 1]
+            back_again = lost_before and not all(lost[n + 1 :])
+            if status is Status.TRACKED and back_again:
+                status = Status.RECOVERED
+            elif status is Status.RECOVERED and not back_again and (lost_before or lost_after):
+                status = Status.TRACKED
+            estimates = list(told[n].estimates)
+            estimates[k] = replace(estimates[k], status=status)
+            told[n] = replace(told[n], estimates=tuple(estimates))
+    return told
 
 
 def _anybody(step: Step) -> bool:
