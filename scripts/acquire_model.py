@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 
 from tracker.commands.acquire import print_acquisition
-from tracker.commands.terminal import ProgressBar
+from tracker.commands.terminal import ProgressBar, console, print_error
 from tracker.config_files import read_config
 from tracker.errors import TrackerError
 from tracker.jobs.acquire import acquire_to, acquisition_from
@@ -26,7 +25,6 @@ def main(
     output: Annotated[Path, typer.Option(help="Model to write.")] = Path("models/person.toml"),
 ) -> None:
     """Acquires a model; the picture and the figures are written beside it."""
-    console = Console()
     try:
         clicked = read_config(clicks) if clicks else {}
         given = {"px_per_m": px_per_m, "rig": None if rig is None else str(rig.resolve())}
@@ -38,8 +36,8 @@ def main(
         table = {key: value for key, value in table.items() if value is not None}
         with ProgressBar() as progress:
             result = acquire_to(acquisition_from(table, "command line", Path.cwd(), output.stem), output, progress)
-    except TrackerError as error:
-        Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
+    except (TrackerError, OSError) as error:
+        print_error(error)
         raise typer.Exit(2) from None
     print_acquisition(console, result)
 

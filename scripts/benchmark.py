@@ -30,6 +30,7 @@ from benchmarks import twists as limb_twists
 from benchmarks import ways as pose_ways
 from rich.console import Console
 
+from tracker.commands.terminal import print_error
 from tracker.errors import TrackerError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
@@ -107,8 +108,8 @@ def scores(
     try:
         rows = [row for folder in outputs for row in tracked_recordings.read_scores(folder / "scores.csv")]
         scores_picture.draw(rows, picture)
-    except TrackerError as error:
-        Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
+    except (TrackerError, OSError) as error:
+        print_error(error)
         raise typer.Exit(2) from None
     console.print(f"{picture}: {len(rows)} runs", highlight=False, soft_wrap=True)
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import typer
-from rich.console import Console
 
 from tracker.commands.compare import compare
+from tracker.commands.terminal import print_error
 from tracker.errors import TrackerError
 
 
@@ -14,7 +14,7 @@ def main() -> None:
     try:
         typer.run(compare)
     except (TrackerError, OSError) as error:
-        Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
+        print_error(error)
         raise SystemExit(2) from None
 
 

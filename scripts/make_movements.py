@@ -16,10 +16,10 @@ from typing import Annotated
 import numpy as np
 import typer
 from benchmarks.motion_files import read_deepmimic
-from rich.console import Console
 
 from tracker.body import BodyModel
 from tracker.body.files import load_body
+from tracker.commands.terminal import print_error
 from tracker.recognition.additions import add_performance
 from tracker.recognition.library import Description, bundled_library
 from tracker.recognition.limb_directions import Course, course, course_of
@@ -71,7 +71,7 @@ def main(output: Annotated[Path, typer.Option(help="Library to replace.")] = bun
     """Writes the library anew; the old one stays until the new one is whole."""
     motions = Path(os.environ.get("BODYTRACK_DATA", "")) / "motions"
     if not (motions / "deepmimic").is_dir():
-        Console(stderr=True).print(f"[red]error:[/] {motions}/deepmimic: no such folder, expected in BODYTRACK_DATA")
+        print_error(f"{motions}/deepmimic: no such folder, expected in BODYTRACK_DATA")
         raise typer.Exit(2)
     output.absolute().parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=output.absolute().parent) as unfinished:

@@ -30,12 +30,11 @@ from benchmarks.motion_files import MotionFile, read_cmu, read_deepmimic
 from benchmarks.moved_scans import poses_like
 from benchmarks.refilmed import grey, grey_plates, refilmed
 from benchmarks.rooms import filmed_with, picture_of, placed, turned_cameras
-from rich.console import Console
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.body.files import load_body, read_description
-from tracker.commands.terminal import ProgressBar
+from tracker.commands.terminal import ProgressBar, print_error
 from tracker.config_files import read_config
 from tracker.errors import ConfigError, TrackerError, nearest
 from tracker.files import whole_folder
@@ -73,8 +72,8 @@ def main(
                 folder = output / (name if under == "usual" else f"{name}_{under}")
                 if not folder.exists():
                     _make(clip, CONDITIONS[under], data, folder, progress)
-    except TrackerError as error:
-        Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
+    except (TrackerError, OSError) as error:
+        print_error(error)
         raise typer.Exit(2) from None
 
 

@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from tracker.commands.terminal import ProgressBar
+from tracker.commands.terminal import ProgressBar, console, print_error
 from tracker.errors import TrackerError
 from tracker.simulation.sequence import Recipe
 from tracker.simulation.sequence_files import write_sequence
@@ -46,9 +45,10 @@ def main(
         with ProgressBar() as progress:
             config = write_sequence(recipe, output, progress)
     except (TrackerError, OSError) as error:
-        Console(stderr=True).print(f"[red]error:[/] {error}", soft_wrap=True)
+        print_error(error)
         raise typer.Exit(2) from None
-    Console().print(f"written to {output}; track it with: bodytrack run {config}")
+    told = f"written to {output}; track it with: bodytrack run {config}"
+    console.print(told, highlight=False, soft_wrap=True)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import html
 import json
+import shutil
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -30,7 +31,7 @@ from tracker.scene import Scene
 from tracker.simulation.movements import poses_of
 from tracker.simulation.sequence import Recipe, simulate
 from tracker.simulation.sequence_files import write_sequence
-from tracker.viewing.images import config_of
+from tracker.viewing.images import reading_of
 
 FPS = 12.5
 DELAYS_S = 0.0, 0.024, -0.016, 0.036
@@ -310,7 +311,7 @@ def test_a_run_whose_bodies_are_not_fitted_is_asked_at_its_end(run_out_of_step, 
     assert told[0] in html.unescape((tmp_path / "result" / "report.html").read_text())
 
 
-def test_the_command_writes_poses_at_one_moment_and_a_rig(run_out_of_step, tmp_path):
+def test_the_command_writes_poses_at_one_moment_and_a_rig(run_out_of_step, tmp_path, monkeypatch):
     folder, _ = run_out_of_step
     done = CliRunner().invoke(app, ["align", str(folder), "--rig", str(tmp_path / "turned.toml")])
     assert done.exit_code == 0, done.output
@@ -318,7 +319,12 @@ def test_the_command_writes_poses_at_one_moment_and_a_rig(run_out_of_step, tmp_p
     assert "poses at the moment of" in done.output
     result = load_result(folder / "in_step")
     assert len(result.frames) == 30
-    assert config_of(result.folder) == folder / "config.toml"
+    shutil.copytree(folder / "in_step", tmp_path / "elsewhere" / "in_step")
+    monkeypatch.chdir(folder / "in_step")
+    raw, *others = (
+        reading_of(load_result(p)) for p in (folder, folder / "in_step", ".", tmp_path / "elsewhere/in_step")
+    )
+    assert others == [raw] * 3, "wherever they lie, and from wherever they are asked for"
     late = [view["late_ms"] for view in result.details["alignment"].values()]
     assert late == pytest.approx([1000 * delay for delay in DELAYS_S], abs=4)
     assert load_rig(tmp_path / "turned.toml").names == result.rig.names

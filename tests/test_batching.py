@@ -14,15 +14,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 from typer.testing import CliRunner
 
 import tracker
+import tracker.smoothed
 from tracker.batching import Batch, Summary, Task, do, plan, run
 from tracker.batching.dask import Dask
 from tracker.batching.processes import Processes
 from tracker.cli import app
+from tracker.components import find
 from tracker.errors import ConfigError
-from tracker.jobs import execute, load_job
+from tracker.jobs import described, execute, load_job
 from tracker.simulation.sequence import Recipe
 from tracker.simulation.sequence_files import write_sequence
 
@@ -151,6 +154,26 @@ def test_rows_of_what_is_done_stay_as_they_were(configs, tmp_path):
     assert plan(configs[:1], GIVEN, out, resume=True).finished == (before,)
     run(Batch((), (replace(before, n_frames=5),), (), out), Processes(jobs=1))
     assert plan(configs[:1], GIVEN, out, resume=True).finished == (Summary("anna", out / "anna", "done", 6),)
+
+
+def test_what_is_extended_or_lacks_its_smooth_poses_is_not_done(configs, tmp_path):
+    out, short = tmp_path / "out", [*GIVEN, "reading.stop=5"]
+    execute(load_job("track", configs[0], short), out / "anna")
+
+    def resumed(overrides):
+        return [task.resume for task in plan(configs[:1], overrides, out, resume=True).tasks]
+
+    assert resumed(short) == []
+    assert resumed(GIVEN) == [True]
+    assert resumed([*GIVEN, "reading.stop=6"]) == [True]
+    config = (out / "anna" / "config.toml").read_text()
+    with_smoothing = [*short, "smoothing=spline"]
+    text = tomli_w.dumps(described(load_job("track", configs[0], with_smoothing)))
+    (out / "anna" / "config.toml").write_text(text)  # as it began, and stopped when the raw poses were whole
+    assert text != config
+    assert resumed(with_smoothing) == [True]
+    tracker.smoothed.write_smoothed(tracker.load_result(out / "anna"), find("smoothing", "spline")())
+    assert resumed(with_smoothing) == []
 
 
 class Killing:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +14,8 @@ from tracker.simulation.sequence_files import write_sequence
 
 
 def bodytrack(*arguments: object, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "tracker", *map(str, arguments)]
+    # without -P Python would find modules of the folder, which it does not for the script `bodytrack`
+    command = [sys.executable, "-P", "-m", "tracker", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)
 
 
@@ -110,6 +112,7 @@ main()
         ("RuntimeError('two\\nlines [red]')", 1, "RuntimeError: two lines [red]: this is a fault of bodytrack; please"),
         ("OSError(28, os.strerror(28), 'a.csv')", 2, "a.csv: no space left on device; free some space"),
         ("RecursionError()", 1, "RecursionError: : this is a fault"),
+        ("UnicodeEncodeError('utf-8', 'anna/\\udcff.mp4', 5, 6, 'x')", 2, r"'anna/\udcff.mp4': utf-8 cannot write"),
     ],
 )
 def test_whatever_escapes_is_one_line(error, code, words):
@@ -130,6 +133,14 @@ def test_code_from_outside_is_told_first_and_can_be_forbidden(sequence, tmp_path
     refused = bodytrack(*command, "--no-plugins", folder=tmp_path)
     assert (refused.returncode, refused.stdout) == (2, "")
     assert "--no-plugins forbids" in refused.stderr
+
+
+def test_a_name_that_the_terminal_cannot_show_is_written_out():
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    script = BORDER.format(error="SystemExit(print('Zo\u00eb \u20ac'))")
+    command = [sys.executable, "-c", script, "fails"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "Zo\\xeb \\u20ac\n", "")
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["calibrate", "--help"], ["--version"]])

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import av
 import cv2
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -92,6 +93,31 @@ def test_what_is_written_for_fewer_views_than_cameras_can_be_opened(study):
     (study / "run.toml").write_text(found.text)
     assert tomllib.loads(found.text)["reading"]["views"] == ["FRONT", "RIGHT", "LEFT"]
     assert load_job("track", study / "run.toml").reading.open().rig.names == ("FRONT", "RIGHT", "LEFT")
+
+
+@pytest.mark.parametrize("names", ["1234", "abcd"])
+def test_short_names_are_found_in_words_that_hold_them_too(study, names):
+    rig = (study / "Calibration" / "Calib.toml").read_text()
+    for view, name in zip(("FRONT", "LEFT", "RIGHT", "BACK"), names, strict=True):
+        rig = rig.replace(f'"{view}"', f'"{name}"')
+        (study / "videos" / f"trial1_{view}.mp4").rename(study / "videos" / f"{name}_trial1_abcd.mp4")
+        (study / "background" / f"{view}_empty.png").rename(study / "background" / f"{name}_background_1.png")
+    (study / "Calibration" / "Calib.toml").write_text(rig)
+    found = draft(study / "videos", study / "run.toml")
+    assert found.remarks == ()
+    reading = tomllib.loads(found.text)["reading"]
+    assert reading["path"] == "videos/{view}_trial1_abcd.mp4"
+    assert reading["background"] == "background/{view}_background_1.png"
+
+
+def test_numbered_images_of_no_view_are_told_where_to_lie(tmp_path, monkeypatch):
+    for n in range(3):
+        cv2.imwrite(str(tmp_path / f"{n:04d}.png"), np.zeros((24, 32, 3), dtype=np.uint8))
+    monkeypatch.chdir(tmp_path)
+    found = draft(Path(), tmp_path / "run.toml")
+    assert found.footage == ()
+    assert "left out, for their names follow another pattern: {frame}.png" in found.remarks
+    assert tomllib.loads(found.text)["reading"] == {"use": "images", "path": "{view}/{frame}.png"}
 
 
 def test_a_calibration_that_cannot_be_used_says_why(study):

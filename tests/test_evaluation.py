@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -241,7 +242,9 @@ def test_silhouettes_of_a_smoothed_result_are_not_told(result, truth, tmp_path):
         assert evaluate(result, tmp_path).silhouette_iou == expected
 
 
-def test_a_run_that_was_not_finished_is_told_and_so_is_what_was_made_before_it_went_on(result, truth, tmp_path, caplog):
+def test_a_run_that_was_not_finished_is_told_and_so_is_what_was_made_before_it_went_on(
+    result, truth, tmp_path, caplog, monkeypatch
+):
     smoothed = result / "smoothed"
     smoothed.mkdir()
     (smoothed / "poses.csv").write_text((result / "poses.csv").read_text())
@@ -258,6 +261,10 @@ def test_a_run_that_was_not_finished_is_told_and_so_is_what_was_made_before_it_w
     (result / "run.json").write_text(json.dumps({"complete": True, "summary": {"frames": 16}}))
     evaluate(smoothed, tmp_path)
     assert "made when the run had 10 frames, it has 16 now: make it anew" in caplog.text
+    caplog.clear()
+    monkeypatch.chdir(smoothed)
+    evaluate(Path(), tmp_path)
+    assert "it has 16 now" in caplog.text
 
 
 def test_flexion_is_the_angle_between_the_segments():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import functools
 import logging
+import signal
 from dataclasses import replace
 
 import numpy as np
@@ -288,6 +289,22 @@ def test_a_run_smooths_at_its_end_and_again_when_resumed(config, tmp_path):
     found = tracker.load_result(tmp_path / "halves" / "smoothed")
     assert len(found.frames) == 10
     np.testing.assert_array_equal(found.persons[0].poses, wanted)
+
+
+def test_a_run_that_is_stopped_in_its_first_window_has_nothing_to_smooth_yet(config, tmp_path):
+    """Its tables have what the first pass has found, its journal has nothing before the second."""
+    path, more = config
+    overrides = [*more, "recordings=['csv_table', 'journal', 'run_json']", "reading.stop=4", "evidence.use=contours"]
+
+    def stop(what, done=0, total=0, detail=""):
+        if what == "first pass, frame 1":
+            signal.raise_signal(signal.SIGINT)
+
+    outcome = execute(load_job("track", path, overrides), tmp_path / "out", progress=stop)
+    assert (outcome.interrupted, (tmp_path / "out" / "smoothed").exists()) == (True, False)
+    assert 0 < outcome.n_frames < 4
+    with pytest.raises(ConfigError, match="no frame is kept yet of this run, see its tables, or go on with"):
+        tracker.load_result(tmp_path / "out")
 
 
 def test_what_a_smoothing_cannot_do_is_said_before_the_first_frame(config, tmp_path):

@@ -6,16 +6,20 @@ import io
 import os
 import shutil
 import subprocess
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console, Group
 from rich.table import Table
 
 from tracker.commands import evaluate, terminal
+from tracker.commands.run import _print_tracked
 from tracker.commands.terminal import ProgressBar
 from tracker.evaluation.comparison import Evaluation
 from tracker.evaluation.person_errors import PersonErrors
 from tracker.jobs import load_job
+from tracker.jobs.track import TrackOutcome
 
 DETAIL = "12.5 frames/s (search 41 evidence 20 synthesis 9 ms), 3 lost, 12 doubtful"
 
@@ -90,6 +94,18 @@ def test_names_and_paths_are_shown_as_they_are():
     with terminal.console.capture() as capture:
         terminal.console.print("results[1]/anna :dog: [/]", Table("name [b]"), terminal.marked("look", "view [c]"))
     assert all(text in capture.get() for text in ("results[1]/anna :dog: [/]", "name [b]", "look: view [c]"))
+
+
+def test_a_sentence_with_a_path_stays_in_one_line():
+    """Where it is piped there are 80 columns; what the terminal wraps can still be copied."""
+    shown = Console(width=40, file=io.StringIO())
+    folder, told = Path("results") / ("long" * 30), "the doubts, in one line of more than forty columns"
+    ProgressBar(shown)(f"squat: 4 frames, results in {folder}")
+    assert len(shown.file.getvalue().splitlines()) == 1
+    outcome = TrackOutcome(folder, 4, SimpleNamespace(none=True, advice=str, sentence=lambda: told), 1.0)
+    with terminal.console.capture() as capture:
+        _print_tracked(outcome)
+    assert capture.get().splitlines()[1:] == [f"results in {folder}: no recordings chosen", told]
 
 
 def test_an_evaluation_starts_with_what_is_looked_for(monkeypatch):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,11 +16,10 @@ from tracker.errors import ConfigError
 from tracker.estimate import Estimate
 from tracker.export import write_result
 from tracker.files import whole_folder
-from tracker.jobs import load_job
 from tracker.progress import Progress, silent
 from tracker.result import Result
 from tracker.rig_layouts import load_rig, save_rig
-from tracker.viewing.images import IN_STEP, config_of, images_of
+from tracker.viewing.images import IN_STEP, images_of, reading_of
 
 _DECIMALS = 6
 """Of what is told in files: microseconds and millionths of a degree or px."""
@@ -103,7 +101,7 @@ def write_turned_rig(result: Result, found: ViewAlignment, path: Path) -> Path:
         TrackerError: the calibration that the run was made with is not there any more.
     """
     check_new_file(path)
-    reading: Any = load_job("track", config_of(result.folder)).reading
+    reading = reading_of(result)
     save_rig(turned(load_rig(reading.rig, result.rig.names), found.turns), path)
     return path
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from importlib.metadata import version
@@ -28,7 +29,7 @@ from tracker.commands.show import show
 from tracker.commands.simulate import simulate
 from tracker.commands.smooth import smooth
 from tracker.commands.surface import measure
-from tracker.commands.terminal import console, print_error
+from tracker.commands.terminal import console, print_any_sign, print_error
 from tracker.commands.view import view
 from tracker.commands.warmup import warmup
 from tracker.errors import ConfigError, TrackerError, os_fault
@@ -56,6 +57,7 @@ _DEBUG, _NO_PLUGINS = "--debug", "--no-plugins"
 def main() -> None:
     """Entry point: every error is one line; exit code 2 for what a user can cause, 1 for what is our fault."""
     options, sys.argv[1:] = _split(sys.argv[1:])
+    print_any_sign()
     signal.signal(signal.SIGTERM, _interrupt)
     ask_before_plugins(_refuse_plugin if _NO_PLUGINS in options else _tell_plugin)
     try:
@@ -102,12 +104,19 @@ def _told(error: Exception) -> tuple[str, int]:
         return str(error), 2
     if isinstance(error, OSError) and error.errno is not None:
         return os_fault(error), 2
+    if isinstance(error, UnicodeEncodeError):
+        around = ascii(error.object[max(error.start - 40, 0) : error.end + 20])
+        sign = ascii(error.object[error.start])
+        return f"{around}: {error.encoding} cannot write {sign}: use another name, or set LC_ALL=C.UTF-8", 2
     kind = type(error).__name__
     place = f"{kind}: {error}".replace("\n", " ")
     return f"{place[:300]}: this is a fault of bodytrack; please report it with what `bodytrack --debug ...` shows", 1
 
 
 def _tell_plugin(use: str) -> None:
+    """Tells of it, and has Python find it in the folder begun from, which a script's own path does not hold."""
+    if (here := os.getcwd()) not in sys.path:  # noqa: PTH109 - as Python writes it there
+        sys.path.append(here)
     console.print(f"runs code from outside bodytrack: {use}", style="yellow", highlight=False)
 
 

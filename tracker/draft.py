@@ -11,7 +11,7 @@ from pathlib import Path
 import tomli_w
 
 from tracker.errors import CalibrationError
-from tracker.footage import PICTURES, Footage, header, listed, pattern_of, sources
+from tracker.footage import PICTURES, Footage, header, listed, pattern_of, sources, with_view
 from tracker.rig import Rig
 from tracker.rig_layouts import read_rig
 
@@ -108,8 +108,8 @@ def _found_plates(folder: Path, views: list[str]) -> tuple[Path | None, list[str
         if not any(word in place.name.lower() for word in _PLATE_WORDS):
             continue
         for path in sorted(p for p in listed(place) if p.suffix.lower() in PICTURES):
-            for view in (view for view in views if view in path.stem):
-                pattern = path.name.replace(view, "{view}")
+            for stem in (stem for view in views for stem in with_view(path.stem, view)):
+                pattern = stem + path.suffix
                 lacking = [other for other in views if not (place / pattern.replace("{view}", other)).is_file()]
                 if len(lacking) < len(best[1]):
                     best = place / pattern, lacking

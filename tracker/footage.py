@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import re
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -101,10 +103,12 @@ def pattern_of(found: list[Path], folder: Path, rig: Rig | None) -> tuple[Path, 
     fitting: dict[Path, dict[str, Path]] = {}
     for source in found:
         for name in [_own_name(source)] if rig is None else rig.names:
-            if (pattern := _with_view(source, folder, name)) is not None:
+            for pattern in _with_view(source, folder, name):
                 fitting.setdefault(pattern, {})[name] = source
     if not fitting:
-        return found[0].with_name("{view}" + found[0].suffix), {}
+        first = found[0]
+        # images without a name beside their number have to lie in a folder for each view
+        return (folder / "{view}" / first.name if _FRAME in first.name else folder / f"{{view}}{first.suffix}"), {}
     return max(fitting.items(), key=lambda item: len(item[1]))
 
 
@@ -114,19 +118,24 @@ def _own_name(source: Path) -> str:
     return (before.rstrip("_-. ") or source.parent.name) if frame else source.stem
 
 
-def _with_view(source: Path, folder: Path, name: str) -> Path | None:
-    """The path with `{view}` for a name, where it is last in the file's and the folder's name; None if in neither."""
+def _with_view(source: Path, folder: Path, name: str) -> Iterator[Path]:
+    """The paths with `{view}` for a name in the file's name, the folder's or both; none if it is in neither."""
     *folders, file = source.relative_to(folder).parts
     stem, frame, end = file.partition(_FRAME) if _FRAME in file else (source.stem, "", source.suffix)
-    steps = [_replaced(step, name) for step in (*folders, stem)]
-    if steps == [*folders, stem]:
-        return None
-    return folder.joinpath(*steps[:-1], f"{steps[-1]}{frame}{end}")
+    plain = (*folders, stem)
+    for steps in itertools.product(*([*with_view(step, name), step] for step in plain)):
+        if steps != plain:
+            yield folder.joinpath(*steps[:-1], f"{steps[-1]}{frame}{end}")
 
 
-def _replaced(text: str, name: str) -> str:
-    before, found, behind = text.rpartition(name)
-    return f"{before}{{view}}{behind}" if found else text
+def with_view(text: str, name: str) -> list[str]:
+    """A text with `{view}` for a name: in its last place, everywhere, in each other place; nothing if it is in none.
+
+    Short names are in other words, too: `1` in `1_trial1`, `a` in `background_a`.
+    """
+    ends = [match.span() for match in re.finditer(re.escape(name), text)][::-1] if name else []
+    single = [f"{text[:begin]}{{view}}{text[end:]}" for begin, end in ends]
+    return [*single[:1], *([text.replace(name, "{view}")] if len(ends) > 1 else []), *single[1:]]
 
 
 def _shown_size(container: InputContainer) -> tuple[int, int]:

@@ -150,7 +150,8 @@ def load_result(folder: Path | str) -> Result:
     if journal.fault:
         log.warning("%s: %s: what follows is left out", journal.path, journal.fault)
     if not journal:
-        raise ConfigError(f"{folder}: no frame was tracked in this run")
+        kept = "is kept yet of this run, see its tables, or go on with `bodytrack run ... --resume`"
+        raise ConfigError(f"{folder}: no frame {kept if told.get('complete') is False else 'was tracked in this run'}")
     for remark in remarks(path.parent, told):
         log.warning("%s: %s", folder, remark)
     return Result(told["name"], path.parent, rig, bodies, tuple(journal.values()), told)
@@ -167,7 +168,8 @@ def remarks(folder: Path, told: Mapping[str, Any]) -> tuple[str, ...]:
     if told.get("complete") is False:
         found.append("the run was not finished; `bodytrack run ... --resume` goes on with it")
     with contextlib.suppress(ConfigError, OSError, KeyError, TypeError, AttributeError):
-        own, whole = told["summary"]["frames"], json_of(folder.parent / "run.json", ConfigError)["summary"]["frames"]
+        raw = json_of(folder.resolve().parent / "run.json", ConfigError)
+        own, whole = told["summary"]["frames"], raw["summary"]["frames"]
         if CHANGED & told.keys() and own < whole:
             found.append(f"made when the run had {own} frames, it has {whole} now: make it anew")
     return tuple(found)

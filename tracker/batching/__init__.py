@@ -108,7 +108,7 @@ def plan(configs: Sequence[Path], overrides: Sequence[str], folder: Path, resume
         anew = begun and _nothing_computed(job, here)
         if begun and not anew:
             check_same(described(job), here)
-        if begun and (summary := finished(name, here, before.get(name, {}))):
+        if begun and (summary := finished(name, here, before.get(name, {}), described(job))):
             done.append(summary)
         else:
             tasks.append(Task(name, described(job), here, resume=begun and not anew, anew=anew))

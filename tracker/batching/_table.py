@@ -6,12 +6,13 @@ import csv
 import io
 import json
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from tracker.files import write_whole
+from tracker.smoothed import FOLDER as SMOOTHED
 
 State = Literal["done", "interrupted", "failed", "waiting"]
 TABLE = "batch.csv"
@@ -47,18 +48,21 @@ def earlier_rows(path: Path) -> dict[str, dict[str, str]]:
         return {}
 
 
-def finished(name: str, folder: Path, row: dict[str, str]) -> Summary | None:
-    """The summary of a complete run; None for any other.
+def finished(name: str, folder: Path, row: dict[str, str], asked: Mapping[str, Any]) -> Summary | None:
+    """The summary of a complete run; None for any other, as of one whose end is extended.
 
     Args:
         name: of the recording.
         folder: of the run.
         row: what an earlier table says of it: run.json counts persons rather than frames, and knows no seconds.
+        asked: its resolved configuration as it is now.
     """
     try:
         told = json.loads((folder / "run.json").read_text(encoding="utf-8"))
         summary = told["summary"]
-        if not told["complete"]:
+        if not told["complete"] or told["config"]["reading"].get("stop") != asked["reading"].get("stop"):
+            return None
+        if "smoothing" in asked and not (folder / SMOOTHED / "run.json").is_file():  # it is made last
             return None
         if row.get("state") == "done" and row.get("frames") == str(summary["frames"]):
             n_lost, n_doubtful, n_ambiguous = (int(row[column]) for column in _COLUMNS[3:6])

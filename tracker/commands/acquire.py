@@ -62,7 +62,7 @@ def print_acquisition(console: Console, result: AcquireOutcome) -> None:
         f"{of} {result.contour_rms_mm:.1f} mm RMS; stature {result.stature_m:.3f} m; shaded by {result.shaded_by}",
         highlight=False,
     )
-    console.print(f"model {result.model}, picture {result.picture}", highlight=False)
+    console.print(f"model {result.model}, picture {result.picture}", highlight=False, soft_wrap=True)
 
 
 def _bones(result: AcquireOutcome) -> Table:

@@ -31,7 +31,7 @@ def align(
         found = alignment_of(loaded, progress)
     console.print(_table(described(found), found.n_moments))
     for line in found.findings():
-        console.print(marked("look", line), highlight=False)
+        console.print(marked("look", line), highlight=False, soft_wrap=True)
     if not found.findings():
         console.print("the views are in step, and their cameras agree with the persons", highlight=False)
     if rig is not None:

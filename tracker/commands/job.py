@@ -45,7 +45,9 @@ def _command(use: str) -> Callable[..., None]:
             value = getattr(outcome, field.name)
             if isinstance(value, (str, int, float, Path)):
                 shown = f"{value:.4g}" if isinstance(value, float) else value
-                console.print(f"{field.name.removeprefix('n_').replace('_', ' ')}: {shown}", highlight=False)
+                console.print(
+                    f"{field.name.removeprefix('n_').replace('_', ' ')}: {shown}", highlight=False, soft_wrap=True
+                )
         for warning in getattr(outcome, "warnings", ()):
             console.print(marked("warning", warning), soft_wrap=True, highlight=False)
         if getattr(outcome, "interrupted", False):

@@ -61,10 +61,10 @@ def rig_check(
         if beside.scale is not None:
             console.print(f"scale: measured distances are {beside.scale:.5f} times the known ones", highlight=False)
     for doubt in found.doubts:
-        console.print(marked("look", doubt), highlight=False)
+        console.print(marked("look", doubt), highlight=False, soft_wrap=True)
     if images is not None:
         write_picture(epipolar_picture(loaded, _pictures(images, loaded.names)), picture)
-        console.print(f"epipolar lines: {picture}", highlight=False)
+        console.print(f"epipolar lines: {picture}", highlight=False, soft_wrap=True)
 
 
 def _pictures(pattern: str, names: tuple[str, ...]) -> tuple[Image, ...]:
@@ -105,7 +105,7 @@ def rig_convert(
     if upright:
         rig = _upright(rig)
     save_rig(rig, target, layout)
-    console.print(f"{len(rig)} cameras written to {target}", highlight=False)
+    console.print(f"{len(rig)} cameras written to {target}", highlight=False, soft_wrap=True)
 
 
 def told_rig(path: Path, size: str | None = None) -> Rig:

@@ -80,11 +80,11 @@ def _print_tracked(outcome: TrackOutcome) -> None:
     state = "interrupted after" if outcome.interrupted else "tracked"
     console.print(f"{state} {outcome.n_frames} frames, {rate:.1f} frames/s all included", highlight=False)
     files = ", ".join(path.name for path in outcome.files) or "no recordings chosen"
-    console.print(f"results in {outcome.folder}: {files}", highlight=False)
+    console.print(f"results in {outcome.folder}: {files}", highlight=False, soft_wrap=True)
     _print_doubts(outcome.doubts)
 
 
 def _print_doubts(doubts: Doubts) -> None:
     if advice := doubts.advice():
-        console.print(advice, style="yellow", highlight=False)
-    console.print(doubts.sentence(), style="" if doubts.none else "yellow", highlight=False)
+        console.print(advice, style="yellow", highlight=False, soft_wrap=True)
+    console.print(doubts.sentence(), style="" if doubts.none else "yellow", highlight=False, soft_wrap=True)

@@ -25,7 +25,8 @@ def measure(config: Config, output: Output = None, set_: Overrides = None, frame
     for summary in outcome.frames:
         for warning in summary.warnings:
             console.print(marked("warning", f"frame {summary.frame}: {warning}"), soft_wrap=True, highlight=False)
-    console.print(f"results in {outcome.folder}: {', '.join(outcome.frames[-1].files)}, surface.json", highlight=False)
+    told = f"results in {outcome.folder}: {', '.join(outcome.frames[-1].files)}, surface.json"
+    console.print(told, highlight=False, soft_wrap=True)
 
 
 def _table(name: str, summaries: Sequence[SurfaceSummary]) -> Table:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import re
+import sys
 from collections.abc import Iterable
 from types import TracebackType
 
@@ -20,6 +22,7 @@ from rich.progress import (
 from rich.table import Column
 from rich.text import Text
 
+from tracker.errors import os_fault
 from tracker.progress import WARNING
 
 console = Console(markup=False, emoji=False)
@@ -31,10 +34,18 @@ def marked(word: str, text: str) -> Text:
     return Text.assemble((f"{word}:", "yellow"), f" {text}")
 
 
-def print_error(text: str) -> None:
+def print_error(told: str | Exception) -> None:
     """One line where errors go; signs that would move the cursor or begin another line are written out."""
+    text = os_fault(told) if isinstance(told, OSError) else str(told)
     plain = "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
     Console(stderr=True).print(Text.assemble(("error:", "bold red"), f" {plain}"), soft_wrap=True, highlight=False)
+
+
+def print_any_sign() -> None:
+    """Has signs that the terminal's encoding lacks written out, as in a log for errors; else a name would end a run."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 _WIDE = 100
@@ -116,7 +127,7 @@ class ProgressBar:
     def _message(self, text: str) -> None:
         task, stem = self._counted(), _NUMBER.sub("", text)
         if text.startswith(WARNING):
-            self._console.print(text, highlight=False, markup=False)
+            self._console.print(text, highlight=False, markup=False, soft_wrap=True)
         elif self._task is not None and task is not None and not task.finished:
             self._bar.update(self._task, detail=text)
         elif stem in self._told:
@@ -126,7 +137,7 @@ class ProgressBar:
         else:
             self._told.add(stem)
             self._let_pass()
-            self._console.print(text, highlight=False, markup=False)
+            self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def _counted(self) -> Task | None:
         """What is counted now, or was last."""

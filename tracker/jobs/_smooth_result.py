@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import shutil
 from collections.abc import Iterable
 from dataclasses import replace
@@ -10,9 +11,12 @@ from tracker.config import component_name
 from tracker.errors import ConfigError
 from tracker.jobs._recorded import TrackOutcome
 from tracker.recording import Recording
+from tracker.recording.journal import FILE as JOURNAL
 from tracker.result import load_result
 from tracker.smoothed import FOLDER, write_smoothed
 from tracker.smoothing import Smoothing
+
+log = logging.getLogger("tracker")
 
 
 def check_smoothing(smoothing: Smoothing, interval_s: float, recordings: Iterable[Recording]) -> None:
@@ -33,7 +37,13 @@ def check_smoothing(smoothing: Smoothing, interval_s: float, recordings: Iterabl
 
 
 def smoothed(outcome: TrackOutcome, smoothing: Smoothing) -> TrackOutcome:
-    """The outcome with the smooth result beside the raw one, in place of that of an interrupted run."""
+    """The outcome with the smooth result beside the raw one, in place of that of an interrupted run.
+
+    Of a run that was interrupted in its first window, which is kept when it has been tracked back, there is none yet.
+    """
     shutil.rmtree(outcome.folder / FOLDER, ignore_errors=True)
+    if outcome.interrupted and not (outcome.folder / JOURNAL).stat().st_size:
+        log.warning("not smoothed: no frame is kept before its window has been tracked back")
+        return outcome
     folder = write_smoothed(load_result(outcome.folder), smoothing)
     return replace(outcome, files=(*outcome.files, folder))

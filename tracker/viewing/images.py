@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from collections.abc import Sequence as SequenceOf
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+from tracker.config_files import override_table
 from tracker.errors import ConfigError
 from tracker.frame import Frame
-from tracker.jobs import load_job
+from tracker.jobs import CONFIG, job_from, load_job
 from tracker.reading import Sequence
 from tracker.result import Result
 from tracker.smoothed import FOLDER as SMOOTHED
@@ -26,7 +29,7 @@ def images_of(result: Result) -> Iterator[Frame]:
     Raises:
         TrackerError: the recording is not there any more.
     """
-    reading = load_job("track", config_of(result.folder), _chosen(result)).reading
+    reading = reading_of(result, _chosen(result))
     # still pictures are never looked through for plates, nor do they have masks
     none = {"background": "none", "masks": None, "occluders": None, "align_background": False}
     sequence: Sequence = dataclasses.replace(
@@ -43,8 +46,23 @@ def _chosen(result: Result) -> list[str]:
     return [f"reading.{name}={value}" for name, value in chosen.items()]
 
 
-def config_of(folder: Path) -> Path:
-    """The configuration beside a result; one that was changed afterwards lies in the folder of the raw one."""
-    while folder.name in (SMOOTHED, IN_STEP):
+def reading_of(result: Result, overrides: SequenceOf[str] = ()) -> Any:
+    """How the recording is read that the result was made from.
+
+    Raises:
+        ConfigError: its configuration is damaged, or not there.
+    """
+    path, told = _config_of(result.folder), result.details.get("config")
+    if path.is_file() or not isinstance(told, dict):
+        return load_job("track", path, overrides).reading
+    table = deepcopy(told)  # of poses changed after the run and written elsewhere
+    override_table(table, overrides)
+    return job_from("track", table, "run.json", result.folder, result.name).reading
+
+
+def _config_of(folder: Path) -> Path:
+    """The configuration beside a result; that of poses changed afterwards may lie in the folder of the raw ones."""
+    folder = folder.resolve()
+    while folder.name in (SMOOTHED, IN_STEP) and not (folder / CONFIG).is_file():
         folder = folder.parent
-    return folder / "config.toml"
+    return folder / CONFIG
