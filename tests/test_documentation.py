@@ -16,6 +16,7 @@ import pytest
 import typer.main
 
 from scripts.documentation import configuration_page
+from tracker.body.description import BodyDescription
 from tracker.cli import app
 from tracker.commands.export import FORMATS
 from tracker.components import available, find, stages
@@ -118,7 +119,9 @@ def test_configurations_can_be_read(page, tmp_path):
         table = tomllib.loads(block)
         if "background" in table:  # a setting alone
             table = {"reading": table}
-        if {"parameters", "keypoints"} & set(table) or page == "components.md":
+        if "segments" in table:
+            BodyDescription.model_validate(table).build()
+        if {"parameters", "keypoints", "segments"} & set(table) or page == "components.md":
             continue  # of a model file, or of a component that its own test builds
         table["reading"] = recording | table.get("reading", {})
         job = "calibrate" if "calibration" in table else "follow" if "snakes" in table else "track"

@@ -1,22 +1,34 @@
-"""Bodies that a model file may describe and people have not: limbs without a landmark, limbs that hardly move."""
+"""Bodies that a model file may describe and people have not: limbs without a landmark or that hardly move, nothing that
+moves from its place, a size far from a person's, no height."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
-from recordings import TrueStart, cycle_for, small_simulation
+from recordings import SMALL, TrueStart, cycle_for, joint_errors_mm, small_simulation
 
 from tracker.body import BodyModel
 from tracker.body.files import load_body
+from tracker.body.surface import segments_in_world, surface_of
+from tracker.errors import ConfigError, ModelError
 from tracker.frame import Frame
 from tracker.initialization import Stages
+from tracker.initialization._likeness import size_of
+from tracker.initialization._person_sized import enlarged, person_sized
+from tracker.initialization.auto import AutoInitialization
+from tracker.initialization.given import GivenInitialization
 from tracker.limbs import exchanged, taken_over
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
-from tracker.start import Start
+from tracker.simulation.filming import plan
+from tracker.simulation.room import default_rig
+from tracker.simulation.sequence import Recipe, Simulation
+from tracker.start import Hypothesis, Start
 from tracker.tracking.two_passes import track_twice
 from tracker.trajectory import Step
 
@@ -72,3 +84,127 @@ def test_what_has_no_landmark_changes_places_by_its_angles(tmp_path: Path) -> No
     q[body.index("left_leg_elevation")] = 0.4
     assert exchanged(body, q, "left_leg", "right_leg")[body.index("right_leg_elevation")] == pytest.approx(0.4)
     assert taken_over(body, body.rest(), q, "left_leg")[body.index("left_leg_elevation")] == pytest.approx(0.4)
+
+
+PENDULUM = """
+name = "pendulum"
+[[segments]]
+name = "first"
+joint = [0, 0, 1.7]
+parameters = [{ name = "swing", axis = [0, 1, 0], limits_deg = [-120, 120] }]
+[[segments]]
+name = "second"
+parent = "first"
+joint = [0, 0, 1.2]
+parameters = [{ name = "bend", axis = [0, 1, 0], limits_deg = [-150, 150] }]
+[[parts]]
+name = "post"
+segment = "world"
+start = [-0.3, 0, 0]
+end = [-0.3, 0, 1.9]
+radii = [0.06, 0.06]
+[[parts]]
+name = "first"
+segment = "first"
+start = [0, 0, 1.75]
+end = [0, 0, 1.15]
+radii = [0.06, 0.04]
+[[parts]]
+name = "second"
+segment = "second"
+start = [0, 0, 1.25]
+end = [0, 0, 0.5]
+radii = [0.06, 0.04]
+"""
+
+
+@pytest.fixture
+def pendulum(tmp_path: Path) -> Path:
+    file = tmp_path / "pendulum.toml"
+    file.write_text(PENDULUM)
+    return file
+
+
+def stages_of(simulation: Simulation) -> Stages:
+    return cycle_for(simulation).stages
+
+
+def test_what_is_fixed_to_the_world_is_simulated_in_its_place_and_found_by_itself(pendulum: Path) -> None:
+    simulation = small_simulation("sway", 2, model=str(pendulum), heading_deg=70.0, place=(1.0, 1.0))
+    (person,) = simulation.scene.persons
+    assert person.body.stays
+    assert not load_body(model_path("gavrila22")).stays
+    q = np.radians([35.0, -60.0])
+    bent = replace(simulation, poses=(np.array([q, q]),))
+    lost = simulation.scene.with_pose(0, np.radians([-80.0, 100.0]))
+    auto, frame = AutoInitialization(), next(bent.frames())
+    assert auto.check(lost, simulation.plates) == "person1 in its place"
+    found = auto.start(frame, lost, stages_of(bent))
+    assert joint_errors_mm(bent, 0, 0, found.poses[0]).max() < 12.5  # a pixel
+    assert np.degrees(np.abs(found.poses[0] - q)).max() < 2
+
+
+def test_what_is_fixed_to_the_world_is_filmed_where_it_is(pendulum: Path) -> None:
+    recipe = Recipe("sway", str(pendulum), seconds=0.2)
+    planned = plan(recipe, default_rig(SMALL))
+    marks = planned.body.landmarks_in_world(planned.poses)
+    assert planned.place == pytest.approx(marks.mean(axis=(0, 1))[:2].tolist())
+    with pytest.raises(ConfigError, match="stays in its place: leave out --place and --heading-deg"):
+        plan(recipe, default_rig(SMALL), place=(0.0, 1.0))
+
+
+def test_a_given_pose_of_what_has_no_other_way_to_face_is_taken(pendulum: Path, tmp_path: Path) -> None:
+    simulation = small_simulation("sway", 1, model=str(pendulum))
+    (tmp_path / "start.csv").write_text("frame,person,swing_deg,bend_deg\n0,person1,10,-20\n")
+    given = GivenInitialization(poses=tmp_path / "start.csv")
+    start = given.start(next(simulation.frames()), simulation.scene, stages_of(simulation))
+    assert np.degrees(start.poses[0]).tolist() == pytest.approx([10, -20])
+    assert start.sureness == (1.0,)
+
+
+def test_a_part_on_the_world_is_on_a_segment_that_never_moves(pendulum: Path) -> None:
+    body = load_body(pendulum)
+    assert [segment.name for segment in body.segments] == ["first", "second", "world"]
+    assert set(surface_of(body, 5, 6).segments.tolist()) == {0, 1, 2}
+    placed = segments_in_world(body, np.radians([[0.0, 0.0], [30.0, 40.0]]))
+    assert np.allclose(placed[:, 2], np.eye(4))
+    assert not np.allclose(placed[0, :2], placed[1, :2])
+
+
+@pytest.mark.parametrize("factor", [0.1, 5.0])
+def test_bodies_of_any_size_are_looked_for_as_if_they_were_as_large_as_a_person(factor: float) -> None:
+    scene = small_simulation().scene
+    other = enlarged(scene.with_pose(0, scene.persons[0].q + 0.01), factor)
+    seen: list[Scene] = []
+
+    @person_sized
+    def begin(self: object, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        seen.append(scene)
+        q = scene.persons[0].q
+        return Start((q,), hypotheses=((Hypothesis(q, 1.0, 1.0, 0.0, 0.0),),), sureness=(1.0,))
+
+    start = begin(None, None, other, None)  # type: ignore[arg-type]
+    assert start.poses[0] == pytest.approx(other.persons[0].q)
+    assert start.hypotheses[0][0].q == pytest.approx(other.persons[0].q)
+    assert size_of(seen[0].persons[0]).length_m == pytest.approx(1.8)
+    for one, same in zip(seen[0].rig.cameras, scene.rig.cameras, strict=True):
+        assert one.centre == pytest.approx(same.centre)
+    limits = seen[0].persons[0].body.limits
+    assert limits == pytest.approx(scene.persons[0].body.limits)
+    begin(None, None, scene, None)  # type: ignore[arg-type]
+    assert seen[1] is scene
+
+
+def test_bodies_too_small_for_metres_are_refused_before_the_first_frame() -> None:
+    simulation = small_simulation()
+    tiny = enlarged(simulation.scene, 0.003 / 1.8)
+    with pytest.raises(ModelError, match=r"is 0\.003 m large, .* millimetres for metres"):
+        AutoInitialization().check(tiny, simulation.plates)
+
+
+def test_a_flat_body_is_higher_than_in_its_reference_pose() -> None:
+    body = load_body(model_path("gavrila22"))
+    flat = replace(body, stature_m=0.0, landmarks=tuple(replace(m, point=m.point * (1, 1, 0)) for m in body.landmarks))
+    size = size_of(Person("one", flat, flat.rest()))
+    assert size.stature_m == pytest.approx(0.3 * size.length_m)
+    assert size_of(Person("one", body, body.rest())).stature_m == 1.8

@@ -99,7 +99,10 @@ def start_marks(body: BodyModel) -> StartMarks:
         base=base,
         turn=turn,
         coarse_deg={name: _possible(body, name, values) for name, values in coarse.items()},
-        stances_deg=tuple(dict.fromkeys(first, value) for value in (_STANCES_DEG if first else (0.0,))),
+        stances_deg=tuple(
+            {name: _possible(body, name, (value,))[0] for name in first}
+            for value in (_STANCES_DEG if first else (0.0,))
+        ),
     )
 
 

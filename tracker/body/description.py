@@ -11,7 +11,16 @@ import pydantic
 from tracker.arrays import frozen
 from tracker.body import BodyModel
 from tracker.body.defaults import bones, chains, marks
-from tracker.body.entries import LandmarkEntry, PartEntry, SegmentEntry, Vector, of_segment, part_of, tree_of
+from tracker.body.entries import (
+    LandmarkEntry,
+    PartEntry,
+    SegmentEntry,
+    Vector,
+    of_segment,
+    part_of,
+    tree_of,
+    with_ground,
+)
 from tracker.body.facts import keypoint_marks, with_facts
 from tracker.body.sections import Clothes, Entry, Joints, KeypointEntry, Movement, OrInfinite, SkinSection, StartMarks
 from tracker.body.skin import skin_of
@@ -146,7 +155,9 @@ def _build(model: BodyDescription) -> BodyModel:
         groups=model.groups or chains(segments, tuple(names)),
         links=model.links,
         stature_m=model.stature_m,
-        segments=segments,
+        segments=with_ground(
+            segments, [*(part.segment for part in model.parts), *(mark.segment for mark in landmarks)]
+        ),
         mirror=Mirror(model.sides, model.across),
     )
     body = with_facts(body, model.start, model.joints, model.clothes, model.movements)

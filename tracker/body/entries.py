@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Annotated
 
 import numpy as np
@@ -88,6 +89,16 @@ def tree_of(entries: tuple[SegmentEntry, ...]) -> tuple[list[Parameter], tuple[S
         own = tuple(range(first, len(parameters)))
         segments.append(Segment(entry.name, above, frozen(entry.joint), own, end))
     return parameters, tuple(segments)
+
+
+def with_ground(segments: tuple[Segment, ...], holders: Iterable[str]) -> tuple[Segment, ...]:
+    """The segments, and one more that never moves where anything, as a pedestal does, hangs on the world itself.
+
+    Args:
+        segments: the tree.
+        holders: names of the segments that parts and landmarks hang on.
+    """
+    return (*segments, Segment("world", -1, frozen(np.zeros(3)), (), -1)) if "world" in holders else segments
 
 
 def _parameter(axis: AxisEntry, joint: Array, parent: int) -> Parameter:

@@ -12,6 +12,9 @@ from tracker.errors import ModelError, nearest
 from tracker.kernels.body.kinematics import chain_transforms, twists_in_world
 from tracker.segments import Landmark, Parameter, Part, Root
 
+# How far what carries all of a body may slide along a rail, in extents of the body.
+_RAIL = 2.0
+
 
 @dataclass(frozen=True)
 class KinematicTree:
@@ -114,6 +117,19 @@ class KinematicTree:
                 "then turns about z; see the first segment of models/gavrila22.toml"
             )
         return Root(columns, np.concatenate(shifts), int(turns[0]))
+
+    @cached_property
+    def stays(self) -> bool:
+        """Whether the body keeps its place whatever its pose, as an arm of a robot: it has no root to be moved by.
+
+        What carries all of it may slide by twice its own extent, on a rail.
+        """
+        try:
+            return not len(self.root.columns)
+        except ModelError:
+            slides = [self.parameters[k].limits for k in self.carrying if not self.rotates[k]]
+            extent = float(np.ptp(self.model_from_parts[:, :3, 3], axis=0).max())
+            return all(high - low <= _RAIL * extent for low, high in slides)
 
     def index(self, name: str) -> int:
         """Column of the parameter called `name`.

@@ -115,7 +115,7 @@ def hypothesis(body: BodyModel, estimate: Estimate) -> Hypothesis:
     """The hypothesis that an estimate makes; of what no image shows nothing is known to be right."""
     account = estimate.account
     left_over = account.left_over if account.explained > 0 else max(account.left_over, 1.0)
-    turn_deg = float(np.degrees(_wrapped(estimate.q[turn_of(body)])))
+    turn_deg = float(np.degrees(_wrapped(estimate.q[turn_of(body)]))) if body.start.turn else 0.0
     return Hypothesis(
         estimate.q,
         estimate.distance_px,

@@ -18,13 +18,16 @@ _LEAST_HEIGHT, _MOST_HEIGHT, _LEAST_VOLUME_M3, _VOLUME_M3 = 0.5, 1.6, 0.012, 0.0
 _LEAST_LENGTH, _MOST_LENGTH, _LEAST_THICKNESS, _LEAST_BODY = 0.55, 1.4, 0.11, 0.6
 # Heights of a standing person, arms hanging or raised, in statures.
 _STANDING = 0.9, 1.3
+# Least height of a body that the file tells no stature of, in its extents: a bird with its wings spread is flat in its
+# reference pose, and in no other one.
+_FLAT = 0.3
 
 
 class Size(NamedTuple):
     """How large a body is."""
 
     stature_m: float
-    """Height in the reference pose, metres."""
+    """Height in the reference pose, metres; of a flat body that tells no stature more."""
 
     length_m: float
     """Its largest extent there: an animal is longer than high, metres."""
@@ -36,7 +39,7 @@ class Size(NamedTuple):
 def size_of(person: Person) -> Size:
     """The size of a person's body."""
     extents = np.ptp(person.body.landmarks_in_world(person.body.rest()), axis=0)
-    stature_m = person.body.stature_m or float(extents[2])
+    stature_m = person.body.stature_m or max(float(extents[2]), _FLAT * float(extents.max()))
     volume_m3 = 4 / 3 * np.pi * float(np.prod(person.body.shapes[:, :3], axis=1).sum())
     return Size(stature_m, max(stature_m, float(extents.max())), volume_m3)
 

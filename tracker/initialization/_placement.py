@@ -37,8 +37,9 @@ def axis_marks(body: BodyModel) -> Integers:
     names = (body.start.head, body.start.base)
     if not all(names) or not body.start.turn or not len(body.root.columns):
         raise ModelError(
-            f'model "{body.name}": bootstrapping needs two landmarks on the body\'s long axis and a root that turns '
-            "about the vertical: give head, base and turn in [start] of the model file, see models/gavrila22.toml"
+            f'model "{body.name}": bootstrapping needs two landmarks on the body\'s long axis and a root that moves '
+            "along x, y and z and turns about the vertical: give head, base and turn in [start] of the model file, see "
+            'models/gavrila22.toml; or give the pose by initialization = { poses = "start.csv" }'
         )
     return np.array([body.landmark_names.index(name) for name in names], dtype=np.int64)
 

@@ -11,6 +11,8 @@ from tracker.errors import ConfigError, InitializationError, ModelError
 from tracker.frame import Frame
 from tracker.initialization import Initialization, Stages
 from tracker.initialization._foregrounds import foregrounds
+from tracker.initialization._in_place import InPlace, beside, staying
+from tracker.initialization._person_sized import check_size
 from tracker.initialization.given import GivenInitialization
 from tracker.initialization.pca import PcaInitialization
 from tracker.initialization.stance import StanceInitialization
@@ -26,7 +28,8 @@ class AutoInitialization:
 
     Without plates `pca` before what the views show most of the time; where that does not show a person, `stance`, also
     in a frame whose light is so far from that of the plates that nobody stands out against them. Several persons
-    without plates are looked for by `stance` where something moves.
+    without plates are looked for by `stance` where something moves. Bodies that stay in their place, an arm of a robot,
+    are looked for in poses all over their limits.
     """
 
     poses: FilePath | None = None
@@ -41,16 +44,32 @@ class AutoInitialization:
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Refuses what the start chosen cannot do; see `tracker.initialization.Initialization.check`."""
+        check_size(scene)
         n_plates = sum(plate is not None for plate in plates)
         if n_plates == 1 and self.poses is None:
             raise ConfigError(
                 "one view has a background plate, expected none or at least two: add the plates of the others to "
                 "[reading] background, or leave it out and the person is looked for on edges alone"
             )
-        return self._chosen(plates).check(scene, plates)
+        fixed = [] if self.poses is not None else staying(scene)
+        moving = tuple(person for k, person in enumerate(scene.persons) if k not in fixed)
+        told = [self._chosen(plates).check(replace(scene, persons=moving), plates)] if moving else []
+        return "; ".join([*told, *(f"{scene.persons[k].name} in its place" for k in fixed)])
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
+        fixed = () if self.poses is not None and not stages.seen_before else tuple(staying(scene))
+        if not set(fixed) - set(stages.held):
+            return self._of_moving(frame, scene, stages)
+        found = InPlace().start(frame, scene, stages)
+        held = tuple(sorted({*stages.held, *fixed}))
+        if len(held) == len(scene.persons):
+            return found
+        start = self._of_moving(frame, scene.with_poses(found.poses), replace(stages, held=held))
+        return beside(start, found)
+
+    def _of_moving(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        """Poses of all persons but those that stay in their place, which are held."""
         known = tuple(frame.mask(v) if plate is None else plate for v, plate in enumerate(stages.plates))
         chosen = self._chosen(known, stages.seen_before)
         alone = len(scene.persons) - len(stages.held) == 1

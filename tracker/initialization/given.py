@@ -15,6 +15,7 @@ from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._hypotheses import beside_turned, turned_round
 from tracker.initialization._joint_tables import is_joint_table, pose_from_joints
+from tracker.initialization._person_sized import check_size
 from tracker.plate import Plate
 from tracker.scene import Person, Scene
 from tracker.source_files import number_in, rows_of
@@ -34,6 +35,7 @@ class GivenInitialization:
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Reads every pose or joint that may be used; see `tracker.initialization.Initialization.check`."""
+        check_size(scene)
         rows = _rows(self.poses)
         if is_joint_table(rows):
             for person in scene.persons:
@@ -55,9 +57,14 @@ class GivenInitialization:
         poses = tuple(person.q for person in scene.persons)
         if stages.seen_before:
             return Start(poses)
-        turned = [turned_round(person.body, person.q) for person in scene.persons]
-        hypotheses = tuple(beside_turned(frame, scene, k, q, stages) for k, q in enumerate(turned))
-        return Start(poses, (), hypotheses, tuple(map(sureness, hypotheses)))
+        # what is fixed to the floor, as an arm of a robot, has no other way to face
+        hypotheses = tuple(
+            beside_turned(frame, scene, k, turned_round(person.body, person.q), stages)
+            if person.body.start.turn
+            else ()
+            for k, person in enumerate(scene.persons)
+        )
+        return Start(poses, (), hypotheses, tuple(sureness(ranking) if ranking else 1.0 for ranking in hypotheses))
 
     def poses_of(self, scene: Scene, index: int) -> tuple[Array, ...]:
         """The start poses (dof,) of all persons in a frame.

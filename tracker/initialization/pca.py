@@ -29,6 +29,7 @@ from tracker.initialization._hypotheses import (
     with_held,
 )
 from tracker.initialization._likeness import size_of, standing
+from tracker.initialization._person_sized import person_sized
 from tracker.initialization._persons import Found, in_order, ways_to_find
 from tracker.initialization._placement import axis_marks, stands_upright, without_legs
 from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
@@ -103,6 +104,7 @@ class PcaInitialization:
             check_values(self.coarse_deg, person.body)
         return f"pca, the background plates of {n_plates} views"
 
+    @person_sized
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
         stages.progress("bootstrapping: torso axis from the foreground")
@@ -205,14 +207,12 @@ class PcaInitialization:
             stages.progress(f"bootstrapping: hypothesis {n} of {len(tried)}")
             refined.append(self._refined(objective, q))
         stages.progress("bootstrapping: the best hypothesis turned round")
-        best = ranked(body, refined)[0].q
-        refined.append(self._refined(objective, turned_round(body, best)))
+        refined.append(self._refined(objective, turned_round(body, ranked(body, refined)[0].q)))
         return finalists(ranked(body, refined), _MORE_OF_LOW * self.finalists if low else self.finalists)
 
     def _coarse(self, objective: Objective) -> CoarseSearch:
         """The coarse search as configured, with the values of the body's file where none are."""
-        start = objective.body.start
-        values = start.coarse_deg if self.coarse_deg is None else self.coarse_deg
+        values = objective.body.start.coarse_deg if self.coarse_deg is None else self.coarse_deg
         return CoarseSearch(objective, values, self.turn_step_deg, self.hypotheses, self.apart_deg)
 
     def _refined(self, objective: Objective, q: Array) -> Hypothesis:
@@ -242,9 +242,9 @@ def _likeliest_fault(faults: list[InitializationError]) -> InitializationError:
 
 
 def _enough(masks: tuple[Mask | None, ...], frame: Frame, scene: Scene) -> None:
-    if sum(mask is not None for mask in masks) < 2:
-        names = ", ".join(name for name, mask in zip(scene.rig.names, masks, strict=True) if mask is None)
+    lacking = [name for name, mask in zip(scene.rig.names, masks, strict=True) if mask is None]
+    if len(masks) - len(lacking) < 2:
         raise InitializationError(
-            f"frame {frame.index}: no foreground in {names}: the images are missing or differ everywhere from the "
-            "background plates; take plates in this light, with the cameras where they are"
+            f"frame {frame.index}: no foreground in {', '.join(lacking)}: the images are missing or differ everywhere "
+            "from the background plates; take plates in this light, with the cameras where they are"
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pydantic
@@ -20,6 +21,7 @@ from tracker.initialization._floor import floor_places, shown_share
 from tracker.initialization._hypotheses import different, finalists, turned_round, with_held
 from tracker.initialization._likeness import size_of
 from tracker.initialization._limbs_anew import limbs_anew
+from tracker.initialization._person_sized import enlarged, enlargement, person_sized
 from tracker.initialization._scattering import ROUNDS, scattered
 from tracker.initialization._stances import on_floor, posed, turned
 from tracker.initialization._whereabouts import Whereabouts, last_seen, whereabouts
@@ -51,10 +53,10 @@ class StanceInitialization:
     """Height of the floor, metres."""
 
     farthest_m: float = pydantic.Field(default=10.0, gt=0)
-    """Floor farther than this from a camera is not searched, metres."""
+    """Floor farther than this from a camera is not searched, metres; for a body as large as a person."""
 
     step_m: float = pydantic.Field(default=0.3, gt=0)
-    """Step of the places, metres; the best poses are tried again at half of it."""
+    """Step of the places for such a body, metres; the best poses are tried again at half of it."""
 
     step_deg: float = pydantic.Field(default=40.0, gt=0, le=90)
     """Step of the turns about the vertical, degrees; the best poses are tried again at half of it."""
@@ -75,6 +77,14 @@ class StanceInitialization:
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Needs floor that the views show; see `tracker.initialization.Initialization.check`."""
+        factor = enlargement(scene)
+        return self.in_world(factor)._checked(scene if factor == 1 else enlarged(scene, factor), factor)
+
+    def in_world(self, factor: float) -> StanceInitialization:
+        """The same for a world enlarged by a factor."""
+        return replace(self, floor_m=factor * self.floor_m)
+
+    def _checked(self, scene: Scene, factor: float) -> str:
         n_stances = len(self._stances(scene.persons[-1].body))
         if not len(self._candidates(scene, None)):
             if len(scene.persons) > 1 or not len(self._posed_on(scene, self._cut_off_places(scene), _PARTLY)):
@@ -83,10 +93,11 @@ class StanceInitialization:
                     'the calibration, or give the pose by initialization = { use = "given", poses = "start.csv" }'
                 )
             return f"stance, no background plates: one person cut off by the images, in {n_stances} stances"
-        area = len(floor_places(scene.rig, self.floor_m, self.step_m, self.farthest_m)) * self.step_m**2
+        area = len(floor_places(scene.rig, self.floor_m, self.step_m, self.farthest_m)) * (self.step_m / factor) ** 2
         who = "one person" if len(scene.persons) == 1 else f"{len(scene.persons)} persons where something moves,"
-        return f"stance, no background plates: {who} in {n_stances} stances on {area:.0f} m2 of floor"
+        return f"stance, no background plates: {who} in {n_stances} stances on {area:.{int(area < 1)}f} m2 of floor"
 
+    @person_sized
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """The poses of all who are sought; see `tracker.initialization.Initialization.start`."""
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
@@ -175,8 +186,7 @@ class StanceInitialization:
 
     def _tried(self, frame: Frame, scene: Scene, stages: Stages, clues: Clues, near: Whereabouts | None) -> list[Array]:
         """The poses (dof,) of the scene's last person that the edges speak for, the likeliest first."""
-        body = scene.persons[-1].body
-        candidates = self._candidates(scene, near)
+        body, candidates = scene.persons[-1].body, self._candidates(scene, near)
         if not len(candidates):
             raise InitializationError(f"frame {frame.index}: two views do not show the person's whereabouts")
         stages.progress(f"bootstrapping: {len(candidates)} poses on the floor")
@@ -212,16 +222,14 @@ class StanceInitialization:
         poses = on_floor(body, poses, np.zeros((len(poses), 2)), self.floor_m)
         candidates = np.repeat(poses, len(places), axis=0)
         candidates[:, body.root.shifts[:2]] += np.tile(places, (len(poses), 1))
-        shown = shown_share(body, candidates, scene.rig)
-        enough = (shown > least_shown).sum(axis=1) >= min(2, len(scene.rig))
+        enough = (shown_share(body, candidates, scene.rig) > least_shown).sum(axis=1) >= min(2, len(scene.rig))
         found: Array = candidates[enough]
         return found
 
     def _around(self, body: BodyModel, poses: list[Array]) -> Array:
         """(N, dof) poses and their neighbours at half a step to each side."""
         headings = np.radians(self.step_deg / 2) * np.array([-1.0, 0.0, 1.0])
-        sides = self.step_m / 2 * np.array([-1.0, 0.0, 1.0])
-        shifts = np.stack(np.meshgrid(sides, sides), axis=-1).reshape(-1, 2)
+        shifts = self.step_m / 2 * np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), axis=-1).reshape(-1, 2)
         found = []
         for q in poses:
             marks = body.landmarks_in_world(q)[:, :2]

@@ -213,11 +213,20 @@ def start_of(body: BodyModel, poses: Array, heading_deg: float, place: tuple[flo
     return place[0] - float(middle[0]), place[1] - float(middle[1])
 
 
-def middle_of(body: BodyModel, poses: Array) -> Array:
-    """(2,) the middle of the way of the root over poses (T, dof), metres."""
-    way = poses[:, body.root.shifts[:2]]
-    middle: Array = (way.min(axis=0) + way.max(axis=0)) / 2
-    return middle
+def middle_of(body: BodyModel, poses: Array) -> tuple[float, float]:
+    """The middle, x and y, of the way of the root over poses (T, dof), metres."""
+    way = way_of(body, poses)[:, :2]
+    x, y = ((way.min(axis=0) + way.max(axis=0)) / 2).tolist()
+    return x, y
+
+
+def way_of(body: BodyModel, poses: Array) -> Array:
+    """(T, 3) where the root is at poses (T, dof), metres; the middle of what is fixed to the world."""
+    if body.stays:
+        middle = body.landmarks_in_world(poses).mean(axis=(0, 1))
+        return np.tile(middle, (len(poses), 1))
+    way: Array = poses[:, body.root.shifts]
+    return way
 
 
 def _turned(points: Array, angle: float) -> Array:

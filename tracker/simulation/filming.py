@@ -9,7 +9,7 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.errors import CalibrationError
+from tracker.errors import CalibrationError, ConfigError
 from tracker.files import replacing, whole_folder, write_json
 from tracker.progress import Progress, silent
 from tracker.rig import Rig
@@ -21,6 +21,7 @@ from tracker.simulation.common_volume import (
     check_asked,
     check_floor,
     floor_seen,
+    middle_of,
     seen_whole,
     start_of,
 )
@@ -80,6 +81,12 @@ def plan(recipe: Recipe, rig: Rig, place: tuple[float, float] | None = None, hea
     movement, _ = movement_of(recipe.movement, body)
     poses = poses_of(movement, body, recipe.times)
     floor = floor_seen(rig, float(body.landmarks_in_world(poses)[..., 2].max()))
+    if body.stays:
+        if place is not None or heading_deg is not None:
+            raise ConfigError(f'model "{body.name}" stays in its place: leave out --place and --heading-deg')
+        where = middle_of(body, poses)
+        planned = replace(recipe, movement=movement, rig=rig, place=where, heading_deg=0.0)
+        return Plan(planned, body, rig, floor, poses, where)
     where = best_place(floor)
     middle = where if place is None else place
     heading = best_heading_deg(rig, body, poses, middle) if heading_deg is None else heading_deg

@@ -80,11 +80,12 @@ def movement_of(name: str, body: BodyModel) -> tuple[str, Movement]:
 def poses_of(
     movement: str, body: BodyModel, times: Array, heading_deg: float = 0.0, place: tuple[float, float] = (0.0, 0.0)
 ) -> Array:
-    """Poses of a movement, the lowest part standing on the floor z = 0.
+    """Poses of a movement, the lowest part standing on the floor z = 0; what is fixed to the world stays where it is.
 
     Args:
         movement: its name in the body's file; empty for the first one.
-        body: with a root that moves along x, y and z and turns about z.
+        body: with a root that moves along x, y and z and turns about z, or one that stays in its
+            place, as an arm of a robot: heading and place do not matter then.
         times: (T,) seconds.
         heading_deg: direction faced at the start, degrees from the world's x axis.
         place: x and y of the root, metres.
@@ -94,13 +95,15 @@ def poses_of(
 
     Raises:
         ConfigError: no such movement.
-        ModelError: the body has no such root.
+        ModelError: the body has another root.
     """
     _, described = movement_of(movement, body)
     poses = np.zeros((len(times), body.dof))
     for name, curve in described.curves.items():
         values = course(curve, times)
         poses[:, body.index(name)] = np.radians(values) if body.parameters[body.index(name)].rotates else values
+    if body.stays:
+        return body.clamped(poses)
     _face(body, poses, np.radians(heading_deg))
     poses = body.clamped(poses)
     across, upwards = body.root.shifts[:2], body.root.shifts[2]

@@ -14,7 +14,7 @@ from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.camera import Camera
 from tracker.rig import Rig
-from tracker.simulation.common_volume import Floor
+from tracker.simulation.common_volume import Floor, way_of
 
 # From nobody to everybody: grey, red and orange are not enough, greens are.
 _COLOURS = ("0.94", "#f4c7c3", "#fce8b2", "#b7e1cd", "#57bb8a", "#2e8b57")
@@ -34,7 +34,7 @@ def volume_figure(rig: Rig, floor: Floor, body: BodyModel, poses: Array, title: 
     """
     figure = Figure(figsize=(14.0, 6.6), layout="constrained")
     plan, space = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2, projection="3d")
-    way = poses[:, body.root.shifts[:2]]
+    way = way_of(body, poses)[:, :2]
     box = _around(rig, way)
     _plan(figure, plan, rig, floor, box)
     _space(space, rig, floor, box)
@@ -126,5 +126,5 @@ def _person(axes: Any, body: BodyModel, poses: Array) -> None:
         points = body.landmarks_in_world(q)
         for start, end in body.links:
             axes.plot(*points[[marks[start], marks[end]]].T, color="black", linewidth=1.5)
-    way = poses[:, body.root.shifts]
+    way = way_of(body, poses)
     axes.plot(way[:, 0], way[:, 1], np.zeros(len(way)), color="black", linewidth=1.5)
