@@ -32,6 +32,8 @@ from tracker.start import Hypothesis, Start
 from tracker.tracking.two_passes import track_twice
 from tracker.trajectory import Step
 
+ROOT = Path(__file__).parents[1]
+
 
 def legs_unmarked(text: str) -> str:
     """A model file whose legs have no landmark; what names some is derived."""
@@ -86,42 +88,12 @@ def test_what_has_no_landmark_changes_places_by_its_angles(tmp_path: Path) -> No
     assert taken_over(body, body.rest(), q, "left_leg")[body.index("left_leg_elevation")] == pytest.approx(0.4)
 
 
-PENDULUM = """
-name = "pendulum"
-[[segments]]
-name = "first"
-joint = [0, 0, 1.7]
-parameters = [{ name = "swing", axis = [0, 1, 0], limits_deg = [-120, 120] }]
-[[segments]]
-name = "second"
-parent = "first"
-joint = [0, 0, 1.2]
-parameters = [{ name = "bend", axis = [0, 1, 0], limits_deg = [-150, 150] }]
-[[parts]]
-name = "post"
-segment = "world"
-start = [-0.3, 0, 0]
-end = [-0.3, 0, 1.9]
-radii = [0.06, 0.06]
-[[parts]]
-name = "first"
-segment = "first"
-start = [0, 0, 1.75]
-end = [0, 0, 1.15]
-radii = [0.06, 0.04]
-[[parts]]
-name = "second"
-segment = "second"
-start = [0, 0, 1.25]
-end = [0, 0, 0.5]
-radii = [0.06, 0.04]
-"""
-
-
 @pytest.fixture
 def pendulum(tmp_path: Path) -> Path:
+    """The model of docs/models.md, "A body of your own"."""
+    (described,) = re.findall(r"```toml\n(name = .*?)```", (ROOT / "docs/models.md").read_text(), re.DOTALL)
     file = tmp_path / "pendulum.toml"
-    file.write_text(PENDULUM)
+    file.write_text(described)
     return file
 
 

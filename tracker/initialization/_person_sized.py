@@ -24,6 +24,9 @@ from tracker.start import Start
 # Voxels, bins and margins of a start are those of a person: a toddler and a horse are still found with them, of a hand
 # or a bird the voxels leave too little, a lorry is larger than the space that is searched. Metres, and cubic metres.
 _LEAST_M, _MOST_M, _PERSON_M, _LEAST_M3 = 0.8, 3.5, 1.8, 0.008
+# Tracked from given poses dogs of 0.096, 0.058 and 0.043 m were 0.2 % of their size off; one of 0.029 m was doubtful in
+# all frames, one of 0.01 m lost: steps of the estimation are in metres.
+_SMALLEST_M = 0.04
 
 
 @runtime_checkable
@@ -34,10 +37,6 @@ class _Placed(Protocol):
         """The component for a world enlarged by a factor."""
         ...
 
-
-# Tracked from given poses dogs of 0.096, 0.058 and 0.043 m were 0.2 % of their size off; one of 0.029 m was doubtful in
-# all frames, one of 0.01 m lost: steps of the estimation are in metres.
-_SMALLEST_M = 0.04
 
 _Way = TypeVar("_Way")
 _Begin = Callable[[_Way, Frame, Scene, Stages], Start]
