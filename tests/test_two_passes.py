@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
-from test_easier_start import TurnedRoundAtFirst
+from test_easier_start import RULE, TurnedRoundAtFirst
 
 import tracker.tracking.windows
 from tracker.arrays import Image
@@ -92,6 +92,16 @@ def test_both_ways_are_as_exact_as_one(simulation: Simulation) -> None:
     assert [step.ready for step in steps] == [3, 2, 1, 0, 3, 2, 1, 0, 0]
     assert max(errors_mm(simulation, steps)) < 8  # TRACKED_MM of test_tracking
     assert [step.frame.index for step in steps if step.start is not None] == [0]
+
+
+@pytest.mark.usefixtures("short_windows")
+@pytest.mark.parametrize("doubtful_above", [0.25, 0.0])
+def test_a_start_beyond_the_first_window_is_told_in_its_frame(simulation: Simulation, doubtful_above: float) -> None:
+    rule = replace(RULE, doubtful_above=doubtful_above, again_after=100)
+    cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=2), loss=rule)
+    steps = twice(simulation, cycle)
+    assert [step.frame.index for step in steps if step.start is not None] == [5]
+    assert max(errors_mm(simulation, steps)) < 10
 
 
 def test_what_was_wrong_at_first_is_mended_from_behind(simulation: Simulation) -> None:

@@ -109,7 +109,10 @@ def tracked(
     if back is not None and sight.frame.index in back.replays:
         replay = back.replays[sight.frame.index]
         return replayed(sight.frame, scene, cycle, replay, back.start_in(sight.frame)), back
-    return begun or advance(sight, scene, cycle, state, clock, cycle.known.get(sight.frame.index, ())), back
+    step = begun or advance(sight, scene, cycle, state, clock, cycle.known.get(sight.frame.index, ()))
+    if back is not None and step.start is None:
+        step = replace(step, start=back.start_in(sight.frame))
+    return step, back
 
 
 def _begun(sight: Sight, scene: Scene, cycle: Cycle, looking: Looking) -> tuple[Step, LedBack | None]:

@@ -18,7 +18,7 @@ from tracker.tracking.cycle_turn import unfound
 from tracker.tracking.jumps import with_jumps
 from tracker.tracking.outcome import judged_as_wholes
 from tracker.tracking.rehearsal import Reopen
-from tracker.tracking.windows import Pass, after, both_ways, length_of_windows, windows_of
+from tracker.tracking.windows import Pass, both_ways, length_of_windows, windows_of
 from tracker.trajectory import History, Replay, Step
 
 _GONE_S = 2.0
@@ -49,7 +49,7 @@ def before_all(steps: Sequence[Step], at: Pass, begin: int, cycle: Cycle, reopen
     for window, beyond in windows_of(frames, min(length_of_windows(first.frame), _LONGEST)):
         cycle.progress(f"back to the first frame, {window[0].index - begin} to go")
         back, reached = both_ways(window, beyond, at, cycle, reopen)
-        at = replace(reached or after(at, back, cycle), back=None)
+        at = replace(reached, back=None)
         # all images would not fit into memory
         found += [replace(step, frame=replace(step.frame, images=(), masks=())) for step in back]
         seen_s = next((turn_s - step.frame.time_s for step in reversed(back) if _anybody(step)), seen_s)

@@ -70,11 +70,13 @@ def _window_tracked(
     """The frames of a window, those that an interrupted run has kept as it kept them, and where the pass is then."""
     n_kept = sum(frame.index in done for frame in window)
     if n_kept == len(window):
-        steps, reached = [replayed(frame, begin.scene, cycle, done[frame.index]) for frame in window], None
+        steps = [replayed(frame, begin.scene, cycle, done[frame.index]) for frame in window]
     else:
         found, reached = both_ways(window, beyond, begin, cycle, reopen)
+        if not n_kept:
+            return found, reached
         steps = _with_kept(found, cycle, done)
-    return steps, replace(reached if reached and not n_kept else after(begin, steps, cycle), back=None)
+    return steps, after(begin, steps, cycle)
 
 
 def _with_kept(steps: list[Step], cycle: Cycle, done: Mapping[int, Replay]) -> list[Step]:

@@ -92,13 +92,13 @@ def there(
 
 def both_ways(
     window: Sequence[Frame], beyond: Sequence[Frame], begin: Pass, cycle: Cycle, reopen: Reopen
-) -> tuple[list[Step], Pass | None]:
+) -> tuple[list[Step], Pass]:
     """The frames of a window: tracked on from where it begins, and back where there is doubt, or somebody was found.
 
     Who wants to leave meanwhile gets what the first pass has found so far.
 
     Returns:
-        The steps, and where the pass is then; None if they are not those that led there.
+        The steps, and where the pass is behind them.
     """
     first, reached = _forwards(window, begin, cycle, reopen)
     again: list[Step] | None = None
@@ -113,13 +113,19 @@ def both_ways(
         again = back(first, cycle, reached.state)
         again = None if cycle.leaving() or _alike(first, again) else again
     if cycle.leaving():
-        return [replace(step, provisional=True) for step in first], None
+        return [replace(step, provisional=True) for step in first], reached
     found = first if again is None else again
     even = bridged(found, cycle, begin.state, begin.before)
     judged = [judged_as_wholes(step) for step in with_jumps(even)]
     if again is not None:
         judged = _found_anew(judged, first, begin.before)
-    return judged, reached if even is first else None
+    led, reached = reached.back, reached if even is first else after(begin, judged, cycle)
+    return judged, replace(reached, back=_still_to_tell(led, window[-1]))
+
+
+def _still_to_tell(back: LedBack | None, last: Frame) -> LedBack | None:
+    """The start in a later frame than those of a window: said there, in frames that are tracked on from the window."""
+    return None if back is None or back.index <= last.index else replace(back, replays={})
 
 
 def _found_anew(steps: Sequence[Step], first: Sequence[Step], before: Step | None) -> list[Step]:
