@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from observations import objective_of
-from recordings import TrueStart, cycle_for, small_simulation
+from recordings import TrueStart, cycle_for, small_simulation, with_images
 
 from tracker.doubts import Doubts, ranges
 from tracker.estimate import Estimate, Status
@@ -319,3 +319,14 @@ def test_a_limb_whose_place_nothing_tells_is_told_and_not_searched(truth: Scene,
     assert doubted(again)
     nothing = judged(body, replace(right, covariance=np.full((body.dof, body.dof), np.nan)), LossRule())
     assert nothing.ambiguous == ()
+
+
+def test_why_nobody_was_found_is_said_of_whole_recordings_without_anybody() -> None:
+    """Of a few frames, too few for a start that fails to be an error, all are lost."""
+    simulation = small_simulation("two_elbow_rotation", n_frames=2)
+    dark = with_images(simulation, lambda t, v, image: np.zeros_like(image))
+    cycle = replace(cycle_for(simulation), plates=(None,) * 4)
+    told = after_all(list(track(dark, simulation.scene, cycle))).sentence()
+    assert told.startswith("of 2 frames 2 lost (frames 0-1), nobody was found: frame 1: ")
+    found = after_all(list(track(simulation.frames(), simulation.scene, cycle_for(simulation, TrueStart(simulation)))))
+    assert "nobody" not in found.sentence()

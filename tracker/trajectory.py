@@ -48,6 +48,9 @@ class Step:
     start: Start | None = None
     """Evidence of the bootstrapping, in the frame in which it happened."""
 
+    unfound: str = ""
+    """Why nobody was found, where persons were looked for who were in no frame before."""
+
     ready: int = 0
     """How many of the steps that follow are there already."""
 

@@ -109,21 +109,24 @@ def bootstrap(
     """
     clock = Clock()
     start: Start | None = None
+    unfound = ""
     with clock("initialization"):
         try:
             start = cycle.initialization.start(sight.frame, scene, cycle.stages)
             start = start if choose is None else choose(start)
             scene = scene.with_poses(start.poses)
-        except InitializationError:
+        except InitializationError as error:
             if give_up:
                 raise
+            unfound = str(error)
     with clock("observation"):
         expected = None if start is None else cycle.synthesis.contours(scene)
         if start is not None:
             hide_strangers(sight, scene, cycle.synthesis)
         observed = cycle.evidence.observe(sight, expected)
     if start is None:
-        return _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), clock)
+        step = _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), clock)
+        return replace(step, unfound=unfound)
     with clock("refinement"):
         colours, everybody = cache(partial(part_colours, sight, scene)), range(len(scene.persons))
         estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED, colours, everybody)
