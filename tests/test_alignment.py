@@ -24,6 +24,7 @@ from tracker.alignment.in_step import in_step
 from tracker.alignment.moments import MOST_MOMENTS, Tracked, chosen_moments, moments_of, rates_of
 from tracker.cli import app
 from tracker.frame import Frame
+from tracker.initialization._person_sized import enlarged
 from tracker.jobs._views import told_of_views
 from tracker.result import load_result
 from tracker.rig_layouts import load_rig
@@ -202,6 +203,17 @@ def test_frames_in_doubt_and_those_beside_them_tell_nothing():
     assert len(chosen) >= FEWEST
 
 
+def test_a_small_body_moves_as_fast_as_a_person():
+    """A tenth as large and as near it moves as many pixels: a hand's delays are told by its frames as well."""
+    simulation, _ = recorded()
+    frames, person, factor = tracked(simulation), simulation.scene.persons[0], 0.1
+    moved = [np.where(person.body.rotates, one.estimates[0].q, factor * one.estimates[0].q) for one in frames]
+    small = [replace(one, estimates=(replace(one.estimates[0], q=q),)) for one, q in zip(frames, moved, strict=True)]
+    chosen = chosen_moments(enlarged(simulation.scene, factor), small)
+    assert len(chosen) >= FEWEST
+    assert set(chosen) <= set(chosen_moments(simulation.scene, frames))
+
+
 def test_too_few_frames_or_one_view_tell_nothing():
     simulation, images = recorded()
     frames = tracked(simulation)
@@ -329,10 +341,12 @@ def test_the_command_writes_poses_at_one_moment_and_a_rig(run_out_of_step, tmp_p
     assert late == pytest.approx([1000 * delay for delay in DELAYS_S], abs=4)
     assert load_rig(tmp_path / "turned.toml").names == result.rig.names
     rows = (tmp_path / "turned.toml").read_bytes()
-    again = CliRunner().invoke(app, ["align", str(folder), "--rig", str(tmp_path / "turned.toml")])
+    rig_there = ["--rig", str(tmp_path / "turned.toml"), "--output", str(tmp_path / "other")]
+    again = CliRunner().invoke(app, ["align", str(folder), *rig_there])
     assert again.exit_code != 0
     assert "not there yet" in str(again.exception)
     assert (tmp_path / "turned.toml").read_bytes() == rows
-    told = CliRunner().invoke(app, ["align", str(folder)])
-    assert "views, by" in told.output, "what was found is shown also where the poses are there already"
-    assert told.exit_code != 0
+    again = CliRunner().invoke(app, ["align", str(folder), "--rig", str(tmp_path / "another.toml")])
+    assert "in_step is not empty: choose another --output" in str(again.exception)
+    assert "views, by" not in again.output, "refused before the views are compared"
+    assert not (tmp_path / "another.toml").exists()

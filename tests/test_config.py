@@ -96,11 +96,11 @@ def test_overrides_reach_entries_of_lists(written):
         (GOOD.replace("stature_m", "statur_m"), 'unknown key "statur_m"; did you mean "stature_m"'),
         (
             GOOD.replace("= 1.7", "= 170"),
-            "stature_m = 170: expected less than 5 .height the model",
+            "stature_m = 170: expected less than or equal to 5 .height the model",
         ),
         (
-            GOOD.replace("rig =", "downscale = 0.7, rig ="),
-            r"downscale = 0\.7: expected a valid integer or expected less than or equal to 0\.5 .* enlarges",
+            GOOD.replace("rig =", "downscale = 0, rig ="),
+            r"downscale = 0: expected a whole number from 1 to 16, or 0\.5 \(images are averaged .* enlarges",
         ),
         ("reading = {", "not a TOML file"),
         (GOOD + 'job = "surface"', 'describes the job "surface", but "track" was asked for'),

@@ -83,6 +83,23 @@ def test_a_bent_board_is_named_and_its_height_told():
     assert "from the scatter between the board's positions" in report_text("a", result)
 
 
+def test_positions_of_which_nearly_all_corners_are_wrong_tell_nothing():
+    """A pose fits any three corners: six such positions passed for 36 coordinates without a residual."""
+    images, rng = pictures(0, 12), np.random.default_rng(99)
+    wrong = {}
+    for frame in range(6):
+        shape, pixels = images.seen[0, frame]
+        chosen = rng.choice(len(shape), 6, replace=False)
+        found = pixels[chosen]
+        found[2:] += rng.uniform(-80, 80, (4, 2))
+        wrong[0, 100 + frame] = shape[chosen], found
+    clean = CALIBRATION.calibrate_images(images).adjustment
+    adjustment = CALIBRATION.calibrate_images(replace(images, seen={**images.seen, **wrong})).adjustment
+    assert adjustment.redundancy == clean.redundancy
+    assert adjustment.s0 == pytest.approx(clean.s0)
+    np.testing.assert_allclose(adjustment.sigmas[:, 6:], clean.sigmas[:, 6:], rtol=1e-3)
+
+
 def test_positions_add_up_to_the_whole_and_one_left_out_is_one_adjusted_without():
     adjustment = CALIBRATION.calibrate_images(pictures(0, 12)).adjustment
     state, rows, free = adjustment.state, adjustment.observations, adjustment.free

@@ -275,7 +275,7 @@ def test_the_command_tells_what_to_expect_and_tracks(tmp_path):
     output = tmp_path / "out"
     asked = "--rig", tmp_path / "rig.qca.txt", "--movement", "squat", "--person", 1.7, "--seconds", 0.2
     printed = " ".join(told(*asked, "--output", output).split())
-    for word in ("4 of 4 cameras see a whole", "left wrist", "without FRONT", "hidden", "tracked: 0 of 5 frames lost"):
+    for word in ("4 of 4 cameras see", "left wrist", "without FRONT", "hidden", "tracked: 0 of 5 frames lost"):
         assert word in printed
     content = json.loads((output / "prospect.json").read_text())
     assert set(content["joints_sigma_mm"]) == set(BODY.landmark_names)
@@ -292,6 +292,8 @@ def test_the_command_tells_what_to_expect_and_tracks(tmp_path):
     ("arguments", "fault"),
     [
         (("--movement", "wlak"), 'no movement "wlak" of model "gavrila22"; did you mean "walk"'),
+        (("--person", 5, "--movement", "wlak"), 'no movement "wlak"'),
+        (("--person", 0.04, "--movement", "wlak"), 'no movement "wlak"'),
         (("--model", "hunam"), 'no body model "hunam"; did you mean "human"'),
         (("--model", "quadruped"), 'no movement "walk" of model "quadruped"; valid: bow, trot'),
         (("--size", "big"), "--size big: expected for instance 1920x1080"),

@@ -100,6 +100,7 @@ def test_what_cannot_work_is_refused(
     ("changes", "message"),
     [
         ({"person": "ana"}, 'no start pose of person "anna"; did you mean "ana"'),
+        ({"status": "lost"}, 'no start pose of person "anna"; none is there'),
         ({"torso_x_m": "nan"}, '"torso_x_m" is .nan., expected a finite number'),
         ({"torso_x_m": "west"}, '"torso_x_m" is .west., expected a finite number'),
         ({"frame": ""}, '"frame" is .., expected a finite number'),
@@ -118,6 +119,15 @@ def test_a_misnamed_start_file_is_answered_with_the_nearest(body: BodyModel, tmp
     start_file(tmp_path / "start.csv", body)
     with pytest.raises(ConfigError, match=r'strat.csv: no such file of start poses; did you mean "start.csv"'):
         GivenInitialization(poses=tmp_path / "strat.csv").check(scene_of(body, "anna"), plates(0))
+    with pytest.raises(ConfigError, match=r"start.csv: no such file of start poses; none is there"):
+        GivenInitialization(poses=tmp_path / "empty" / "start.csv").check(scene_of(body, "anna"), plates(0))
+
+
+def test_a_table_that_does_not_say_whose_poses_it_has(body: BodyModel, tmp_path: Path) -> None:
+    path = start_file(tmp_path / "start.csv", body)
+    path.write_text(path.read_text().replace("person", "persons", 1))
+    with pytest.raises(ConfigError, match='no column "person"; did you mean "persons"'):
+        GivenInitialization(poses=path).check(scene_of(body, "anna"), plates(0))
 
 
 def test_a_missing_column_is_answered_with_the_nearest(body: BodyModel, tmp_path: Path) -> None:

@@ -183,3 +183,11 @@ def test_rigs_that_cannot_be_are_refused() -> None:
         Rig((front, replace(left, name="front")))
     with pytest.raises(CalibrationError, match='"front" and "copy" stand at one place'):
         Rig((front, left, replace(front, name="copy")))
+
+
+def test_a_pair_of_cameras_close_together_sees_a_small_thing_in_space() -> None:
+    middle = (0.0, 0.0, 0.01)
+    places = {"left": (0.1, 0.0, 0.05), "right": (0.1, 0.005, 0.05)}
+    rig = Rig(tuple(Camera.looking_at(name, (640, 480), 800.0, place, middle) for name, place in places.items()))
+    points = np.array([middle, (0.01, 0.01, 0.02)])
+    np.testing.assert_allclose(rig.triangulate(rig.project(points))[0], points, atol=1e-9)

@@ -305,6 +305,13 @@ def test_a_table_is_named_by_its_key_where_it_has_no_name(tmp_path: Path) -> Non
     assert load_rig(written(tmp_path, content, ".toml")).names == ("cam_1", "south")
 
 
+@pytest.mark.parametrize("use", ["anipose", "caliscope", "json"])
+def test_a_camera_may_be_called_as_what_is_not_there(tmp_path: Path, use: str) -> None:
+    names = ("null", "true", "nan", "metadata", "cameras")
+    save_rig(sample_rig(*names), target(tmp_path, use), use)
+    assert load_rig(target(tmp_path, use)).names == names
+
+
 def test_both_json_layouts_hold_the_same_rig(tmp_path: Path) -> None:
     listed = load_rig(written(tmp_path, {"fps": 25, "cameras": entries()}, ".json"))
     by_name = {}

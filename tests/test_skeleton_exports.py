@@ -15,9 +15,10 @@ from exported import HUNDREDTH_MM, motion_of
 from motions import INTERVAL_S, LOST, N_FRAMES, made_up
 from scipy.spatial.transform import Rotation
 
+from tracker.body.files import load_body
 from tracker.body.surface import surface_of
 from tracker.estimate import Status
-from tracker.recording._motion import Y_UP
+from tracker.recording._motion import Y_UP, Motion
 from tracker.recording.bvh import Bvh
 from tracker.recording.glb import Glb
 from tracker.skin import Skin
@@ -37,6 +38,42 @@ def test_bvh_is_read_back(movement, tmp_path):
             root.loadPose(t)
             found = np.array([list(layout[s.name].PositionWorld) for s in motion.body.segments])
             np.testing.assert_allclose(found / 100 @ Y_UP, joints[t], atol=HUNDREDTH_MM)
+
+
+@pytest.mark.parametrize("with_post", [True, False])
+def test_bvh_of_what_hangs_on_the_world_has_one_root(with_post, tmp_path):
+    """Readers such as bvhio and three.js take no second one."""
+    file = tmp_path / "crane.toml"
+    file.write_text(CRANE + (POST if with_post else "") + "]")
+    body, n = load_body(file), 5
+    assert sum(segment.parent < 0 for segment in body.segments) == (3 if with_post else 2)
+    q = np.random.default_rng(0).uniform(*body.limits.T, (n, body.dof))
+    nothing = np.zeros((n, body.dof, body.dof)), np.ones((n, len(body.parts)))
+    motion = Motion("crane", body, np.arange(n) / 25, 0.04, q, np.zeros(n, bool), *nothing)
+    root = bvhio.readAsHierarchy(str(Bvh()._written(motion, tmp_path)))
+    assert root.Name == "world"
+    layout, joints = {joint.Name: joint for joint, _, _ in root.layout()}, motion.segments(q)[..., :3, 3]
+    for t in range(n):
+        root.loadPose(t)
+        found = np.array([list(layout[segment.name].PositionWorld) for segment in body.segments])
+        np.testing.assert_allclose(found / 100 @ Y_UP, joints[t], atol=HUNDREDTH_MM)
+
+
+CRANE = """name = "crane"
+segments = [
+    { name = "arm", joint = [0.3, 0.2, 1.7], parameters = [{ name = "up", axis = [0, 1, 0], limits_deg = [-90, 90] }] },
+    { name = "hand", parent = "arm", joint = [0.3, 0.2, 1.2], parameters = [
+        { name = "bend", axis = [1, 0, 0], limits_deg = [-90, 90] },
+    ] },
+    { name = "sledge", joint = [0, -1, 0.4], parameters = [{ name = "x", axis = [1, 0, 0], limits_m = [-0.5, 0.5] }] },
+]
+parts = [
+    { name = "arm", segment = "arm", start = [0.3, 0.2, 1.7], end = [0.3, 0.2, 1.2], radii = [0.05, 0.05] },
+    { name = "hand", segment = "hand", start = [0.3, 0.2, 1.2], end = [0.3, 0.2, 0.9], radii = [0.05, 0.05] },
+    { name = "sledge", segment = "sledge", start = [0, -1, 0.3], end = [0, -1, 0.5], radii = [0.1, 0.1] },
+"""
+
+POST = '{ name = "post", segment = "world", start = [-0.3, 0, 0], end = [-0.3, 0, 1.9], radii = [0.06, 0.06] },'
 
 
 def test_bvh_angles_go_on_without_jumps(tmp_path):

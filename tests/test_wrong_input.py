@@ -61,7 +61,7 @@ def test_a_place_that_no_camera_sees_is_told_once(tmp_path: Path) -> None:
     save_rig(SMALL, tmp_path / "rig.toml")
     asked = ("--rig", tmp_path / "rig.toml", "--output", tmp_path / "out", "--seconds", "0.2", "--no-track")
     found = told("simulate", *asked, "--place", "8", "0")
-    assert "two cameras do not see a whole person at --place" in found
+    assert "two cameras do not see the whole body at --place" in found
     assert "nowhere" not in found
     assert "cameras would do" not in found
 

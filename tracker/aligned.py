@@ -15,7 +15,7 @@ from tracker.alignment.moments import Tracked, chosen_moments, moments_of
 from tracker.errors import ConfigError
 from tracker.estimate import Estimate
 from tracker.export import write_result
-from tracker.files import whole_folder
+from tracker.files import check_empty, whole_folder
 from tracker.progress import Progress, silent
 from tracker.result import Result
 from tracker.rig_layouts import load_rig, save_rig
@@ -72,7 +72,7 @@ def write_in_step(
         ConfigError: the folder holds something.
         TrackerError: the recording is not there any more.
     """
-    target = folder or result.folder / IN_STEP
+    target = folder_in_step(result, folder)
     with whole_folder(target) as unfinished:
         changed = dict(_counted(result, found, progress))
         replays = tuple(
@@ -82,6 +82,21 @@ def write_in_step(
         if found.change is not None:
             details["alignment_change"] = dict(zip(("after_frame", "before_frame"), found.change.between, strict=True))
         write_result(replace(result, replays=replays, details=details), unfinished)
+    return target
+
+
+def folder_in_step(result: Result, folder: Path | None = None) -> Path:
+    """Where `write_in_step` writes to, to be asked before the views are compared, which takes long.
+
+    Args:
+        result: the poses as tracked.
+        folder: where to; None for the folder `in_step` in the result's.
+
+    Raises:
+        ConfigError: the folder holds something.
+    """
+    target = folder or result.folder / IN_STEP
+    check_empty(target)
     return target
 
 

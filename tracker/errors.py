@@ -61,13 +61,15 @@ def nearest(name: str, options: Iterable[str]) -> str:
         options: the valid names.
 
     Returns:
-        For instance ``did you mean "chamfer"? valid: chamfer, overlap``.
+        For instance ``did you mean "chamfer"? valid: chamfer, overlap``; ``none is there`` where no name is valid.
     """
-    valid = sorted({shortened(str(option)) for option in itertools.islice(options, _MOST_LOOKED_AT)})
+    valid = sorted({shortened(str(option)) for option in itertools.islice(options, _MOST_LOOKED_AT)} - {""})
+    if not valid:
+        return "none is there"
     close = difflib.get_close_matches(name[:_LONGEST_QUOTE], valid, n=1, cutoff=0.5)
     hint = f'did you mean "{close[0]}"? ' if close else ""
     more = f" and {len(valid) - _MOST_SHOWN} more" if len(valid) > _MOST_SHOWN else ""
-    return f"{hint}valid: {', '.join(valid[:_MOST_SHOWN]) if valid else 'none'}{more}"
+    return f"{hint}valid: {', '.join(valid[:_MOST_SHOWN])}{more}"
 
 
 def shortened(text: str) -> str:

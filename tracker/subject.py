@@ -14,8 +14,9 @@ from tracker.components import ModelFile, component
 from tracker.errors import ConfigError, ModelError
 from tracker.resources import model_path
 
-Stature = Annotated[float, pydantic.Field(gt=0.2, lt=5)]
-"""Height of a person, metres."""
+Stature = Annotated[float, pydantic.Field(ge=0.04, le=5)]
+"""Height that a model is scaled to, metres, from the smallest body that is tracked. More than this is feet or
+centimetres; a body that large has its size in its model file."""
 
 
 @component

@@ -41,6 +41,10 @@ class Observations:
     def __len__(self) -> int:
         return len(self.views)
 
+    def chosen(self, these: Mask) -> Observations:
+        """Those of a mask (N,)."""
+        return Observations(self.views[these], self.points[these], self.pixels[these], self.velocities[these])
+
     def counted(self, used: Mask, n_points: int) -> Integers:
         """(P,) number of used observations of each point."""
         return np.bincount(self.points[used], minlength=n_points).astype(np.int64)

@@ -54,7 +54,8 @@ def scatter(state: State, observations: Observations, weights: Array, free: Mask
     assert isinstance(boards, Boards)
     shapes = _deformations(boards)
     images = _changes(state, observations, shapes)
-    equations = [_equations_of(g, state, observations, weights, images, free.ravel()) for g in range(len(boards.poses))]
+    shown = np.unique(boards.owners[observations.points[weights > 0]])
+    equations = [_equations_of(g, state, observations, weights, images, free.ravel()) for g in shown]
     normals, sides = np.stack([normal for normal, _ in equations]), np.stack([side for _, side in equations])
     n = int(free.sum())
     steps = _left_out(normals[:, :n, :n], sides[:, :n], inverse)
@@ -104,12 +105,8 @@ def _equations_of(
     mine = boards.owners[observations.points] == g
     own = replace(boards, shape=boards.shape[points], owners=0 * points, poses=boards.poses[g : g + 1])
     alone = State(state.cameras, own)
-    rows = Observations(
-        observations.views[mine],
-        observations.points[mine] - points[0],
-        observations.pixels[mine],
-        observations.velocities[mine],
-    )
+    rows = observations.chosen(mine)
+    rows = replace(rows, points=rows.points - points[0])
     weight, shifts = weights[mine], images[:, mine]
     counted = rows.counted(weight > 0, len(points))
     errors = np.nan_to_num(residuals(alone, rows))

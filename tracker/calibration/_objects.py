@@ -38,6 +38,10 @@ class CalibrationObjects(Protocol):
         """Whether positions are known in the world, so that the cameras cannot move as a whole."""
         ...
 
+    def determined(self, counted: Integers) -> Mask:
+        """(P,) points whose images, `counted` (P,) of each, determine where they are; those of others say nothing."""
+        ...
+
     def conditions(self, counted: Integers) -> tuple[Array, Array, Array]:
         """What is known of the objects beside their images.
 
@@ -91,9 +95,13 @@ class Bars:
         """Bars tell the scale alone."""
         return False
 
+    def determined(self, counted: Integers) -> Mask:
+        """Ends seen from two views."""
+        return np.asarray(counted >= 2)
+
     def conditions(self, counted: Integers) -> tuple[Array, Array, Array]:
         """The length of every bar with both ends observed."""
-        determined = (counted >= 2).reshape(-1, 2)
+        determined = self.determined(counted).reshape(-1, 2)
         whole: Mask = np.asarray(determined.all(axis=1))
         along = self.ends[:, 1] - self.ends[:, 0]
         length: Array = np.asarray(np.linalg.norm(along, axis=1))
@@ -106,7 +114,7 @@ class Bars:
 
     def n_unknowns(self, counted: Integers) -> int:
         """Three for each end seen from two views."""
-        return 3 * int((counted >= 2).sum())
+        return 3 * int(self.determined(counted).sum())
 
     def moved(self, steps: Array) -> Bars:
         """The ends shifted."""
@@ -157,16 +165,23 @@ class Boards:
         """Boards tell the scale alone."""
         return False
 
+    def _posed(self, counted: Integers) -> Mask:
+        """(G,) poses with images of four points, from one view on: those of three fit any camera."""
+        return np.asarray(np.bincount(self.owners, counted > 0, minlength=len(self.poses)) >= 4)
+
+    def determined(self, counted: Integers) -> Mask:
+        """Corners of a board that shows four or more."""
+        return self._posed(counted)[self.owners]
+
     def conditions(self, counted: Integers) -> tuple[Array, Array, Array]:
-        """None: a pose is determined by the images of four points, from one view on."""
+        """None."""
         n = len(self.poses)
-        enough = np.bincount(self.owners, counted, minlength=n) >= 4
-        normal = np.where(enough, 0.0, 1.0)[:, None, None] * np.eye(N_OBJECT)
+        normal = np.where(self._posed(counted), 0.0, 1.0)[:, None, None] * np.eye(N_OBJECT)
         return normal, np.zeros((n, N_OBJECT)), np.zeros(0)
 
     def n_unknowns(self, counted: Integers) -> int:
-        """Six for each pose with four observations or more."""
-        return N_OBJECT * int((np.bincount(self.owners, counted, minlength=len(self.poses)) >= 4).sum())
+        """Six for each pose."""
+        return N_OBJECT * int(self._posed(counted).sum())
 
     def moved(self, steps: Array) -> Boards:
         """The boards turned and shifted."""
@@ -207,6 +222,10 @@ class MeasuredPoints:
     def fixes_datum(self) -> bool:
         """Their positions are those of the world."""
         return True
+
+    def determined(self, counted: Integers) -> Mask:
+        """All: they were measured."""
+        return np.ones(len(self.positions), dtype=np.bool_)
 
     def conditions(self, counted: Integers) -> tuple[Array, Array, Array]:
         """The measured coordinates."""

@@ -111,10 +111,9 @@ def _without_gross_errors(state: State, observations: Observations, free: Mask, 
 
 
 def _checkable(used: Mask, state: State, observations: Observations) -> Mask:
-    """Leaves out the only image of a bar's end: it says nothing."""
-    if not isinstance(state.objects, Bars):
-        return used
-    return used & (observations.counted(used, len(state.objects.points))[observations.points] >= 2)
+    """Leaves out images that say nothing: they fit wherever their object is, and would pass for redundancy."""
+    counted = observations.counted(used, len(state.objects.points))
+    return used & state.objects.determined(counted)[observations.points]
 
 
 def _check_enough(observations: Observations, used: Mask, names: tuple[str, ...]) -> None:

@@ -29,6 +29,7 @@ from tracker.calibration._synchronization import (
 from tracker.calibration._world import WorldFrame
 from tracker.components import component
 from tracker.errors import CalibrationError
+from tracker.kernels.rows.bundle_camera import DELAY
 from tracker.progress import Progress
 from tracker.rig import Rig
 from tracker.views import Views
@@ -183,15 +184,16 @@ class ReferenceBarCalibration:
         assert isinstance(bars, Bars)
         owners = observations.points // 2
         held = owners % self.hold_out_every == self.hold_out_every - 1
-        kept = Observations(*(values[~held] for values in _columns(observations)))
         views = list(zip(adjustment.names, adjustment.sizes, strict=True))
         try:
-            other = self_calibrated(adjustment.state, kept, adjustment.free, self.sigma_px, views)
+            other = self_calibrated(adjustment.state, observations.chosen(~held), adjustment.free, self.sigma_px, views)
         except CalibrationError:
             return np.zeros(0)
         pixels = np.full((len(views), len(bars.ends) * 2, 2), np.nan)
-        judged = held & adjustment.used
-        pixels[observations.views[judged], observations.points[judged]] = observations.pixels[judged]
+        judged = observations.chosen(held & adjustment.used)
+        lags = other.state.cameras[judged.views, DELAY]
+        # where a view that looks late would have seen the target together with the others
+        pixels[judged.views, judged.points] = judged.pixels - lags[:, None] * judged.velocities
         points, _ = Rig(other.cameras).triangulate(pixels)
         ends = points.reshape(-1, 2, 3)
         errors = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) - self._length()
@@ -237,10 +239,6 @@ def _start(
         assert fault is not None
         raise fault
     return min(found, key=lambda start: start.spread)
-
-
-def _columns(observations: Observations) -> tuple[Array, ...]:
-    return (observations.views, observations.points, observations.pixels, observations.velocities)  # type: ignore[return-value]
 
 
 def _determined(adjustment: Adjustment) -> Mask:

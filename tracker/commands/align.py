@@ -21,10 +21,18 @@ def align(
 
     Where views are out of step, poses at the moment of the first one are written into a result folder of their own.
     """
-    from tracker.aligned import alignment_of, check_new_file, described, write_in_step, write_turned_rig
+    from tracker.aligned import (
+        alignment_of,
+        check_new_file,
+        described,
+        folder_in_step,
+        write_in_step,
+        write_turned_rig,
+    )
     from tracker.result import load_result
 
     loaded = load_result(result)
+    folder_in_step(loaded, output)
     if rig is not None:
         check_new_file(rig)
     with ProgressBar() as progress:

@@ -13,7 +13,8 @@ from tracker.errors import ConfigError
 
 Config = Annotated[Path, typer.Argument(help="Configuration, TOML.")]
 Output = Annotated[Path | None, typer.Option(help="Result folder; default results/NAME/TIME.")]
-Overrides = Annotated[list[str] | None, typer.Option("--set", help="Override: section.key=value; repeatable.")]
+_OVERRIDE = "Override: section.key=value, paths relative to the configuration's folder; repeatable."
+Overrides = Annotated[list[str] | None, typer.Option("--set", help=_OVERRIDE)]
 Frames = Annotated[str | None, typer.Option(help="Range A:B of frames, either end may be left out.")]
 
 

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 def simulate(
     rig: Annotated[Path, typer.Option(help="Calibration, in any layout that `rig convert` reads.")],
     movement: Annotated[str, typer.Option(help="Movement of the model's file.")] = "walk",
-    person: Annotated[float | None, typer.Option(help="Stature, metres; default: the model's.", min=0.2, max=5)] = None,
+    person: Annotated[
+        float | None, typer.Option(help="Stature to scale the model to, metres; default: its own.", min=0.04, max=5)
+    ] = None,
     model: Annotated[str, typer.Option(help="Bundled body model, or a model file.")] = "gavrila22",
     seconds: Annotated[float, typer.Option(min=0.2, max=600, help="Length.")] = 3.0,
     fps: Annotated[float, typer.Option(min=1, max=1000, help="Frames per second.")] = 25.0,
@@ -36,7 +38,7 @@ def simulate(
     tracking: Annotated[bool, typer.Option("--track/--no-track", help="Track the recording, for real errors.")] = True,
     seed: Annotated[int, typer.Option(min=0, help="Chooses the room and the noise.")] = 0,
 ) -> None:
-    """Films a simulated person with your cameras: errors to expect, what each view adds, what stays hidden."""
+    """Films a simulated body with your cameras: errors to expect, what each view adds, what stays hidden."""
     from tracker.commands.rig import told_rig
     from tracker.files import check_empty
     from tracker.simulation.filming import film, plan
@@ -73,14 +75,14 @@ def _tell_place(planned: Plan) -> None:
     (x, y), n = planned.place, len(planned.rig)
     console.print(
         f"{planned.recipe.movement.replace('_', ' ')} around x {x:.2f} m, y {y:.2f} m, heading "
-        f"{planned.recipe.heading_deg:.0f} degrees, where {planned.whole} of {n} cameras see a whole person",
+        f"{planned.recipe.heading_deg:.0f} degrees, where {planned.whole} of {n} cameras see the whole body",
         highlight=False,
     )
     areas = ", ".join(f"{k} or more: {planned.floor.area_m2(k):.1f} m2" for k in range(2, n + 1))
-    console.print(f"floor on which cameras see a whole person: {areas}", highlight=False)
+    console.print(f"floor on which cameras see the whole body: {areas}", highlight=False)
     if planned.whole < 2:
-        nowhere = "nowhere do two cameras see a whole person: set them back or use wider lenses"
-        elsewhere = "two cameras do not see a whole person at --place: choose another one, or leave it out"
+        nowhere = "nowhere do two cameras see the whole body: set them back or use wider lenses"
+        elsewhere = "two cameras do not see the whole body at --place: choose another one, or leave it out"
         told = elsewhere if planned.floor.area_m2(2) > 0 else nowhere
         console.print(marked("look", told), highlight=False)
 
@@ -95,7 +97,7 @@ def _tracked(config: Path, folder: Path) -> PersonErrors | None:
     try:
         result = done(load_job("track", config), folder / "tracking")
     except InitializationError as error:
-        console.print(marked("look", f"nobody is found in the recording: {error}"), highlight=False, soft_wrap=True)
+        console.print(marked("look", f"not found in the recording: {error}"), highlight=False, soft_wrap=True)
         return None
     if result.interrupted:
         raise typer.Exit(130)
@@ -165,7 +167,7 @@ def _print_visible(expected: Prospect) -> None:
 
 def _tell_enough(planned: Plan, expected: Prospect) -> None:
     if not any(share for shares in expected.visible.values() for share in shares.values()):
-        return  # no camera sees anything of the person
+        return  # no camera sees anything of the body
     n, views = len(planned.rig), expected.fewest[expected.enough]
     if expected.enough < n:
         console.print(

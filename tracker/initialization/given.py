@@ -90,9 +90,12 @@ class GivenInitialization:
 
 def _rows_of(rows: list[dict[str, str]], person: Person, path: Path) -> list[dict[str, str]]:
     """The poses of one person, without those of frames in which it was lost."""
-    mine = [row for row in rows if row.get("person") == person.name and row.get("status") != "lost"]
+    if "person" not in rows[0]:
+        raise ConfigError(f'{path}: no column "person"; {nearest("person", rows[0])}')
+    found = [row for row in rows if row.get("status") != "lost"]
+    mine = [row for row in found if row["person"] == person.name]
     if not mine:
-        names = {row.get("person") or "" for row in rows}
+        names = {row["person"] for row in found}
         raise ConfigError(f'{path}: no start pose of person "{person.name}"; {nearest(person.name, names)}')
     return mine
 

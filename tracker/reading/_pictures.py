@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import cv2
 import numpy as np
 import pydantic
+from pydantic_core import PydanticCustomError
 
 from tracker.arrays import Image, Mask
 from tracker.errors import CalibrationError, SequenceError
@@ -55,7 +56,17 @@ def check_size(name: str, image: Image, expected: tuple[int, int], source: str =
         )
 
 
-Downscale = Annotated[int, pydantic.Field(ge=1, le=16)] | Annotated[float, pydantic.Field(ge=0.5, le=0.5)]
+_FACTORS: tuple[float, ...] = (0.5, *range(1, 17))
+"""Of the widest images, 8K, 16 leave 480 px."""
+
+
+def _factor(value: Any) -> float:
+    if isinstance(value, bool) or value not in _FACTORS:
+        raise PydanticCustomError("factor", "Input should be a whole number from 1 to 16, or 0.5")
+    return _FACTORS[_FACTORS.index(value)]
+
+
+Downscale = Annotated[int | float, pydantic.BeforeValidator(_factor)]
 """Pixels, in both directions, that are averaged; 0.5: images are enlarged twice."""
 
 

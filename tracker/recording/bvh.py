@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from tracker.arrays import Array
+from tracker.arrays import Array, frozen
 from tracker.body import BodyModel
 from tracker.components import component
 from tracker.files import write_whole
 from tracker.recording import RunContext
 from tracker.recording._motion import Y_UP, Motion, MotionRecorder, euler_angles
 from tracker.recording._names import exported_name
+from tracker.segments import Segment
 
 # A metre in the unit that programs expect of BVH.
 _CM = 100.0
 _ORDER: Final = "ZXY"
 """Order of the rotation channels: R = Rz Rx Ry, the usual one; the sides of X = 90 degrees lie far from any spine."""
+
+_WORLD = "world"
+"""The segment that never moves, and that no other is called."""
 
 
 @component
@@ -27,6 +32,7 @@ class Bvh:
     """`NAME.bvh` for each person: the segments as joints, centimetres, y up; lost frames are interpolated.
 
     The rest pose is the model's reference pose. Only the root moves in space, and what can slide along its parent.
+    Where several segments hang on the world, as beside a pedestal, the root is the world, which stays.
     """
 
     def begin(self, run: RunContext) -> MotionRecorder:
@@ -34,7 +40,7 @@ class Bvh:
         return MotionRecorder(run, self._written, "bvh")
 
     def _written(self, motion: Motion, folder: Path) -> Path:
-        motion, path = motion.even(), folder / f"{motion.name}.bvh"
+        motion, path = _on_one_root(motion.even()), folder / f"{motion.name}.bvh"
         motion.told_filled(path)
         rows = np.concatenate(list(_columns(motion)), axis=1)
         lines = ["HIERARCHY", *_hierarchy(motion)]
@@ -42,6 +48,20 @@ class Bvh:
         lines += [" ".join(f"{value:.6f}" for value in row) for row in rows]
         write_whole(path, ("\n".join(lines) + "\n").encode())
         return path
+
+
+def _on_one_root(motion: Motion) -> Motion:
+    """The movement with a segment for the world that all others hang on, if more than one hangs on the world.
+
+    The format allows several ROOTs and Blender reads them; three.js, bvhio and others take a file of one only.
+    """
+    body = motion.body
+    if sum(segment.parent < 0 for segment in body.segments) < 2:
+        return motion
+    world = Segment(_WORLD, -1, frozen(np.zeros(3)), (), -1)
+    # the body's own such segment, of what is fixed to the room, is its last one
+    hung = (replace(one, parent=one.parent + 1) for one in body.segments if one.name != _WORLD)
+    return replace(motion, body=replace(body, segments=(world, *hung)))
 
 
 def _in_order(body: BodyModel) -> list[tuple[int, int]]:
@@ -63,12 +83,14 @@ def _hierarchy(motion: Motion) -> Iterator[str]:
             yield "\t" * level + "}"
         open_to = depth + 1
         indent, root = "\t" * depth, segment.parent < 0
-        offset = np.zeros(3) if root else Y_UP @ (segment.joint - body.segments[segment.parent].joint)
+        moves = root or motion.slides(k)
+        # some readers add positions to the offset, others put them in its place
+        free = root or (moves and body.segments[segment.parent].name == _WORLD)
+        offset = np.zeros(3) if free else Y_UP @ (segment.joint - body.segments[segment.parent].joint)
         yield f"{indent}{'ROOT' if root else 'JOINT'} {exported_name(segment.name)}"
         yield indent + "{"
         yield f"{indent}\tOFFSET {_centimetres(offset)}"
         rotations = " ".join(f"{axis}rotation" for axis in _ORDER)
-        moves = root or motion.slides(k)
         yield f"{indent}\tCHANNELS " + (f"6 Xposition Yposition Zposition {rotations}" if moves else f"3 {rotations}")
         if not any(other.parent == k for other in body.segments):
             yield f"{indent}\tEnd Site"

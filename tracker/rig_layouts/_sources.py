@@ -39,7 +39,10 @@ def text_of(path: Path, errors: str = "strict") -> str:
 
 
 def toml_table(path: Path) -> dict[str, Any]:
-    """The content of a TOML file; entries that are the word "null", as rtoml writes None, are as if not there."""
+    """The content of a TOML file; entries that are the word "null", as rtoml writes None, are as if not there.
+
+    But for a name: a camera may be called so.
+    """
     text = text_of(path)
     longest = max((len(line) for line in text.splitlines()), default=0)
     if longest > _LONGEST_LINE:
@@ -73,5 +76,5 @@ def _without_null(table: dict[str, Any]) -> dict[str, Any]:
     return {
         key: _without_null(value) if isinstance(value, dict) else value
         for key, value in table.items()
-        if value != "null"
+        if value != "null" or key == "name"
     }

@@ -88,7 +88,7 @@ def check_floor(rig: Rig) -> None:
     for camera in rig.cameras:
         if camera.centre[2] <= 0:
             raise CalibrationError(
-                f'camera "{camera.name}" is {-camera.centre[2]:.2f} m below the floor z = 0: a person stands on it, z '
+                f'camera "{camera.name}" is {-camera.centre[2]:.2f} m below the floor z = 0: bodies stand on it, z '
                 "up; turn and move the world with bodytrack rig convert --up AXIS --floor METRES"
             )
 

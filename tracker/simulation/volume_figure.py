@@ -51,7 +51,7 @@ def _plan(figure: Figure, axes: Axes, rig: Rig, floor: Floor, box: tuple[Array, 
     colours = [_COLOURS[min(k, len(_COLOURS) - 1)] for k in range(n + 1)]
     norm = BoundaryNorm(np.arange(n + 2) - 0.5, n + 1)
     image = axes.pcolormesh(floor.x, floor.y, floor.whole, cmap=ListedColormap(colours), norm=norm, shading="nearest")
-    figure.colorbar(image, ax=axes, ticks=range(n + 1), shrink=0.7, label="cameras that see a whole person there")
+    figure.colorbar(image, ax=axes, ticks=range(n + 1), shrink=0.7, label="cameras that see the whole body there")
     for camera in rig.cameras:
         x, y, _ = camera.centre
         for column in (0, camera.size[0] - 1):
@@ -67,7 +67,7 @@ def _plan(figure: Figure, axes: Axes, rig: Rig, floor: Floor, box: tuple[Array, 
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
     areas = ", ".join(f"{k} or more: {floor.area_m2(k):.1f} m²" for k in (2, 3) if k <= len(rig))
-    axes.set_title(f"a whole person is seen by {areas}", fontsize=9)
+    axes.set_title(f"the whole body is seen by {areas}", fontsize=9)
 
 
 def _space(axes: Any, rig: Rig, floor: Floor, box: tuple[Array, Array]) -> None:
