@@ -101,6 +101,7 @@ def test_a_name_without_its_side_means_both() -> None:
     assert mirror.meant("front_bend", names) == ["front_left_bend", "front_right_bend"]
     assert mirror.meant("torso_twist", names) == ["torso_twist"]
     assert mirror.meant("twist", names) == []
+    assert mirror.meant("arm_twist", ("arm_twist", *names)) == ["arm_twist"], "what is called so is meant alone"
     assert mirror.of("front_left_bend") == "front_right_bend"
 
 

@@ -13,6 +13,7 @@ from rig_samples import FISHEYE
 from tracker.arrays import Array
 from tracker.camera import Camera
 from tracker.errors import CalibrationError
+from tracker.kernels.pictures.id_contours import _undistort
 from tracker.lens import Lens
 from tracker.rig import Rig
 from tracker.rig_check import check_rig
@@ -73,15 +74,15 @@ def test_undistortion_inverts_projection(lens: str, shear: float) -> None:
     np.testing.assert_allclose(camera.undistort(camera.project(points)), local[:, :2] / local[:, 2:], atol=1e-11)
 
 
-@pytest.mark.parametrize(
-    "lens",
-    [
-        (0.175, 0.148, 0.001, 0.001, -0.117, 0, 0, 0),
-        (0.724, -0.97, 0, 0, 0, 0, 0, 0),
-        (0.132, -0.102, 0.002, 0, 0.159, 0, 0, 0),
-        (0.239, 0.173, 0, 0.001, 0.119, -0.093, 0.032, -0.152),
-    ],
+STRETCHING = (
+    (0.175, 0.148, 0.001, 0.001, -0.117, 0, 0, 0),
+    (0.724, -0.97, 0, 0, 0, 0, 0, 0),
+    (0.132, -0.102, 0.002, 0, 0.159, 0, 0, 0),
+    (0.239, 0.173, 0, 0.001, 0.119, -0.093, 0.032, -0.152),
 )
+
+
+@pytest.mark.parametrize("lens", STRETCHING)
 def test_what_a_lens_images_farther_out_than_it_is_comes_back(lens: tuple[float, ...]) -> None:
     """Where a lens stretches the image, what is imaged may lie beyond its reach, where its slope leads elsewhere."""
     found = Lens(np.array(lens))
@@ -93,6 +94,24 @@ def test_what_a_lens_images_farther_out_than_it_is_comes_back(lens: tuple[float,
     if np.isfinite(found.reach):
         end, _ = found.distort(np.array([found.reach, 0.0]))
         assert np.isnan(found.undistort(np.array([1.05 * end[0], 0.0]))).all()
+
+
+@pytest.mark.parametrize("lens", [*STRETCHING, LENSES["all"], LENSES["rational"], (-0.3, 0, 0, 0, 0), LENSES["none"]])
+def test_the_kernel_of_contours_undistorts_as_cameras_do(lens: tuple[float, ...]) -> None:
+    """Within the reach of the lens, at its very end, and beyond, where both are at the end."""
+    matrix = np.array([[500.0, 3.0, 360], [0, 480, 288], [0, 0, 1]])
+    camera = Camera("a", (720, 576), matrix, np.array(lens), np.eye(4))
+    radii, angles = np.linspace(0.01, 0.95 * min(camera.reach, 1.8), 30), np.linspace(0, 6, 7)[:, None]
+    plane = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1).reshape(-1, 2)
+    imaged = Lens(camera.distortion).distort(plane)[0] @ matrix[:2, :2].T + matrix[:2, 2]
+    row = Rig((camera,)).packed[0]
+    found = np.array([_undistort(row, *pixel) for pixel in imaged])
+    np.testing.assert_allclose(found, plane, atol=1e-9)
+    np.testing.assert_allclose(found, camera.undistort(imaged), atol=1e-9)
+    if np.isfinite(camera.reach):
+        beyond = matrix[:2, 2] + 3 * (imaged[radii.argmax() :: len(radii)] - matrix[:2, 2])
+        found = np.array([_undistort(row, *pixel) for pixel in beyond])
+        np.testing.assert_allclose(found, camera.undistort(beyond, clamped=True), atol=1e-9)
 
 
 @pytest.mark.parametrize("shear", [0.0, 12.0])

@@ -19,6 +19,7 @@ from recordings import TrueStart, cycle_for, small_simulation, with_images
 from tracker.doubts import Doubts, ranges
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
+from tracker.initialization._person_sized import enlarged
 from tracker.loss import LossRule, doubted, is_looked_about, judged, limb_spreads_m, sought_anew, trusted_parts
 from tracker.observation import Observation
 from tracker.recording import RunContext
@@ -319,6 +320,19 @@ def test_a_limb_whose_place_nothing_tells_is_told_and_not_searched(truth: Scene,
     assert doubted(again)
     nothing = judged(body, replace(right, covariance=np.full((body.dof, body.dof), np.nan)), LossRule())
     assert nothing.ambiguous == ()
+
+
+def test_the_place_of_a_small_bodys_limb_is_told_by_its_size(truth: Scene, observation: Observation) -> None:
+    """A hand's finger known to 3 cm may be anywhere."""
+    body, right = truth.persons[0].body, estimate_of(truth, observation)
+    spread = 0.3 * np.diag(body.rotates.astype(float)) ** 2
+    for factor, least_m in ((0.1, 0.06 * 0.172 / 0.8), (0.6, 0.06), (1.0, 0.06)):
+        other = enlarged(truth, factor).persons[0].body
+        for share in (0.95, 1.05):
+            found = replace(right, q=np.where(body.rotates, right.q, factor * right.q), covariance=spread)
+            scale = (share * least_m / limb_spreads_m(other, found)["left_arm"]) ** 2
+            told = judged(other, replace(found, covariance=scale * spread), LossRule())
+            assert ("left_arm" in told.vague) == (share > 1)
 
 
 def test_why_nobody_was_found_is_said_of_whole_recordings_without_anybody() -> None:

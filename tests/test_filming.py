@@ -106,6 +106,13 @@ def test_cameras_that_share_nothing_are_refused():
         plan(Recipe("squat"), rig_of(AROUND[0], (5.0, -3.0, -1.0)))
 
 
+def test_a_small_body_is_seen_whole_before_cameras_as_near_as_it_is_small():
+    rig = rig_of(*(0.12 * np.array(AROUND)), target=(0.6, 0.24, 0.12))
+    found = plan(Recipe("squat", stature_m=0.21, seconds=0.2), rig)
+    assert found.whole == found.floor.whole.max() == 4
+    assert found.place == pytest.approx((0.6, 0.24), abs=0.05)
+
+
 @pytest.mark.parametrize("heading_deg", [None, 75.0])
 def test_the_middle_of_the_way_lies_where_it_is_asked_for(heading_deg):
     found = plan(Recipe("walk", seconds=2.0), rig_of(*AROUND), (4.6, 2.3), heading_deg)

@@ -98,6 +98,9 @@ def test_a_table_of_several_individuals_is_read(tmp_path: Path) -> None:
         "2,1,2,0.9,3,4,0.8\n"
     )
     np.testing.assert_array_equal(open_keypoints(path).at(2).found, [[[1, 2, 0.9]], [[3, 4, 0.8]]])
+    path.write_text(path.read_text().replace("nose,nose,nose\ncoords", "ball,ball,ball\ncoords"))
+    gone = [np.nan] * 3
+    np.testing.assert_array_equal(open_keypoints(path).at(2).found, [[[1, 2, 0.9], gone], [gone, [3, 4, 0.8]]])
 
 
 def test_a_table_of_sleap_is_read(tmp_path: Path) -> None:
@@ -142,8 +145,14 @@ TABLES = {
     "headless": ("scorer,net\n0,1\n", "bodyparts"),
     "short": ("scorer,n,n,n\nbodyparts,a,a,a\ncoords,x,y,likelihood\n0,1,2\n", "3 cells in the row of 0, expected 4"),
     "words": ("scorer,n,n,n\nbodyparts,a,a,a\ncoords,x,y,likelihood\n0,1,two,0.5\n", '"two" found'),
+    "units": ("scorer,n,n,n\nbodyparts,a,a,a\ncoords,x,y,likelihood\nunit,px,px,1\n", '"px" found in the row of unit,'),
+    "no y": ("scorer,n,n\nbodyparts,a,a\ncoords,x,z\n0,1,2\n", 'no column of the y of "a"'),
+    "semicolons": ("scorer;n;n;n\nbodyparts;a;a;a\n", "cells are separated by semicolons, expected commas"),
     "no frame": ("scorer,n,n,n\nbodyparts,a,a,a\ncoords,x,y,likelihood\n", "no frame"),
     "sleap": ("track,frame_idx\n0,0\n", 'no column like "nose.x"'),
+    "sleap units": ("track,frame_idx,a.x,a.y\n,,px,px\n", '"px" found in row 1, expected'),
+    "sleap no y": ("track,frame_idx,a.x,a.z\n0,0,1,2\n", 'no column of the y of "a"'),
+    "sleap short": ("track,frame_idx,a.x,a.y\n0,0,1,2\n0,1\n", "2 cells in row 2, expected 4"),
     "sleap frame": ("track,frame_idx,a.x,a.y,a.score\n0,,1,2,0.5\n", "without frame_idx"),
 }
 

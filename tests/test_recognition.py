@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -124,6 +125,37 @@ def test_frames_are_interpolated_over_short_gaps_only():
 def test_an_animal_has_no_such_joints():
     with pytest.raises(ModelError, match='model "quadruped" has no landmark "left_shoulder"'):
         joint_columns(load_body(model_path("quadruped")))
+
+
+def test_segments_of_an_animal_do_not_depend_on_place_and_heading():
+    body, times = load_body(model_path("quadruped")), np.arange(0, 1, 0.04)
+    found = course_of(body, times, poses_of("trot", body, times))
+    elsewhere = course_of(body, times, poses_of("trot", body, times, heading_deg=130.0, place=(3.0, -2.0)))
+    np.testing.assert_allclose(found.directions, elsewhere.directions, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(found.directions, axis=-1), 1, atol=1e-6)
+    assert found.features.names[-1] == "vertical"
+    assert "front_left_lower" in found.features.names
+    assert "trunk" not in found.features.names, "always points the same way, seen from itself"
+
+
+def test_segments_of_the_other_side_are_mirrored():
+    body = load_body(model_path("quadruped"))
+    left, right = (np.tile(body.rest(), (2, 1)) for _ in range(2))
+    for q, side, sign in ((left, "left", 1), (right, "right", -1)):
+        q[:, body.index(f"front_{side}_swing")] = 0.4
+        q[:, body.index("trunk_roll")] = 0.2 * sign
+    one, other = (course_of(body, np.arange(2) / RATE_HZ, q) for q in (left, right))
+    np.testing.assert_allclose(one.mirrored().directions, other.directions, atol=1e-6)
+    assert np.abs(one.directions - other.directions).max() > 0.1
+
+
+def test_a_person_whose_joints_are_called_otherwise_is_a_person():
+    times = np.arange(0, 1, 0.04)
+    short = [re.sub(r"(left|right)_(.*)", r"\2_\1", mark.name) for mark in BODY.landmarks]
+    named = replace(BODY, landmarks=tuple(replace(m, name=n) for m, n in zip(BODY.landmarks, short, strict=True)))
+    found, usual = (course_of(body, times, poses_of("squat", BODY, times)) for body in (named, BODY))
+    assert found.features == usual.features
+    np.testing.assert_array_equal(found.directions, usual.directions)
 
 
 def test_gaps_are_root_mean_square_angles():

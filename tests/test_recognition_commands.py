@@ -72,6 +72,25 @@ def test_a_result_is_added_and_then_recognized(squat_result, tmp_path):
     assert (tmp_path / "out" / "movements.csv").is_file()
 
 
+@pytest.mark.parametrize("repeats", [(), ("--repeats",)])
+def test_movements_of_an_animal_are_told_by_a_library_of_its_own(squat_result, tmp_path, repeats):
+    body, mine, times = load_body(model_path("quadruped")), tmp_path / "mine", np.arange(0, 2.4, 0.04)
+    never = np.zeros(len(times), bool)
+    known, asked = (
+        performed(body, poses_of("trot", body, times + late_s, heading_deg=turn), never).result(tmp_path / f"run{turn}")
+        for late_s, turn in ((0.0, 10), (0.3, 200))
+    )
+    output = told(asked)
+    assert "the movements are of another body (left_forearm, left_shin, left_thigh, ... only of the movements" in output
+    assert "a person's landmarks are called left_shoulder, " in output
+    told("--add", known, "trot", "--library", mine, *repeats)
+    assert "trot" in told(asked, "--library", mine)
+    assert "movements of another body than those in" in told(asked, "--library", mine, "--library", "bundled")
+    assert "mine: movements of another body: choose another --library" in told(
+        "--add", squat_result, "squat", "--library", mine
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "fault"),
     [

@@ -12,6 +12,7 @@ from tracker.arrays import Mask
 from tracker.body import BodyModel
 from tracker.components import component
 from tracker.estimate import Estimate, Status
+from tracker.limbs import smallness
 
 # In so many times of `restart_every` somebody who is lost is looked for once at least.
 _SELDOM = 8
@@ -43,9 +44,9 @@ class LossRule:
 
     vague_above_m: float = pydantic.Field(default=0.06, gt=0)
     """Standard deviation of a joint, in the direction in which it is known least, above which its limb is ambiguous,
-    metres. Of four recordings by two cameras 15 of 25 frames with a joint 150 mm off are flagged, 7 without it, and 20
-    of 209 others, 10 without; with four cameras it names no limb of K-Kick and T-Punch-light that nothing else names.
-    See `Estimate.vague`."""
+    metres; of a body below 0.8 m its share of that. Of four recordings by two cameras 15 of 25 frames with a joint
+    150 mm off are flagged, 7 without it, and 20 of 209 others, 10 without; with four cameras it names no limb of K-Kick
+    and T-Punch-light that nothing else names. See `Estimate.vague`."""
 
     elsewhere_px: float = pydantic.Field(default=0.2, ge=0)
     """What another place of a limb, of which one view alone shows a part, may cost more, so that the limb is ambiguous,
@@ -92,8 +93,9 @@ def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = 
     """The estimate with its status and all that is in doubt about it."""
     account = estimate.account
     limbs, spreads_m = limbs_left_over(body, account), limb_spreads_m(body, estimate)
+    vague_above_m = loss.vague_above_m * smallness(body)
     in_doubt = [limb for limb, left_over in limbs.items() if left_over > loss.ambiguous_above]
-    vague = tuple(limb for limb in limbs if spreads_m[limb] > loss.vague_above_m and limb not in in_doubt)
+    vague = tuple(limb for limb in limbs if spreads_m[limb] > vague_above_m and limb not in in_doubt)
     return replace(
         estimate,
         status=Status.LOST if account.explained < loss.lost_below else found,

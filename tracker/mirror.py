@@ -27,7 +27,10 @@ class Mirror:
 
     def meant(self, name: str, names: Iterable[str]) -> list[str]:
         """Which of the names one stands for: itself, or both sides' where the word of the side is left out."""
-        found = [own for own in names if name in (own, _without(own, self.sides))]
+        valid = tuple(names)
+        if name in valid:
+            return [name]
+        found = [own for own in valid if name == _without(own, self.sides)]
         return sorted(found, key=lambda own: self.sides[1] in own.split("_"))
 
 

@@ -7,7 +7,7 @@ import io
 import json
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -103,8 +103,7 @@ def rows_of(path: Path, fault: Fault) -> list[dict[str, str]]:
     head, *rows = cells_of(path, fault) or [[]]
     if not rows:
         raise fault(f"{path}: the table is empty")
-    if len(head) == 1 and (other := next((sign for sign in ";\t" if sign in head[0]), None)):
-        raise fault(f"{path}: cells are separated by {_SEPARATORS[other]}, expected commas")
+    check_commas(head, path, fault)
     twice = next((name for k, name in enumerate(head) if name in head[:k]), None)
     if twice is not None:
         raise fault(f'{path}: two columns are called "{shortened(twice)}"')
@@ -112,6 +111,16 @@ def rows_of(path: Path, fault: Fault) -> list[dict[str, str]]:
         if len(row) != len(head):
             raise fault(f"{path}: {len(row)} cells in row {n}, expected {len(head)}, one a column")
     return [dict(zip(head, row, strict=True)) for row in rows]
+
+
+def check_commas(head: Sequence[str], path: Path, fault: Fault) -> None:
+    """Refuses a first row of a CSV file whose cells are separated by something else.
+
+    Raises:
+        TrackerError: of the kind asked for.
+    """
+    if len(head) == 1 and (other := next((sign for sign in ";\t" if sign in head[0]), None)):
+        raise fault(f"{path}: cells are separated by {_SEPARATORS[other]}, expected commas")
 
 
 def number_in(row: Mapping[str, str], column: str, path: Path, fault: Fault) -> float:

@@ -114,7 +114,7 @@ class ViewAlignment:
     """(3,) where the persons were, metres."""
 
     speed_m_per_s: float
-    """Mean speed of the joints there."""
+    """Mean speed of the joints there, see `tracker.alignment.moments.speed`."""
 
     change: DelayChange | None = None
     """Of delays during the recording, where there is one; `delays_s` is then a compromise."""

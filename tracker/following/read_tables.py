@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tracker.arrays import Array, Integers, Mask, frozen
 from tracker.errors import SequenceError, nearest
-from tracker.source_files import cells_of, one_line
+from tracker.source_files import cells_of, check_commas, one_line
 
 TABLE = "trajectories.csv"
 """The table in a result folder of `bodytrack follow`."""
@@ -75,6 +75,7 @@ def read_trajectories(path: Path) -> PointTable:
     head, *rows = cells_of(table, SequenceError) or [[]]
     if not rows:
         raise SequenceError(f"{table}: the table is empty")
+    check_commas(head, table, SequenceError)
     for n, row in enumerate(rows, start=1):
         if len(row) != len(head):
             raise SequenceError(f"{table}: {len(row)} cells in row {n}, expected {len(head)}, one a column")

@@ -11,7 +11,7 @@ from tracker.arrays import Array
 from tracker.errors import SequenceError, shortened
 from tracker.keypoint_names import plain_name
 from tracker.keypoints import Detections
-from tracker.source_files import cells_of
+from tracker.source_files import cells_of, check_commas
 
 _NUMBER = re.compile(r"\d+")
 _MOST_FRAMES = 10**9
@@ -31,6 +31,7 @@ def read_table(path: Path) -> tuple[dict[int, Detections], bool]:
         SequenceError: it cannot be read or is neither.
     """
     rows = cells_of(path, SequenceError)
+    check_commas(rows[0] if rows else [], path, SequenceError)
     if rows and "frame_idx" in rows[0]:
         found, named = _sleap(rows, path), False
     elif rows and rows[0][0].strip().lower() == "scorer":
@@ -57,7 +58,7 @@ def _deeplabcut(rows: _Rows, path: Path) -> dict[int, Detections]:
         raise SequenceError(f"{path}: header rows of different lengths, expected a cell a column in each")
     people = heads.get("individuals", ["one"] * n_columns)
     columns = {
-        (person, plain_name(part), axis): k
+        (person, plain_name(part), axis.strip().lower()): k
         for k, (person, part, axis) in enumerate(zip(people, heads["bodyparts"], heads["coords"], strict=True))
     }
     names = tuple(dict.fromkeys(part for _, part, _ in columns))
@@ -66,12 +67,14 @@ def _deeplabcut(rows: _Rows, path: Path) -> dict[int, Detections]:
         [[columns.get((person, name, axis), -1) for axis in ("x", "y", "likelihood")] for name in names]
         for person in persons
     ]
+    _check_places(np.max(places, axis=0).tolist(), names, path)  # some have body parts that others have not
     found = {}
     for n, row in enumerate(rows):
+        where = f"the row of {shortened(row[0])}"
         if len(row) != n_columns + 1:
-            raise SequenceError(f"{path}: {len(row)} cells in the row of {shortened(row[0])}, expected {n_columns + 1}")
+            raise SequenceError(f"{path}: {len(row)} cells in {where}, expected {n_columns + 1}")
         numbers = _NUMBER.findall(row[-1 - n_columns])
-        values = np.array([*(_number(cell, path) for cell in row[1:]), np.nan])
+        values = np.array([*(_number(cell, path, where) for cell in row[1:]), np.nan])
         frame = _frame(float(numbers[-1]), path) if numbers else n
         found[frame] = Detections(names, _present(values[np.array(places)]))
     return found
@@ -85,16 +88,25 @@ def _sleap(rows: _Rows, path: Path) -> dict[int, Detections]:
         raise SequenceError(f'{path}: no column like "nose.x", as SLEAP writes them')
     names = tuple(plain_name(part) for part in parts)
     columns = {cell: k for k, cell in enumerate(head)}
-    places = np.array([[columns.get(f"{part}.{axis}", -1) for axis in ("x", "y", "score")] for part in parts])
-    grouped: dict[int, list[Array]] = {}
-    for row in rows[1:]:
+    places = [[columns.get(f"{part}.{axis}", -1) for axis in ("x", "y", "score")] for part in parts]
+    _check_places(places, names, path)
+    told, grouped = {k for place in places for k in place}, dict[int, list[Array]]()
+    for n, row in enumerate(rows[1:], start=1):
         if len(row) != len(head):
-            raise SequenceError(f"{path}: {len(row)} cells in a row, expected {len(head)}")
+            raise SequenceError(f"{path}: {len(row)} cells in row {n}, expected {len(head)}")
         # tracks have names
-        known = [_number(cell, path) if k in places else np.nan for k, cell in enumerate(row)]
-        frame = _frame(_number(row[columns["frame_idx"]], path), path)
-        grouped.setdefault(frame, []).append(np.array([*known, np.nan])[places])
+        known = [_number(cell, path, f"row {n}") if k in told else np.nan for k, cell in enumerate(row)]
+        frame = _frame(_number(row[columns["frame_idx"]], path, f"row {n}"), path)
+        grouped.setdefault(frame, []).append(np.array([*known, np.nan])[np.array(places)])
     return {frame: Detections(names, _present(np.array(found))) for frame, found in grouped.items()}
+
+
+def _check_places(places: list[list[int]], names: tuple[str, ...], path: Path) -> None:
+    """Refuses keypoints without a column of x or of y: they would be missing in every frame."""
+    for name, place in zip(names, places, strict=True):
+        for axis, column in zip("xy", place, strict=False):
+            if column < 0:
+                raise SequenceError(f'{path}: no column of the {axis} of "{name}", expected x and y of each keypoint')
 
 
 def _frame(value: float, path: Path) -> int:
@@ -113,10 +125,10 @@ def _present(found: Array) -> Array:
     return found
 
 
-def _number(cell: str, path: Path) -> float:
+def _number(cell: str, path: Path, where: str) -> float:
     if not cell.strip():
         return np.nan
     try:
         return float(cell)
     except ValueError as error:
-        raise SequenceError(f'{path}: "{shortened(cell)}" found, expected a number') from error
+        raise SequenceError(f'{path}: "{shortened(cell)}" found in {where}, expected a number') from error

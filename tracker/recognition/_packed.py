@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tracker.arrays import Array32, Integers, Mask, frozen
+from tracker.errors import ConfigError
 from tracker.kernels.movements.warping import direction_gaps, warp_sequence
 from tracker.recognition.library import Library, Movement
-from tracker.recognition.limb_directions import RATE_HZ, Course
+from tracker.recognition.limb_directions import FEATURES, RATE_HZ, Course
 from tracker.recognition.rule import Rule
+from tracker.recognition.segment_directions import Features
 
 Piece = tuple[int, int, int]
 """Number of a performance, the first frame that it explains, and the one behind the last."""
@@ -21,7 +23,7 @@ class Packed:
     """All performances behind each other; K of them, N frames."""
 
     directions: Array32
-    """(N, 9, 3) of all frames."""
+    """(N, L, 3) of all frames."""
 
     first: Integers
     """(K + 1,) where each performance begins."""
@@ -95,15 +97,20 @@ def _path(
     return cost, pieces[::-1]
 
 
-def packed(library: Library, rule: Rule) -> Packed:
-    """Puts a library's performances behind each other, with their variants."""
+def packed(library: Library, rule: Rule, features: Features) -> Packed:
+    """Puts a library's performances behind each other, with their variants.
+
+    Raises:
+        ConfigError: it is of another body than that with these features.
+    """
+    _check_body(library, features)
     tables: list[Array32] = []
     names: list[tuple[str, str, bool]] = []
     limits, slack = [], []
     for name, movement in library.movements.items():
         limit, share = _limit_deg(movement, rule), rule.least_round if movement.description.repeats else rule.margin
         for key, directions in movement.performances.items():
-            for table, mirrored in _variants(directions, movement.description.repeats, rule):
+            for table, mirrored in _variants(directions, movement.description.repeats, rule, features):
                 tables.append(table)
                 names.append((name, key, mirrored))
                 limits.append(np.full(len(table), limit))
@@ -121,13 +128,36 @@ def packed(library: Library, rule: Rule) -> Packed:
     )
 
 
-def _variants(directions: Array32, repeats: bool, rule: Rule) -> list[tuple[Array32, bool]]:
+def _check_body(library: Library, features: Features) -> None:
+    if library.features == features.names:
+        return
+    alone, other = set(library.features) - set(features.names), set(features.names) - set(library.features)
+    told = "; ".join(
+        f"{', '.join(sorted(names)[:3])}{', ...' if len(names) > 3 else ''} only of the {whose}"
+        for names, whose in ((alone, "movements"), (other, "result"))
+        if names
+    )
+    person = (
+        "a person's landmarks are called left_shoulder, left_elbow, left_wrist, left_hip, left_knee, left_ankle and so "
+        "on the right, in the model's file or its [keypoints]; "
+        if FEATURES in (library.features, features.names)
+        else ""
+    )
+    raise ConfigError(
+        f"the movements are of another body ({told or 'in another order'}): {person}bodytrack recognize --add makes a "
+        "--library of this one"
+    )
+
+
+def _variants(directions: Array32, repeats: bool, rule: Rule, features: Features) -> list[tuple[Array32, bool]]:
     """A performance as it is and mirrored; one that repeats with limbs that swing less and more."""
     known = np.ones(len(directions), dtype=np.bool_)
     found = []
     for size in rule.sizes if repeats else (1.0,):
-        course = _swung(Course(0.0, directions, known), size)
-        found += [(course.directions, False), (course.mirrored().directions, True)]
+        course = _swung(Course(0.0, directions, known, features), size)
+        found.append((course.directions, False))
+        if features.partners:
+            found.append((course.mirrored().directions, True))
     return found
 
 

@@ -10,7 +10,15 @@ import tomli_w
 from tracker.arrays import Array, Array32
 from tracker.errors import ConfigError, name_fault
 from tracker.files import csv_lines, write_whole
-from tracker.recognition.library import COLUMNS, LEAST_FRAMES, MOST_FRAMES, Description, description_in, told
+from tracker.recognition.library import (
+    LEAST_FRAMES,
+    MOST_FRAMES,
+    Description,
+    columns_of,
+    description_in,
+    features_in,
+    told,
+)
 from tracker.recognition.limb_directions import RATE_HZ, Course
 
 _LONGEST_ROUND_S, _SHORTEST_ROUND_S = 4.0, 0.4
@@ -40,7 +48,8 @@ def add_performance(
         The table written, and what stands in it.
 
     Raises:
-        ConfigError: a name cannot be used, the performance is there already, too short, too long or does not repeat.
+        ConfigError: a name cannot be used, the library is of another body, or the performance is there already, too
+            short, too long or does not repeat.
     """
     for name in (movement, performance):
         if fault := name_fault(name):
@@ -48,6 +57,8 @@ def add_performance(
     path = folder / movement / f"{performance}.csv"
     if path.exists():
         raise ConfigError(f"{path} is there already: choose another --performance, or delete it")
+    if any(folder.glob("*/*.csv")) and features_in(folder) != course.features.names:
+        raise ConfigError(f"{folder}: movements of another body: choose another --library")
     if not course.known.all():
         raise ConfigError("the person is lost in some of the frames: choose others with --frames")
     known = description_in(path.parent) if (path.parent / "movement.toml").is_file() else None
@@ -76,7 +87,7 @@ def _table(course: Course) -> str:
         [f"{t / RATE_HZ:.2f}", *(f"{value:.3f}" for value in frame.ravel())]
         for t, frame in enumerate(course.directions)
     ]
-    return csv_lines([COLUMNS, *rows]).replace("\r\n", "\n")
+    return csv_lines([columns_of(course.features.names), *rows]).replace("\r\n", "\n")
 
 
 def one_round(course: Course) -> Course:

@@ -7,7 +7,7 @@ directions of the limbs (see `tracker.recognition.limb_directions`). Nothing in 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +15,9 @@ import pydantic
 
 from tracker.arrays import Array32, frozen
 from tracker.errors import ConfigError, nearest
-from tracker.recognition.limb_directions import FEATURES, RATE_HZ
+from tracker.recognition.limb_directions import FEATURES, LIMBS, RATE_HZ
 from tracker.resources import models_folder
-from tracker.source_files import number_in, rows_of, toml_of
-
-COLUMNS = ("time_s", *(f"{name}_{axis}" for name in FEATURES for axis in "xyz"))
+from tracker.source_files import cells_of, number_in, rows_of, toml_of
 
 LEAST_FRAMES = 8
 """A third of a second: shorter performances fit almost anything."""
@@ -51,7 +49,7 @@ class Movement:
     name: str
     description: Description
     performances: dict[str, Array32]
-    """Performance -> (T, 9, 3) unit directions in the order of `FEATURES`, at `RATE_HZ`."""
+    """Performance -> (T, L, 3) unit directions of the library's features, at `RATE_HZ`."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +57,8 @@ class Library:
     """Movements that are known, by name."""
 
     movements: dict[str, Movement] = field(default_factory=dict)
+    features: tuple[str, ...] = FEATURES
+    """What the directions are those of: a person's limbs, or the segments of another body."""
 
     def without(self, performance: str) -> Library:
         """The library without all performances of one name; movements that have no other are gone."""
@@ -67,7 +67,7 @@ class Library:
             others = {key: value for key, value in movement.performances.items() if key != performance}
             if others:
                 kept[name] = Movement(name, movement.description, others)
-        return Library(kept)
+        return replace(self, movements=kept)
 
 
 def bundled_library() -> Path:
@@ -82,11 +82,15 @@ def load_library(folders: tuple[Path, ...]) -> Library:
         folders: of libraries, each counts once; empty for the one that comes with the package.
 
     Raises:
-        ConfigError: a folder is none, or something in it is damaged; the file is named.
+        ConfigError: a folder is none, two are of other bodies, or something is damaged; the file is named.
     """
     movements: dict[str, Movement] = {}
-    for folder in {folder.resolve(): folder for folder in folders or (bundled_library(),)}.values():
-        for movement in _movements_in(folder):
+    chosen = list({folder.resolve(): folder for folder in folders or (bundled_library(),)}.values())
+    features = features_in(chosen[0])
+    for folder in chosen:
+        if features_in(folder) != features:
+            raise ConfigError(f"{folder}: movements of another body than those in {chosen[0]}: expected one's alone")
+        for movement in _movements_in(folder, features):
             known = movements.get(movement.name)
             if known is not None and known.description.repeats != movement.description.repeats:
                 raise ConfigError(
@@ -98,7 +102,22 @@ def load_library(folders: tuple[Path, ...]) -> Library:
                 # one of a name that another library has, too, is told apart by where it is
                 performances[f"{folder}/{name}" if name in performances else name] = directions
             movements[movement.name] = Movement(movement.name, (known or movement).description, performances)
-    return Library(movements)
+    return Library(movements, features)
+
+
+def columns_of(features: tuple[str, ...]) -> list[str]:
+    """Head of a performance's table."""
+    return ["time_s", *(f"{name}_{axis}" for name in features for axis in "xyz")]
+
+
+def features_in(folder: Path) -> tuple[str, ...]:
+    """What a library's directions are those of, by the head of its first table; a person's if that does not tell."""
+    first = next(iter(sorted(folder.glob("*/*.csv"))), None)
+    head = [] if first is None else next(iter(cells_of(first, ConfigError)), [])
+    names = tuple(name.removesuffix("_x") for name in head if name.endswith("_x"))
+    whole = set(columns_of(names)) == set(head)
+    of_another = set(names) != set(FEATURES) and (whole or not set(names) & set(LIMBS))
+    return names if names and of_another else FEATURES
 
 
 def told(value: bool) -> str:
@@ -106,7 +125,7 @@ def told(value: bool) -> str:
     return str(value).lower()
 
 
-def _movements_in(folder: Path) -> Iterator[Movement]:
+def _movements_in(folder: Path, features: tuple[str, ...]) -> Iterator[Movement]:
     if not folder.is_dir():
         raise ConfigError(f"{folder}: no such folder, expected a library of movements")
     inner = sorted(path for path in folder.iterdir() if path.is_dir() and (path / "movement.toml").is_file())
@@ -119,7 +138,7 @@ def _movements_in(folder: Path) -> Iterator[Movement]:
         tables = sorted(path.glob("*.csv"))
         if not tables:
             raise ConfigError(f"{path}: no CSV table in it, expected one a performance")
-        yield Movement(path.name, description_in(path), {table.stem: _directions(table) for table in tables})
+        yield Movement(path.name, description_in(path), {table.stem: _directions(table, features) for table in tables})
 
 
 def description_in(folder: Path) -> Description:
@@ -140,17 +159,17 @@ def description_in(folder: Path) -> Description:
         raise ConfigError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
 
 
-def _directions(path: Path) -> Array32:
-    """(T, 9, 3) of a performance's table.
+def _directions(path: Path, features: tuple[str, ...]) -> Array32:
+    """(T, L, 3) of a performance's table.
 
     Raises:
         ConfigError: it is no such table.
     """
-    rows = rows_of(path, ConfigError)
-    unknown = next((name for name in rows[0] if name not in COLUMNS), None)
+    rows, columns = rows_of(path, ConfigError), columns_of(features)
+    unknown = next((name for name in rows[0] if name not in columns), None)
     if unknown is not None:
-        raise ConfigError(f'{path}: unknown column "{unknown}"; {nearest(unknown, COLUMNS)}')
-    values = np.array([[number_in(row, column, path, ConfigError) for column in COLUMNS] for row in rows])
+        raise ConfigError(f'{path}: unknown column "{unknown}"; {nearest(unknown, columns)}')
+    values = np.array([[number_in(row, column, path, ConfigError) for column in columns] for row in rows])
     if not LEAST_FRAMES <= len(values) <= MOST_FRAMES:
         raise ConfigError(f"{path}: {len(values)} rows, expected {LEAST_FRAMES} to {MOST_FRAMES}")
     if np.abs(np.diff(values[:, 0]) * RATE_HZ - 1).max() > 0.01:
@@ -159,6 +178,6 @@ def _directions(path: Path) -> Array32:
     lengths = np.linalg.norm(directions, axis=-1)
     t, limb = np.unravel_index(np.abs(lengths - 1).argmax(), lengths.shape)
     if abs(lengths[t, limb] - 1) > _UNIT:
-        raise ConfigError(f"{path}: {FEATURES[limb]} in row {t + 1} has length {lengths[t, limb]:.2f}, expected 1")
+        raise ConfigError(f"{path}: {features[limb]} in row {t + 1} has length {lengths[t, limb]:.2f}, expected 1")
     directed: Array32 = frozen(directions / lengths[..., None], np.float32)
     return directed

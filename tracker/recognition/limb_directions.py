@@ -2,18 +2,21 @@
 
 These are the joint angles of Gavrila & Davis without the singularities of angles: they say nothing of the world's axes,
 of where somebody stands and faces, nor of the lengths of the limbs, so that persons, body models and motion files
-compare. A difference between two of them is an angle.
+compare. A difference between two of them is an angle. Other bodies are told by their segments, see
+`tracker.recognition.segment_directions`, and compare with themselves alone.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tracker.arrays import Array, Array32, Mask, frozen
 from tracker.body import BodyModel
 from tracker.errors import ModelError, nearest
+from tracker.keypoints import meant
+from tracker.recognition.segment_directions import Features, features_of, segment_directions
 
 JOINTS = tuple(
     f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
@@ -24,6 +27,9 @@ LIMBS = tuple(f"{side}_{limb}" for side in ("left", "right") for limb in ("upper
 """Limbs whose direction counts; behind them comes the vertical, seen from the trunk."""
 
 FEATURES = (*LIMBS, "vertical")
+
+PERSONS = Features(FEATURES, (*range(len(LIMBS) // 2, len(LIMBS)), *range(len(LIMBS) // 2), len(LIMBS)))
+"""Those of all persons."""
 
 RATE_HZ = 25.0
 """Frames a second that movements are compared at."""
@@ -40,10 +46,13 @@ class Course:
     """Time of the first frame, seconds; the others follow at `RATE_HZ`."""
 
     directions: Array32
-    """(T, 9, 3) unit vectors in the order of `FEATURES`."""
+    """(T, L, 3) unit vectors in the order of the features, nine of a person."""
 
     known: Mask
     """(T,) frames in which the joints are known."""
+
+    features: Features = PERSONS
+    """What the directions are those of."""
 
     @property
     def times_s(self) -> Array:
@@ -58,19 +67,16 @@ class Course:
 
     def part(self, first: int, behind: int) -> Course:
         """Some of the frames."""
-        start = self.start_s + first / RATE_HZ
-        return Course(start, self.directions[first:behind], self.known[first:behind])
+        start, directions = self.start_s + first / RATE_HZ, self.directions[first:behind]
+        return replace(self, start_s=start, directions=directions, known=self.known[first:behind])
 
     def part_known(self) -> Course:
         """The known frames, put together."""
-        return Course(self.start_s, self.directions[self.known], self.known[self.known])
+        return replace(self, directions=self.directions[self.known], known=self.known[self.known])
 
     def mirrored(self) -> Course:
-        """The same movement with left and right exchanged."""
-        half = len(LIMBS) // 2
-        order = [*range(half, 2 * half), *range(half), 2 * half]
-        turned = self.directions[:, order] * np.array([1, -1, 1], dtype=np.float32)
-        return Course(self.start_s, frozen(turned, np.float32), self.known)
+        """The same movement with left and right exchanged, of a body that has sides."""
+        return replace(self, directions=self.features.mirrored(self.directions))
 
 
 def limb_directions(joints: Array) -> Array:
@@ -112,13 +118,17 @@ def course(times_s: Array, joints: Array) -> Course:
         times_s: (T,) seconds, rising.
         joints: (T, 12, 3) in the order of `JOINTS`; NaN where unknown.
     """
-    directions = limb_directions(joints)
+    return _even(times_s, limb_directions(joints), PERSONS)
+
+
+def _even(times_s: Array, directions: Array, features: Features) -> Course:
+    """Directions (T, L, 3) of any times (T,) at even ones."""
     good = np.flatnonzero(np.isfinite(directions).all(axis=(1, 2)))
     n_frames = int(np.floor((times_s[-1] - times_s[0]) * RATE_HZ + 1e-6)) + 1
     even = times_s[0] + np.arange(n_frames) / RATE_HZ
     if len(good) == 0:
-        blank = np.zeros((n_frames, len(FEATURES), 3), dtype=np.float32)
-        return Course(float(times_s[0]), blank, np.zeros(n_frames, dtype=np.bool_))
+        blank = np.zeros((n_frames, len(features.names), 3), dtype=np.float32)
+        return Course(float(times_s[0]), blank, np.zeros(n_frames, dtype=np.bool_), features)
     at = times_s[good]
     flat = directions[good].reshape(len(good), -1)
     values = np.stack([np.interp(even, at, column) for column in flat.T], axis=1).reshape(n_frames, -1, 3)
@@ -128,7 +138,7 @@ def course(times_s: Array, joints: Array) -> Course:
     inside = (even >= at[0] - 1e-6) & (even <= at[-1] + 1e-6)
     near = np.abs(after - even) < 1e-5
     known = inside & (near | (after - ahead <= _LONGEST_GAP_S))
-    return Course(float(times_s[0]), frozen(values, np.float32), frozen(known, np.bool_))
+    return Course(float(times_s[0]), frozen(values, np.float32), frozen(known, np.bool_), features)
 
 
 def joint_columns(body: BodyModel) -> list[int]:
@@ -150,11 +160,19 @@ def joint_columns(body: BodyModel) -> list[int]:
 def course_of(body: BodyModel, times_s: Array, poses: Array) -> Course:
     """Directions at even times, of poses (T, dof) of a body at times (T,) in seconds; NaN where lost.
 
+    A person is who has the landmarks `JOINTS`, or whose model file says in `[keypoints]` what means them.
+
     Raises:
-        ModelError: the body is no person's.
+        ModelError: the body is no person's, and no segment of it turns.
     """
-    columns = joint_columns(body)
     lost: Mask = np.asarray(~np.isfinite(poses).all(axis=1))
-    joints = body.landmarks_in_world(np.where(lost[:, None], body.rest(), poses))[:, columns]
-    joints[lost] = np.nan
-    return course(times_s, joints)
+    placed, called = np.where(lost[:, None], body.rest(), poses), meant(JOINTS, body)
+    if set(JOINTS) <= set(body.landmark_names):
+        features, directions = PERSONS, limb_directions(body.landmarks_in_world(placed)[:, joint_columns(body)])
+    elif len(called.rows) == len(JOINTS):
+        features, directions = PERSONS, limb_directions(body.points_in_world(placed, called.points, called.ends))
+    else:
+        features = features_of(body)
+        directions = segment_directions(body, features, placed)
+    directions[lost] = np.nan
+    return _even(times_s, directions, features)

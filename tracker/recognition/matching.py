@@ -57,15 +57,22 @@ def recognize(course: Course, library: Library, rule: Rule = Rule()) -> tuple[Re
 
     Returns:
         What was found, in order of time; repetitions of a repeating movement are one.
+
+    Raises:
+        ConfigError: the library is of another body.
     """
-    known = packed(library, rule)
+    known = packed(library, rule, course.features)
     found = [one for part in _unbroken(course) for one in _in_part(part, known, rule)]
     return tuple(_joined(found, library))
 
 
 def angles_deg(course: Course, library: Library, rule: Rule = Rule()) -> dict[str, float]:  # noqa: B008
-    """Angle of all known frames of a course to each movement, by its name; infinite if its length rules it out."""
-    known = packed(library, rule)
+    """Angle of all known frames of a course to each movement, by its name; infinite if its length rules it out.
+
+    Raises:
+        ConfigError: the library is of another body.
+    """
+    known = packed(library, rule, course.features)
     gaps = known.gaps(course.part_known())
     return {name: known.misfit(gaps, name)[0] * known.limit_deg(name) for name in library.movements}
 

@@ -13,6 +13,7 @@ from tracker.camera import Camera
 from tracker.errors import CalibrationError, ConfigError
 from tracker.rig import Rig
 
+# Lengths are those of persons; of bodies below 0.8 m a share of them (`tracker.limbs.smallness`).
 _CELLS = 160
 """Cells of the floor along its longer side."""
 
@@ -110,21 +111,23 @@ def check_asked(rig: Rig, place: tuple[float, float] | None, heading_deg: float 
         )
 
 
-def floor_seen(rig: Rig, stature_m: float) -> Floor:
+def floor_seen(rig: Rig, stature_m: float, share: float = 1.0) -> Floor:
     """Looks at every place of the floor z = 0 near the cameras.
 
     Args:
         rig: the cameras.
         stature_m: height of the person.
+        share: of a person's lengths, for a body that is smaller than any.
     """
     centres = np.stack([camera.centre for camera in rig.cameras])[:, :2]
     middle = centres.mean(axis=0)
-    low = np.maximum(centres.min(axis=0) - _FARTHEST_M / 2, middle - _FARTHEST_M)
-    high = np.minimum(centres.max(axis=0) + _FARTHEST_M / 2, middle + _FARTHEST_M)
+    farthest_m, inside_m, beside_m = share * _FARTHEST_M, share * _INSIDE_M, share * _BESIDE_M
+    low = np.maximum(centres.min(axis=0) - farthest_m / 2, middle - farthest_m)
+    high = np.minimum(centres.max(axis=0) + farthest_m / 2, middle + farthest_m)
     # cameras that all stand on one side may look at a place far beside them
-    place = _looked_at(rig)
-    low = np.where(place < low + _INSIDE_M, place - _BESIDE_M, low)
-    high = np.where(place > high - _INSIDE_M, place + _BESIDE_M, high)
+    place = _looked_at(rig, share)
+    low = np.where(place < low + inside_m, place - beside_m, low)
+    high = np.where(place > high - inside_m, place + beside_m, high)
     step = float((high - low).max()) / _CELLS
     x, y = (np.arange(low[k], high[k] + step, step) for k in range(2))
     places = np.stack(np.meshgrid(x, y), axis=-1)
@@ -132,23 +135,29 @@ def floor_seen(rig: Rig, stature_m: float) -> Floor:
     points = np.zeros((_LEVELS, *places.shape[:2]), dtype=np.int64)
     for camera in rig.cameras:
         points += np.stack([sees(camera, _above(places, height)) for height in heights])
-    return Floor(x, y, heights, seen_whole(rig, places, stature_m), points)
+    return Floor(x, y, heights, seen_whole(rig, places, stature_m, share), points)
 
 
-def seen_whole(rig: Rig, places: Array, stature_m: float) -> Integers:
-    """(...,) cameras that see a whole person of such a height who stands at places (..., 2), metres."""
+def seen_whole(rig: Rig, places: Array, stature_m: float, share: float = 1.0) -> Integers:
+    """(...,) cameras that see a whole person of such a height who stands at places (..., 2), metres.
+
+    Args:
+        rig: the cameras.
+        places: x and y, metres.
+        stature_m, share: see `floor_seen`.
+    """
     whole: Integers = np.zeros(places.shape[:-1], dtype=np.int64)
-    marks = _outline(stature_m)
+    marks = _outline(stature_m, share * _ARMS_M)
     for camera in rig.cameras:
         whole += np.all([sees(camera, _above(places + mark[:2], mark[2])) for mark in marks], axis=0)
     return whole
 
 
-def _looked_at(rig: Rig) -> Array:
+def _looked_at(rig: Rig, share: float = 1.0) -> Array:
     """(2,) the place that the cameras look at, but not farther away than where a person is still large enough."""
     middle = np.mean([camera.centre[:2] for camera in rig.cameras], axis=0)
     way = rig.middle[:2] - middle
-    farthest = _USUAL_M / _LEAST_PX * float(np.median([camera.matrix[0, 0] for camera in rig.cameras]))
+    farthest = share * _USUAL_M / _LEAST_PX * float(np.median([camera.matrix[0, 0] for camera in rig.cameras]))
     place: Array = middle + way * min(1.0, farthest / max(float(np.linalg.norm(way)), 1e-9))
     return place
 
@@ -158,10 +167,10 @@ def _above(places: Array, height: float) -> Array:
     return np.concatenate([places, np.full((*places.shape[:-1], 1), height)], axis=-1)
 
 
-def _outline(stature_m: float) -> Array:
+def _outline(stature_m: float, arms_m: float) -> Array:
     """(12, 3) points around a person, from the feet to the top of the head."""
     angles = np.arange(4) * np.pi / 2
-    ring = _ARMS_M * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    ring = arms_m * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     return np.concatenate([np.column_stack([ring, np.full(4, height)]) for height in (0.0, stature_m / 2, stature_m)])
 
 

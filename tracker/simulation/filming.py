@@ -11,6 +11,7 @@ from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.errors import CalibrationError, ConfigError
 from tracker.files import replacing, whole_folder, write_json
+from tracker.limbs import smallness
 from tracker.progress import Progress, silent
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
@@ -50,7 +51,8 @@ class Plan:
     @property
     def whole(self) -> int:
         """Cameras that see a whole person in the middle of the way."""
-        return int(seen_whole(self.rig, np.array(self.place), float(self.floor.heights[-1])))
+        stature_m, share = float(self.floor.heights[-1]), smallness(self.body)
+        return int(seen_whole(self.rig, np.array(self.place), stature_m, share))
 
     def prospect(self, edge_px: float) -> Prospect:
         """What is to be expected with edges of a standard deviation, px."""
@@ -80,7 +82,7 @@ def plan(recipe: Recipe, rig: Rig, place: tuple[float, float] | None = None, hea
     body = recipe.subject.body()
     movement, _ = movement_of(recipe.movement, body)
     poses = poses_of(movement, body, recipe.times)
-    floor = floor_seen(rig, float(body.landmarks_in_world(poses)[..., 2].max()))
+    floor = floor_seen(rig, float(body.landmarks_in_world(poses)[..., 2].max()), smallness(body))
     if body.stays:
         if place is not None or heading_deg is not None:
             raise ConfigError(f'model "{body.name}" stays in its place: leave out --place and --heading-deg')

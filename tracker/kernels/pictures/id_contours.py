@@ -13,7 +13,7 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.solids import in_part
-from tracker.kernels.lens import bend_with_slopes, lens_of
+from tracker.kernels.lens import bend, bend_with_slopes, beyond_reach, lens_of
 from tracker.kernels.rows import camera as at
 
 WINDOW_PX2 = 12.0
@@ -25,6 +25,12 @@ SHARE_PER_PX = 0.245
 DEEPEST_M = 0.1
 """A surface may bend away by this much between the last pixel's centre and the contour, metres."""
 
+
+_STEPS, _MOST_STEPS, _HALVINGS = 8, 20, 60
+"""Of Newton's method from the pixel itself, of that from a better start, of an interval to find this start in."""
+
+_SETTLED, _FARTHEST = 1e-6, 1e6
+"""In the plane z = 1: a solution is one if its last step was shorter; the end of lenses that have none."""
 
 _K1, _K2, _AROUND, _ALONG, _UPWARD = 12, 13, 14, 15, 16
 """Taper and exponents of a part; the columns before them are those of `tracker.kernels.rows.solid`."""
@@ -104,18 +110,51 @@ def _depth_there(ids: Integers, depths: Array32, x: int, y: int, normal: tuple[f
 
 @compiled
 def _undistort(camera: Array, x: float, y: float) -> tuple[float, float]:
-    """Plane coordinates of a pixel, by Newton steps; the twin is `Camera.undistort`."""
+    """Plane coordinates of a pixel; the twin is `Lens.undistort_clamped`.
+
+    What is next to where the lens turns back may be imaged beyond, where its slopes lead away: then steps begin at what
+    the radial distortion alone images there. A contour lies up to a pixel beside what is seen: if the lens images
+    nothing there, it is at the end of its reach.
+    """
     ty = (y - camera[at.CY]) / camera[at.FY]
     tx = (x - camera[at.CX] - camera[at.SHEAR] * ty) / camera[at.FX]
-    a, b = tx, ty
-    for _ in range(8):
+    a, b, found = _stepped(camera, tx, ty, tx, ty, _STEPS)
+    if not found:
+        distance, reach = np.sqrt(tx * tx + ty * ty), min(np.sqrt(camera[at.REACH2]), _FARTHEST)
+        straight = _straightened(camera, distance, reach) / distance
+        a, b, found = _stepped(camera, tx, ty, straight * tx, straight * ty, _MOST_STEPS)
+        if not found:
+            a, b = tx * reach / distance, ty * reach / distance
+    return a, b
+
+
+@compiled
+def _stepped(camera: Array, tx: float, ty: float, a: float, b: float, n: int) -> tuple[float, float, bool]:
+    """The point that the lens images at tx, ty, by n Newton steps from a, b at most; whether it is one."""
+    da = db = 0.0
+    for _ in range(n):
         u, v, xx, xy, yy = bend_with_slopes(lens_of(camera), a, b, 1.0)
         ex, ey = tx - u, ty - v
         if ex == 0.0 and ey == 0.0:
-            break
+            return a, b, not beyond_reach(camera, a, b)
         det = xx * yy - xy * xy
-        a, b = a + (yy * ex - xy * ey) / det, b + (xx * ey - xy * ex) / det
-    return a, b
+        da, db = float((yy * ex - xy * ey) / det), float((xx * ey - xy * ex) / det)
+        a, b = a + da, b + db
+    return a, b, abs(da) < _SETTLED and abs(db) < _SETTLED and not beyond_reach(camera, a, b)
+
+
+@compiled
+def _straightened(camera: Array, distance: float, reach: float) -> float:
+    """How far from the axis is what the radial distortion images at a distance from it: by halving, within a reach."""
+    k1, k2, _, _, k3, k4, k5, k6 = lens_of(camera)
+    low, high = 0.0, reach
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        if bend((k1, k2, 0.0, 0.0, k3, k4, k5, k6), middle, 0.0, 1.0)[0] < distance:
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 @compiled

@@ -76,6 +76,7 @@ float depth_there(ivec2 at, int part, float depth, vec3 placed) {
     return depth + clamp(fall, 0.0, DEEPEST_M);
 }
 
+// without what is done near the end of a lens: here it tells nothing but whether parts touch
 vec2 undistorted(int c, vec2 pixel) {
     vec2 goal;
     goal.y = (pixel.y - cameras[c + 18]) / cameras[c + 16];
