@@ -90,26 +90,6 @@ def test_where_no_start_is_rather_right_than_wrong_it_is_looked_for_further_on(
     assert (max(errors_mm(simulation, steps)) < 10) == (len(asked) == 3)
 
 
-class UndecidedLater(TurnedRoundAtFirst):
-    """The truth and the same turned round, neither surely, in all frames but the first ones."""
-
-    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        found = super().start(frame, scene, stages)
-        if frame.index < self.until:
-            return found
-        ((one,),) = found.hypotheses
-        other = replace(one, q=turned_round(scene.persons[0].body, one.q))
-        return replace(found, hypotheses=((other, one),), poses=(other.q,))
-
-
-def test_a_later_start_that_the_frames_after_it_make_sure_ends_the_search(simulation: Simulation) -> None:
-    start = UndecidedLater(simulation, until=1, sure=0.3)
-    rule = replace(RULE, look_ahead_s=(0.08, 0.16), rehearse=2)
-    steps = tracked(simulation, cycle_for(simulation, start, loss=rule))
-    assert start.asked == [0, 2]
-    assert max(errors_mm(simulation, steps)) < 10
-
-
 @pytest.mark.parametrize(("at_first", "asked"), [(0.6, [0]), (0.4, [0, 2, 5])])
 def test_who_is_sure_but_for_limbs_is_not_looked_for_later(
     simulation: Simulation, at_first: float, asked: list[int]

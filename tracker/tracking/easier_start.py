@@ -58,9 +58,12 @@ def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack 
     if step.start is None or step.start.given or _sure_but_for_limbs(step.start, cycle.loss.sure):
         return None
     found = _surest(step, scene, cycle, reopen)
-    if found is None or found[1].least_sureness <= step.start.least_sureness:
+    if found is None:
         return None
     frame, start = found
+    start = rehearsed(start, frame, scene, cycle, reopen)
+    if start.least_sureness <= step.start.least_sureness:
+        return None
     replays = _followed_back(step.frame.index, frame, scene.with_poses(start.poses), cycle, reopen)
     back_px, here_px = (
         sum(one.distance_px for one in way) for way in (replays[step.frame.index].estimates, step.estimates)
@@ -96,24 +99,17 @@ def _sureness(found: tuple[Frame, Start] | None) -> float:
 def _looked_for(
     first: Frame, delays_s: tuple[float, ...], enough: float, scene: Scene, cycle: Cycle, reopen: Reopen
 ) -> tuple[Frame, Start] | None:
-    """The surest start so long after a frame, rehearsed; the first one that is sure enough, for limbs at least.
-
-    The likeliest so far is rehearsed before the next frame is looked at: of two persons in DO-Two, without plates, it
-    was 0.2 sure half a second on and 0.5 once rehearsed, and three more starts were looked for in vain, 120 s of 350.
-    """
+    """The surest start so long after a frame, the first one that is sure enough."""
     best: tuple[Frame, Start] | None = None
-    likeliest = -1.0
     for frame in _later(first, reopen, delays_s):
         cycle.progress(f"bootstrapping: the start is uncertain, looking at frame {frame.index}")
         try:
             start = cycle.initialization.start(frame, scene, cycle.stages)
         except InitializationError:
             continue
-        if start.least_sureness <= likeliest:
-            continue
-        likeliest, start = start.least_sureness, rehearsed(start, frame, scene, cycle, reopen)
-        best = max(best, (frame, start), key=_sureness)
-        if _sure_but_for_limbs(start, enough):
+        if start.least_sureness > _sureness(best):
+            best = frame, start
+        if start.least_sureness >= enough:
             break
     return best
 
