@@ -147,6 +147,7 @@ TABLES = {
     "words": ("scorer,n,n,n\nbodyparts,a,a,a\ncoords,x,y,likelihood\n0,1,two,0.5\n", '"two" found'),
     "units": ("scorer,n,n,n\nbodyparts,a,a,a\ncoords,x,y,likelihood\nunit,px,px,1\n", '"px" found in the row of unit,'),
     "no y": ("scorer,n,n\nbodyparts,a,a\ncoords,x,z\n0,1,2\n", 'no column of the y of "a"'),
+    "twice": ("scorer,n,n,n\nbodyparts,a,a,a\ncoords,x,y,likelihood\n7,1,2,1\n7,1,3,1\n", "a second row of frame 7"),
     "semicolons": ("scorer;n;n;n\nbodyparts;a;a;a\n", "cells are separated by semicolons, expected commas"),
     "no frame": ("scorer,n,n,n\nbodyparts,a,a,a\ncoords,x,y,likelihood\n", "no frame"),
     "sleap": ("track,frame_idx\n0,0\n", 'no column like "nose.x"'),

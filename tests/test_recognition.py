@@ -29,6 +29,7 @@ from tracker.recognition.limb_directions import (
     limb_directions,
 )
 from tracker.recognition.matching import Recognized, _together, angles_deg, recognize
+from tracker.recognition.segment_directions import features_of
 from tracker.recognition.timeline import strip, table_rows, timeline
 from tracker.resources import model_path
 from tracker.simulation.movements import poses_of
@@ -125,6 +126,13 @@ def test_frames_are_interpolated_over_short_gaps_only():
 def test_an_animal_has_no_such_joints():
     with pytest.raises(ModelError, match='model "quadruped" has no landmark "left_shoulder"'):
         joint_columns(load_body(model_path("quadruped")))
+
+
+def test_a_segment_with_the_name_of_the_vertical_is_refused():
+    body = load_body(model_path("quadruped"))
+    parts = (replace(body.parts[0], segment="vertical"), *body.parts[1:])
+    with pytest.raises(ModelError, match='a direction "vertical": call the segment otherwise'):
+        features_of(replace(body, parts=parts))
 
 
 def test_segments_of_an_animal_do_not_depend_on_place_and_heading():

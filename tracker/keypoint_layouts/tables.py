@@ -68,7 +68,7 @@ def _deeplabcut(rows: _Rows, path: Path) -> dict[int, Detections]:
         for person in persons
     ]
     _check_places(np.max(places, axis=0).tolist(), names, path)  # some have body parts that others have not
-    found = {}
+    found: dict[int, Detections] = {}
     for n, row in enumerate(rows):
         where = f"the row of {shortened(row[0])}"
         if len(row) != n_columns + 1:
@@ -76,6 +76,8 @@ def _deeplabcut(rows: _Rows, path: Path) -> dict[int, Detections]:
         numbers = _NUMBER.findall(row[-1 - n_columns])
         values = np.array([*(_number(cell, path, where) for cell in row[1:]), np.nan])
         frame = _frame(float(numbers[-1]), path) if numbers else n
+        if frame in found:
+            raise SequenceError(f"{path}: a second row of frame {frame}, {where}: one a frame is expected")
         found[frame] = Detections(names, _present(values[np.array(places)]))
     return found
 

@@ -13,6 +13,8 @@ from tracker.errors import ModelError
 _TRIED, _SPREAD, _STIFF = 16, 0.3, 1e-6
 """Poses about that at rest, rad and m, in which a segment that always points the same way shows that it does."""
 
+_VERTICAL = "vertical"
+
 _ALIKE = 0.01
 """Directions of a body with two sides, at rest, are those of its mirror image to so much."""
 
@@ -40,15 +42,17 @@ def features_of(body: BodyModel) -> Features:
     """The segments of a body that do not always point the same way, and the vertical if it moves about.
 
     Raises:
-        ModelError: it has no such segment.
+        ModelError: it has no such segment, or one with the name of the vertical.
     """
     named = dict.fromkeys(part.segment for part in body.parts)
+    if _VERTICAL in named:
+        raise ModelError(f'model "{body.name}": movements have a direction "{_VERTICAL}": call the segment otherwise')
     q = body.clamped(body.rest() + np.random.default_rng(0).normal(0, _SPREAD, (_TRIED, body.dof)))
     turning = np.ptp(segment_directions(body, Features(tuple(named)), q), axis=0).max(axis=1) > _STIFF
     names = tuple(name for name, turns in zip(named, turning, strict=True) if turns)
     if not names:
         raise ModelError(f'model "{body.name}" has no segment that turns: there is no movement to tell')
-    names = names if body.stays else (*names, "vertical")
+    names = names if body.stays else (*names, _VERTICAL)
     others = [body.mirror.of(name) for name in names]
     features = Features(names, (), body.mirror.across)
     if set(others) != set(names) or others == list(names):
@@ -70,6 +74,6 @@ def segment_directions(body: BodyModel, features: Features, poses: Array) -> Arr
     first = {part.segment: p for p, part in reversed(list(enumerate(body.parts)))}
     pointing = body.world_from_part(poses)[:, :, :3, 2]
     upwards = np.tile([0.0, 0.0, 1.0], (len(poses), 1))
-    found = [upwards if name == "vertical" else pointing[:, first[name]] for name in features.names]
+    found = [upwards if name == _VERTICAL else pointing[:, first[name]] for name in features.names]
     directions: Array = np.einsum("tji,tlj->tli", axes, np.stack(found, axis=1))
     return directions
