@@ -288,7 +288,7 @@ def test_the_command_writes_model_picture_and_figures(person: BodyModel, tmp_pat
         ({"pairs": [{"front": {}, "side": {}}]}, "front: give a mask, or an image and its background"),
         (
             {"pairs": [{"front": {}, "side": {}}], "stature_m": 180},
-            "stature_m = 180: .* less than 5 .height of the person, metres",
+            "stature_m = 180: .* less than or equal to 5 .height of the person, metres",
         ),
         ({"pairs": [{"front": {"mask": "no.png"}, "side": {}}]}, "front: no file"),
         ({"paris": [], "pairs": [{}]}, 'unknown key "paris"; did you mean "pairs"'),
