@@ -13,7 +13,7 @@ from rig_samples import FISHEYE
 from tracker.arrays import Array
 from tracker.camera import Camera
 from tracker.errors import CalibrationError
-from tracker.kernels.pictures.id_contours import _undistort
+from tracker.kernels.lens import undistort
 from tracker.lens import Lens
 from tracker.rig import Rig
 from tracker.rig_check import check_rig
@@ -105,12 +105,12 @@ def test_the_kernel_of_contours_undistorts_as_cameras_do(lens: tuple[float, ...]
     plane = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1).reshape(-1, 2)
     imaged = Lens(camera.distortion).distort(plane)[0] @ matrix[:2, :2].T + matrix[:2, 2]
     row = Rig((camera,)).packed[0]
-    found = np.array([_undistort(row, *pixel) for pixel in imaged])
+    found = np.array([undistort(row, *pixel) for pixel in imaged])
     np.testing.assert_allclose(found, plane, atol=1e-9)
     np.testing.assert_allclose(found, camera.undistort(imaged), atol=1e-9)
     if np.isfinite(camera.reach):
         beyond = matrix[:2, 2] + 3 * (imaged[radii.argmax() :: len(radii)] - matrix[:2, 2])
-        found = np.array([_undistort(row, *pixel) for pixel in beyond])
+        found = np.array([undistort(row, *pixel) for pixel in beyond])
         np.testing.assert_allclose(found, camera.undistort(beyond, clamped=True), atol=1e-9)
 
 

@@ -107,7 +107,7 @@ class Doubts:
     n_before: int = 0
     """Frames at the beginning in which nobody is: all persons are lost."""
 
-    unfound: str = ""
+    why_unfound: str = ""
     """Why nobody was found in the last frame in which somebody was looked for."""
 
     def after(self, step: Step) -> Doubts:
@@ -133,7 +133,7 @@ class Doubts:
             found=found,
             grave=(*self.grave, frame) if any(_is_grave(one, who.name in found) for who, one in pairs) else self.grave,
             n_before=self.n_before + (not found),
-            unfound=step.unfound or self.unfound,
+            why_unfound=step.why_unfound or self.why_unfound,
         )
 
     @property
@@ -174,8 +174,8 @@ class Doubts:
         found.append(f"of {self.n_frames} frames {', '.join(whole)}")
         for limb, frames in sorted(self.ambiguous.items(), key=lambda item: -len(item[1])):
             found.append(f"{limb} ambiguous in {len(frames)}{_where(frames)}")
-        if self.unfound and not self.found:
-            found.append(f"nobody was found: {self.unfound}")
+        if self.why_unfound and not self.found:
+            found.append(f"nobody was found: {self.why_unfound}")
         return "; ".join([", ".join(found), *unused])
 
 

@@ -13,26 +13,22 @@ from tracker.geometry.halton import halton
 _STEPS = 12
 # Joints farther apart than this, in extents of the body at rest, are not in one place: 14 cm of a person.
 _APART = 0.08
-# Smaller than a toddler, metres: `tracker.initialization._person_sized` draws the same line for starts.
-_SMALL_M = 0.8
 # Damping of the inverse kinematics, in the units of its normal equations, m^2: a twist that no joint shows stays.
 _DAMPING = 1e-4
+
+SMALL_M = 0.8
+"""Bodies of less are smaller than a toddler, metres."""
 
 
 def apart_m(body: BodyModel) -> float:
     """From how far on two places of a joint are not one, metres."""
-    return _APART * _extent_m(body)
+    return _APART * float(body.extents_m.max())
 
 
 def smallness(body: BodyModel) -> float:
     """What lengths that persons have set are multiplied by: 1, but of a body below 0.8 m its share of that."""
-    extent_m = _extent_m(body)
-    return min(extent_m / _SMALL_M, 1.0) if extent_m > 0 else 1.0
-
-
-def _extent_m(body: BodyModel) -> float:
-    """Largest extent of the joints at rest, metres."""
-    return float(np.ptp(body.landmarks_in_world(body.rest()), axis=0).max())
+    extent_m = float(body.extents_m.max())
+    return min(extent_m / SMALL_M, 1.0) if extent_m > 0 else 1.0
 
 
 def are_apart(

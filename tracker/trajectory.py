@@ -48,7 +48,7 @@ class Step:
     start: Start | None = None
     """Evidence of the bootstrapping, in the frame in which it happened."""
 
-    unfound: str = ""
+    why_unfound: str = ""
     """Why nobody was found, where persons were looked for who were in no frame before."""
 
     ready: int = 0

@@ -10,7 +10,7 @@ from benchmarks.motion_files import MotionFile
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.errors import SequenceError
-from tracker.recognition.limb_directions import JOINTS, joint_columns
+from tracker.recognition.limb_directions import JOINTS
 
 _LIMBS = tuple(
     (f"{side}_{one}", f"{side}_{other}")
@@ -141,7 +141,7 @@ def _placed(poses: Array, joints: Array, body: BodyModel) -> Array:
 
 def _joints(body: BodyModel, poses: Array) -> Array:
     """(T, 12, 3) in the order of `JOINTS`."""
-    found: Array = body.landmarks_in_world(poses)[:, joint_columns(body)]
+    found: Array = body.landmarks_in_world(poses)[:, [body.landmark_names.index(name) for name in JOINTS]]
     return found
 
 

@@ -173,6 +173,11 @@ class KinematicTree:
         return self.points_in_world(q, *self._marks)
 
     @cached_property
+    def extents_m(self) -> Array:
+        """(3,) how large the body is in its pose at rest, from landmark to landmark along the axes, metres."""
+        return frozen(np.ptp(self.landmarks_in_world(self.rest()), axis=0))
+
+    @cached_property
     def _marks(self) -> tuple[Array, Integers]:
         """The landmarks (L, 3) in the reference pose, metres, and the last parameter (L,) that moves each."""
         ends: Integers = frozen([mark.parameter for mark in self.landmarks], dtype=np.int64)

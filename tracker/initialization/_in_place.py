@@ -47,7 +47,7 @@ class InPlace:
         stages.progress("bootstrapping: a body that stays in its place, in poses all over its limits")
         objective, poses = stages.objective(frame, scene, k), _everywhere(body)
         distances = np.concatenate([objective(poses[i : i + _BATCH]) for i in range(0, len(poses), _BATCH)])
-        apart_m = _APART * float(np.ptp(body.landmarks_in_world(body.rest()), axis=0).max(initial=0.0))
+        apart_m = _APART * float(body.extents_m.max())
         refined = []
         for q in different(body, poses[np.argsort(distances, kind="stable")], _REFINED, apart_m):
             searched = self.fine.estimate(objective, q[None])

@@ -38,7 +38,7 @@ class Size(NamedTuple):
 
 def size_of(person: Person) -> Size:
     """The size of a person's body."""
-    extents = np.ptp(person.body.landmarks_in_world(person.body.rest()), axis=0)
+    extents = person.body.extents_m
     stature_m = person.body.stature_m or max(float(extents[2]), _FLAT * float(extents.max()))
     volume_m3 = 4 / 3 * np.pi * float(np.prod(person.body.shapes[:, :3], axis=1).sum())
     return Size(stature_m, max(stature_m, float(extents.max())), volume_m3)

@@ -16,6 +16,7 @@ from tracker.errors import ModelError
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._likeness import size_of
+from tracker.limbs import SMALL_M
 from tracker.rig import Rig
 from tracker.scene import Scene
 from tracker.segments import Landmark
@@ -23,7 +24,7 @@ from tracker.start import Start
 
 # Voxels, bins and margins of a start are those of a person: a toddler and a horse are still found with them, of a hand
 # or a bird the voxels leave too little, a lorry is larger than the space that is searched. Metres, and cubic metres.
-_LEAST_M, _MOST_M, _PERSON_M, _LEAST_M3 = 0.8, 3.5, 1.8, 0.008
+_MOST_M, _PERSON_M, _LEAST_M3 = 3.5, 1.8, 0.008
 # Tracked from given poses dogs of 0.096, 0.058 and 0.043 m were 0.2 % of their size off; one of 0.029 m was doubtful in
 # all frames, one of 0.01 m lost: steps of the estimation are in metres.
 _SMALLEST_M = 0.04
@@ -61,7 +62,7 @@ def enlargement(scene: Scene) -> float:
     """By what the world is enlarged; 1 where the largest body is about as large as a person."""
     sizes = [size_of(person) for person in scene.persons]
     length_m, volume_m3 = max(size.length_m for size in sizes), max(size.volume_m3 for size in sizes)
-    alike = length_m <= 0 or (_LEAST_M <= length_m <= _MOST_M and volume_m3 >= _LEAST_M3)
+    alike = length_m <= 0 or (SMALL_M <= length_m <= _MOST_M and volume_m3 >= _LEAST_M3)
     return 1.0 if alike else _PERSON_M / length_m
 
 

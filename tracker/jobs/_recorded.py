@@ -142,8 +142,8 @@ def _log_step(step: Step) -> None:
         log.info("frame %d %s start pose of confidence %.2f", step.frame.index, person.name, found)
     for v, fault in step.untrusted.items():
         log.info("frame %d: foreground of view %s not used: %s", step.frame.index, step.scene.rig.names[v], fault)
-    if step.unfound:
-        log.info("nobody was found: %s", step.unfound)
+    if step.why_unfound:
+        log.info("nobody was found: %s", step.why_unfound)
     if step.frame.missing:
         names = ", ".join(step.scene.rig.names[v] for v in step.frame.missing)
         log.warning("frame %d: without an image of %s", step.frame.index, names)

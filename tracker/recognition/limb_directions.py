@@ -14,7 +14,6 @@ import numpy as np
 
 from tracker.arrays import Array, Array32, Mask, frozen
 from tracker.body import BodyModel
-from tracker.errors import ModelError, nearest
 from tracker.keypoints import meant
 from tracker.recognition.segment_directions import Features, features_of, segment_directions
 
@@ -141,22 +140,6 @@ def _even(times_s: Array, directions: Array, features: Features) -> Course:
     return Course(float(times_s[0]), frozen(values, np.float32), frozen(known, np.bool_), features)
 
 
-def joint_columns(body: BodyModel) -> list[int]:
-    """Numbers of the landmarks of a body that the features are made of.
-
-    Raises:
-        ModelError: it lacks one: the body is no person's.
-    """
-    names = body.landmark_names
-    missing = next((name for name in JOINTS if name not in names), None)
-    if missing is not None:
-        raise ModelError(
-            f'model "{body.name}" has no landmark "{missing}"; {nearest(missing, names)}; movements are told by '
-            "shoulders, elbows, wrists, hips, knees and ankles"
-        )
-    return [names.index(name) for name in JOINTS]
-
-
 def course_of(body: BodyModel, times_s: Array, poses: Array) -> Course:
     """Directions at even times, of poses (T, dof) of a body at times (T,) in seconds; NaN where lost.
 
@@ -167,9 +150,7 @@ def course_of(body: BodyModel, times_s: Array, poses: Array) -> Course:
     """
     lost: Mask = np.asarray(~np.isfinite(poses).all(axis=1))
     placed, called = np.where(lost[:, None], body.rest(), poses), meant(JOINTS, body)
-    if set(JOINTS) <= set(body.landmark_names):
-        features, directions = PERSONS, limb_directions(body.landmarks_in_world(placed)[:, joint_columns(body)])
-    elif len(called.rows) == len(JOINTS):
+    if len(called.rows) == len(JOINTS):
         features, directions = PERSONS, limb_directions(body.points_in_world(placed, called.points, called.ends))
     else:
         features = features_of(body)

@@ -109,7 +109,7 @@ def bootstrap(
     """
     clock = Clock()
     start: Start | None = None
-    unfound = ""
+    why = ""
     with clock("initialization"):
         try:
             start = cycle.initialization.start(sight.frame, scene, cycle.stages)
@@ -118,7 +118,7 @@ def bootstrap(
         except InitializationError as error:
             if give_up:
                 raise
-            unfound = str(error)
+            why = str(error)
     with clock("observation"):
         expected = None if start is None else cycle.synthesis.contours(scene)
         if start is not None:
@@ -126,7 +126,7 @@ def bootstrap(
         observed = cycle.evidence.observe(sight, expected)
     if start is None:
         step = _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), clock)
-        return replace(step, unfound=unfound)
+        return replace(step, why_unfound=why)
     with clock("refinement"):
         colours, everybody = cache(partial(part_colours, sight, scene)), range(len(scene.persons))
         estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED, colours, everybody)

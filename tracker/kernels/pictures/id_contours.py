@@ -13,7 +13,7 @@ import numpy as np
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.solids import in_part
-from tracker.kernels.lens import bend, bend_with_slopes, beyond_reach, lens_of
+from tracker.kernels.lens import bend_with_slopes, lens_of, undistort
 from tracker.kernels.rows import camera as at
 
 WINDOW_PX2 = 12.0
@@ -24,13 +24,6 @@ SHARE_PER_PX = 0.245
 
 DEEPEST_M = 0.1
 """A surface may bend away by this much between the last pixel's centre and the contour, metres."""
-
-
-_STEPS, _MOST_STEPS, _HALVINGS = 8, 20, 60
-"""Of Newton's method from the pixel itself, of that from a better start, of an interval to find this start in."""
-
-_SETTLED, _FARTHEST = 1e-6, 1e6
-"""In the plane z = 1: a solution is one if its last step was shorter; the end of lenses that have none."""
 
 _K1, _K2, _AROUND, _ALONG, _UPWARD = 12, 13, 14, 15, 16
 """Taper and exponents of a part; the columns before them are those of `tracker.kernels.rows.solid`."""
@@ -109,58 +102,9 @@ def _depth_there(ids: Integers, depths: Array32, x: int, y: int, normal: tuple[f
 
 
 @compiled
-def _undistort(camera: Array, x: float, y: float) -> tuple[float, float]:
-    """Plane coordinates of a pixel; the twin is `Lens.undistort_clamped`.
-
-    What is next to where the lens turns back may be imaged beyond, where its slopes lead away: then steps begin at what
-    the radial distortion alone images there. A contour lies up to a pixel beside what is seen: if the lens images
-    nothing there, it is at the end of its reach.
-    """
-    ty = (y - camera[at.CY]) / camera[at.FY]
-    tx = (x - camera[at.CX] - camera[at.SHEAR] * ty) / camera[at.FX]
-    a, b, found = _stepped(camera, tx, ty, tx, ty, _STEPS)
-    if not found:
-        distance, reach = np.sqrt(tx * tx + ty * ty), min(np.sqrt(camera[at.REACH2]), _FARTHEST)
-        straight = _straightened(camera, distance, reach) / distance
-        a, b, found = _stepped(camera, tx, ty, straight * tx, straight * ty, _MOST_STEPS)
-        if not found:
-            a, b = tx * reach / distance, ty * reach / distance
-    return a, b
-
-
-@compiled
-def _stepped(camera: Array, tx: float, ty: float, a: float, b: float, n: int) -> tuple[float, float, bool]:
-    """The point that the lens images at tx, ty, by n Newton steps from a, b at most; whether it is one."""
-    da = db = 0.0
-    for _ in range(n):
-        u, v, xx, xy, yy = bend_with_slopes(lens_of(camera), a, b, 1.0)
-        ex, ey = tx - u, ty - v
-        if ex == 0.0 and ey == 0.0:
-            return a, b, not beyond_reach(camera, a, b)
-        det = xx * yy - xy * xy
-        da, db = float((yy * ex - xy * ey) / det), float((xx * ey - xy * ex) / det)
-        a, b = a + da, b + db
-    return a, b, abs(da) < _SETTLED and abs(db) < _SETTLED and not beyond_reach(camera, a, b)
-
-
-@compiled
-def _straightened(camera: Array, distance: float, reach: float) -> float:
-    """How far from the axis is what the radial distortion images at a distance from it: by halving, within a reach."""
-    k1, k2, _, _, k3, k4, k5, k6 = lens_of(camera)
-    low, high = 0.0, reach
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        if bend((k1, k2, 0.0, 0.0, k3, k4, k5, k6), middle, 0.0, 1.0)[0] < distance:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
-@compiled
 def _lift(camera: Array, x: float, y: float, normal: tuple[float, float], depth: float, out: Array) -> None:
     """World point of a pixel and world normal of the plane through the contour and the camera, to `out` (6,)."""
-    a, b = _undistort(camera, x, y)
+    a, b = undistort(camera, x, y)
     sx, sy = camera[at.FX] * normal[0], camera[at.SHEAR] * normal[0] + camera[at.FY] * normal[1]
     _, _, xx, xy, yy = bend_with_slopes(lens_of(camera), a, b, 1.0)
     nx, ny = xx * sx + xy * sy, xy * sx + yy * sy
