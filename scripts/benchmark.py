@@ -28,6 +28,8 @@ from benchmarks import surfaces as measured_surfaces
 from benchmarks import tracking as cycle_times
 from benchmarks import twists as limb_twists
 from benchmarks import ways as pose_ways
+from benchmarks.scores import read_scores
+from benchmarks.start_scores import print_starts
 from rich.console import Console
 
 from tracker.commands.terminal import print_error
@@ -104,10 +106,11 @@ def scores(
     outputs: Annotated[list[Path], typer.Argument(help="Folders that `recordings` wrote to.")],
     picture: Annotated[Path, typer.Option(help="PNG to write.")] = Path("scores.png"),
 ) -> None:
-    """One picture of several runs of `recordings`: persons by bodies and kinds of evidence."""
+    """Several runs of `recordings` as one picture, persons by bodies and evidence; how often their starts are right."""
     try:
-        rows = [row for folder in outputs for row in tracked_recordings.read_scores(folder / "scores.csv")]
+        rows = [row for folder in outputs for row in read_scores(folder / "scores.csv")]
         scores_picture.draw(rows, picture)
+        print_starts(console, rows)
     except (TrackerError, OSError) as error:
         print_error(error)
         raise typer.Exit(2) from None

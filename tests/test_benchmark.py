@@ -10,13 +10,14 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
+from rich.console import Console
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
@@ -114,7 +115,10 @@ def test_recordings_are_found_run_once_and_scored(recordings: Path, tmp_path: Pa
     with (tmp_path / "scores.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [(row["person"], row["start"], row["failed"]) for row in rows] == [("anna", "0", ""), ("anna", "1", "")]
+    assert "how often starts are right" in printed
     for row in rows:
+        assert float(row["start_mm"]) <= float(row["start_farthest_mm"]) < 150
+        assert 0 <= float(row["confidence"]) <= 1
         # the model is the simulation's own
         assert 0 < float(row["removed_mm"]) <= float(row["mean_mm"]) < 60
         assert float(row["cpu_s"]) > 0.01
@@ -152,6 +156,46 @@ def test_scores_of_several_runs_are_one_picture(monkeypatch: pytest.MonkeyPatch,
     assert done.exit_code == 2
     assert "no scores to draw" in done.output
     assert not (tmp_path / "none.png").exists()
+
+
+def test_starts_are_counted_by_how_sure_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wrong on average or by a joint alone; neither what is unknown nor runs made again count twice."""
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    scores, starts = (importlib.import_module(f"benchmarks.{name}") for name in ("scores", "start_scores"))
+    row = scores.Score("swing", "anna", "human", False, True, "", 0, 9, "c0de", "c0mm1t", n_frames=9)
+    found = [(0.3, 120, 400), (0.49, 20, 40), (0.5, 20, 40), (0.9, 40, 160), (0.91, 20, 40), (1.0, 20, 151)]
+    rows = [replace(row, start=9, lost=9)]  # lost in the frame that it was found in: nothing to compare
+    for k, (sure, mean_mm, farthest_mm) in enumerate(found):
+        rows.append(replace(row, start=k, confidence=sure, start_mm=mean_mm, start_farthest_mm=farthest_mm))
+    rows.insert(0, replace(rows[1], code="old", start_mm=500))
+    console = Console(width=120, record=True)
+    starts.print_starts(console, rows)
+    cells = [re.split(r"\s*│\s*", line)[1:-1] for line in console.export_text().splitlines() if line.startswith("│")]
+    assert cells == [
+        ["< 0.5", "2", "1", "1", "50", ">= 50"],
+        ["0.5 to 0.9", "2", "0", "1", "50", ""],
+        ["> 0.9", "2", "0", "1", "50", "<= 2"],
+    ]
+    starts.print_starts(console, [row])
+    assert console.export_text() == ""
+
+
+def test_scores_of_an_earlier_version_are_kept(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    scores = importlib.import_module("benchmarks.scores")
+    row = scores.Score("swing", "anna", "human", False, True, "", 0, 9, "c0de", "c0mm1t", n_frames=9)
+    before, after = replace(row, mean_mm=20.0, confidence=0.9), replace(row, start=1, start_mm=19.0)
+    table = tmp_path / "scores.csv"
+    assert scores.read_scores(table) == []
+    columns = [name for name in asdict(row) if not name.startswith("start_")]
+    with table.open("w", newline="") as file:
+        writer = csv.DictWriter(file, columns, extrasaction="ignore")
+        writer.writeheader()
+        writer.writerow(asdict(before))
+    scores.add_scores(table, [after])
+    scores.add_scores(table, [after])
+    # by their words, for what is unknown equals nothing
+    assert list(map(str, scores.read_scores(table))) == list(map(str, [before, after, after]))
 
 
 def test_a_start_that_lost_the_person_throughout_is_not_left_out(

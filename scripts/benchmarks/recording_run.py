@@ -27,7 +27,7 @@ _RECORDINGS = ["csv_table", "run_json", "benchmarks.processor_clock:ProcessorClo
 # Frames of a window are written together: what each of them took is known in runs of one pass alone.
 _ONE_PASS = "passes=1"
 _WARNINGS = {"doubtful", "ambiguous", "lost"}
-_CONFIDENCE = re.compile(r"(\S+) start pose of confidence ([\d.]+)")
+_STARTED = re.compile(r"frame (\d+) (\S+) start pose of confidence ([\d.]+)")
 
 
 @dataclass(frozen=True)
@@ -143,6 +143,9 @@ def _score(row: Score, recording: Recorded, result: Path, errors: PersonErrors, 
     spent_s = np.array([float(entry["processor_s"]) for entry in read_rows(result / CLOCK_FILE)])
     one_by_one = _ONE_PASS in row.settings.split() and len(spent_s) > 1
     frames_s = spent_s[1:] if one_by_one else np.array([np.nan])
+    started, confidence = _started(result, errors.person)
+    at_start = gaps[:, curve["frame"] == started]
+    at_start = at_start[np.isfinite(at_start)]
     others = [name for name, known in recording.truth_names.items() if known == errors.truth]
     return replace(
         row,
@@ -162,7 +165,9 @@ def _score(row: Score, recording: Recorded, result: Path, errors: PersonErrors, 
         limb_off=int(limb_off.sum()),
         limb_off_flagged=int(((gaps > LIMB_MM) & flags).any(axis=0).sum()),
         false_flags=int((flags.any(axis=0) & ~wrong & ~limb_off).sum()),
-        confidence=_confidence(result, errors.person),
+        confidence=confidence,
+        start_mm=float(np.mean(at_start)) if at_start.size else np.nan,
+        start_farthest_mm=float(np.max(at_start)) if at_start.size else np.nan,
         cpu_s=float(spent_s.sum()),
         frame_s=float(np.median(frames_s)),
         slow_frame_s=float(np.quantile(frames_s, 0.9)),
@@ -192,9 +197,9 @@ def _flags(result: Path, person: str, joints: list[str], frames: Array) -> Mask:
     return flags
 
 
-def _confidence(result: Path, person: str) -> float:
-    """Of the person's first start pose, as the log tells."""
-    for name, sure in _CONFIDENCE.findall((result / "log.txt").read_text(encoding="utf-8")):
+def _started(result: Path, person: str) -> tuple[int, float]:
+    """The frame of the person's first start pose and how sure it was, as the log tells; (-1, NaN) of nobody found."""
+    for frame, name, sure in _STARTED.findall((result / "log.txt").read_text(encoding="utf-8")):
         if name == person:
-            return float(sure)
-    return np.nan
+            return int(frame), float(sure)
+    return -1, np.nan

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 import time
 from collections import Counter
@@ -19,8 +18,9 @@ from benchmarks.checkout import Code
 from benchmarks.detected_joints import print_beside
 from benchmarks.recorded import Recorded, recorded
 from benchmarks.recording_run import Asked, folder_of, scored
-from benchmarks.scores import Score, as_cells, by_person, from_cells
+from benchmarks.scores import Score, add_scores, by_person, read_scores
 from benchmarks.scores_picture import draw
+from benchmarks.start_scores import print_starts
 
 # Enough to compile, start, and track.
 _QUICK_FRAMES = 4
@@ -118,12 +118,13 @@ def compare(console: Console, plan: Plan, checkout: Path, output: Path) -> None:
             if not found:
                 with console.status(f"{n} of {len(runs)}: {_title(recording, asked)}"):
                     found = scored(recording, asked, code, output.resolve())
-                _add(table, found)
+                add_scores(table, found)
             scores += found
             for one in found:
                 _tell(console, f"{n} of {len(runs)}: {_title(recording, asked)}", one, time.perf_counter() - begin)
     if scores:
         _print(console, scores, code)
+        print_starts(console, scores)
         draw(scores, output / "scores.png")
         console.print(f"as a picture: {output / 'scores.png'}", highlight=False, soft_wrap=True)
     if plan.keypoints:
@@ -142,28 +143,11 @@ def _tell(console: Console, title: str, score: Score, seconds: float) -> None:
     console.print(f"{title}: {found}, {seconds:.0f} s", highlight=False, soft_wrap=True, markup=False)
 
 
-def read_scores(table: Path) -> list[Score]:
-    """The rows of a file of scores; none if it is not there."""
-    if not table.is_file():
-        return []
-    with table.open(newline="", encoding="utf-8") as file:
-        return [from_cells(cells) for cells in csv.DictReader(file)]
-
-
 def _known(table: Path, recording: Recorded, asked: Asked, code: Code) -> list[Score]:
     """Rows of the same run by the same code."""
     settings = " ".join(asked.settings)
     wanted = recording.name, asked.model, asked.acquired, asked.plates, settings, asked.start, asked.stop, code.digest
     return [row for row in read_scores(table) if row.key == tuple(map(str, wanted))]
-
-
-def _add(table: Path, scores: list[Score]) -> None:
-    fresh = not table.is_file()
-    with table.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, as_cells(scores[0]))
-        if fresh:
-            writer.writeheader()
-        writer.writerows(as_cells(one) for one in scores)
 
 
 def _print(console: Console, scores: list[Score], code: Code) -> None:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from tracker.files import replacing
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,14 @@ class Score:
     """Frames not lost with a joint flagged, but none 150 mm and a mean of less than 100 mm off."""
 
     confidence: float = np.nan
+    """How sure the person's first start pose was."""
+
+    start_mm: float = np.nan
+    """How far the joints are off in the frame of that start, as it was tracked; mean. Unknown where it is lost."""
+
+    start_farthest_mm: float = np.nan
+    """The same of the farthest joint."""
+
     cpu_s: float = np.nan
     """Processor time of the whole run, its start with it."""
 
@@ -98,13 +110,36 @@ def newest(scores: Sequence[Score]) -> list[Score]:
     return [one for one in scores if one.code == last[one.key[:-1]]]
 
 
-def as_cells(score: Score) -> dict[str, object]:
-    """The columns of the file of scores."""
-    return asdict(score)
+def read_scores(table: Path) -> list[Score]:
+    """The rows of a file of scores; none if it is not there. Columns that it was written without are unknown."""
+    if not table.is_file():
+        return []
+    with table.open(newline="", encoding="utf-8") as file:
+        return [_from_cells(cells) for cells in csv.DictReader(file)]
 
 
-def from_cells(cells: dict[str, str]) -> Score:
-    """A row of the file of scores, read again."""
-    kinds = {field.name: str(field.type) for field in fields(Score)}
+def add_scores(table: Path, scores: Sequence[Score]) -> None:
+    """Adds rows to a file of scores; one with other columns, of an earlier version, is written anew with these."""
+    columns = [field.name for field in fields(Score)]
+    if _columns(table) == columns:
+        with table.open("a", newline="", encoding="utf-8") as file:
+            csv.DictWriter(file, columns).writerows(asdict(one) for one in scores)
+        return
+    rows = [*read_scores(table), *scores]
+    with replacing(table) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, columns)
+        writer.writeheader()
+        writer.writerows(asdict(one) for one in rows)
+
+
+def _columns(table: Path) -> list[str]:
+    if not table.is_file():
+        return []
+    with table.open(newline="", encoding="utf-8") as file:
+        return next(csv.reader(file), [])
+
+
+def _from_cells(cells: dict[str, str]) -> Score:
+    kinds = {field.name: str(field.type) for field in fields(Score) if field.name in cells}
     readers: dict[str, Callable[[str], Any]] = {"str": str, "int": int, "float": float, "bool": "True".__eq__}
     return Score(**{name: readers[kind](cells[name]) for name, kind in kinds.items()})
