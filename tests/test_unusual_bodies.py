@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from observations import ideal, objective_of
 from recordings import SMALL, TrueStart, cycle_for, joint_errors_mm, small_simulation
 
 from tracker.body import BodyModel
@@ -23,6 +24,7 @@ from tracker.initialization._person_sized import enlarged, person_sized
 from tracker.initialization.auto import AutoInitialization
 from tracker.initialization.given import GivenInitialization
 from tracker.limbs import exchanged, taken_over
+from tracker.loss import LossRule, judged
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.simulation.filming import plan
@@ -95,6 +97,44 @@ def pendulum(tmp_path: Path) -> Path:
     file = tmp_path / "pendulum.toml"
     file.write_text(described)
     return file
+
+
+def pronged(file: Path) -> str:
+    """The pendulum with two more links on its first, the one of two joints; the second hangs on no other."""
+    text, link = file.read_text(), '[[segments]]\nname = "{}"\nparent = "{}"\njoint = {}\nparameters = [{}]\n'
+    part = '[[parts]]\nname = "{0}"\nsegment = "{0}"\nstart = {1}\nend = {2}\nradii = [0.06, 0.04]\n'
+    turn = '{{ name = "{}", axis = [1, 0, 0], limits_deg = [-90, 90] }}'
+    for name, parent, top, end in (
+        ("prong", "first", [0, 0.2, 1.2], [0, 0.2, 0.9]),
+        ("tip", "prong", [0, 0.2, 0.9], [0, 0.2, 0.6]),
+    ):
+        text += link.format(name, parent, top, turn.format(f"{name}_turn")) + part.format(name, top, end)
+    return text
+
+
+def test_limbs_of_a_body_without_sides_are_what_hangs_on_it(pendulum: Path) -> None:
+    """The ends of the tree; what all of it hangs on is none."""
+    body = load_body(pendulum)
+    assert (body.fine_groups, body.limbs) == (("first", "second"), ("second",))
+    pendulum.write_text(pronged(pendulum))
+    body = load_body(pendulum)
+    assert body.fine_groups == ("first", "second", "prong")
+    assert body.limbs == ("second", "prong")
+    assert [group for group in body.groups if body.partner_of(group)] == []
+    quadruped = load_body(model_path("quadruped"))
+    assert all(map(quadruped.partner_of, quadruped.limbs)), "its tail is none"
+
+
+@pytest.mark.parametrize(("turned", "limb"), [("bend", "second"), ("prong_turn", "prong")])
+def test_a_limb_without_a_partner_is_named_where_it_is_not(pendulum: Path, turned: str, limb: str) -> None:
+    pendulum.write_text(pronged(pendulum))
+    truth = small_simulation("sway", 1, model=str(pendulum)).scene
+    (person,) = truth.persons
+    for off_deg, named in ((0.0, ()), (70.0, (limb,))):
+        q = person.q.copy()
+        q[person.body.index(turned)] += np.radians(off_deg)
+        found = objective_of(truth, ideal(truth)).estimate(q, np.zeros((len(q), len(q))), 1)
+        assert judged(person.body, found, LossRule()).ambiguous == named
 
 
 def stages_of(simulation: Simulation) -> Stages:

@@ -110,8 +110,8 @@ def limbs(names: tuple[str, ...], body: BodyModel) -> list[Integers]:
 def _group(body: BodyModel, end: int) -> str:
     """The pair of limbs that a point belongs to, by the left one's name; empty for trunk and head."""
     for group in body.limbs:
-        if end in body.group(group):
-            return min(group, body.mirror.of(group))
+        if end in body.group(group) and (other := body.partner_of(group)):
+            return min(group, other)
     return ""
 
 

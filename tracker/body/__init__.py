@@ -105,8 +105,12 @@ class BodyModel(KinematicTree):
 
     @cached_property
     def limbs(self) -> tuple[str, ...]:
-        """Fine groups that have one on the other side: arms and legs, not trunk and head, on which they hang."""
-        return tuple(group for group in self.fine_groups if self.partner_of(group))
+        """Fine groups that may be elsewhere on their own: arms and legs, not trunk and head, on which they hang.
+
+        They have one on the other side; of a body without sides they are the ends of its tree, fingers of a hand.
+        """
+        paired = tuple(group for group in self.fine_groups if self.partner_of(group))
+        return paired or tuple(group for group in self.fine_groups if self._is_an_end(group))
 
     @cached_property
     def marked_limbs(self) -> tuple[str, ...]:
@@ -124,6 +128,15 @@ class BodyModel(KinematicTree):
             other, names = self.mirror.of(group), [self.mirror.of(name) for name in members]
             found[group] = other if other != group and list(self.groups.get(other, ())) == names else None
         return found
+
+    def _is_an_end(self, group: str) -> bool:
+        """Whether a group hangs on another one, and none on it."""
+        moved = {
+            name: self.moves[np.ix_(self.group(name), self.part_parameters)].any(axis=0) for name in self.fine_groups
+        }
+        mine, others = moved.pop(group), moved.values()
+        hangs = any((mine <= theirs).all() and theirs.sum() > mine.sum() for theirs in others)
+        return bool(mine.any()) and hangs and not any((theirs <= mine).all() and theirs.any() for theirs in others)
 
     def parts_of(self, group: str) -> Mask:
         """(P,) parts that a fine group moves and no finer chain hanging on it does: an arm's, not the body's."""

@@ -50,7 +50,7 @@ class HybridEstimation:
     with a joint 150 mm off) for 1.4 to 7 times the time."""
 
     trunk_above: float = pydantic.Field(default=0.35, ge=0, le=1)
-    """Share left over above which a group without a partner on the other side is searched: trunk and head, of which
+    """Share left over above which a group that is no limb is searched: trunk and head, of which
     clothes and hair leave over up to 0.3 in frames where nothing is wrong."""
 
     unusual: float = pydantic.Field(default=0.06, ge=0, le=1)
@@ -128,7 +128,7 @@ class HybridEstimation:
     def _exchanged(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
         """One of the groups and its partner on the other side have changed places; of several pairs the best."""
         body, q = objective.body, estimate.q
-        pairs = sorted({tuple(sorted((group, body.mirror.of(group)))) for group in groups if group in body.limbs})
+        pairs = sorted({tuple(sorted((group, other))) for group in groups if (other := body.partner_of(group))})
         if not pairs:
             return estimate
         poses = np.array([place(body, q, *pair) for pair in pairs for place in (mirrored, exchanged)])
@@ -212,7 +212,7 @@ class HybridEstimation:
         weak, left_over_px = [], estimate.account.left_over_px
         for group in body.fine_groups:
             parts = body.parts_of(group)
-            allowed = 1 - self.search_below if body.partner_of(group) else self.trunk_above
+            allowed = 1 - self.search_below if group in body.limbs else self.trunk_above
             if usual_px is not None:
                 usual = self._share(usual_px[0], usual_px[1], parts)
                 poor = usual > self.most_usual and history is not None and history.n_frames % self.poor_every == 0
