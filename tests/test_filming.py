@@ -22,7 +22,7 @@ from tracker.rig import Rig
 from tracker.rig_layouts import load_rig, save_rig
 from tracker.scene import Person, Scene
 from tracker.simulation import precision, room
-from tracker.simulation.common_volume import Floor, best_place, check_asked, floor_seen, seen_whole, sees
+from tracker.simulation.common_volume import Floor, best_place, check_asked, floor_seen, seen_whole, sees, sizes
 from tracker.simulation.filming import film, plan
 from tracker.simulation.movements import poses_of
 from tracker.simulation.precision import best_views, covariances, joint_sigmas, view_information
@@ -314,3 +314,8 @@ def test_mistakes_are_one_line_and_nothing_is_written(tmp_path, arguments, fault
 
 def test_a_missing_rig_is_named(tmp_path):
     assert "no such file" in told("--rig", tmp_path / "none.toml")
+
+
+def test_floors_of_small_bodies_are_told_in_digits_that_say_something() -> None:
+    assert sizes({2: 12.345, 3: 1.0, 4: 0.0}, "m2") == "2 or more: 12.3 m2, 3 or more: 1.0 m2, 4 or more: 0.0 m2"
+    assert sizes({2: 0.519, 3: 0.0021}, "m³") == "2 or more: 0.52 m³, 3 or more: 0.0021 m³"

@@ -72,13 +72,15 @@ def simulate(
 
 
 def _tell_place(planned: Plan) -> None:
+    from tracker.simulation.common_volume import sizes
+
     (x, y), n = planned.place, len(planned.rig)
     console.print(
         f"{planned.recipe.movement.replace('_', ' ')} around x {x:.2f} m, y {y:.2f} m, heading "
         f"{planned.recipe.heading_deg:.0f} degrees, where {planned.whole} of {n} cameras see the whole body",
         highlight=False,
     )
-    areas = ", ".join(f"{k} or more: {planned.floor.area_m2(k):.1f} m2" for k in range(2, n + 1))
+    areas = sizes({k: planned.floor.area_m2(k) for k in range(2, n + 1)}, "m2")
     console.print(f"floor on which cameras see the whole body: {areas}", highlight=False)
     if planned.whole < 2:
         nowhere = "nowhere do two cameras see the whole body: set them back or use wider lenses"

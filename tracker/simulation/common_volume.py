@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,6 +70,12 @@ class Floor:
         """Space up to the top of the head that at least so many cameras see, cubic metres."""
         cell = float(self.x[1] - self.x[0]) * float(self.y[1] - self.y[0]) * float(self.heights[-1])
         return cell * float(np.mean(np.count_nonzero(self.points >= n, axis=(1, 2))))
+
+
+def sizes(seen: Mapping[int, float], unit: str) -> str:
+    """Number of cameras -> floor or space that so many or more see, in words; of small bodies it is a fraction of 1."""
+    told = {n: f"{size:.1f}" if size >= 1 or size == 0 else f"{size:.2g}" for n, size in seen.items()}
+    return ", ".join(f"{n} or more: {size} {unit}" for n, size in told.items())
 
 
 def sees(camera: Camera, points: Array) -> Mask:
