@@ -99,6 +99,31 @@ def test_the_truth_covers_the_foreground(truth: Scene, masks: tuple[Mask, ...]) 
     assert account.missed_px.sum() < 0.02 * account.visible_px.sum()
 
 
+def test_a_few_known_pixels_count_as_what_they_are_of_the_person(truth: Scene, masks: tuple[Mask, ...]) -> None:
+    """Beside somebody who stays a plate knows of a finger alone: bare, it had cost as much as a whole person."""
+    evidence, q = SilhouetteEvidence(), truth.persons[0].q
+    elsewhere = q + 10.0 * np.eye(len(q))[0]  # covers nothing
+    slivers: list[Mask] = []
+    for mask in masks:
+        rows = np.flatnonzero(mask.any(axis=1))
+        sliver = np.zeros_like(mask)
+        sliver[rows.min() : rows.min() + 12] = mask[rows.min() : rows.min() + 12]
+        slivers.append(sliver)
+    unknown = tuple(mask & ~sliver for mask, sliver in zip(masks, slivers, strict=True))
+    model_px = tuple(float(mask.sum()) for mask in masks)
+
+    def bare(known: tuple[Mask, ...], *told: object) -> Array:
+        seen = evidence.seen(known, *told)  # type: ignore[arg-type]
+        return evidence._per_view(Comparison(truth, 0, CpuSynthesis(), seen), elsewhere[None])[0]
+
+    few = evidence.seen(tuple(slivers), unknown, model_px)
+    share = few.worth / (evidence.least_share * np.array(model_px) / few.factor**2)
+    assert (share < 1).all()
+    np.testing.assert_allclose(bare(tuple(slivers), unknown), 10.0)
+    np.testing.assert_allclose(bare(tuple(slivers), unknown, model_px), 10.0 * share)
+    np.testing.assert_array_equal(bare(masks, (None,) * 4, model_px), bare(masks))
+
+
 @pytest.mark.parametrize("limb", ["left_arm", "right_leg"])
 def test_a_displaced_limb_costs_and_is_told(truth: Scene, masks: tuple[Mask, ...], limb: str) -> None:
     body, q = truth.persons[0].body, truth.persons[0].q

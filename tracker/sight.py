@@ -69,6 +69,10 @@ class Sight:
         self._found: dict[tuple[Hashable, int], tuple[Region, Any]] = {}
         self._joined: dict[Hashable, tuple[Sequence[Any], Any]] = {}
 
+    def model_px(self, view: int) -> float | None:
+        """Pixels of a view that the persons covered shortly before; None where that is not known."""
+        return None if self._model_px is None else float(self._model_px[view])
+
     def hide(self, strangers: Mapping[int, Mask]) -> None:
         """From now on somebody is before the persons; what was found before is forgotten.
 
@@ -135,8 +139,7 @@ class Sight:
             found = changed(image, plate, where, self.lit(view))
             sure_px = int(np.count_nonzero(found.foreground))
             most_px = sure_px if plate.unknown is None else sure_px + int(np.count_nonzero(plate.unknown))
-            model_px = None if self._model_px is None else float(self._model_px[view])
-            fault = _fault(found.level, (sure_px, most_px), model_px, image.shape)
+            fault = _fault(found.level, (sure_px, most_px), self.model_px(view), image.shape)
             return Changes(found.moving, found.foreground, fault, found.level <= MOST_LEVEL)
 
         found = self.once(Changes, view, region, find)

@@ -42,6 +42,9 @@ class Foregrounds(SmallPictures):
     worth: Array
     """(V,) sum of what covering is worth; 0 where there is no foreground."""
 
+    least: Array
+    """(V,) what distances are shares of at least, in the unit of `worth`."""
+
     unknown: tuple[Mask | None, ...] = ()
     """(H, W) of each view where it is not known what is foreground; None, or no views, for nowhere."""
 
@@ -77,20 +80,33 @@ class SilhouetteEvidence(Evidence):
     missed_px: float = pydantic.Field(default=10.0, gt=0)
     """An outline of the foreground farther than this from all of the model's counts as missed, px."""
 
+    least_share: float = pydantic.Field(default=0.3, ge=0, le=1)
+    """What the size of a foreground counts at least as, as a share of what the model covered shortly before. Beside
+    somebody who stays plates made of the recording know of a fingertip alone in some views: left bare it cost as much
+    as a whole person, and held an arm straight that bends (D-TwoElbowRot, acquired: for 8 frames). With 0.05 joints of
+    four recordings are the same, but R-Turn has an arm in doubt in 34 of 270 frames instead of 16."""
+
     margin_px: float = pydantic.Field(default=48.0, ge=0)
     """The foreground is looked for this far beyond the expected contours, px."""
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Foregrounds:
         """The foreground near what is expected; see `tracker.evidence.Evidence.observe`."""
         views = range(len(sight.plates))
-        return self.seen(tuple(self._mask(sight, expected, v) for v in views), tuple(map(sight.unknown, views)))
+        masks = tuple(self._mask(sight, expected, v) for v in views)
+        return self.seen(masks, tuple(map(sight.unknown, views)), tuple(map(sight.model_px, views)))
 
-    def seen(self, masks: tuple[Mask | None, ...], unknown: tuple[Mask | None, ...] = ()) -> Foregrounds:
+    def seen(
+        self,
+        masks: tuple[Mask | None, ...],
+        unknown: tuple[Mask | None, ...] = (),
+        model_px: tuple[float | None, ...] = (),
+    ) -> Foregrounds:
         """Foregrounds made ready to be compared.
 
         Args:
             masks: (H, W) of each view; None for a view without one.
             unknown: (H, W) of each view, where covering it neither costs nor is worth anything; None for nowhere.
+            model_px: what the persons covered shortly before in each view, px; None where that is not known.
         """
         longest = max((max(mask.shape) for mask in masks if mask is not None), default=_SMALL_PX)
         factor = max(1, round(longest / _SMALL_PX))
@@ -104,7 +120,8 @@ class SilhouetteEvidence(Evidence):
             if picture is not None:
                 pictures.append(picture.reshape(-1, 2))
         packed = frozen(regions, np.int64), frozen(np.concatenate(pictures), np.float32)
-        return Foregrounds(factor, *packed, masks, frozen(worth), unknown)
+        least = self.least_share * np.array([pixels or 0.0 for pixels in model_px or (None,) * len(masks)]) / factor**2
+        return Foregrounds(factor, *packed, masks, frozen(worth), frozen(least), unknown)
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B,) what is left bare and what is covered beside it, as shares of the foreground; mean over the views."""
@@ -129,7 +146,7 @@ class SilhouetteEvidence(Evidence):
             return np.full((len(poses), len(seen.worth)), np.nan)
         sums = seen.covered_by(asked, poses)
         worth = np.where(seen.worth > 0, seen.worth, np.nan)
-        per_view: Array = self.scale_px * (sums[..., 0] + worth - sums[..., 1]) / worth
+        per_view: Array = self.scale_px * (sums[..., 0] + worth - sums[..., 1]) / np.maximum(worth, seen.least)
         return per_view
 
     def _outer(self, asked: Comparison, q: Array) -> Contours:
