@@ -13,14 +13,24 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from observations import objective_of
+from observations import ideal, objective_of
 from recordings import TrueStart, cycle_for, small_simulation, with_images
 
 from tracker.doubts import Doubts, ranges
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
 from tracker.initialization._person_sized import enlarged
-from tracker.loss import LossRule, doubted, is_looked_about, judged, limb_spreads_m, sought_anew, trusted_parts
+from tracker.loss import (
+    LossRule,
+    doubted,
+    is_looked_about,
+    judged,
+    left_over_of,
+    limb_spreads_m,
+    limbs_left_over,
+    sought_anew,
+    trusted_parts,
+)
 from tracker.observation import Observation
 from tracker.recording import RunContext
 from tracker.recording._drawing import states_of
@@ -70,6 +80,20 @@ def test_a_limb_elsewhere_is_named(truth: Scene, observation: Observation, limb:
     # what a leg has left behind lies nearest to the other leg, which is then in doubt, too
     kind = limb.partition("_")[2]
     assert all(group.endswith(kind) for group in found.ambiguous)
+
+
+def test_a_head_elsewhere_is_named() -> None:
+    """Bent forward from the start on, before a background that was learnt as its own, it was silent in all frames."""
+    scene = small_simulation("two_elbow_rotation", n_frames=1, model="human").scene
+    seen = ideal(scene)
+    assert estimate_of(scene, seen).ambiguous == ()
+    found = estimate_of(scene, seen, neck_elevation=60.0)
+    assert found.ambiguous == ("head",)
+    head = scene.persons[0].body.parts_of("head")
+    assert not trusted_parts(scene.persons[0].body, found)[:, head].any()
+    # hair and a hat may be left over: of a head less counts than of an arm
+    left_over = limbs_left_over(scene.persons[0].body, found.account)
+    assert left_over["head"] == pytest.approx(left_over_of(found.account.of(head)) - 0.2)
 
 
 def test_a_body_elsewhere_is_doubtful(truth: Scene, observation: Observation) -> None:

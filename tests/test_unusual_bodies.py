@@ -123,6 +123,7 @@ def test_limbs_of_a_body_without_sides_are_what_hangs_on_it(pendulum: Path) -> N
     assert [group for group in body.groups if body.partner_of(group)] == []
     quadruped = load_body(model_path("quadruped"))
     assert all(map(quadruped.partner_of, quadruped.limbs)), "its tail is none"
+    assert set(quadruped.ends) - set(quadruped.limbs) == {"neck_head", "tail"}
 
 
 @pytest.mark.parametrize(("turned", "limb"), [("bend", "second"), ("prong_turn", "prong")])

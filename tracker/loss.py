@@ -18,6 +18,8 @@ from tracker.limbs import smallness
 _SELDOM = 8
 # A limb that shows less contour than this over all views is judged as if it showed so much, px.
 _LEAST_LIMB_PX = 100.0
+# Of a head hair and hats leave over up to this much more than of a limb that is in its place.
+_USUAL_OF_HEADS = 0.2
 
 
 @component
@@ -95,7 +97,7 @@ def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = 
     limbs, spreads_m = limbs_left_over(body, account), limb_spreads_m(body, estimate)
     vague_above_m = loss.vague_above_m * smallness(body)
     in_doubt = [limb for limb, left_over in limbs.items() if left_over > loss.ambiguous_above]
-    vague = tuple(limb for limb in limbs if spreads_m[limb] > vague_above_m and limb not in in_doubt)
+    vague = tuple(limb for limb, spread_m in spreads_m.items() if spread_m > vague_above_m and limb not in in_doubt)
     return replace(
         estimate,
         status=Status.LOST if account.explained < loss.lost_below else found,
@@ -116,9 +118,11 @@ def trusted_parts(body: BodyModel, estimate: Estimate) -> Mask:
 
 
 def limbs_left_over(body: BodyModel, account: Account) -> dict[str, float]:
-    """Limb -> share of its contour that is left over, see `left_over_of`."""
-    # Trunk and head are where the limbs hang; what is left over of them is clothes and hair.
-    return {limb: left_over_of(account.of(body.parts_of(limb))) for limb in body.limbs}
+    """Limb -> share of its contour that is left over, see `left_over_of`; head and tail with what is unusual of it."""
+    # The trunk is where the limbs hang; what is left over of it is clothes.
+    found = {limb: left_over_of(account.of(body.parts_of(limb))) for limb in body.limbs}
+    others = {end: left_over_of(account.of(body.parts_of(end))) for end in body.ends if end not in found}
+    return found | {end: max(left_over - _USUAL_OF_HEADS, 0.0) for end, left_over in others.items()}
 
 
 def limb_spreads_m(body: BodyModel, estimate: Estimate) -> dict[str, float]:

@@ -109,8 +109,12 @@ class BodyModel(KinematicTree):
 
         They have one on the other side; of a body without sides they are the ends of its tree, fingers of a hand.
         """
-        paired = tuple(group for group in self.fine_groups if self.partner_of(group))
-        return paired or tuple(group for group in self.fine_groups if self._is_an_end(group))
+        return tuple(group for group in self.fine_groups if self.partner_of(group)) or self.ends
+
+    @cached_property
+    def ends(self) -> tuple[str, ...]:
+        """Fine groups that hang on another one, and none on them: most limbs, a head, a tail."""
+        return tuple(group for group in self.fine_groups if self._is_an_end(group))
 
     @cached_property
     def marked_limbs(self) -> tuple[str, ...]:

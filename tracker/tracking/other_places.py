@@ -45,14 +45,14 @@ def in_likeliest_places(
     Args:
         objective: of the frame, with the other persons where they are.
         estimate: of a person whose trunk is found.
-        limbs: those that are looked for, None for all.
+        limbs: those that are looked for, or a head; None for all limbs.
         lead_px: what another place must be better by, px.
     """
     if estimate.lost or objective.colours is None:
         return estimate
     begin = time.perf_counter()
     body, best, least_px = objective.body, estimate, float(objective.deciding_px(estimate.q[None])[0])
-    sought = [group for group in body.limbs if limbs is None or group in limbs]
+    sought = list(body.limbs if limbs is None else limbs)
     n_evaluations = estimate.evaluations
     for _ in range(_ROUNDS):
         before = best
