@@ -38,7 +38,10 @@ def limbs_anew(frame: Frame, scene: Scene, stages: Stages, clues: Clues, best: H
         All that was refined; nothing where no limb is left over.
     """
     body, found = scene.persons[-1].body, []
-    for group, left_over in sorted(best.limbs_left_over.items(), key=lambda pair: -pair[1]):
+    # A head that is left over tells of who is turned round: looked for as well, it made up for a man 320 mm off, who
+    # left less over then than he does who faces the right way with an arm in the wrong place (DO-Two).
+    limbs = {group: share for group, share in best.limbs_left_over.items() if group in body.limbs}
+    for group, left_over in sorted(limbs.items(), key=lambda pair: -pair[1]):
         if left_over < _LEFT_OVER:
             break
         stages.progress(f"bootstrapping: {group.replace('_', ' ')} looked for anew")
