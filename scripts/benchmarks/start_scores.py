@@ -11,6 +11,7 @@ from benchmarks.scores import Score, newest
 from benchmarks.trial import LIMB_MM, TRACKED_MM
 
 _UNSURE, _SURE = 0.5, 0.9
+"""Confidence below which half of the starts at least should be wrong, and above which one in fifty at most."""
 
 
 def print_starts(console: Console, scores: Sequence[Score]) -> None:

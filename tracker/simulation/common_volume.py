@@ -74,8 +74,7 @@ class Floor:
 
 def sizes(seen: Mapping[int, float], unit: str) -> str:
     """Number of cameras -> floor or space that so many or more see, in words; of small bodies it is a fraction of 1."""
-    told = {n: f"{size:.1f}" if size >= 1 or size == 0 else f"{size:.2g}" for n, size in seen.items()}
-    return ", ".join(f"{n} or more: {size} {unit}" for n, size in told.items())
+    return ", ".join(f"{n} or more: {x:{'.2g' if 0 < x < 1 else '.1f'}} {unit}" for n, x in seen.items())
 
 
 def sees(camera: Camera, points: Array) -> Mask:
