@@ -109,6 +109,14 @@ def test_only_limbs_asked_for_are_moved(filmed, objective: Objective) -> None:
     assert in_likeliest_places(objective, estimate, ("left_arm",), 1e3).q is estimate.q
 
 
+def test_a_head_is_looked_for_where_it_is_asked_for(filmed, objective: Objective) -> None:
+    estimate = objective.estimate(moved(filmed, neck_elevation=50.0), np.eye(objective.body.dof), 1)
+    head = objective.body.landmark_names.index("head_top")
+    found = in_likeliest_places(objective, estimate, ("head",))
+    assert joint_errors_mm(filmed, 0, FRAME, estimate.q)[head] > 100
+    assert joint_errors_mm(filmed, 0, FRAME, found.q)[head] < 40
+
+
 @pytest.mark.parametrize(("frames_doubted", "is_found"), [(0, False), (3, False), (4, True), (5, False), (9, True)])
 def test_a_limb_long_in_doubt_is_looked_for_wherever_it_may_be(filmed, frames_doubted: int, is_found: bool) -> None:
     wrong = moved(filmed, right_arm_abduction=120.0, right_arm_extension=0.0)

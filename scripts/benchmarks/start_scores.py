@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -17,9 +18,10 @@ _UNSURE, _SURE = 0.5, 0.9
 def print_starts(console: Console, scores: Sequence[Score]) -> None:
     """Prints the starts of each range of confidence, and how many of them are wrong; nothing where none is known.
 
-    What is compared with the truth is the frame of a person's first start pose, as the run has it in the end.
+    What is compared with the truth is the frame of a person's first start pose, as the run has it in the end. Left out
+    are starts without a confidence, as from keypoints, and frames in which the person is lost.
     """
-    known = [one for one in newest(scores) if one.start_farthest_mm == one.start_farthest_mm]
+    known = [one for one in newest(scores) if np.isfinite([one.confidence, one.start_farthest_mm]).all()]
     if not known:
         return
     table = Table(title="how often starts are right", title_justify="left")

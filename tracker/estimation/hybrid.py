@@ -50,8 +50,8 @@ class HybridEstimation:
     with a joint 150 mm off) for 1.4 to 7 times the time."""
 
     trunk_above: float = pydantic.Field(default=0.35, ge=0, le=1)
-    """Share left over above which a group that is no limb is searched: trunk and head, of which
-    clothes and hair leave over up to 0.3 in frames where nothing is wrong."""
+    """Share left over above which a group that is no limb is searched: trunk and head, of which clothes and hair leave
+    over up to 0.3 in frames where nothing is wrong."""
 
     unusual: float = pydantic.Field(default=0.06, ge=0, le=1)
     """The same, by how much the share must be less than is usual for the group: a model that does not quite fit leaves

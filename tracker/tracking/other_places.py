@@ -52,7 +52,7 @@ def in_likeliest_places(
         return estimate
     begin = time.perf_counter()
     body, best, least_px = objective.body, estimate, float(objective.deciding_px(estimate.q[None])[0])
-    sought = list(body.limbs if limbs is None else limbs)
+    sought = [group for group in body.fine_groups if group in (body.limbs if limbs is None else limbs)]
     n_evaluations = estimate.evaluations
     for _ in range(_ROUNDS):
         before = best
