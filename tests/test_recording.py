@@ -25,7 +25,7 @@ from tracker.errors import ConfigError, SequenceError
 from tracker.estimate import Estimate, Status
 from tracker.recording import DEFAULTS, RunContext, chosen_recordings
 from tracker.recording._kept_covariance import covariance_of, kept, unpacked
-from tracker.recording._series import Series
+from tracker.recording._series import AMBIGUOUS, Series
 from tracker.recording._series_figures import parameter_figure
 from tracker.recording.csv_table import CsvTable
 from tracker.recording.journal import FILE, Expected, Journal, as_kept, open_journal
@@ -257,6 +257,20 @@ def test_plots_stand_at_the_true_times(recorded):
     np.testing.assert_allclose(axes[0].lines[0].get_xdata(), series.times_s)
     shaded = [patch for patch in axes[0].patches if patch.get_width() > 0]
     assert [(p.get_x(), p.get_x() + p.get_width()) for p in shaded] == [pytest.approx((0.15, 0.4))]
+
+
+def test_the_strip_of_time_shows_limbs_in_doubt_where_nothing_worse_is_told(recorded):
+    """A run with a leg ambiguous in every frame had a strip of one blue."""
+    scene, steps = recorded
+    sure = replace(steps[0].estimates[0], status=Status.TRACKED, doubtful=False, ambiguous=())
+    arm = sure.doubting(["left_arm"])
+    states = (sure, arm, arm, replace(arm, doubtful=True), replace(arm, status=Status.LOST), sure)
+    series = Series(replace(scene, persons=scene.persons[:1]))
+    for k, estimate in enumerate(states):
+        series.add(replace(steps[0], frame=replace(steps[0].frame, index=k, time_s=0.04 * k), estimates=(estimate,)))
+    ((_, runs),) = series.strips()
+    assert [state for _, state in runs] == ["tracked", AMBIGUOUS, "doubtful", "lost", "tracked"]
+    assert [share for share, _ in runs] == pytest.approx([1 / 6, 2 / 6, 1 / 6, 1 / 6, 1 / 6])
 
 
 def test_the_overlay_of_a_killed_run_plays_but_for_its_last_frames(recorded, tmp_path):

@@ -217,3 +217,6 @@ STATUS_COLOURS = {
     Status.LOST: "#c0392b",
 }
 """Colours of the frames' states in plots and tables."""
+
+LIMB_COLOUR = "#f4c272"
+"""The same of frames in which a limb may be elsewhere, and nothing else is in doubt."""

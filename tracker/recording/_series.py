@@ -15,6 +15,11 @@ from tracker.hidden import hidden_limbs
 from tracker.scene import Scene
 from tracker.trajectory import Step
 
+AMBIGUOUS = "limb ambiguous"
+"""The state of a frame in which a limb may be elsewhere and nothing worse is told."""
+
+_GRAVE = Status.DOUBTFUL, Status.LOST
+
 
 @dataclass(frozen=True)
 class Bad:
@@ -99,17 +104,21 @@ class Series:
         }
 
     def strips(self) -> list[tuple[str, list[tuple[float, str]]]]:
-        """Name of each person, and how long each status lasts, one after the other: shares of the run's time."""
+        """Name of each person, and how long each state lasts, one after the other: shares of the run's time.
+
+        A state is a status, or `AMBIGUOUS` where nothing worse is told than that a limb may be elsewhere.
+        """
         lasting = np.diff(self.spans())[:, 0]
         shares = lasting / lasting.sum()
         strips = []
         for k, person in enumerate(self.scene.persons):
             runs: list[tuple[float, str]] = []
-            for share, statuses in zip(shares.tolist(), self.statuses, strict=True):
-                if runs and runs[-1][1] == statuses[k]:
-                    runs[-1] = runs[-1][0] + share, statuses[k]
+            for share, statuses, limbs in zip(shares.tolist(), self.statuses, self.ambiguous, strict=True):
+                state = AMBIGUOUS if limbs[k] and statuses[k] not in _GRAVE else statuses[k]
+                if runs and runs[-1][1] == state:
+                    runs[-1] = runs[-1][0] + share, state
                 else:
-                    runs.append((share, statuses[k]))
+                    runs.append((share, state))
             strips.append((person.name, runs))
         return strips
 

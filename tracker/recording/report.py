@@ -17,9 +17,9 @@ from tracker.components import component
 from tracker.files import write_whole
 from tracker.pages import filled
 from tracker.recording import RunContext
-from tracker.recording._drawing import STATUS_COLOURS, draw_axes, draw_step, encoded, tile
+from tracker.recording._drawing import LIMB_COLOUR, STATUS_COLOURS, draw_axes, draw_step, encoded, tile
 from tracker.recording._player import Player
-from tracker.recording._series import Series
+from tracker.recording._series import AMBIGUOUS, Series
 from tracker.recording._series_figures import distance_figure, parameter_figure
 from tracker.start import Hypothesis, Start
 from tracker.trajectory import Step
@@ -106,7 +106,7 @@ class ReportRecorder:
             "run": self._run,
             "summary": self._series.summary(),
             "findings": self._run.details.get("findings", []),
-            "colours": {str(status): colour for status, colour in STATUS_COLOURS.items()},
+            "colours": {str(status): colour for status, colour in STATUS_COLOURS.items()} | {AMBIGUOUS: LIMB_COLOUR},
             "strips": self._series.strips(),
             "ends": (float(self._series.spans()[0, 0]), float(self._series.spans()[-1, 1])),
             "worst": self._series.worst(),
