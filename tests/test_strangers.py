@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
+from scipy import ndimage
 
 from tracker.arrays import Mask
 from tracker.body.files import load_body
@@ -23,7 +24,7 @@ from tracker.scene import Person, Scene
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.start import Hypothesis, Start
-from tracker.strangers import hide_strangers, strangers
+from tracker.strangers import _has_piece_of, hide_strangers, strangers
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking import track
 
@@ -216,3 +217,12 @@ def test_a_start_tells_where_else_a_body_is(both: Simulation) -> None:
     assert told_of_start(Start((person.q,), (), (ranking,)), scene) == (), "without plates"
     shadow = (*ranking[:2], replace(ranking[2], left_over=0.5))
     assert told_of_start(Start((person.q,), axes, (shadow,)), scene) == (), "nobody is where the model fits much worse"
+
+
+@pytest.mark.parametrize("density", [0.0, 0.02, 0.1, 0.3, 0.45, 0.6, 0.9])
+def test_pieces_are_as_high_as_their_labels_say(density: float) -> None:
+    mask: Mask = np.random.default_rng(7).random((48, 60)) < density
+    found = ndimage.find_objects(ndimage.label(mask, np.ones((3, 3)))[0])
+    highest = max((rows.stop - rows.start for rows, _ in found), default=0)
+    for least_px in (1, highest / 2 + 0.5, max(highest, 1), highest + 0.5, highest + 1, 48, 49):
+        assert _has_piece_of(mask, least_px) == (least_px <= highest)
