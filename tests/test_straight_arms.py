@@ -37,12 +37,12 @@ def wrist_errors_mm(body: BodyModel, twist_deg: float) -> list[float]:
     return errors_mm
 
 
-@pytest.mark.parametrize("twist_deg", [-95.0, 105.0])
+@pytest.mark.parametrize("twist_deg", [-95.0, 85.0])
 def test_an_arm_twisted_wrongly_while_straight_follows_as_it_bends(body: BodyModel, twist_deg: float) -> None:
-    """Edges 1 px off leave the wrist up to 4 mm off; the side to which it bends is found within two frames, 12 deg."""
+    """Edges 1 px off leave the wrist up to 4 mm off; the side to which it bends is found in two frames, 12 deg."""
     assert max(wrist_errors_mm(body, twist_deg)) < 15
 
 
 def test_without_what_is_usual_it_does_not(body: BodyModel) -> None:
     anything = replace(body, parameters=tuple(replace(one, spread=math.inf) for one in body.parameters))
-    assert max(wrist_errors_mm(anything, 105.0)) > 60
+    assert max(wrist_errors_mm(anything, 85.0)) > 60
