@@ -196,6 +196,20 @@ def test_who_is_in_doubt_is_fitted_all_the_same_if_that_ends_the_doubts(
     assert sum(step.estimates[0].doubtful for step in found.steps) <= N_FRAMES // 2
 
 
+def test_who_was_not_found_for_sure_is_not_fitted_in_spite_of_doubts(
+    heavy: Simulation, as_general: Scene, general: BodyDescription, doubting: Cycle
+) -> None:
+    """A pose that is wrong makes a body that fits it, and then nothing is in doubt."""
+
+    class Unsure(TrueStart):
+        def start(self, *asked: object) -> Start:
+            return replace(super().start(*asked), sureness=(0.5,), hypotheses=((),))  # type: ignore[arg-type]
+
+    cycle = replace(doubting, initialization=Unsure(heavy))
+    found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, heavy.frames, N_FRAMES, QUICK)
+    assert found.told == {0: "as the model has them: 0 of the first 8 frames without doubt"}
+
+
 def test_a_start_is_not_looked_for_again_but_those_of_other_frames_are(filmed: Simulation) -> None:
     cycle = cycle_for(filmed, TrueStart(filmed))
     first, second = itertools.islice(filmed.frames(), 2)
