@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,9 +21,12 @@ from tracker.body.description import BodyDescription
 from tracker.body.files import read_description, save_description
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate
+from tracker.frame import Frame
+from tracker.initialization import Stages
 from tracker.jobs import execute, load_job
 from tracker.jobs._persons import _unlike
 from tracker.jobs.track import TrackJob
+from tracker.limbs import turned_round
 from tracker.loss import LossRule
 from tracker.objective import Objective
 from tracker.plate import Plate
@@ -208,6 +212,52 @@ def test_who_was_not_found_for_sure_is_not_fitted_in_spite_of_doubts(
     cycle = replace(doubting, initialization=Unsure(heavy))
     found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, heavy.frames, N_FRAMES, QUICK)
     assert found.told == {0: "as the model has them: 0 of the first 8 frames without doubt"}
+
+
+class TurnedRound(TrueStart):
+    """Faces the other way."""
+
+    def __init__(self, simulation: Simulation, sure: float) -> None:
+        super().__init__(simulation)
+        self.sure = sure
+
+    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        found = super().start(frame, scene, stages)
+        pose = turned_round(scene.persons[0].body, found.poses[0])
+        return replace(found, poses=(pose,), sureness=(self.sure,), hypotheses=((),))
+
+
+@pytest.mark.parametrize(
+    ("sure", "told"),
+    [(0.1, "fitted to 4 of the first 8 frames"), (0.9, "as the model has them: 0 of the first 8 frames without doubt")],
+)
+def test_who_was_found_turned_round_and_not_for_sure_is_begun_the_other_way(
+    filmed: Simulation,
+    as_general: Scene,
+    general: BodyDescription,
+    sure: float,
+    told: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """In so small images both ways explain as much: here who faces the wrong way is doubtful."""
+    facing = as_general.persons[0].body.index("torso_twist")
+
+    def off_deg(step: Step) -> float:
+        return float(abs(np.degrees(step.estimates[0].q[facing] - filmed.poses[0][step.frame.index][facing])))
+
+    def judged(steps: Sequence[Step]) -> list[Step]:
+        return [replace(one, estimates=(replace(one.estimates[0], doubtful=off_deg(one) > 90),)) for one in steps]
+
+    def judged_there(*asked: object) -> tuple[list[Step], State]:
+        steps, state = there(*asked)  # type: ignore[arg-type]
+        return judged(steps), state
+
+    monkeypatch.setattr(from_recording, "there", judged_there)
+    monkeypatch.setattr(from_recording, "back", lambda *asked: judged(back(*asked)))
+    cycle = cycle_for(filmed, TurnedRound(filmed, sure))
+    found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
+    assert {off_deg(step) < 20 for step in found.steps} == {sure < 0.8}
+    assert found.told == {0: told}
 
 
 def test_a_start_is_not_looked_for_again_but_those_of_other_frames_are(filmed: Simulation) -> None:

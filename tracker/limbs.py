@@ -1,4 +1,4 @@
-"""Limbs put elsewhere: exchanged with those of the other side, taken over from another pose, or scattered."""
+"""Limbs put elsewhere: exchanged with the other side's, all turned round, taken from another pose, or scattered."""
 
 from __future__ import annotations
 
@@ -74,6 +74,15 @@ def exchanged(body: BodyModel, q: Array, one: str, other: str) -> Array:
     places = np.array([names.index(body.mirror.of(names[mark])) for mark in marks], dtype=np.int64)
     columns = np.concatenate([body.group(one), body.group(other)])
     return _reaching(body, mirrored(body, q, one, other), columns, marks, body.landmarks_in_world(q)[places])
+
+
+def turned_round(body: BodyModel, q: Array) -> Array:
+    """The pose (dof,) that faces the other way with left and right exchanged: its silhouettes are much the same."""
+    flipped, turn = q.copy(), body.index(body.start.turn)
+    flipped[turn] += np.pi if q[turn] <= 0 else -np.pi
+    for group in body.limbs:
+        flipped[body.group(group)] = q[body.group(body.mirror.of(group))]
+    return body.clamped(flipped)
 
 
 def taken_over(body: BodyModel, q: Array, other: Array, group: str) -> Array:

@@ -83,15 +83,6 @@ def different(body: BodyModel, poses: Array, n: int, apart_m: float) -> list[Arr
     return chosen
 
 
-def turned_round(body: BodyModel, q: Array) -> Array:
-    """The pose (dof,) that faces the other way with left and right exchanged: its silhouettes are much the same."""
-    flipped, turn = q.copy(), turn_of(body)
-    flipped[turn] += np.pi if q[turn] <= 0 else -np.pi
-    for group in body.limbs:
-        flipped[body.group(group)] = q[body.group(body.mirror.of(group))]
-    return body.clamped(flipped)
-
-
 def beside_turned(frame: Frame, scene: Scene, k: int, turned: Array, stages: Stages) -> tuple[Hypothesis, ...]:
     """The pose of a scene's person, which stays, and another one by what either leaves over once it is refined.
 

@@ -13,9 +13,10 @@ from tracker.components import FilePath, component
 from tracker.errors import ConfigError, nearest, shortened
 from tracker.frame import Frame
 from tracker.initialization import Stages
-from tracker.initialization._hypotheses import beside_turned, turned_round
+from tracker.initialization._hypotheses import beside_turned
 from tracker.initialization._joint_tables import is_joint_table, pose_from_joints
 from tracker.initialization._person_sized import check_size
+from tracker.limbs import turned_round
 from tracker.plate import Plate
 from tracker.scene import Person, Scene
 from tracker.source_files import number_in, rows_of

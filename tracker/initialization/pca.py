@@ -25,7 +25,6 @@ from tracker.initialization._hypotheses import (
     least_left,
     likeliest,
     ranked,
-    turned_round,
     with_held,
 )
 from tracker.initialization._likeness import size_of, standing
@@ -33,6 +32,7 @@ from tracker.initialization._person_sized import person_sized
 from tracker.initialization._persons import Found, in_order, ways_to_find
 from tracker.initialization._placement import axis_marks, stands_upright, without_legs
 from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
+from tracker.limbs import turned_round
 from tracker.objective import Objective
 from tracker.plate import Plate
 from tracker.rig import Rig

@@ -18,20 +18,20 @@ from tracker.initialization import Stages
 from tracker.initialization._directions import DirectionImages, direction_images
 from tracker.initialization._edge_ranking import Clues, all_refined_on_edges, refined_on_edges
 from tracker.initialization._floor import floor_places, shown_share
-from tracker.initialization._hypotheses import different, finalists, turned_round, with_held
+from tracker.initialization._hypotheses import different, finalists, with_held
 from tracker.initialization._likeness import size_of
 from tracker.initialization._limbs_anew import limbs_anew
 from tracker.initialization._person_sized import enlarged, enlargement, person_sized
 from tracker.initialization._scattering import ROUNDS, scattered
 from tracker.initialization._stances import on_floor, posed, turned
 from tracker.initialization._whereabouts import Whereabouts, last_seen, whereabouts
+from tracker.limbs import turned_round
 from tracker.plate import Plate
 from tracker.scene import Scene
 from tracker.sight import LEAST_COVERED
 from tracker.start import Hypothesis, Start, limbs_shown, sureness
 
-# A view counts for a place if it shows so much of a person's landmarks; all but the knees and feet where images cut
-# people off.
+# A view counts for a place if it shows so much of a person's landmarks; all but knees and feet where images cut people.
 _WHOLE, _PARTLY = 0.9, 0.6
 # Best coarse poses that are tried at half the steps, and how far poses must be apart to be tried twice.
 _AGAIN, _APART_M = 60, 0.25
