@@ -178,11 +178,11 @@ class StanceInitialization:
         stages.progress(f"bootstrapping: the {len(tried)} likeliest stances")
         refined = all_refined_on_edges(frame, scene, stages, tried)
         stages.progress("bootstrapping: the best stance turned round")
-        back = turned_round(body, clues.ranked(scene, refined)[0].q)
-        ranking = clues.ranked(scene, [*refined, refined_on_edges(frame, scene, stages, back)])
+        back = refined_on_edges(frame, scene, stages, turned_round(body, clues.ranked(scene, refined)[0].q))
+        ranking = clues.ranked(scene, [*refined, back])
         if self._is_there(scene, ranking[0], clues):
             ranking = clues.ranked(scene, [*ranking, *limbs_anew(frame, scene, stages, clues, ranking[0])])
-        return finalists(ranking, self.finalists)
+        return finalists([*ranking, back], self.finalists)  # however little speaks for it: frames after it may
 
     def _tried(self, frame: Frame, scene: Scene, stages: Stages, clues: Clues, near: Whereabouts | None) -> list[Array]:
         """The poses (dof,) of the scene's last person that the edges speak for, the likeliest first."""
