@@ -15,7 +15,7 @@ from tracker.estimate import Estimate, Status
 from tracker.estimation.hybrid import HybridEstimation
 from tracker.frame import Frame
 from tracker.initialization import Stages
-from tracker.initialization._hypotheses import turned_round
+from tracker.limbs import turned_round
 from tracker.loss import LossRule, is_out_of_sight, sought_anew
 from tracker.objective import Objective
 from tracker.scene import Scene

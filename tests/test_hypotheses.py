@@ -13,7 +13,8 @@ from tracker.body import BodyModel
 from tracker.body.files import load_body
 from tracker.frame import Frame
 from tracker.initialization._drafts import Draft, likeliest_of
-from tracker.initialization._hypotheses import apart, coarse_poses, finalists, hypothesis, ranked, turned_round
+from tracker.initialization._hypotheses import apart, coarse_poses, finalists, hypothesis, ranked
+from tracker.limbs import turned_round
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.start import Hypothesis, confidence, limbs_shown, sureness

@@ -14,9 +14,9 @@ from tracker.doubts import Doubts
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
 from tracker.initialization import Stages
-from tracker.initialization._hypotheses import turned_round
 from tracker.initialization.given import GivenInitialization
 from tracker.jobs._starts import told_of_start
+from tracker.limbs import turned_round
 from tracker.loss import LossRule
 from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
