@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, small_simulation
+from test_easier_start import TurnedRoundAtFirst
 from test_shape_space import some_shape, space
 
 import tracker.acquisition.from_recording as from_recording
@@ -21,12 +22,9 @@ from tracker.body.description import BodyDescription
 from tracker.body.files import read_description, save_description
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate
-from tracker.frame import Frame
-from tracker.initialization import Stages
 from tracker.jobs import execute, load_job
 from tracker.jobs._persons import _unlike
 from tracker.jobs.track import TrackJob
-from tracker.limbs import turned_round
 from tracker.loss import LossRule
 from tracker.objective import Objective
 from tracker.plate import Plate
@@ -214,19 +212,6 @@ def test_who_was_not_found_for_sure_is_not_fitted_in_spite_of_doubts(
     assert found.told == {0: "as the model has them: 0 of the first 8 frames without doubt"}
 
 
-class TurnedRound(TrueStart):
-    """Faces the other way."""
-
-    def __init__(self, simulation: Simulation, sure: float) -> None:
-        super().__init__(simulation)
-        self.sure = sure
-
-    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        found = super().start(frame, scene, stages)
-        pose = turned_round(scene.persons[0].body, found.poses[0])
-        return replace(found, poses=(pose,), sureness=(self.sure,), hypotheses=((),))
-
-
 @pytest.mark.parametrize(
     ("sure", "told"),
     [(0.1, "fitted to 4 of the first 8 frames"), (0.9, "as the model has them: 0 of the first 8 frames without doubt")],
@@ -254,7 +239,7 @@ def test_who_was_found_turned_round_and_not_for_sure_is_begun_the_other_way(
 
     monkeypatch.setattr(from_recording, "there", judged_there)
     monkeypatch.setattr(from_recording, "back", lambda *asked: judged(back(*asked)))
-    cycle = cycle_for(filmed, TurnedRound(filmed, sure))
+    cycle = cycle_for(filmed, TurnedRoundAtFirst(filmed, until=N_FRAMES, at_first=sure))
     found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     assert {off_deg(step) < 20 for step in found.steps} == {sure < 0.8}
     assert found.told == {0: told}

@@ -140,7 +140,7 @@ class _Following:
     def there(self, scene: Scene, spaces: Spaces, cycle: Cycle) -> _Way:
         """Frames tracked with the bodies of a scene and those fitted to them."""
         cycle.progress("bodies: tracked as their models have them")
-        steps: Sequence[Step]
+        steps: Sequence[Step]  # of one type there and back
         steps, state = there(self.frames, scene, cycle, self.reopen)
         if any(len(best_seen(steps, k, len(steps), self.settings.frames)) < LEAST_SEEN for k in spaces):
             cycle.progress("bodies: tracked back, for hardly a frame is without doubt")
@@ -155,12 +155,17 @@ class _Following:
     def _other_way_round(
         self, steps: Sequence[Step], state: State, cycle: Cycle, scene: Scene, whom: Collection[int]
     ) -> tuple[Sequence[Step], State, Cycle]:
-        """The frames tracked from some persons' first poses turned round, if that leaves them with less doubt."""
+        """The frames tracked from some persons' first poses turned round, if that leaves them with less doubt.
+
+        Else these steps, with the state behind the last one and their cycle, as they are.
+        """
+        estimates = list(steps[0].estimates)
+        if any(one.lost for one in estimates):
+            return steps, state, cycle
         cycle.progress("bodies: begun the other way round, for hardly a frame is without doubt")
-        first = {n: list(estimates) for n, estimates in _as_found(steps[:1])[0].items()}
-        for estimates in first.values():
-            for k in whom:
-                estimates[k] = replace(estimates[k], q=turned_round(scene.persons[k].body, estimates[k].q))
+        for k in whom:
+            estimates[k] = replace(estimates[k], q=turned_round(scene.persons[k].body, estimates[k].q))
+        first = {steps[0].frame.index: estimates}
         begun = replace(knowing(cycle, first, _as_found(steps)[1], believed=True), known=cycle.known)
         others, reached = there(self.frames, scene, begun, self.reopen)
         gained = sum(n_sure(others, k) - n_sure(steps, k) for k in whom)
