@@ -111,7 +111,7 @@ def test_who_was_followed_back_from_a_later_frame_starts_in_the_first_one(
 def unplated(tmp_path_factory: pytest.TempPathFactory) -> TrackJob:
     """Somebody who swings the arms where they stand; nothing is told of the background."""
     folder = tmp_path_factory.mktemp("run") / "sequence"
-    config = write_sequence(Recipe("arm_swing", seconds=0.6, size=(320, 256)), folder)
+    config = write_sequence(Recipe("arm_swing", seconds=0.4, size=(320, 256)), folder)
     lines = config.read_text(encoding="utf-8").splitlines()
     config.write_text("\n".join(line for line in lines if not line.startswith("background")), encoding="utf-8")
     start = ["initialization.use=auto", "initialization.poses=truth_poses.csv"]
@@ -135,7 +135,7 @@ def test_a_run_says_what_it_knows_of_who_stays_and_resumes_with_the_same(
     assert json.loads((whole.folder / "run.json").read_text(encoding="utf-8"))["choices"]["evidence"].startswith(words)
 
     def interrupted(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
-        if what == "tracking" and done == 10:
+        if what == "tracking" and done == 6:
             raise KeyboardInterrupt
 
     assert execute(unplated, tmp_path / "part", progress=interrupted).interrupted

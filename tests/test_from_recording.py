@@ -333,7 +333,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> TrackJob:
     folder = tmp_path_factory.mktemp("run") / "sequence"
     config = write_sequence(Recipe("arm_swing", seconds=0.16, size=(320, 256)), folder)
     start = ["initialization.use=given", "initialization.poses=truth_poses.csv", "passes=1"]
-    return load_job("track", config, [*start, "persons.0.stature_m=1.78"])
+    outputs = "recordings=[{use='csv_table'},{use='journal'},{use='run_json'}]"
+    return load_job("track", config, [*start, outputs, "persons.0.stature_m=1.78"])
 
 
 def test_a_run_keeps_the_body_that_it_has_fitted_and_goes_on_with_it(run: TrackJob, tmp_path: Path) -> None:
