@@ -34,8 +34,11 @@ from tracker.loss import (
 from tracker.observation import Observation
 from tracker.recording import RunContext
 from tracker.recording._drawing import states_of
+from tracker.recording._journal_line import line_of, replay_of
+from tracker.recording._series import Series
 from tracker.recording.csv_table import CsvTable
 from tracker.scene import Scene
+from tracker.start import Start
 from tracker.tracking import track
 from tracker.tracking.outcome import judged_as_wholes
 from tracker.tracking.rivals import found_twice
@@ -153,6 +156,29 @@ def test_one_line_says_where_to_look(truth: Scene, observation: Observation) -> 
         "of 6 frames 1 lost (frame 14), 2 doubtful (frames 11-12), left arm ambiguous in 2 (frames 13, 15)"
     )
     assert Doubts(3).sentence() == "no frame of 3 lost, doubtful or with an ambiguous limb"
+
+
+@pytest.mark.parametrize(("sure", "doubtful", "told"), [(0.06, True, True), (0.06, False, False), (1.0, True, False)])
+def test_a_start_that_is_rather_wrong_than_right_is_told(
+    truth: Scene, observation: Observation, sure: float, doubtful: bool, told: bool
+) -> None:
+    """By the first start alone, also when the journal tells of it; of later ones the frames tell."""
+    estimate = replace(estimate_of(truth, observation), doubtful=doubtful, ambiguous=(), vague=())
+    begun, *others = steps_of(truth, observation, [[estimate]] * 3)
+    start = Start((truth.persons[0].q,), sureness=(sure,))
+    later = replace(others[0], start=replace(start, sureness=(0.0,)))
+    begun = replace(begun, start=start)
+    kept = replace(begun, start=None, told_confidence=replay_of(line_of(begun).encode()).start_confidence)
+    name = truth.persons[0].name
+    for first in (begun, kept):
+        doubts, series = after_all([first, later, *others]), Series(truth)
+        series.add(first)
+        series.add(later)
+        words = f"{name}'s start pose is rather wrong than right (confidence 0.03), of 4 frames"
+        assert doubts.sentence().startswith(words) == told
+        assert doubts.none == (not doubtful)
+        expected = {"frame": first.frame.index, "confidence": round(begun.start_confidence[0], 3)}
+        assert series.summary()["starts"] == {name: expected}
 
 
 @given(st.sets(st.integers(0, 60)))

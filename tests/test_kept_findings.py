@@ -41,9 +41,12 @@ def test_a_resumed_run_tells_what_it_has_found_before(tmp_path: Path, monkeypatc
     folder = tmp_path / "out"
     execute(job, folder, progress=interrupt)
     assert told(folder)["findings"] == [EXCHANGED]
+    starts = told(folder)["summary"]["starts"]
+    assert starts == {"person1": {"frame": 0, "confidence": pytest.approx(0.5, abs=0.5)}}
     for _ in range(2):
         assert execute(job, folder, resume=True).n_frames == 4
         assert told(folder)["findings"] == [EXCHANGED, late]
+        assert told(folder)["summary"]["starts"] == starts
         assert EXCHANGED in (folder / "report.html").read_text(encoding="utf-8")
 
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from tracker.estimate import Estimate, Status
 from tracker.hidden import hidden_limbs
 from tracker.scene import Person
+from tracker.start import RATHER_RIGHT
 from tracker.trajectory import Step
 
 # More ranges than this in one line are not read.
@@ -98,6 +99,9 @@ class Doubts:
     turned_round: tuple[str, ...] = ()
     """Persons whose given start pose fits less well than the same turned round."""
 
+    confidences: Mapping[str, float] = field(default_factory=dict)
+    """Who was found in the first start -> how often starts like it are right, see `tracker.start.confidence`."""
+
     found: frozenset[str] = frozenset()
     """Names of the persons found so far."""
 
@@ -130,6 +134,7 @@ class Doubts:
             hidden=_with(self.hidden, frame, _hidden(step)),
             strangers=(*self.strangers, frame) if step.strangers else self.strangers,
             turned_round=(*self.turned_round, *(step.scene.persons[k].name for k in turned)),
+            confidences=self.confidences or _by_name(step),
             found=found,
             grave=(*self.grave, frame) if any(_is_grave(one, who.name in found) for who, one in pairs) else self.grave,
             n_before=self.n_before + (not found),
@@ -139,7 +144,13 @@ class Doubts:
     @property
     def none(self) -> bool:
         """Whether there is nothing to look at."""
-        return not (self.lost or self.doubtful or self.ambiguous or self.turned_round)
+        return not (self.lost or self.doubtful or self.ambiguous or self.turned_round or self.unlikely)
+
+    @property
+    def unlikely(self) -> tuple[str, ...]:
+        """Persons whose start pose is rather wrong than right, and not given."""
+        given = self.turned_round
+        return tuple(who for who, sure in self.confidences.items() if sure < RATHER_RIGHT and who not in given)
 
     def advice(self) -> str:
         """What to do where so much is in doubt that it is no single limb's affair; empty where it is not.
@@ -167,6 +178,10 @@ class Doubts:
         if self.none:
             return "; ".join([f"no frame of {self.n_frames} lost, doubtful or with an ambiguous limb", *unused])
         found = [f"{name} may be turned round from the given start on" for name in self.turned_round]
+        found += [
+            f"{name}'s start pose is rather wrong than right (confidence {self.confidences[name]:.2f})"
+            for name in self.unlikely
+        ]
         whole = [f"{who} in {len(frames)}{_where(frames)}" for who, frames in sorted(self.persons.items())]
         if not whole:
             whole.append(f"{len(self.lost)} lost{_where(self.lost)}")
@@ -182,6 +197,11 @@ class Doubts:
 def _with(told: Mapping[str, tuple[int, ...]], frame: int, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
     """What was told, and the frame for each of the names."""
     return {**told, **{name: (*told.get(name, ()), frame) for name in names}}
+
+
+def _by_name(step: Step) -> dict[str, float]:
+    """Confidences of a frame in which persons were started; nothing elsewhere."""
+    return {person.name: sure for person, sure in zip(step.scene.persons, step.start_confidence, strict=False)}
 
 
 def _persons_in_doubt(step: Step) -> Iterator[str]:

@@ -124,6 +124,7 @@ def replayed(scene: Scene, replays: Iterable[Replay]) -> Iterator[Step]:
             replay.overlap,
             untrusted=replay.untrusted,
             strangers=replay.strangers,
+            told_confidence=replay.start_confidence,
         )
 
 

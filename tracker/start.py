@@ -17,6 +17,9 @@ _LEAST_LEAD = 0.1
 # than 150 mm off 0.17 to 0.52 (P-Floor, R-Turn, D-TwoElbowRot, N-WalkCircle, R-UpperBody).
 _LIMB_LEFT_OVER = 0.15
 
+RATHER_RIGHT = 0.5
+"""Confidence of a start below which it is rather wrong than right, see `confidence`."""
+
 
 @dataclass(frozen=True)
 class AxisFit:
@@ -149,8 +152,8 @@ def confidence(sure: float, estimate: Estimate) -> float:
         estimate: of the frame of the start, when all around it was tracked.
     """
     if estimate.lost or estimate.doubtful or len(estimate.ambiguous) > 1:
-        return 0.5 * sure
-    return 0.5 + (0.3 if estimate.ambiguous else 0.5) * sure
+        return RATHER_RIGHT * sure
+    return RATHER_RIGHT + (0.3 if estimate.ambiguous else 0.5) * sure
 
 
 def _lead(first: float, second: float) -> float:

@@ -57,6 +57,9 @@ class Step:
     provisional: bool = False
     """Whether a second pass would have followed, had the run not been interrupted: a resumed run does it again."""
 
+    told_confidence: tuple[float, ...] = ()
+    """Its `start_confidence`, where the start itself is not known any more: a journal does not keep it."""
+
     @property
     def start_confidence(self) -> tuple[float, ...]:
         """For each person how often starts like it are right, see `tracker.start.confidence`; empty without one.
@@ -65,7 +68,7 @@ class Step:
         who stands still looks the same from behind.
         """
         if self.start is None:
-            return ()
+            return self.told_confidence
         turned, pairs = self.start.turned_round, zip(self.start.sureness, self.estimates, strict=False)
         return tuple(sure if k in turned else confidence(sure, one) for k, (sure, one) in enumerate(pairs))
 
@@ -85,6 +88,9 @@ class Replay:
     """As in `Step`."""
 
     strangers: bool = False
+    """As in `Step`."""
+
+    start_confidence: tuple[float, ...] = ()
     """As in `Step`."""
 
 

@@ -53,6 +53,7 @@ def replay_of(line: bytes) -> Replay:
         overlap=None if overlap is None else _unpacked(overlap),
         untrusted={int(v): str(fault) for v, fault in entry["untrusted"].items()},
         strangers=bool(entry.get("strangers", False)),
+        start_confidence=_confidences(entry.get("start_confidence", [])),
     )
 
 
@@ -64,8 +65,16 @@ def _line(step: Step) -> dict[str, Any]:
         "overlap": None if step.overlap is None else _packed(step.overlap),
         "untrusted": {str(v): fault for v, fault in step.untrusted.items()},
         **({"strangers": True} if step.strangers else {}),
+        **({"start_confidence": list(step.start_confidence)} if step.start_confidence else {}),
         "estimates": [_to_json(estimate) for estimate in step.estimates],
     }
+
+
+def _confidences(values: list[Any]) -> tuple[float, ...]:
+    told = tuple(float(value) for value in values)
+    if not all(0 <= value <= 1 for value in told):
+        raise SequenceError("a confidence that is not between 0 and 1")
+    return told
 
 
 def _to_json(estimate: Estimate) -> dict[str, Any]:

@@ -54,6 +54,9 @@ class Series:
     seconds: list[dict[str, float]] = field(default_factory=list)
     missing: Counter[str] = field(default_factory=Counter)
     untrusted: Counter[str] = field(default_factory=Counter)
+    starts: dict[str, dict[str, float]] = field(default_factory=dict)
+    """Person -> frame and confidence of the first start."""
+
     strangers: int = 0
     """Frames in which somebody who is none of the persons was beside them."""
 
@@ -76,6 +79,9 @@ class Series:
         self.missing.update(self.scene.rig.names[v] for v in step.frame.missing)
         self.untrusted.update(self.scene.rig.names[v] for v in step.untrusted)
         self.strangers += step.strangers
+        if not self.starts:
+            told = zip(step.scene.persons, step.start_confidence, strict=False)
+            self.starts = {who.name: {"frame": step.frame.index, "confidence": round(sure, 3)} for who, sure in told}
 
     def spans(self) -> Array:
         """(T, 2) begin and end of the time that each frame stands for, seconds: half-way to its neighbours."""
@@ -160,6 +166,7 @@ class Series:
             "frames_without_image": dict(self.missing),
             "frames_without_trusted_foreground": dict(self.untrusted),
             "frames_with_strangers": self.strangers,
+            "starts": self.starts,
         }
 
 

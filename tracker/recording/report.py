@@ -21,7 +21,7 @@ from tracker.recording._drawing import LIMB_COLOUR, STATUS_COLOURS, draw_axes, d
 from tracker.recording._player import Player
 from tracker.recording._series import AMBIGUOUS, Series
 from tracker.recording._series_figures import distance_figure, parameter_figure
-from tracker.start import Hypothesis, Start
+from tracker.start import RATHER_RIGHT, Hypothesis, Start
 from tracker.trajectory import Step
 
 
@@ -106,6 +106,7 @@ class ReportRecorder:
             "run": self._run,
             "summary": self._series.summary(),
             "findings": self._run.details.get("findings", []),
+            "rather_right": RATHER_RIGHT,
             "colours": {str(status): colour for status, colour in STATUS_COLOURS.items()} | {AMBIGUOUS: LIMB_COLOUR},
             "strips": self._series.strips(),
             "ends": (float(self._series.spans()[0, 0]), float(self._series.spans()[-1, 1])),

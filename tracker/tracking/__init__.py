@@ -198,4 +198,5 @@ def replayed(frame: Frame, scene: Scene, cycle: Cycle, replay: Replay, start: St
     compared = replay.overlap is not None
     model_px = covered_px(cycle.synthesis.silhouettes(scene) if compared else (), replay.estimates)
     step = Step(frame, scene, replay.estimates, fitted, dict(replay.seconds), replay.overlap)
-    return replace(step, model_px=model_px, untrusted=replay.untrusted, strangers=replay.strangers, start=start)
+    step = replace(step, model_px=model_px, untrusted=replay.untrusted, strangers=replay.strangers)
+    return replace(step, start=start, told_confidence=replay.start_confidence)
