@@ -292,6 +292,15 @@ def test_the_report_is_one_file_without_references(recorded, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
 
 
+@pytest.mark.parametrize(("confidence", "told"), [(0.06, True), (0.5, False)])
+def test_the_report_tells_of_a_start_that_is_rather_wrong(recorded, tmp_path, confidence, told):
+    scene, steps = recorded
+    begun = replace(steps[0], start=None, told_confidence=(confidence,))
+    record(Report(player=False), (scene, [begun, steps[1]]), tmp_path)
+    page = " ".join((tmp_path / "report.html").read_text().split())
+    assert ("is rather wrong than right (confidence 0.06)" in page) == told
+
+
 def test_somebody_of_whom_a_view_shows_a_single_sample_is_pictured(recorded, tmp_path):
     """Who leaves a view is seen at its border for some frames: the report ended the run there."""
     scene, steps = recorded
