@@ -24,11 +24,10 @@ from tracker.body import BodyModel
 from tracker.carried import Carried, with_carried
 from tracker.estimate import Estimate
 from tracker.frame import Frame
-from tracker.limbs import turned_round
 from tracker.scene import Scene
 from tracker.start import Start
 from tracker.tracking.cycle import Cycle, State
-from tracker.tracking.found_before import knowing
+from tracker.tracking.found_before import begun_turned_round, knowing, start_of
 from tracker.tracking.rehearsal import Reopen
 from tracker.tracking.windows import back, length_of_windows, there
 from tracker.trajectory import Step
@@ -110,7 +109,7 @@ def fit_bodies(
         way = following.back(following.there(laden, {**spaces, **with_things}, known))
         things = {k: tracked_with(some, *_poses(way, k)) for k, some in things.items()}
     found = way.found
-    start = next((step.start for step in found.steps if step.start is not None), None)
+    start = start_of(found.steps)
     told = {k: found.told(k, k in way.unlike) for k in spaces}
     return Fitting(found.fits, told, found.steps, start, things)
 
@@ -159,14 +158,10 @@ class _Following:
 
         Else these steps, with the state behind the last one and their cycle, as they are.
         """
-        estimates = list(steps[0].estimates)
-        if any(one.lost for one in estimates):
+        if any(one.lost for one in steps[0].estimates):
             return steps, state, cycle
         cycle.progress("bodies: begun the other way round, for hardly a frame is without doubt")
-        for k in whom:
-            estimates[k] = replace(estimates[k], q=turned_round(scene.persons[k].body, estimates[k].q))
-        first = {steps[0].frame.index: estimates}
-        begun = replace(knowing(cycle, first, _as_found(steps)[1], believed=True), known=cycle.known)
+        begun = begun_turned_round(cycle, steps, whom)
         others, reached = there(self.frames, scene, begun, self.reopen)
         gained = sum(n_sure(others, k) - n_sure(steps, k) for k in whom)
         return (others, reached, begun) if gained >= LEAST_SEEN else (steps, state, cycle)
@@ -223,7 +218,7 @@ def _as_found(
     steps: Sequence[Step], order: Sequence[int] | None = None
 ) -> tuple[dict[int, Sequence[Estimate]], Start | None]:
     """Frame -> estimates, perhaps under other names, and how persons were found."""
-    start = next((step.start for step in steps if step.start is not None), None)
+    start = start_of(steps)
     if order is None:
         return {step.frame.index: step.estimates for step in steps}, start
     known: dict[int, Sequence[Estimate]] = {step.frame.index: tuple(step.estimates[k] for k in order) for step in steps}
@@ -232,8 +227,8 @@ def _as_found(
 
 def _found_for_sure(steps: Sequence[Step], k: int, cycle: Cycle) -> bool:
     """Whether a person's start was sure, or nothing was there to choose from."""
-    sureness = next((step.start.sureness for step in steps if step.start is not None), ())
-    return not sureness or sureness[k] >= cycle.loss.sure
+    start = start_of(steps)
+    return start is None or not start.sureness or start.sureness[k] >= cycle.loss.sure
 
 
 def _n_known(frame: Frame, cycle: Cycle) -> int:
