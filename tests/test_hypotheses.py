@@ -55,8 +55,9 @@ def test_someone_turned_round_holds_the_other_arm_in_the_same_place(name: str) -
     left, right = (body.landmark_names.index(f"{side}_wrist") for side in ("left", "right"))
     assert np.linalg.norm(marks[left] - others[right]) < 0.01
     again = turned_round(body, back)
-    # all but the shoulders, which lie before the length of the trunk
-    np.testing.assert_allclose(body.landmarks_in_world(again), body.landmarks_in_world(q), atol=0.02)
+    # shoulders and hands of `human` lie before the length of the trunk, and are reached for: hands end 14 mm beside
+    most_m = {"gavrila22": 0.0005, "human": 0.015}[name]
+    assert np.linalg.norm(body.landmarks_in_world(again) - body.landmarks_in_world(q), axis=1).max() < most_m
 
 
 @pytest.mark.parametrize("name", ["gavrila22", "human"])

@@ -148,9 +148,9 @@ class Doubts:
 
     @property
     def unlikely(self) -> tuple[str, ...]:
-        """Persons whose start pose is rather wrong than right, and not given."""
-        given = self.turned_round
-        return tuple(who for who, sure in self.confidences.items() if sure < RATHER_RIGHT and who not in given)
+        """Persons whose start pose is rather wrong than right, but for those whose given one is told to be so."""
+        told = self.turned_round
+        return tuple(who for who, sure in self.confidences.items() if sure < RATHER_RIGHT and who not in told)
 
     def advice(self) -> str:
         """What to do where so much is in doubt that it is no single limb's affair; empty where it is not.

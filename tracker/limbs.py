@@ -68,12 +68,11 @@ def exchanged(body: BodyModel, q: Array, one: str, other: str) -> Array:
         q: (dof,) rad and m.
         one, other: groups of mirrored limbs, `left_leg` and `right_leg`.
     """
-    names = body.landmark_names
-    paired = np.array([name != body.mirror.of(name) in names for name in names], dtype=np.bool_)
+    places = _other_sides(body)
+    paired = places != np.arange(len(places))
     marks = np.flatnonzero((body.landmarks_of(one) | body.landmarks_of(other)) & paired)
-    places = np.array([names.index(body.mirror.of(names[mark])) for mark in marks], dtype=np.int64)
     columns = np.concatenate([body.group(one), body.group(other)])
-    return _reaching(body, mirrored(body, q, one, other), columns, marks, body.landmarks_in_world(q)[places])
+    return _reaching(body, mirrored(body, q, one, other), columns, marks, body.landmarks_in_world(q)[places[marks]])
 
 
 def turned_round(body: BodyModel, q: Array) -> Array:
@@ -90,9 +89,9 @@ def turned_round(body: BodyModel, q: Array) -> Array:
     limbs = [(body.group(limb), body.landmarks_of(limb)) for limb in body.limbs]
     trunk = np.setdiff1d(np.arange(body.dof), np.concatenate([body.carrying, *(columns for columns, _ in limbs)]))
     for columns, marks in ((trunk, ~np.any([marks for _, marks in limbs], axis=0)), *limbs):
-        if not len(columns):
-            continue  # the paper's trunk is one piece
         some = np.flatnonzero(marks & alike)
+        if not len(columns) or not len(some):
+            continue  # the paper's trunk is one piece
         reached = _reaching(body, flipped.copy(), columns, some, targets[some])
         gaps = body.landmarks_in_world(np.array([flipped, reached]))[:, some] - targets[some]
         before_m, after_m = np.linalg.norm(gaps, axis=2).sum(axis=1)

@@ -12,7 +12,7 @@ from tracker.estimate import Estimate
 _SURE_LEAD = 0.2
 # The same from which on a given pose is told to be turned round. In 15 frames of five recordings true joints left 0.16
 # to 0.82 less over than turned round; given turned round, 0.19 to 4.65 more. Since joints of who is turned round are
-# where those of the other side were, 36 tracked poses of nine recordings leave 0.15 to 0.84 less over, and 0.33 to 4
+# where those of the other side were, 41 tracked poses of nine recordings leave 0.15 to 0.84 less over, and 0.33 to 4
 # more.
 _LEAST_LEAD = 0.1
 # The worst limb of four right starts without plates leaves 0.05 to 0.12 over, in balancing 0.32; where a joint is more

@@ -42,10 +42,9 @@ _ALIKE = 0.5
 """Share of the distance from which on joints are elsewhere (`tracker.limbs.apart_m`: 14 cm of a person), up to which
 the two ways are alike. With an acquired model a wrong arm of DO-Two was 14.6 cm from the right one at most."""
 
-
 _MOST_DOUBTFUL = 0.5
 """Share of a window's frames that may be doubtful of somebody who was not found for sure, before he is begun the other
-way round: with R-UpperBody turned round 0.91, as she faces 0.68, with other starts without plates hardly a frame."""
+way round: of R-UpperBody's results one turned round has 0.91, one as she faces 0.68. What is left decides, not this."""
 
 
 @dataclass(frozen=True)
