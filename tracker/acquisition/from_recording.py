@@ -15,7 +15,7 @@ import numpy as np
 
 from tracker.acquisition.calibrated_views import Seen, ViewSettings
 from tracker.acquisition.fitting import Fit
-from tracker.acquisition.rounds import LEAST_OUTLINED, LEAST_SEEN, Round, best_seen, n_sure
+from tracker.acquisition.rounds import LEAST_OUTLINED, Round, best_seen
 from tracker.acquisition.shape_space import ShapeSpace, space_of
 from tracker.acquisition.things import Thing, carried_of, things_of, tracked_with
 from tracker.acquisition.who_is_who import apart_m, whose
@@ -27,8 +27,9 @@ from tracker.frame import Frame
 from tracker.scene import Scene
 from tracker.start import Start
 from tracker.tracking.cycle import Cycle, State
-from tracker.tracking.found_before import begun_turned_round, knowing, start_of
+from tracker.tracking.found_before import knowing, start_of
 from tracker.tracking.rehearsal import Reopen
+from tracker.tracking.way_round import LEAST_SEEN, n_sure, the_better_way_round
 from tracker.tracking.windows import back, length_of_windows, there
 from tracker.trajectory import Step
 
@@ -139,32 +140,19 @@ class _Following:
     def there(self, scene: Scene, spaces: Spaces, cycle: Cycle) -> _Way:
         """Frames tracked with the bodies of a scene and those fitted to them."""
         cycle.progress("bodies: tracked as their models have them")
-        steps: Sequence[Step]  # of one type there and back
-        steps, state = there(self.frames, scene, cycle, self.reopen)
+
+        def follow(by: Cycle) -> tuple[list[Step], State]:
+            return there(self.frames, scene, by, self.reopen)
+
+        steps, state = follow(cycle)
         if any(len(best_seen(steps, k, len(steps), self.settings.frames)) < LEAST_SEEN for k in spaces):
             cycle.progress("bodies: tracked back, for hardly a frame is without doubt")
             steps = back(steps, cycle, state)
         doubted = frozenset(k for k in spaces if n_sure(steps, k) < LEAST_SEEN)
         unlike = frozenset(k for k in doubted if _found_for_sure(steps, k, cycle))
-        if doubted > unlike:
-            steps, state, cycle = self._other_way_round(steps, state, cycle, scene, doubted - unlike)
+        steps, state, cycle = the_better_way_round(steps, state, cycle, doubted - unlike, follow)
         found = Round({}, scene, steps).fitted(spaces, cycle, self.settings, unlike)
         return _Way(found, spaces, cycle, state, unlike)
-
-    def _other_way_round(
-        self, steps: Sequence[Step], state: State, cycle: Cycle, scene: Scene, whom: Collection[int]
-    ) -> tuple[Sequence[Step], State, Cycle]:
-        """The frames tracked from some persons' first poses turned round, if that leaves them with less doubt.
-
-        Else these steps, with the state behind the last one and their cycle, as they are.
-        """
-        if any(one.lost for one in steps[0].estimates):
-            return steps, state, cycle
-        cycle.progress("bodies: begun the other way round, for hardly a frame is without doubt")
-        begun = begun_turned_round(cycle, steps, whom)
-        others, reached = there(self.frames, scene, begun, self.reopen)
-        gained = sum(n_sure(others, k) - n_sure(steps, k) for k in whom)
-        return (others, reached, begun) if gained >= LEAST_SEEN else (steps, state, cycle)
 
     def back(self, way: _Way) -> _Way:
         """The same frames tracked back with the bodies fitted, and bodies fitted to that."""

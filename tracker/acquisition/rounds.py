@@ -14,15 +14,12 @@ from tracker.acquisition.shape_space import ShapeSpace
 from tracker.loss import doubted
 from tracker.scene import Scene
 from tracker.tracking.cycle import Cycle
+from tracker.tracking.way_round import LEAST_SEEN, n_sure
 from tracker.trajectory import Step
 
 LEAST_OUTLINED = 2
 """Views in which the person stands out before a known background, below which nothing is fitted: edges alone made of a
 real man a body with which an arm was wrong in 98 of 100 frames (scaled, without plates: in none)."""
-
-LEAST_SEEN = 4
-"""Frames in which a person is seen without doubt, below which its body is not fitted: a pose that is wrong makes a
-body that fits it. If it is the body that is unlike the model's, one fitted all the same ends the doubts."""
 
 _LEAST_CLEARED = 0.5
 """Share of the frames that a body fitted in spite of doubts must free of them: one that is right frees most."""
@@ -102,11 +99,6 @@ def best_seen(
         if stretch not in best or left_over < best[stretch][0]:
             best[stretch] = (left_over, Seen(step.frame, step.scene))
     return tuple(best[stretch][1] for stretch in sorted(best))
-
-
-def n_sure(steps: Iterable[Step], person: int) -> int:
-    """Frames in which a person is seen without doubt."""
-    return sum(not (step.estimates[person].lost or doubted(step.estimates[person])) for step in steps)
 
 
 def _n_outlined(look: Look) -> int:

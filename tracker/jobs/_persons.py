@@ -116,7 +116,8 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     steps = [as_kept(step) for step in found.steps]
     known = {step.frame.index: step.estimates for step in steps}
     opened = replace(opened, models=models, scene=scene, fitted_at=tuple(map(line_of, steps)), findings=findings)
-    return opened, knowing(cycle, known, found.start)
+    # with the same bodies the same start would be found again, and those begun the other way round as they were before
+    return opened, knowing(cycle, known, found.start, believed=not found.fits)
 
 
 def _unlike(person: Subject, fitted_m: float) -> Iterator[str]:

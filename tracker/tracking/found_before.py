@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from tracker.estimate import Estimate
 from tracker.frame import Frame
 from tracker.initialization import Initialization, Stages
-from tracker.limbs import turned_round
 from tracker.loss import doubted
 from tracker.plate import Plate
 from tracker.scene import Scene
@@ -40,22 +39,6 @@ def knowing(
     # However sure: the way back has come to these poses.
     settled = replace(cycle.loss, rehearse=0, look_ahead_s=(), look_on_s=())
     return replace(cycle, initialization=StartedBefore(found, first, ever), loss=settled)
-
-
-def begun_turned_round(cycle: Cycle, steps: Sequence[Step], whom: Collection[int]) -> Cycle:
-    """The cycle, which starts as some steps did, but with some persons turned round.
-
-    Args:
-        cycle: the components.
-        steps: in the first of which nobody is lost.
-        whom: places in the scene.
-    """
-    estimates = list(steps[0].estimates)
-    for k in whom:
-        body = steps[0].scene.persons[k].body
-        estimates[k] = replace(estimates[k], q=turned_round(body, estimates[k].q))
-    known = knowing(cycle, {steps[0].frame.index: estimates}, start_of(steps), believed=True)
-    return replace(known, known=cycle.known)
 
 
 def start_of(steps: Iterable[Step]) -> Start | None:

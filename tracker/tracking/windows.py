@@ -23,10 +23,10 @@ from tracker.tracking.backwards import tracked_back, turned
 from tracker.tracking.bridges import bridged
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.easier_start import LedBack
-from tracker.tracking.found_before import begun_turned_round, start_of
 from tracker.tracking.jumps import with_jumps
 from tracker.tracking.outcome import judged_as_wholes
 from tracker.tracking.rehearsal import Reopen
+from tracker.tracking.way_round import may_face_the_other_way, the_better_way_round, unconfirmed
 from tracker.trajectory import Step
 
 _LONGEST, SHORTEST = 100, 16
@@ -41,10 +41,6 @@ _BEYOND = 4
 _ALIKE = 0.5
 """Share of the distance from which on joints are elsewhere (`tracker.limbs.apart_m`: 14 cm of a person), up to which
 the two ways are alike. With an acquired model a wrong arm of DO-Two was 14.6 cm from the right one at most."""
-
-_MOST_DOUBTFUL = 0.5
-"""Share of a window's frames that may be doubtful of somebody who was not found for sure, before he is begun the other
-way round: of R-UpperBody's results one turned round has 0.91, one as she faces 0.68. What is left decides, not this."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +101,14 @@ def both_ways(
     Returns:
         The steps, and where the pass is behind them.
     """
-    first, reached = _the_better_way_round(*_forwards(window, begin, cycle, reopen), begin, cycle, reopen)
+
+    def follow(by: Cycle) -> tuple[list[Step], Pass]:
+        return _forwards(window, begin, by, reopen)
+
+    first, reached = follow(cycle)
+    if begin.state.nobody_found and not _gone_through(window, cycle):
+        whom = may_face_the_other_way(first, cycle)
+        first, reached, _ = the_better_way_round(first, reached, cycle, whom, follow)
     again: list[Step] | None = None
     # a limb that jumps was wrong before, or is wrong since, though no frame by itself is in doubt: R-Turn's legs,
     # exchanged from the start on, fell into place in frame 26
@@ -121,39 +124,11 @@ def both_ways(
         return [replace(step, provisional=True) for step in first], reached
     found = first if again is None else again
     even = bridged(found, cycle, begin.state, begin.before)
-    judged = [judged_as_wholes(step) for step in with_jumps(even)]
+    judged = unconfirmed([judged_as_wholes(step) for step in with_jumps(even)])
     if again is not None:
         judged = _found_anew(judged, first, begin.before)
     led, reached = reached.back, reached if even is first else after(begin, judged, cycle)
     return judged, replace(reached, back=_still_to_tell(led, window[-1]))
-
-
-def _the_better_way_round(
-    steps: list[Step], reached: Pass, begin: Pass, cycle: Cycle, reopen: Reopen
-) -> tuple[list[Step], Pass]:
-    """A first pass, and where it is then; or that which begins with those turned round of whom it is doubtful.
-
-    What ten frames do not tell accumulates: R-UpperBody left 0.26 over turned round in them, and 0.29 as she faces; in
-    ninety 7.9 and 6.9 px.
-    """
-    start = start_of(steps) if begin.state.nobody_found else None
-    if start is None or start.given or _begun_before(steps[0], cycle) or any(one.lost for one in steps[0].estimates):
-        return steps, reached
-    for k, sure in enumerate(start.sureness):
-        if sure < cycle.loss.sure and sum(step.estimates[k].doubtful for step in steps) > _MOST_DOUBTFUL * len(steps):
-            name = reached.scene.persons[k].name
-            cycle.progress(f"first pass: {name} begun the other way round, for most frames are doubtful")
-            begun = begun_turned_round(cycle, steps, (k,))
-            others, other = _forwards([step.frame for step in steps], begin, begun, reopen)
-            if not cycle.leaving() and _left(others) < _left(steps):
-                steps, reached = others, other
-    return steps, reached
-
-
-def _left(steps: Sequence[Step]) -> tuple[int, float]:
-    """How often somebody is lost in some steps, and what the poses leave, px."""
-    estimates = [one for step in steps for one in step.estimates]
-    return sum(one.lost for one in estimates), sum(one.distance_px for one in estimates)
 
 
 def _still_to_tell(back: LedBack | None, last: Frame) -> LedBack | None:
@@ -201,6 +176,11 @@ def _begins(step: Step, cycle: Cycle) -> bool:
 def _begun_before(step: Step, cycle: Cycle) -> bool:
     """Whether a way back has come to a frame."""
     return step.frame.index in cycle.known
+
+
+def _gone_through(window: Sequence[Frame], cycle: Cycle) -> bool:
+    """Whether all frames were followed before, not only those up to a start: whether to turn was asked then."""
+    return window[-1].index in cycle.known
 
 
 def _in_doubt(step: Step, loss: LossRule) -> bool:
