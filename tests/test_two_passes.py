@@ -16,12 +16,8 @@ from tracker.arrays import Image
 from tracker.errors import InitializationError
 from tracker.estimate import Status
 from tracker.evidence.auto import AutoEvidence
-from tracker.frame import Frame
-from tracker.initialization import Stages
 from tracker.loss import LossRule
-from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
-from tracker.start import Start
 from tracker.tracking import track
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.two_passes import track_twice
@@ -106,37 +102,6 @@ def test_a_start_beyond_the_first_window_is_told_in_its_frame(simulation: Simula
     steps = twice(simulation, cycle)
     assert [step.frame.index for step in steps if step.start is not None] == [5]
     assert max(errors_mm(simulation, steps)) < 10
-
-
-class Unsure(TrueStart):
-    """Starts right, and not for sure."""
-
-    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        return replace(super().start(frame, scene, stages), sureness=(0.1,))
-
-
-@pytest.mark.parametrize(
-    ("turned", "sure", "doubtful_above", "tried", "right"),
-    [
-        (True, 0.1, 0.0, True, True),
-        (True, 0.9, 0.0, False, False),
-        (True, 0.1, 100.0, False, False),
-        (False, 0.1, 0.0, True, True),
-    ],
-)
-def test_who_is_doubtful_throughout_and_was_not_found_for_sure_is_begun_the_other_way_round(
-    simulation: Simulation, turned: bool, sure: float, doubtful_above: float, tried: bool, right: bool
-) -> None:
-    """And so kept if that leaves less."""
-    start = TurnedRoundAtFirst(simulation, until=100, at_first=sure) if turned else Unsure(simulation)
-    said: list[str] = []
-    alone = replace(RULE, doubtful_above=doubtful_above, again_after=100, look_ahead_s=(), look_on_s=())
-    cycle = cycle_for(simulation, start, loss=alone, progress=lambda line, *_: said.append(line))
-    steps = twice(simulation, cycle)
-    assert any("the other way round" in line for line in said) == tried
-    errors = errors_mm(simulation, steps)
-    assert max(errors) < 10 if right else min(errors) > 50
-    assert [step.frame.index for step in steps if step.start is not None] == [0]
 
 
 def test_what_was_wrong_at_first_is_mended_from_behind(simulation: Simulation) -> None:
