@@ -34,4 +34,4 @@ trap - EXIT INT TERM
 rm -f "$log"
 
 # files in the order of their names: the last ones are quick, so that no worker waits a minute for the other
-say "pytest"; OPENBLAS_NUM_THREADS=1 exec .venv/bin/python -m pytest -n auto --dist loadfile --no-loadscope-reorder "$@"
+say "pytest"; OPENBLAS_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 exec .venv/bin/python -m pytest -n auto --dist loadfile --no-loadscope-reorder "$@"
