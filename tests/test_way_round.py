@@ -15,11 +15,11 @@ from tracker.loss import LossRule
 from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
 from tracker.start import RATHER_RIGHT, Start
-from tracker.tracking import track
+from tracker.tracking import track, windows
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.found_before import knowing
 from tracker.tracking.two_passes import track_twice
-from tracker.tracking.way_round import may_face_the_other_way, n_sure, the_better_way_round, unconfirmed
+from tracker.tracking.way_round import may_face_the_other_way, n_sure, the_better_way_round
 from tracker.trajectory import Step
 
 DOUBTING = replace(RULE, doubtful_above=0.0, again_after=100, look_ahead_s=(), look_on_s=())
@@ -46,8 +46,16 @@ def facing(simulation: Simulation, turned: bool, sure: float = 0.1) -> TurnedRou
 class Unsure(TrueStart):
     """Starts right, and not for sure."""
 
+    sure = 0.1
+
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        return replace(super().start(frame, scene, stages), sureness=(0.1,))
+        return replace(super().start(frame, scene, stages), sureness=(self.sure,))
+
+
+class Sure(Unsure):
+    """Starts right and for sure."""
+
+    sure = 0.9
 
 
 @pytest.mark.parametrize(
@@ -120,17 +128,32 @@ def with_legs_in_doubt(steps: list[Step], n_frames: int) -> list[Step]:
 
 
 @pytest.mark.parametrize(
-    ("sure", "in_first", "n_frames", "doubtful"),
-    [(0.1, True, 9, True), (0.1, True, 8, False), (0.9, True, 9, True), (0.1, False, 9, False)],
+    ("start", "doubtful_at_first", "n_in_doubt", "n_doubtful"),
+    [(Unsure, True, 9, 9), (Unsure, True, 8, 8), (Unsure, True, 3, 1), (Unsure, False, 9, 0), (Sure, True, 9, 9)],
 )
 def test_who_was_rather_wrongly_found_and_is_never_without_doubt_is_doubtful(
-    simulation: Simulation, sure: float, in_first: bool, n_frames: int, doubtful: bool
+    simulation: Simulation,
+    monkeypatch: pytest.MonkeyPatch,
+    start: type[Unsure],
+    doubtful_at_first: bool,
+    n_in_doubt: int,
+    n_doubtful: int,
 ) -> None:
-    """However sure the start was, it is rather wrong if the frame turns out doubtful."""
-    cycle = cycle_for(simulation, facing(simulation, turned=True, sure=sure), loss=LossRule(rehearse=0))
-    steps = with_legs_in_doubt(list(track(simulation.frames(), simulation.scene, cycle)), n_frames)
-    steps[0] = replace(steps[0], estimates=(replace(steps[0].estimates[0], doubtful=in_first),))
-    assert (steps[0].start_confidence[0] < RATHER_RIGHT) == in_first
-    told = unconfirmed(steps)
-    assert {step.estimates[0].verdict is Status.DOUBTFUL for step in told[1:]} == {doubtful}
-    assert [step.estimates[0].ambiguous for step in told] == [step.estimates[0].ambiguous for step in steps]
+    """Window by window; however sure the start was, it is rather wrong if its frame turns out doubtful."""
+
+    def with_doubts(steps: list[Step]) -> list[Step]:
+        told = []
+        for step in steps:
+            index = step.frame.index
+            limbs = ("left_leg",) if index < n_in_doubt else ()
+            one = replace(step.estimates[0], doubtful=doubtful_at_first and index == 0, ambiguous=limbs, vague=())
+            told.append(replace(step, estimates=(one,)))
+        return told
+
+    monkeypatch.setattr(windows, "_LONGEST", 4)
+    monkeypatch.setattr("tracker.tracking.two_passes.SHORTEST", 4)
+    monkeypatch.setattr(windows, "with_jumps", with_doubts)
+    steps = twice(simulation, cycle_for(simulation, start(simulation), loss=LossRule(rehearse=0)))
+    assert (steps[0].start_confidence[0] < RATHER_RIGHT) == doubtful_at_first
+    assert [step.estimates[0].verdict is Status.DOUBTFUL for step in steps] == [n < n_doubtful for n in range(9)]
+    assert [step.estimates[0].ambiguous != () for step in steps] == [n < n_in_doubt for n in range(9)]

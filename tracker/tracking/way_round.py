@@ -89,18 +89,23 @@ def may_face_the_other_way(steps: Sequence[Step], cycle: Cycle) -> list[int]:
     return [k for k in unsure if len(steps) - n_sure(steps, k) > _MOST_DOUBTED * len(steps)]
 
 
-def unconfirmed(steps: Sequence[Step]) -> list[Step]:
-    """The steps; who was rather wrongly found, and is in doubt in all of them, is doubtful in all of them as a whole.
+def rather_wrong(steps: Iterable[Step]) -> frozenset[int]:
+    """Places of those whose start, the first one in some steps, is rather wrong than right."""
+    confidence = next((step.start_confidence for step in steps if step.start_confidence), ())
+    return frozenset(k for k, right in enumerate(confidence) if right < RATHER_RIGHT)
+
+
+def doubtful_in_all(steps: Sequence[Step], whom: Collection[int]) -> list[Step]:
+    """The steps, in all of which some persons are doubtful as wholes: nothing has confirmed how they were found.
 
     Of R-UpperBody turned round, with a start of confidence 0.22, legs alone were ambiguous in 57 of 100 frames.
     """
     told = list(steps)
-    for k, right in enumerate(next((step.start_confidence for step in steps if step.start is not None), ())):
-        if right < RATHER_RIGHT and not n_sure(steps, k):
-            for n, step in enumerate(told):
-                estimates = list(step.estimates)
-                estimates[k] = replace(estimates[k], doubtful=True)
-                told[n] = replace(step, estimates=tuple(estimates))
+    for n, step in enumerate(told):
+        estimates = list(step.estimates)
+        for k in whom:
+            estimates[k] = replace(estimates[k], doubtful=True)
+        told[n] = replace(step, estimates=tuple(estimates))
     return told
 
 

@@ -26,7 +26,13 @@ from tracker.tracking.easier_start import LedBack
 from tracker.tracking.jumps import with_jumps
 from tracker.tracking.outcome import judged_as_wholes
 from tracker.tracking.rehearsal import Reopen
-from tracker.tracking.way_round import may_face_the_other_way, the_better_way_round, unconfirmed
+from tracker.tracking.way_round import (
+    doubtful_in_all,
+    may_face_the_other_way,
+    n_sure,
+    rather_wrong,
+    the_better_way_round,
+)
 from tracker.trajectory import Step
 
 _LONGEST, SHORTEST = 100, 16
@@ -54,6 +60,8 @@ class Pass:
     """In which somebody was looked for."""
 
     back: LedBack | None = None
+    unconfirmed: frozenset[int] = frozenset()
+    """Places of those who were rather wrongly found, and not seen without doubt since."""
 
 
 def length_of_windows(first: Frame) -> int:
@@ -80,7 +88,8 @@ def after(begin: Pass, steps: Sequence[Step], cycle: Cycle) -> Pass:
         sight = Sight(step.frame, cycle.plates, None if before is None else before.model_px)
         state, before = state.after(sight, step, cycle.evidence), step
     n_looked_in = sum(step.frame.index >= cycle.nobody_before for step in steps)
-    return Pass(steps[-1].scene, state, steps[-1], begin.n_frames + n_looked_in)
+    still = _unconfirmed(begin, steps)
+    return Pass(steps[-1].scene, state, steps[-1], begin.n_frames + n_looked_in, unconfirmed=still)
 
 
 def there(
@@ -124,11 +133,18 @@ def both_ways(
         return [replace(step, provisional=True) for step in first], reached
     found = first if again is None else again
     even = bridged(found, cycle, begin.state, begin.before)
-    judged = unconfirmed([judged_as_wholes(step) for step in with_jumps(even)])
+    judged = [judged_as_wholes(step) for step in with_jumps(even)]
     if again is not None:
         judged = _found_anew(judged, first, begin.before)
     led, reached = reached.back, reached if even is first else after(begin, judged, cycle)
-    return judged, replace(reached, back=_still_to_tell(led, window[-1]))
+    unconfirmed = _unconfirmed(begin, judged)
+    reached = replace(reached, back=_still_to_tell(led, window[-1]), unconfirmed=unconfirmed)
+    return doubtful_in_all(judged, unconfirmed), reached
+
+
+def _unconfirmed(begin: Pass, steps: Sequence[Step]) -> frozenset[int]:
+    whom = rather_wrong(steps) if begin.state.nobody_found else begin.unconfirmed
+    return frozenset(k for k in whom if not n_sure(steps, k))
 
 
 def _still_to_tell(back: LedBack | None, last: Frame) -> LedBack | None:
