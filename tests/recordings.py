@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -44,9 +45,26 @@ class TrueStart:
         return Start(tuple(poses))
 
 
+class Rendered(Simulation):
+    """A simulation that keeps its images: many tests go through the same ones, most of them several times."""
+
+    @cached_property
+    def _images(self) -> tuple[Frame, ...]:
+        made = tuple(super().frames())
+        for frame in made:
+            for image in frame.images:
+                if image is not None:
+                    image.setflags(write=False)
+        return made
+
+    def frames(self) -> Iterator[Frame]:
+        return iter(self._images)
+
+
 def small_simulation(movement: str = "arm_swing", n_frames: int = 8, **changes: object) -> Simulation:
     recipe = Recipe(movement, seconds=n_frames / 25, size=SMALL)
-    return simulate(replace(recipe, **changes))  # type: ignore[arg-type]
+    made = simulate(replace(recipe, **changes))  # type: ignore[arg-type]
+    return Rendered(**{field.name: getattr(made, field.name) for field in fields(made)})
 
 
 class Staying:
