@@ -24,8 +24,9 @@ from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.start import Start
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.bootstrapping import bootstrap
 from tracker.tracking.cycle import State
-from tracker.tracking.cycle_turn import advance, bootstrap
+from tracker.tracking.cycle_turn import advance
 from tracker.tracking.other_places import in_likeliest_places
 from tracker.trajectory import History
 

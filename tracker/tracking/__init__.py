@@ -16,8 +16,9 @@ from tracker.frame import Frame
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.start import Start
+from tracker.tracking.bootstrapping import bootstrap, unfound
 from tracker.tracking.cycle import Cycle, State
-from tracker.tracking.cycle_turn import advance, bootstrap, unfound
+from tracker.tracking.cycle_turn import advance
 from tracker.tracking.easier_start import LedBack, led_back
 from tracker.tracking.outcome import covered_px
 from tracker.tracking.rehearsal import Reopen, rehearsed

@@ -13,8 +13,8 @@ from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.tracking import replayed
 from tracker.tracking.backwards import as_replay, frames_before, turned
+from tracker.tracking.bootstrapping import unfound
 from tracker.tracking.cycle import Cycle
-from tracker.tracking.cycle_turn import unfound
 from tracker.tracking.jumps import with_jumps
 from tracker.tracking.outcome import judged_as_wholes
 from tracker.tracking.rehearsal import Reopen

@@ -88,65 +88,8 @@ def advance(
     if sought:
         with clock("initialization"):
             current, estimates, start = _recover(sight, current, cycle, state, estimates, sought)
-    step = _finished(sight, current, cycle, tuple(estimates), clock)
+    step = finished(sight, current, cycle.synthesis, tuple(estimates), clock, cycle.loss.least_views)
     return replace(step, start=start)
-
-
-def bootstrap(
-    sight: Sight, scene: Scene, cycle: Cycle, give_up: bool = False, choose: Callable[[Start], Start] | None = None
-) -> Step:
-    """Finds all persons without a prediction; a step of lost persons where none can be found.
-
-    Args:
-        sight: the images.
-        scene: the persons and the rig.
-        cycle: the components.
-        give_up: raise instead of reporting the persons lost.
-        choose: has the last word on what was found.
-
-    Raises:
-        InitializationError: nothing was found and `give_up` is set.
-    """
-    clock = Clock()
-    start: Start | None = None
-    why = ""
-    with clock("initialization"):
-        try:
-            start = cycle.initialization.start(sight.frame, scene, cycle.stages)
-            start = start if choose is None else choose(start)
-            scene = scene.with_poses(start.poses)
-        except InitializationError as error:
-            if give_up:
-                raise
-            why = str(error)
-    with clock("observation"):
-        expected = None if start is None else cycle.synthesis.contours(scene)
-        if start is not None:
-            hide_strangers(sight, scene, cycle.synthesis)
-        observed = cycle.evidence.observe(sight, expected)
-    if start is None:
-        step = _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), clock)
-        return replace(step, why_unfound=why)
-    with clock("refinement"):
-        colours, everybody = cache(partial(part_colours, sight, scene)), range(len(scene.persons))
-        estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED, colours, everybody)
-    clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
-    if give_up and all(estimate.lost for estimate in estimates):
-        share = max(estimate.account.explained for estimate in estimates)
-        raise InitializationError(
-            f"frame {sight.frame.index}: the best start pose explains {share:.0%} of the model's contour, expected at "
-            f"least {cycle.loss.lost_below:.0%}; check the background plates, the calibration and the model's "
-            'size, or give a pose with initialization = { use = "given", poses = "start.csv" }'
-        )
-    return replace(_finished(sight, scene, cycle, estimates, clock), start=start)
-
-
-def unfound(sight: Sight, scene: Scene, cycle: Cycle) -> Step:
-    """A frame in which nobody is looked for."""
-    clock = Clock()
-    with clock("observation"):
-        observed = cycle.evidence.observe(sight, None)
-    return _finished(sight, scene, cycle, _of_nobody(scene, cycle, observed), clock)
 
 
 def settled(
@@ -197,16 +140,6 @@ def judged_by(objective: Objective, estimate: Estimate, loss: LossRule, found: S
     return with_vague_limbs(objective, judged(objective.body, estimate, loss, found), loss.elsewhere_px)
 
 
-def _of_nobody(scene: Scene, cycle: Cycle, observed: Observed) -> tuple[Estimate, ...]:
-    """Estimates of persons of whom nothing is known."""
-    estimates = []
-    for k, person in enumerate(scene.persons):
-        objective = objective_of(scene, k, cycle, observed)
-        nothing = np.full((person.body.dof, person.body.dof), np.nan)
-        estimates.append(replace(objective.estimate(person.q, nothing, 0), status=Status.LOST))
-    return tuple(estimates)
-
-
 def _predictions(scene: Scene, cycle: Cycle, state: State, time_s: float) -> list[Array]:
     """Candidate poses of each person; one that is lost waits where it was seen last."""
     candidates = []
@@ -243,7 +176,3 @@ def _recover(
             recovered[k] = again[k]
             scene = scene.with_pose(k, again[k].q)
     return scene, recovered, start
-
-
-def _finished(sight: Sight, scene: Scene, cycle: Cycle, estimates: tuple[Estimate, ...], clock: Clock) -> Step:
-    return finished(sight, scene, cycle.synthesis, estimates, clock, cycle.loss.least_views)
