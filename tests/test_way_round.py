@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 from test_easier_start import RULE, TurnedRoundAtFirst
 
 from tracker.estimate import Status
+from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.loss import LossRule
+from tracker.recording._journal_line import line_of, replay_of
 from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
 from tracker.start import RATHER_RIGHT, Start
@@ -20,10 +24,13 @@ from tracker.tracking.cycle import Cycle
 from tracker.tracking.found_before import knowing
 from tracker.tracking.two_passes import track_twice
 from tracker.tracking.way_round import may_face_the_other_way, n_sure, the_better_way_round
-from tracker.trajectory import Step
+from tracker.trajectory import Replay, Step
 
 DOUBTING = replace(RULE, doubtful_above=0.0, again_after=100, look_ahead_s=(), look_on_s=())
 """Everything is doubtful."""
+
+UNASKED = LossRule(rehearse=0, look_ahead_s=(), look_on_s=())
+"""No start is rehearsed, or looked for later."""
 
 
 @pytest.fixture(scope="module")
@@ -31,8 +38,8 @@ def simulation() -> Simulation:
     return small_simulation("two_elbow_rotation", n_frames=9)
 
 
-def twice(simulation: Simulation, cycle: Cycle) -> list[Step]:
-    return list(track_twice(simulation.frames(), simulation.scene, cycle, {}, simulation.frames))
+def twice(simulation: Simulation, cycle: Cycle, done: Mapping[int, Replay] | None = None) -> list[Step]:
+    return list(track_twice(simulation.frames(), simulation.scene, cycle, done or {}, simulation.frames))
 
 
 def errors_mm(simulation: Simulation, steps: list[Step]) -> list[float]:
@@ -127,6 +134,23 @@ def with_legs_in_doubt(steps: list[Step], n_frames: int) -> list[Step]:
     return told
 
 
+def doubt(monkeypatch: pytest.MonkeyPatch, at_first: bool, n_frames: int) -> None:
+    """Windows of four frames; a leg is in doubt in the first so many, and in the very first perhaps the whole."""
+
+    def with_doubts(steps: list[Step]) -> list[Step]:
+        told = []
+        for step in steps:
+            index = step.frame.index
+            limbs = ("left_leg",) if index < n_frames else ()
+            one = replace(step.estimates[0], doubtful=at_first and index == 0, ambiguous=limbs, vague=())
+            told.append(replace(step, estimates=(one,)))
+        return told
+
+    monkeypatch.setattr(windows, "_LONGEST", 4)
+    monkeypatch.setattr("tracker.tracking.two_passes.SHORTEST", 4)
+    monkeypatch.setattr(windows, "with_jumps", with_doubts)
+
+
 @pytest.mark.parametrize(
     ("start", "doubtful_at_first", "n_in_doubt", "n_doubtful"),
     [(Unsure, True, 9, 9), (Unsure, True, 8, 8), (Unsure, True, 3, 1), (Unsure, False, 9, 0), (Sure, True, 9, 9)],
@@ -141,19 +165,22 @@ def test_who_was_rather_wrongly_found_and_is_never_without_doubt_is_doubtful(
 ) -> None:
     """Window by window; however sure the start was, it is rather wrong if its frame turns out doubtful."""
 
-    def with_doubts(steps: list[Step]) -> list[Step]:
-        told = []
-        for step in steps:
-            index = step.frame.index
-            limbs = ("left_leg",) if index < n_in_doubt else ()
-            one = replace(step.estimates[0], doubtful=doubtful_at_first and index == 0, ambiguous=limbs, vague=())
-            told.append(replace(step, estimates=(one,)))
-        return told
-
-    monkeypatch.setattr(windows, "_LONGEST", 4)
-    monkeypatch.setattr("tracker.tracking.two_passes.SHORTEST", 4)
-    monkeypatch.setattr(windows, "with_jumps", with_doubts)
-    steps = twice(simulation, cycle_for(simulation, start(simulation), loss=LossRule(rehearse=0)))
+    doubt(monkeypatch, doubtful_at_first, n_in_doubt)
+    steps = twice(simulation, cycle_for(simulation, start(simulation), loss=UNASKED))
     assert (steps[0].start_confidence[0] < RATHER_RIGHT) == doubtful_at_first
     assert [step.estimates[0].verdict is Status.DOUBTFUL for step in steps] == [n < n_doubtful for n in range(9)]
     assert [step.estimates[0].ambiguous != () for step in steps] == [n < n_in_doubt for n in range(9)]
+
+
+def test_a_run_resumed_behind_who_is_unconfirmed_goes_on_to_the_same_poses(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both have learnt colours from nobody whom nothing has confirmed."""
+    doubt(monkeypatch, at_first=True, n_frames=9)
+    cycle = cycle_for(simulation, Unsure(simulation), loss=UNASKED, evidence=AutoEvidence())
+    whole = twice(simulation, cycle)
+    kept = {step.frame.index: replay_of(line_of(step).encode()) for step in whole[:4]}
+    for one, other in zip(whole, twice(simulation, cycle, kept), strict=True):
+        np.testing.assert_array_equal(one.estimates[0].q, other.estimates[0].q)
+        assert one.estimates[0].doubtful
+        assert other.estimates[0].doubtful

@@ -150,7 +150,7 @@ class _Following:
             steps = back(steps, cycle, state)
         doubted = frozenset(k for k in spaces if n_sure(steps, k) < LEAST_SEEN)
         unlike = frozenset(k for k in doubted if _found_for_sure(steps, k, cycle))
-        steps, state, cycle = the_better_way_round(steps, state, cycle, doubted - unlike, follow)
+        steps, state, cycle = the_better_way_round(steps, state, cycle, sorted(doubted - unlike), follow)
         found = Round({}, scene, steps).fitted(spaces, cycle, self.settings, unlike)
         return _Way(found, spaces, cycle, state, unlike)
 

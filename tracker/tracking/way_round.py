@@ -19,7 +19,8 @@ from tracker.trajectory import Step
 
 LEAST_SEEN = 4
 """Frames in which a person is seen without doubt, below which her body is not fitted: a pose that is wrong makes a body
-that fits it. If it is the body that is unlike the model's, one fitted all the same ends the doubts."""
+that fits it. If it is the body that is unlike the model's, one fitted all the same ends the doubts. Nor is one of two
+ways better that leaves fewer more of them."""
 
 _MOST_DOUBTED = 0.5
 """Share of the frames that may be in doubt of somebody who was not found for sure, before he is begun the other way
@@ -27,22 +28,6 @@ round. Of R-UpperBody's results all are, whichever way she faces; of those turne
 wholes, of one as she faces 0.68. What is left decides, not this."""
 
 _Reached = TypeVar("_Reached")
-
-
-def begun_turned_round(cycle: Cycle, steps: Sequence[Step], whom: Collection[int]) -> Cycle:
-    """The cycle, which starts as some steps did, but with some persons turned round.
-
-    Args:
-        cycle: the components.
-        steps: in the first of which nobody is lost.
-        whom: places in the scene.
-    """
-    estimates = list(steps[0].estimates)
-    for k in whom:
-        body = steps[0].scene.persons[k].body
-        estimates[k] = replace(estimates[k], q=turned_round(body, estimates[k].q))
-    known = knowing(cycle, {steps[0].frame.index: estimates}, start_of(steps), believed=True)
-    return replace(known, known=cycle.known)
 
 
 def the_better_way_round(
@@ -71,7 +56,7 @@ def the_better_way_round(
             break
         name = steps[0].scene.persons[k].name
         cycle.progress(f"{name} begun the other way round, for hardly a frame is without doubt")
-        begun = begun_turned_round(cycle, steps, (k,))
+        begun = _begun_turned_round(cycle, steps, k)
         others, other = follow(begun)
         if cycle.leaving():
             break
@@ -96,7 +81,7 @@ def rather_wrong(steps: Iterable[Step]) -> frozenset[int]:
 
 
 def doubtful_in_all(steps: Sequence[Step], whom: Collection[int]) -> list[Step]:
-    """The steps, in all of which some persons are doubtful as wholes: nothing has confirmed how they were found.
+    """The steps, with some persons doubtful as wholes in all of them: nothing has confirmed how they were found.
 
     Of R-UpperBody turned round, with a start of confidence 0.22, legs alone were ambiguous in 57 of 100 frames.
     """
@@ -112,6 +97,14 @@ def doubtful_in_all(steps: Sequence[Step], whom: Collection[int]) -> list[Step]:
 def n_sure(steps: Iterable[Step], person: int) -> int:
     """Frames in which a person is seen without doubt."""
     return sum(not (step.estimates[person].lost or doubted(step.estimates[person])) for step in steps)
+
+
+def _begun_turned_round(cycle: Cycle, steps: Sequence[Step], k: int) -> Cycle:
+    """The cycle, which starts as some steps did, but with person k turned round; nobody is lost in the first step."""
+    estimates = list(steps[0].estimates)
+    estimates[k] = replace(estimates[k], q=turned_round(steps[0].scene.persons[k].body, estimates[k].q))
+    known = knowing(cycle, {steps[0].frame.index: estimates}, start_of(steps), believed=True)
+    return replace(known, known=cycle.known)
 
 
 def _leave_less(others: Sequence[Step], steps: Sequence[Step], k: int) -> bool:

@@ -136,13 +136,17 @@ def both_ways(
     judged = [judged_as_wholes(step) for step in with_jumps(even)]
     if again is not None:
         judged = _found_anew(judged, first, begin.before)
-    led, reached = reached.back, reached if even is first else after(begin, judged, cycle)
-    unconfirmed = _unconfirmed(begin, judged)
-    reached = replace(reached, back=_still_to_tell(led, window[-1]), unconfirmed=unconfirmed)
-    return doubtful_in_all(judged, unconfirmed), reached
+    unconfirmed, led = _unconfirmed(begin, judged), reached.back
+    if unconfirmed:
+        judged = doubtful_in_all(judged, unconfirmed)
+    if unconfirmed or even is not first:
+        # of what is told: a resumed run has nothing else to learn from
+        reached = after(begin, judged, cycle)
+    return judged, replace(reached, back=_still_to_tell(led, window[-1]))
 
 
 def _unconfirmed(begin: Pass, steps: Sequence[Step]) -> frozenset[int]:
+    """Places of those who were rather wrongly found, here or before, and whom no frame since has confirmed."""
     whom = rather_wrong(steps) if begin.state.nobody_found else begin.unconfirmed
     return frozenset(k for k in whom if not n_sure(steps, k))
 
