@@ -13,6 +13,7 @@ from recordings import Staying, TrueStart, cycle_for, joint_errors_mm, small_sim
 import tracker.tracking.coming_in
 from tracker.arrays import Image
 from tracker.estimate import Status
+from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
 from tracker.loss import LossRule
@@ -26,10 +27,14 @@ IN_VIEW, NOBODY_BEFORE = 5, 9
 """From which frame on the person is there, and is looked for: in the third window."""
 
 
-@pytest.fixture(autouse=True)
-def _short_windows(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tracker.tracking.windows._LONGEST", 4)
-    monkeypatch.setattr("tracker.tracking.two_passes.SHORTEST", 4)
+@pytest.fixture(scope="module", autouse=True)
+def _short_windows() -> Iterator[None]:
+    """And limbs are not looked for in other places after a loss: that takes half of the time, and is no window's."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tracker.tracking.windows._LONGEST", 4)
+        patch.setattr("tracker.tracking.two_passes.SHORTEST", 4)
+        patch.setattr("tracker.tracking.cycle_turn.in_likeliest_places", lambda _, estimate, *more: estimate)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -45,10 +50,17 @@ def frames(simulation: Simulation) -> tuple[Frame, ...]:
     return tuple(itertools.islice(with_images(simulation, shown), 14))
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def cycle(simulation: Simulation) -> Cycle:
-    loss = LossRule(rehearse=0, start_within=1)
-    return cycle_for(simulation, TrueStart(simulation), evidence=AutoEvidence(), nobody_before=NOBODY_BEFORE, loss=loss)
+    """Poses are refined and never searched: who is there is a little off, and in the empty room a search is in vain."""
+    return cycle_for(
+        simulation,
+        TrueStart(simulation),
+        evidence=AutoEvidence(),
+        estimation=TwistIcpEstimation(),
+        nobody_before=NOBODY_BEFORE,
+        loss=LossRule(rehearse=0, start_within=1),
+    )
 
 
 def tracked(
@@ -57,15 +69,21 @@ def tracked(
     return list(track_twice(iter(frames), simulation.scene, cycle, done or {}, lambda: iter(frames)))
 
 
+@pytest.fixture(scope="module")
+def whole(simulation: Simulation, frames: tuple[Frame, ...], cycle: Cycle) -> list[Step]:
+    """All of it, at once."""
+    return tracked(simulation, frames, cycle)
+
+
 def kept(steps: list[Step]) -> dict[int, Replay]:
     """What a journal has of them."""
     return {step.frame.index: as_replay(step) for step in steps}
 
 
 def test_who_comes_in_is_tracked_back_over_windows(
-    simulation: Simulation, frames: tuple[Frame, ...], cycle: Cycle
+    simulation: Simulation, frames: tuple[Frame, ...], whole: list[Step]
 ) -> None:
-    steps = tracked(simulation, frames, cycle)
+    steps = whole
     assert [step.frame.index for step in steps] == list(range(14))
     assert all(step.frame.images[0] is frame.images[0] for step, frame in zip(steps, frames, strict=True))
     assert [step.estimates[0].lost for step in steps] == [True] * IN_VIEW + [False] * (14 - IN_VIEW)
@@ -122,9 +140,8 @@ def test_a_limb_that_jumps_between_two_windows_is_told(
 
 
 def test_an_interrupted_run_goes_on_to_the_same_poses(
-    simulation: Simulation, frames: tuple[Frame, ...], cycle: Cycle
+    simulation: Simulation, frames: tuple[Frame, ...], cycle: Cycle, whole: list[Step]
 ) -> None:
-    whole = tracked(simulation, frames, cycle)
     for n_kept in (2, 8, 13):
         again = tracked(simulation, frames, cycle, kept(whole[:n_kept]))
         for one, other in zip(whole, again, strict=True):
@@ -134,11 +151,10 @@ def test_an_interrupted_run_goes_on_to_the_same_poses(
 
 
 def test_who_is_lost_for_a_moment_before_is_followed_on_and_called_found_when_he_is_back(
-    simulation: Simulation, cycle: Cycle, monkeypatch: pytest.MonkeyPatch
+    simulation: Simulation, cycle: Cycle
 ) -> None:
     """Also in the first frame of the window in which he is looked for; time goes on, the way back does not."""
     away = {0, 1, 2, 3, 6, 8}
-    monkeypatch.setattr("tracker.tracking.cycle_turn.in_likeliest_places", lambda _, estimate, *more: estimate)
     cycle = replace(cycle, estimation=Staying())
 
     def shown(t: int, v: int, image: Image | None) -> Image | None:

@@ -13,6 +13,7 @@ from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, 
 from tracker.arrays import Image
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
+from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
 from tracker.in_space import judged_in_space, shared
@@ -52,6 +53,14 @@ def entering(simulation: Simulation, n_views: tuple[int, ...]) -> tuple[Frame, .
         return simulation.plates[v].picture.copy() if t < len(n_views) and v >= n_views[t] else image
 
     return tuple(with_images(simulation, shown))
+
+
+@pytest.fixture
+def refined_only(monkeypatch: pytest.MonkeyPatch) -> TwistIcpEstimation:
+    """An estimation that searches nothing, nor does a start look for limbs elsewhere: who is there starts near enough,
+    and searches for who is not there take most of the time."""
+    monkeypatch.setattr("tracker.tracking.cycle_turn.in_likeliest_places", lambda _, estimate, *more: estimate)
+    return TwistIcpEstimation()
 
 
 def judged(
@@ -148,15 +157,18 @@ def test_the_first_frame_in_view_is_that_in_which_two_views_show_somebody(
     assert told == ["looking for the first frame that shows somebody"]
 
 
-def test_poses_that_nobody_has_do_not_count_in_the_overlap(joined_later: Simulation, simulation: Simulation) -> None:
+def test_poses_that_nobody_has_do_not_count_in_the_overlap(
+    joined_later: Simulation, simulation: Simulation, refined_only: TwistIcpEstimation
+) -> None:
     """Who is not there leaves the other one's overlap as it is; with nobody there is none."""
     frames = [next(iter(joined_later.frames())), second_from(joined_later, 8)[1]]
     both = cycle_for(joined_later, TrueStart(joined_later), evidence=AutoEvidence(), loss=LossRule(rehearse=0))
+    both = replace(both, estimation=refined_only)
     steps = list(track(iter(frames), joined_later.scene, both))
     assert [one.lost for one in steps[1].estimates] == [False, True]
     assert steps[1].overlap is not None
     assert steps[1].overlap.min() > 0.6
-    cycle = cycle_for(simulation, TrueStart(simulation))
+    cycle = cycle_for(simulation, TrueStart(simulation), estimation=refined_only)
     *_, last = track(iter([next(simulation.frames()), entering(simulation, (0, 0))[1]]), simulation.scene, cycle)
     assert last.estimates[0].lost
     assert last.overlap is not None
@@ -214,10 +226,12 @@ def test_several_are_waited_for_until_two_views_show_them_all(joined_later: Simu
     assert first_in_view(one_view, plates, 2) is None, "both are apart in a single view alone"
 
 
-def test_who_joins_later_is_lost_before_and_the_other_one_is_tracked_throughout(joined_later: Simulation) -> None:
+def test_who_joins_later_is_lost_before_and_the_other_one_is_tracked_throughout(
+    joined_later: Simulation, refined_only: TwistIcpEstimation
+) -> None:
     frames = second_from(joined_later, 6)
     cycle = cycle_for(joined_later, TrueStart(joined_later), evidence=AutoEvidence(), nobody_before=6)
-    cycle = replace(cycle, loss=LossRule(rehearse=0))
+    cycle = replace(cycle, loss=LossRule(rehearse=0), estimation=refined_only)
     steps = list(track_twice(iter(frames), joined_later.scene, cycle, {}, lambda: iter(frames)))
     for step in steps:
         there, later = step.estimates
@@ -254,12 +268,15 @@ def test_views_that_others_hide_somebody_from_do_not_count_against_one_that_does
     assert judged_second.lost == lost
 
 
-def test_who_leaves_and_comes_back_is_looked_for_now_and_then(joined_later: Simulation) -> None:
+def test_who_leaves_and_comes_back_is_looked_for_now_and_then(
+    joined_later: Simulation, refined_only: TwistIcpEstimation
+) -> None:
     """Not in every frame, though his model explains the contours of the one who stayed."""
     frames = second_from(joined_later, 6)[:8]
     frames[0] = next(iter(joined_later.frames()))
     start = TrueStart(joined_later)
     cycle = cycle_for(joined_later, start, evidence=AutoEvidence(), loss=LossRule(rehearse=0))
+    cycle = replace(cycle, estimation=refined_only)
     steps = list(track(iter(frames), joined_later.scene, cycle))
     assert [step.estimates[1].lost for step in steps] == [False, *[True] * 5, False, False]
     # When he leaves, his model ends up in the one who stayed, and is sought at once, or beside him, and is not: which
@@ -326,11 +343,14 @@ def test_who_was_lost_still_is_where_too_few_views_show_him(
     assert lost or still is found
 
 
-def test_a_run_waits_for_who_walks_in_and_follows_back(simulation: Simulation) -> None:
+def test_a_run_waits_for_who_walks_in_and_follows_back(
+    simulation: Simulation, refined_only: TwistIcpEstimation
+) -> None:
     frames = entering(simulation, (0, 0, 0, 3, 4, 4))
     start = TrueStart(simulation)
     loss = LossRule(rehearse=0, start_within=1)
     cycle = cycle_for(simulation, start, evidence=AutoEvidence(), nobody_before=NOBODY_BEFORE, loss=loss)
+    cycle = replace(cycle, estimation=refined_only)
     there = list(track(iter(frames[NOBODY_BEFORE:]), simulation.scene, cycle, {}, lambda: iter(frames)))
     for way in (track, track_twice):
         start.asked.clear()
@@ -362,10 +382,10 @@ def test_frames_before_somebody_is_in_view_do_not_count(simulation: Simulation) 
 
 def test_who_leaves_is_lost_and_nobody_is_made_of_the_last_view(simulation: Simulation) -> None:
     def shown(t: int, v: int, image: Image | None) -> Image | None:
-        return simulation.plates[v].picture.copy() if t >= 6 and v > 0 else image
+        return simulation.plates[v].picture.copy() if t >= 2 and v > 0 else image
 
     cycle = cycle_for(simulation, TrueStart(simulation), evidence=AutoEvidence())
-    frames = itertools.islice(with_images(simulation, shown), 12)
+    frames = itertools.islice(with_images(simulation, shown), 7)
     statuses = [step.estimates[0].status for step in track(frames, simulation.scene, cycle)]
-    assert Status.LOST not in statuses[:6]
-    assert statuses[6:] == [Status.LOST] * 6
+    assert Status.LOST not in statuses[:2]
+    assert statuses[2:] == [Status.LOST] * 5
