@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 from test_backdrops import legs, showing
+from test_run import killed_after
 
 import tracker.tracking.recorded_plates as recorded_plates
+from tracker.acquisition.calibrated_views import ViewSettings
 from tracker.evidence.auto import AutoEvidence
 from tracker.jobs import execute, load_job
 from tracker.jobs.track import TrackJob
@@ -115,7 +117,15 @@ def unplated(tmp_path_factory: pytest.TempPathFactory) -> TrackJob:
     lines = config.read_text(encoding="utf-8").splitlines()
     config.write_text("\n".join(line for line in lines if not line.startswith("background")), encoding="utf-8")
     start = ["initialization.use=auto", "initialization.poses=truth_poses.csv"]
-    less = ["passes=1", "reading.downscale=1", "recordings=[{use='csv_table'},{use='journal'},{use='run_json'}]"]
+    less = [
+        "passes=1",
+        "reading.downscale=1",
+        "persons.0.carries=[]",
+        "estimation.use=twist_icp",
+        "loss.rehearse=0",
+        "loss.look_ahead_s=[]",
+        "recordings=[{use='csv_table'},{use='journal'},{use='run_json'}]",
+    ]
     job = load_job("track", config, [*start, *less])
     assert isinstance(job, TrackJob)
     return job
@@ -123,9 +133,11 @@ def unplated(tmp_path_factory: pytest.TempPathFactory) -> TrackJob:
 
 @pytest.mark.parametrize("shape", ["model", "recording"])
 def test_a_run_says_what_it_knows_of_who_stays_and_resumes_with_the_same(
-    unplated: TrackJob, tmp_path: Path, shape: Literal["model", "recording"]
+    unplated: TrackJob, tmp_path: Path, shape: Literal["model", "recording"], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Resumed with a body that is fitted already, it makes the same of the backdrops as before the fit."""
+    once = ViewSettings(rounds=1)
+    monkeypatch.setattr("tracker.jobs._persons.ViewSettings", lambda: once)
     said: list[str] = []
     unplated = replace(unplated, persons=tuple(replace(one, shape=shape) for one in unplated.persons))
     whole = execute(unplated, tmp_path / "whole", progress=lambda what, *_: said.append(what))
@@ -134,12 +146,7 @@ def test_a_run_says_what_it_knows_of_who_stays_and_resumes_with_the_same(
     assert any(line.startswith(f"evidence: {words}") for line in said)
     assert json.loads((whole.folder / "run.json").read_text(encoding="utf-8"))["choices"]["evidence"].startswith(words)
 
-    def interrupted(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
-        if what == "tracking" and done == 6:
-            raise KeyboardInterrupt
-
-    assert execute(unplated, tmp_path / "part", progress=interrupted).interrupted
-    resumed = execute(unplated, tmp_path / "part", resume=True)
+    resumed = execute(unplated, killed_after(6, whole.folder, tmp_path / "part"), resume=True)
     for name in ("poses.csv", "joints.csv"):
         assert (resumed.folder / name).read_bytes() == (whole.folder / name).read_bytes()
 

@@ -12,7 +12,7 @@ from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, 
 from tracker.arrays import Array, Image
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
-from tracker.estimation.hybrid import HybridEstimation
+from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.limbs import turned_round
@@ -155,10 +155,15 @@ def test_who_is_lost_is_searched_for_at_once_and_then_where_he_is_looked_for_ane
     assert [n for n in range(60) if not is_out_of_sight(n, rule)] == [0, 1, 2, *due[1:]]
 
 
-def test_who_has_left_is_not_searched_for_in_every_frame(simulation: Simulation) -> None:
+def test_who_has_left_is_not_searched_for_in_every_frame(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is asked of an estimation, whatever it does then."""
     asked = list[bool]()
 
-    class Watched(HybridEstimation):
+    monkeypatch.setattr("tracker.tracking.cycle_turn.in_likeliest_places", lambda _, estimate, *more: estimate)
+
+    class Watched(TwistIcpEstimation):
         def estimate(self, objective: Objective, starts: Array) -> Estimate:
             asked.append(objective.nearby)
             return super().estimate(objective, starts)

@@ -17,10 +17,15 @@ from tracker.body.files import load_body
 from tracker.errors import ConfigError, SequenceError, TrackerError
 from tracker.initialization.given import GivenInitialization
 from tracker.jobs import described, execute, job_from, load_job
+from tracker.jobs._recorded import TrackOutcome
 from tracker.jobs.track import TrackJob
 from tracker.loss import LossRule
 from tracker.progress import Progress
 from tracker.recording import Recording
+from tracker.recording.csv_table import CsvTable
+from tracker.recording.journal import Journal
+from tracker.recording.overlay import Overlay
+from tracker.recording.run_json import RunJson
 from tracker.rig_layouts import load_rig
 from tracker.simulation.sequence import Recipe
 from tracker.simulation.sequence_files import write_sequence
@@ -52,12 +57,39 @@ def interrupt_after(n_frames: int) -> Progress:
     return progress
 
 
+def killed_after(n_frames: int, whole: Path, folder: Path) -> Path:
+    """What a kill leaves of a run: the journal so far, and no table."""
+    shutil.copytree(whole, folder)
+    lines = (folder / "steps.jsonl").read_bytes().splitlines(keepends=True)
+    assert len(lines) > n_frames
+    (folder / "steps.jsonl").write_bytes(b"".join(lines[:n_frames]))
+    for name in ("poses.csv", "joints.csv", "run.json"):
+        (folder / name).unlink()
+    return folder
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> TrackJob:
     """Six frames of a simulated recording, started from its own truth."""
     folder = tmp_path_factory.mktemp("run") / "sequence"
     config = write_sequence(Recipe("arm_swing", seconds=0.24, size=(360, 288)), folder)
     return load_job("track", config, ["initialization.use=given", "initialization.poses=truth_poses.csv"])
+
+
+KEPT = (CsvTable, Journal, RunJson, Overlay)
+"""What a run that is resumed adds to; report and plots are drawn at its end, which takes longer than the tracking."""
+
+
+@pytest.fixture(scope="module")
+def plain(run: TrackJob) -> TrackJob:
+    """The same without report and plots."""
+    return replace(run, recordings=tuple(one for one in run.recordings if isinstance(one, KEPT)))
+
+
+@pytest.fixture(scope="module")
+def whole(run: TrackJob, tmp_path_factory: pytest.TempPathFactory) -> TrackOutcome:
+    """All of it, at once."""
+    return execute(run, tmp_path_factory.mktemp("whole") / "out")
 
 
 def part_of(job: TrackJob, start: int, stop: int, recordings: tuple[Recording, ...]) -> TrackJob:
@@ -69,8 +101,8 @@ def poses(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_a_run_leaves_all_its_results(run, tmp_path):
-    result = execute(run, tmp_path / "out")
+def test_a_run_leaves_all_its_results(run, whole):
+    result = whole
     assert sorted(path.name for path in result.folder.iterdir()) == sorted(RESULTS)
     assert (result.n_frames, result.doubts.lost, result.interrupted) == (6, (), False)
     assert {path.name for path in result.files} == set(RESULTS) - {
@@ -87,16 +119,15 @@ def test_a_run_leaves_all_its_results(run, tmp_path):
     assert job_from("track", saved["config"], "run.json", Path("/"), "") == run
 
 
-def test_an_interrupted_run_resumes_to_the_same_result(run, tmp_path):
-    whole = execute(run, tmp_path / "whole")
-    part = execute(run, tmp_path / "part", progress=interrupt_after(3))
+def test_an_interrupted_run_resumes_to_the_same_result(plain, whole, tmp_path):
+    part = execute(plain, tmp_path / "part", progress=interrupt_after(3))
     assert part.interrupted
     assert part.n_frames == 3
     assert len(poses(part.folder)) == 3
     assert not json.loads((part.folder / "run.json").read_text())["complete"]
     with (part.folder / "steps.jsonl").open("a") as file:
         file.write('{"frame": 3, "time_s": 0.1')  # torn by a kill
-    resumed = execute(run, tmp_path / "part", resume=True)
+    resumed = execute(plain, tmp_path / "part", resume=True)
     assert resumed.n_frames == 6
     assert poses(resumed.folder) == poses(whole.folder)
     assert (resumed.folder / "joints.csv").read_bytes() == (whole.folder / "joints.csv").read_bytes()
@@ -170,10 +201,10 @@ REFUSED = {
 
 
 @pytest.fixture(scope="module")
-def interrupted(run, tmp_path_factory):
+def interrupted(plain, tmp_path_factory):
     """A run over the first four frames, interrupted after two."""
     folder = tmp_path_factory.mktemp("interrupted") / "out"
-    asked = part_of(run, 0, 4, run.recordings)
+    asked = part_of(plain, 0, 4, plain.recordings)
     execute(asked, folder, progress=interrupt_after(2))
     return asked, folder
 
@@ -206,12 +237,13 @@ def test_a_run_is_not_resumed_with_other_inputs(name, fault, run, interrupted, t
     assert contents(folder) == before
 
 
-def test_a_resumed_run_may_be_extended(run, interrupted, tmp_path):
+def test_a_resumed_run_may_be_extended(plain, interrupted, tmp_path):
     """To the same bytes as a run that went so far at once."""
     folder = tmp_path / "out"
     shutil.copytree(interrupted[1], folder)
-    whole = execute(part_of(run, 0, 5, run.recordings), tmp_path / "whole").folder
-    resumed = execute(part_of(run, 0, 5, run.recordings), folder, resume=True)
+    longer = part_of(plain, 0, 5, plain.recordings)
+    whole = execute(longer, tmp_path / "whole").folder
+    resumed = execute(longer, folder, resume=True)
     assert (resumed.n_frames, resumed.interrupted) == (5, False)
     assert exact(folder) == exact(whole)
     assert load_job("track", folder / "config.toml").reading.stop == 5
@@ -253,19 +285,18 @@ def test_the_first_signal_lets_frame_and_report_be_finished(number, run, tmp_pat
     assert len(poses(result.folder)) == result.n_frames
 
 
-def test_a_signal_between_two_passes_leaves_what_the_first_has_found(run, tmp_path):
+def test_a_signal_between_two_passes_leaves_what_the_first_has_found(plain, whole, tmp_path):
     def press(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
         if what == "first pass, frame 2":
             os.kill(os.getpid(), signal.SIGINT)
 
-    result = execute(run, tmp_path / "out", progress=press)
+    result = execute(plain, tmp_path / "out", progress=press)
     assert result.interrupted
     assert [row["frame"] for row in poses(result.folder)] == ["0", "1", "2"]
     assert (result.folder / "steps.jsonl").read_bytes() == b""  # all of it is to be tracked both ways yet
-    execute(run, tmp_path / "out", resume=True)
-    execute(run, tmp_path / "whole")
+    execute(plain, tmp_path / "out", resume=True)
     for name in ("poses.csv", "joints.csv"):
-        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+        assert (tmp_path / "out" / name).read_bytes() == (whole.folder / name).read_bytes()
 
 
 def test_the_second_signal_leaves_whole_files(run, tmp_path):
@@ -274,7 +305,7 @@ def test_the_second_signal_leaves_whole_files(run, tmp_path):
             os.kill(os.getpid(), signal.SIGINT)
 
     with pytest.raises(KeyboardInterrupt):
-        execute(run, tmp_path / "out", progress=press)
+        execute(replace(run, passes=1), tmp_path / "out", progress=press)
     left = {path.name for path in (tmp_path / "out").iterdir()}
     assert left <= set(RESULTS)
     assert {"poses.csv", "steps.jsonl", "run.json"} <= left
