@@ -56,10 +56,14 @@ def entering(simulation: Simulation, n_views: tuple[int, ...]) -> tuple[Frame, .
 
 
 @pytest.fixture
-def refined_only(monkeypatch: pytest.MonkeyPatch) -> TwistIcpEstimation:
-    """An estimation that searches nothing, nor does a start look for limbs elsewhere: who is there starts near enough,
-    and searches for who is not there take most of the time."""
+def limbs_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No start looks for limbs elsewhere: they are near enough, and it takes a third of the time."""
     monkeypatch.setattr("tracker.tracking.cycle_turn.in_likeliest_places", lambda _, estimate, *more: estimate)
+
+
+@pytest.fixture
+def refined_only(limbs_stay: None) -> TwistIcpEstimation:
+    """An estimation that searches nothing: the search for who is not there would take most of the time."""
     return TwistIcpEstimation()
 
 
@@ -268,15 +272,13 @@ def test_views_that_others_hide_somebody_from_do_not_count_against_one_that_does
     assert judged_second.lost == lost
 
 
-def test_who_leaves_and_comes_back_is_looked_for_now_and_then(
-    joined_later: Simulation, refined_only: TwistIcpEstimation
-) -> None:
+@pytest.mark.usefixtures("limbs_stay")
+def test_who_leaves_and_comes_back_is_looked_for_now_and_then(joined_later: Simulation) -> None:
     """Not in every frame, though his model explains the contours of the one who stayed."""
     frames = second_from(joined_later, 6)[:8]
     frames[0] = next(iter(joined_later.frames()))
     start = TrueStart(joined_later)
     cycle = cycle_for(joined_later, start, evidence=AutoEvidence(), loss=LossRule(rehearse=0))
-    cycle = replace(cycle, estimation=refined_only)
     steps = list(track(iter(frames), joined_later.scene, cycle))
     assert [step.estimates[1].lost for step in steps] == [False, *[True] * 5, False, False]
     # When he leaves, his model ends up in the one who stayed, and is sought at once, or beside him, and is not: which
