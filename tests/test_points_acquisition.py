@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -70,9 +71,9 @@ def measured(k: int, front: bool = False) -> Array:
     return world[seen] + NOISE_M * np.random.default_rng(k).normal(size=(int(seen.sum()), 3))
 
 
-def cloud(k: int, front: bool = False) -> Cloud:
+def cloud(k: int, front: bool = False, spacing_m: float = SPACING_M) -> Cloud:
     points = measured(k, front)
-    return cloud_of(points, np.full(len(points), NOISE_M), SPACING_M)
+    return cloud_of(points, np.full(len(points), NOISE_M), spacing_m)
 
 
 def stored(points: Array, path: Path) -> Path:
@@ -191,11 +192,12 @@ def test_ties_vanish_at_the_truth_and_are_derivatives_beside_it() -> None:
 
 
 def test_trajectories_make_lengths_surer(tmp_path: Path) -> None:
-    moments = [Moment(cloud(k), RIG, q=posture(k) + 0.02, frame=k) for k in range(4)]
+    moments = [Moment(cloud(k, spacing_m=0.025), RIG, q=posture(k) + 0.02, frame=k) for k in range(4)]
     places, _ = followed_places(4, 0.001)
     table = written(places, 0.001, 0.0, tmp_path / "trajectories.csv")
-    without = acquire_from_points(OF, moments, PointSettings())
-    found = acquire_from_points(OF, moments, PointSettings(), read_trajectories(table))
+    few = PointSettings(fit=replace(PointSettings().fit, iterations=8))
+    without = acquire_from_points(OF, moments, few)
+    found = acquire_from_points(OF, moments, few, read_trajectories(table))
     assert found.n_tracks > 100
     assert without.n_tracks == 0
     bones = [bone.bone for bone in bone_lengths(found.fit)]
@@ -224,9 +226,10 @@ def test_a_body_that_may_face_either_way_is_refused_unless_it_is_told() -> None:
 
 
 def test_points_of_something_else_are_refused() -> None:
-    box = np.random.default_rng(0).uniform((-1, -1, 0), (1, 1, 2), (4000, 3))
+    box = np.random.default_rng(0).uniform((-1, -1, 0), (1, 1, 2), (1000, 3))
+    moment = Moment(cloud_of(box, np.zeros(1000), 0.1), RIG)
     with pytest.raises(SequenceError, match="points lie within"):
-        acquire_from_points(OF, [Moment(cloud_of(box, np.zeros(4000), 0.05), RIG)], PointSettings(least_lead=0.0))
+        acquire_from_points(OF, [moment], PointSettings(least_lead=0.0))
 
 
 def test_the_command_makes_a_model_and_refuses_bad_inputs(tmp_path: Path) -> None:
@@ -236,10 +239,11 @@ def test_the_command_makes_a_model_and_refuses_bad_inputs(tmp_path: Path) -> Non
     (tmp_path / "text.ply").write_text("solid", encoding="utf-8")
     table = {"name": "eva", "model": "gavrila22", "stature_m": 1.8, "moments": [{"cloud": "points.ply"}]}
     config = tmp_path / "eva.toml"
-    config.write_text(tomli_w.dumps(table), encoding="utf-8")
-    done = bodytrack("acquire", str(config), "--output", str(tmp_path / "models" / "eva.toml"))
-    assert done.returncode == 0, done.stderr
-    assert "points of moment 1 on the model" in done.stdout
+    told = {"heading_deg": float(np.degrees(FACED_RAD)), "fit": {"iterations": 4}}
+    config.write_text(tomli_w.dumps(table | {"acquisition": told}), encoding="utf-8")
+    made = CliRunner().invoke(app, ["acquire", str(config), "--output", str(tmp_path / "models" / "eva.toml")])
+    assert made.exit_code == 0, made.output
+    assert "points of moment 1 on the model" in made.output
     assert (tmp_path / "models" / "eva.png").stat().st_size > 10_000
     faults = {
         "mm.ply": "millimetres",
