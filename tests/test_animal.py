@@ -37,7 +37,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a trot, written by the script."""
     folder = tmp_path_factory.mktemp("animal") / "trot"
     size = [str(n) for n in SIZE]
-    options = ["--model", "quadruped", "--seconds", "0.4", "--size", *size, "--output", str(folder)]
+    options = ["--model", "quadruped", "--seconds", "0.24", "--size", *size, "--output", str(folder)]
     script = [sys.executable, str(ROOT / "scripts" / "simulate_sequence.py"), *options]
     subprocess.run(script, check=True, capture_output=True, cwd=folder.parent)
     return folder
@@ -51,7 +51,7 @@ def test_an_animal_needs_no_setting_outside_its_file(recording: Path, tmp_path: 
     result = execute(load_job("track", recording / "config.toml"), tmp_path / "result").folder
     with (result / "poses.csv").open() as file:
         statuses = [row["status"] for row in csv.DictReader(file)]
-    assert statuses == ["bootstrapped", *["tracked"] * 9]
+    assert statuses == ["bootstrapped", *["tracked"] * 5]
     told = CliRunner().invoke(app, ["evaluate", str(result), "--truth", str(recording)])
     assert told.exit_code == 0, told.output
     assert "hind left knee" in told.output

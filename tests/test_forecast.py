@@ -21,6 +21,8 @@ from tracker.simulation.sequence import Recipe
 from tracker.simulation.sequence_files import write_sequence
 
 GIVEN = ["initialization.use=given", "initialization.poses=truth_poses.csv", "reading.stride=2", "smoothing=rts"]
+JOURNAL = 'recordings=["journal","run_json"]'
+"""Where it is not a matter of what the recordings take."""
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +51,9 @@ def test_frames_in_which_nobody_is_in_view_are_left_out(config, monkeypatch):
     monkeypatch.setattr(TrackJob, "_first_in_view", lambda *_: 4)
     seen = []
     told = forecast(
-        load_job("track", config, GIVEN), 5, lambda what, done=0, total=0, detail="": seen.append((what, total))
+        load_job("track", config, [*GIVEN, JOURNAL]),
+        5,
+        lambda what, done=0, total=0, detail="": seen.append((what, total)),
     )
     assert (told.n_frames, told.doubts.n_frames) == (5, 3)
     assert ("tracking", 3) in seen
@@ -57,7 +61,7 @@ def test_frames_in_which_nobody_is_in_view_are_left_out(config, monkeypatch):
 
 def test_frames_far_apart_need_none_behind_the_last(config):
     """Frames 0, 3, 6, 9 of ten: what is read ends at the last of them."""
-    told = forecast(load_job("track", config, [*GIVEN[:2], "reading.stride=3", 'recordings=["journal"]']))
+    told = forecast(load_job("track", config, [*GIVEN[:2], "reading.stride=3", JOURNAL]))
     assert (told.n_frames, told.doubts.n_frames) == (4, 4)
 
 
@@ -67,7 +71,7 @@ def test_still_pictures_are_a_single_frame(config, tmp_path):
             image = next(opened.decode(video=0)).to_ndarray(format="bgr24")
         cv2.imwrite(str(tmp_path / f"{video.stem}.png"), image)
     stills = {"use": "stills", "path": str(tmp_path / "{view}.png"), "rig": str(config.parent / "rig.toml")}
-    table = read_config(config, [*GIVEN[:2], 'recordings=["journal"]']) | {
+    table = read_config(config, [*GIVEN[:2], JOURNAL]) | {
         "reading": stills | {"background": str(config.parent / "background" / "{view}.png")}
     }
     told = forecast(job_from("track", table, "stills.toml", config.parent, "stills"))
@@ -83,7 +87,7 @@ def test_the_time_is_that_of_the_start_and_of_the_other_frames():
 def test_who_is_scaled_is_said_to_be_fitted_and_is_not_for_the_forecast(config):
     seen = []
     told = forecast(
-        load_job("track", config, [*GIVEN, "persons.0.stature_m=1.78"]), 3, lambda what, *_: seen.append(what)
+        load_job("track", config, [*GIVEN, JOURNAL, "persons.0.stature_m=1.78"]), 3, lambda what, *_: seen.append(what)
     )
     assert told.n_fitted == 1
     assert not any("lengths and shapes" in what for what in seen)

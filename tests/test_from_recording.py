@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 from test_easier_start import TurnedRoundAtFirst
+from test_run import killed_after
 from test_shape_space import some_shape, space
 
 import tracker.acquisition.from_recording as from_recording
@@ -22,6 +23,8 @@ from tracker.body.description import BodyDescription
 from tracker.body.files import read_description, save_description
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate
+from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.initialization import Initialization
 from tracker.jobs import execute, load_job
 from tracker.jobs._persons import _unlike
 from tracker.jobs.track import TrackJob
@@ -67,6 +70,11 @@ def as_general(filmed: Simulation, general: BodyDescription) -> Scene:
     return Scene((Person("person1", body, body.rest()),), filmed.scene.rig)
 
 
+def refining(simulation: Simulation, start: Initialization, **changes: object) -> Cycle:
+    """A cycle without searches, which take most of the time: true starts are near enough."""
+    return cycle_for(simulation, start, estimation=TwistIcpEstimation(), **changes)
+
+
 def girths(scene: Scene) -> np.ndarray:
     return np.asarray(2000 * scene.persons[0].body.shapes[:, :2])
 
@@ -74,7 +82,7 @@ def girths(scene: Scene) -> np.ndarray:
 def test_a_body_comes_nearer_to_the_person_who_is_filmed(
     filmed: Simulation, as_general: Scene, general: BodyDescription
 ) -> None:
-    cycle = cycle_for(filmed, TrueStart(filmed))
+    cycle = refining(filmed, TrueStart(filmed))
     spaces = {0: space_of(general, ShapePrior())}
     found = fit_bodies(spaces, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     assert found.told == {0: "fitted to 4 of the first 8 frames"}
@@ -108,7 +116,7 @@ def test_plates_that_do_not_know_all_make_a_body_too(
     filmed: Simulation, as_general: Scene, general: BodyDescription
 ) -> None:
     """Views with more than a fiftieth unknown were left out, which is most before backdrops of the recording's own."""
-    cycle = cycle_for(filmed, TrueStart(filmed), plates=half_known(filmed))
+    cycle = refining(filmed, TrueStart(filmed), plates=half_known(filmed))
     found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     assert found.told == {0: "fitted to 4 of the first 8 frames"}
     fitted = as_general.with_bodies({0: found.fits[0].body})
@@ -117,7 +125,7 @@ def test_plates_that_do_not_know_all_make_a_body_too(
 
 
 def test_what_is_not_known_counts_neither_for_nor_against_a_model(filmed: Simulation) -> None:
-    cycle = cycle_for(filmed, TrueStart(filmed))
+    cycle = refining(filmed, TrueStart(filmed))
     steps, _ = there(list(filmed.frames()), filmed.scene, cycle)
     seen = best_seen(steps, 0, N_FRAMES, 2)
     herself = space_of(read_description(Path(filmed.recipe.model)), ShapePrior())
@@ -130,7 +138,7 @@ def test_what_is_not_known_counts_neither_for_nor_against_a_model(filmed: Simula
 
 
 def test_of_each_stretch_the_frame_is_kept_that_leaves_least_over(filmed: Simulation) -> None:
-    steps, _ = there(list(filmed.frames()), filmed.scene, cycle_for(filmed, TrueStart(filmed)))
+    steps, _ = there(list(filmed.frames()), filmed.scene, refining(filmed, TrueStart(filmed)))
     assert [one.frame.index for one in best_seen(steps, 0, N_FRAMES, 12)] == list(range(N_FRAMES))
     kept = [one.frame.index for one in best_seen(steps, 0, N_FRAMES, 3)]
     left_over = [step.estimates[0].account.left_over for step in steps]
@@ -141,7 +149,7 @@ def test_of_each_stretch_the_frame_is_kept_that_leaves_least_over(filmed: Simula
 def test_who_is_in_doubt_keeps_the_body_of_the_model(
     filmed: Simulation, as_general: Scene, general: BodyDescription
 ) -> None:
-    cycle = cycle_for(filmed, TrueStart(filmed), loss=LossRule(doubtful_above=0.0, again_after=100))
+    cycle = refining(filmed, TrueStart(filmed), loss=LossRule(doubtful_above=0.0, again_after=100))
     found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     assert not found.fits
     assert found.told == {0: "as the model has them: 0 of the first 8 frames without doubt"}
@@ -158,7 +166,7 @@ def test_who_is_in_doubt_all_the_way_there_is_followed_back_first(
         return [replace(one, estimates=(replace(one.estimates[0], doubtful=True),)) for one in steps], state
 
     monkeypatch.setattr(from_recording, "there", in_doubt)
-    cycle, spaces = cycle_for(filmed, TrueStart(filmed)), {0: space_of(general, ShapePrior())}
+    cycle, spaces = refining(filmed, TrueStart(filmed)), {0: space_of(general, ShapePrior())}
     found = fit_bodies(spaces, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     assert found.told == {0: "fitted to 4 of the first 8 frames"}
     assert [step.estimates[0].doubtful for step in found.steps] == [False] * (N_FRAMES - 1) + [True]
@@ -177,7 +185,7 @@ def heavy(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
 @pytest.fixture(scope="module")
 def doubting(heavy: Simulation, as_general: Scene) -> Cycle:
     """In which every frame is doubtful with the general body, and none with their own."""
-    cycle = cycle_for(heavy, TrueStart(heavy))
+    cycle = refining(heavy, TrueStart(heavy))
     general, own = (
         [step.estimates[0].account.left_over for step in there(list(heavy.frames()), scene, cycle)[0]]
         for scene in (as_general, heavy.scene)
@@ -239,14 +247,14 @@ def test_who_was_found_turned_round_and_not_for_sure_is_begun_the_other_way(
 
     monkeypatch.setattr(from_recording, "there", judged_there)
     monkeypatch.setattr(from_recording, "back", lambda *asked: judged(back(*asked)))
-    cycle = cycle_for(filmed, TurnedRoundAtFirst(filmed, until=N_FRAMES, at_first=sure))
+    cycle = refining(filmed, TurnedRoundAtFirst(filmed, until=N_FRAMES, at_first=sure))
     found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     assert {off_deg(step) < 20 for step in found.steps} == {sure < 0.8}
     assert found.told == {0: told}
 
 
 def test_a_start_is_not_looked_for_again_but_those_of_other_frames_are(filmed: Simulation) -> None:
-    cycle = cycle_for(filmed, TrueStart(filmed))
+    cycle = refining(filmed, TrueStart(filmed))
     first, second = itertools.islice(filmed.frames(), 2)
     steps, _ = there([first], filmed.scene, cycle)
     known, start = {0: steps[0].estimates}, steps[0].start
@@ -265,7 +273,7 @@ def test_a_start_is_not_looked_for_again_but_those_of_other_frames_are(filmed: S
 
 
 def test_edges_alone_make_no_body(filmed: Simulation, as_general: Scene, general: BodyDescription) -> None:
-    cycle = cycle_for(filmed, TrueStart(filmed), plates=(filmed.plates[0], None, None, None))
+    cycle = refining(filmed, TrueStart(filmed), plates=(filmed.plates[0], None, None, None))
     found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     assert (found.fits, found.steps) == ({}, ())
     assert found.told == {0: "as the model has them: no background is known in 2 views"}
@@ -274,7 +282,7 @@ def test_edges_alone_make_no_body(filmed: Simulation, as_general: Scene, general
 def test_the_run_starts_where_the_way_back_has_ended(
     filmed: Simulation, as_general: Scene, general: BodyDescription, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    cycle = cycle_for(filmed, TrueStart(filmed))
+    cycle = refining(filmed, TrueStart(filmed))
     ends: list[list[Step]] = []
 
     def spied(first: list[Step], cycle: Cycle, state: State) -> list[Step]:
@@ -334,10 +342,13 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> TrackJob:
     config = write_sequence(Recipe("arm_swing", seconds=0.16, size=(320, 256)), folder)
     start = ["initialization.use=given", "initialization.poses=truth_poses.csv", "passes=1"]
     outputs = "recordings=[{use='csv_table'},{use='journal'},{use='run_json'}]"
-    return load_job("track", config, [*start, outputs, "persons.0.stature_m=1.78"])
+    return load_job("track", config, [*start, outputs, "persons.0.stature_m=1.78", "persons.0.carries=[]"])
 
 
-def test_a_run_keeps_the_body_that_it_has_fitted_and_goes_on_with_it(run: TrackJob, tmp_path: Path) -> None:
+def test_a_run_keeps_the_body_that_it_has_fitted_and_goes_on_with_it(
+    run: TrackJob, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tracker.jobs._persons.ViewSettings", lambda: QUICK)
     said: list[str] = []
     whole = execute(run, tmp_path / "whole", progress=lambda what, *_: said.append(what))
     words = "lengths and shapes fitted to 4 of the first 4 frames"
@@ -346,15 +357,9 @@ def test_a_run_keeps_the_body_that_it_has_fitted_and_goes_on_with_it(run: TrackJ
     assert "fitted to 4 of the first 4 frames" in kept.about
     assert kept.sigmas
     assert kept.parts != run.persons[0].description().parts
-
-    def interrupted(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
-        if what == "tracking" and done == 2:
-            raise KeyboardInterrupt
-
-    part = execute(run, tmp_path / "part", progress=interrupted)
-    assert part.interrupted
+    part = killed_after(2, whole.folder, tmp_path / "part")
     said.clear()
-    resumed = execute(run, tmp_path / "part", resume=True, progress=lambda what, *_: said.append(what))
+    resumed = execute(run, part, resume=True, progress=lambda what, *_: said.append(what))
     assert not any("lengths and shapes" in line for line in said)
     for name in ("poses.csv", "joints.csv", "models/person1.toml"):
         assert (resumed.folder / name).read_bytes() == (whole.folder / name).read_bytes()
@@ -387,6 +392,6 @@ def test_a_long_recording_is_followed_through_its_first_frames_alone(
     filmed: Simulation, as_general: Scene, general: BodyDescription, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(from_recording, "LONGEST", 5)
-    cycle = cycle_for(filmed, TrueStart(filmed))
+    cycle = refining(filmed, TrueStart(filmed))
     found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     assert found.told == {0: "fitted to 4 of the first 5 frames"}

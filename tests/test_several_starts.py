@@ -12,6 +12,7 @@ from recordings import cycle_for, small_simulation
 
 from tracker.arrays import Array
 from tracker.errors import InitializationError
+from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
 from tracker.initialization import stance
 from tracker.initialization._covering import NOTHING, moved
@@ -125,7 +126,7 @@ def found_in(folder: Path, frame: int) -> tuple[Scene, Start]:
         for name, height in (("dan", 1.8), ("omar", 1.74))
     )
     few = AutoInitialization(stance=StanceInitialization(hypotheses=2, finalists=1))
-    job = TrackJob(reading=reading, persons=persons, initialization=few)
+    job = TrackJob(reading=reading, persons=persons, initialization=few, estimation=TwistIcpEstimation())
     opened = job.open()
     cycle = job.cycle(opened)
     start = cycle.initialization.start(next(opened.sequence.frames()), opened.scene, cycle.stages)

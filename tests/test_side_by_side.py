@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 
+from tracker.estimation.best_first import BestFirstEstimation
+from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.initialization.pca import PcaInitialization
 from tracker.initialization.stance import StanceInitialization
 from tracker.start import Start
@@ -36,6 +38,10 @@ def test_what_one_raises_is_raised():
         side_by_side(CpuSynthesis(), lambda one: 1 // one, [1, 0])
 
 
+HASTY = BestFirstEstimation(range_deg=20.0, step_deg=20.0, range_m=0.05, step_m=0.05, halvings=0, patience=1)
+"""What is found need not be right."""
+
+
 def started(in_threads: bool, monkeypatch: pytest.MonkeyPatch) -> tuple[Start, Start]:
     """A start before plates that do not know all, as it is found and after a rehearsal."""
     monkeypatch.setattr(CpuSynthesis, "threads", in_threads)
@@ -43,10 +49,11 @@ def started(in_threads: bool, monkeypatch: pytest.MonkeyPatch) -> tuple[Start, S
     unknown = np.zeros(simulation.plates[0].picture.shape[:2], dtype=bool)
     unknown[:40, :60] = True
     plates = tuple(replace(plate, unknown=unknown) for plate in simulation.plates)
-    cycle = cycle_for(simulation, TrueStart(simulation), plates=plates)
+    cycle = cycle_for(simulation, TrueStart(simulation), plates=plates, estimation=TwistIcpEstimation())
     cycle = replace(cycle, loss=replace(cycle.loss, rehearse=2, sure=1.0))
     first = next(iter(simulation.frames()))
-    found = PcaInitialization(hypotheses=2, finalists=2).start(first, simulation.scene, cycle.stages)
+    by_axis = PcaInitialization(hypotheses=2, finalists=2, turn_step_deg=60.0, fine=HASTY)
+    found = by_axis.start(first, simulation.scene, cycle.stages)
     return found, rehearsed(found, first, simulation.scene, cycle, simulation.frames)
 
 
@@ -55,8 +62,8 @@ def on_edges(in_threads: bool, monkeypatch: pytest.MonkeyPatch) -> tuple[Start]:
     monkeypatch.setattr(CpuSynthesis, "threads", in_threads)
     monkeypatch.setattr("tracker.initialization._limbs_anew._LEFT_OVER", 0.0)
     simulation = small_simulation("two_elbow_rotation", n_frames=1)
-    stages = replace(cycle_for(simulation).stages, plates=(None,) * 4)
-    initialization = StanceInitialization(hypotheses=3, step_m=0.6, farthest_m=6.0, least_score=1e-3)
+    stages = replace(cycle_for(simulation, estimation=TwistIcpEstimation()).stages, plates=(None,) * 4)
+    initialization = StanceInitialization(hypotheses=2, finalists=2, step_m=0.6, farthest_m=6.0, least_score=1e-3)
     return (initialization.start(next(iter(simulation.frames())), simulation.scene, stages),)
 
 

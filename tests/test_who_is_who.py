@@ -15,6 +15,7 @@ from tracker.acquisition.result import stature_of
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.acquisition.who_is_who import whose
 from tracker.body import BodyModel
+from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.resources import model_path
@@ -24,6 +25,7 @@ from tracker.start import Start
 from tracker.subject import Subject
 
 STATURES_M = 1.62, 1.86
+N_FRAMES = 8
 QUICK = ViewSettings(frames=4, rounds=1, fit=FitSettings(iterations=8, pose_deg=8.0, pose_m=0.05, rigid_share=0.2))
 
 
@@ -65,7 +67,7 @@ class Exchanged(TrueStart):
 @pytest.fixture(scope="module")
 def two() -> Simulation:
     """A small and a tall person."""
-    made = small_simulation("walking_on_the_spot", n_frames=8, model="human", persons=2, size=SMALL)
+    made = small_simulation("walking_on_the_spot", n_frames=N_FRAMES, model="human", persons=2, size=SMALL)
     bodies = [tall(stature_m) for stature_m in STATURES_M]
     poses = [q.copy() for q in made.poses]
     for body, one, q in zip(bodies, made.scene.persons, poses, strict=True):
@@ -80,8 +82,9 @@ def test_who_begins_under_anothers_name_gets_his_own_back(two: Simulation) -> No
         for k, one in enumerate(STATURES_M)
     }
     told: list[str] = []
-    cycle = replace(cycle_for(two, Exchanged(two)), progress=lambda line, *_: told.append(line))
-    found = fit_bodies(spaces, two.scene, cycle, two.frames, 8, QUICK)
+    refined = TwistIcpEstimation()
+    cycle = replace(cycle_for(two, Exchanged(two), estimation=refined), progress=lambda line, *_: told.append(line))
+    found = fit_bodies(spaces, two.scene, cycle, two.frames, N_FRAMES, QUICK)
     assert any("names are exchanged" in line for line in told)
     for k, person in enumerate(two.scene.persons):
         assert abs(stature_of(found.fits[k].body) - STATURES_M[k]) < 0.02
