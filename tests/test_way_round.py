@@ -65,6 +65,26 @@ class Sure(Unsure):
     sure = 0.9
 
 
+@pytest.fixture(scope="module")
+def rightly(simulation: Simulation) -> list[Step]:
+    """All steps of a run that is begun right."""
+    return list(track(simulation.frames(), simulation.scene, cycle_for(simulation, Unsure(simulation))))
+
+
+@pytest.fixture(scope="module")
+def wrongly(simulation: Simulation) -> list[Step]:
+    """Of one that is begun turned round."""
+    cycle = cycle_for(simulation, facing(simulation, turned=True))
+    return list(track(simulation.frames(), simulation.scene, cycle))
+
+
+@pytest.fixture(scope="module")
+def doubted(simulation: Simulation) -> list[Step]:
+    """Of one that is begun so, and doubtful in every frame."""
+    cycle = cycle_for(simulation, facing(simulation, turned=True), loss=DOUBTING)
+    return list(track(simulation.frames(), simulation.scene, cycle))
+
+
 @pytest.mark.parametrize(
     ("turned", "sure", "doubtful_above", "tried", "right"),
     [
@@ -91,35 +111,33 @@ def test_who_is_doubtful_throughout_and_was_not_found_for_sure_is_begun_the_othe
 
 @pytest.mark.parametrize("n_known", [1, 9])
 def test_what_is_known_of_the_first_frame_alone_does_not_keep_who_faces_the_other_way(
-    simulation: Simulation, n_known: int
+    simulation: Simulation, doubted: list[Step], n_known: int
 ) -> None:
     """Plates of the recording's own are made for a start that is kept; a way through all frames has asked before."""
     cycle = cycle_for(simulation, facing(simulation, turned=True), loss=DOUBTING)
-    wrong = list(track(simulation.frames(), simulation.scene, cycle))
-    assert min(errors_mm(simulation, wrong)) > 50
-    known = {step.frame.index: step.estimates for step in wrong[:n_known]}
-    steps = twice(simulation, knowing(cycle, known, wrong[0].start, believed=True))
+    assert min(errors_mm(simulation, doubted)) > 50
+    known = {step.frame.index: step.estimates for step in doubted[:n_known]}
+    steps = twice(simulation, knowing(cycle, known, doubted[0].start, believed=True))
     assert (max(errors_mm(simulation, steps)) < 10) == (n_known == 1)
 
 
-def test_doubts_of_limbs_count_as_those_of_the_whole(simulation: Simulation) -> None:
+def test_doubts_of_limbs_count_as_those_of_the_whole(simulation: Simulation, rightly: list[Step]) -> None:
     """Of R-UpperBody, turned round, 43 of 100 frames were doubtful, and in all of them legs were ambiguous."""
-    steps = list(track(simulation.frames(), simulation.scene, cycle_for(simulation, Unsure(simulation))))
-    cycle = cycle_for(simulation)
+    steps, cycle = rightly, cycle_for(simulation)
     assert may_face_the_other_way(with_legs_in_doubt(steps, 4), cycle) == []
     assert may_face_the_other_way(with_legs_in_doubt(steps, 5), cycle) == [0]
     assert may_face_the_other_way(with_legs_in_doubt(steps[1:], 5), cycle) == [], "nobody was found in these"
 
 
 @pytest.mark.parametrize(("n_sure_then", "kept"), [(4, False), (3, True)])
-def test_frames_without_doubt_decide_before_what_is_left(simulation: Simulation, n_sure_then: int, kept: bool) -> None:
+def test_frames_without_doubt_decide_before_what_is_left(
+    simulation: Simulation, rightly: list[Step], wrongly: list[Step], n_sure_then: int, kept: bool
+) -> None:
     """Begun the other way he leaves more; that counts where both ways leave about as few frames without doubt."""
-    cycle = cycle_for(simulation, Unsure(simulation))
-    right = list(track(simulation.frames(), simulation.scene, cycle))
-    cycle = replace(cycle, initialization=facing(simulation, turned=True))
-    wrong = list(track(simulation.frames(), simulation.scene, cycle))
-    assert sum(one.estimates[0].distance_px for one in wrong) > sum(one.estimates[0].distance_px for one in right)
-    steps, others = with_legs_in_doubt(right, 9), with_legs_in_doubt(wrong, 9 - n_sure_then)
+    cycle = cycle_for(simulation, facing(simulation, turned=True))
+    right, wrong = (sum(one.estimates[0].distance_px for one in steps) for steps in (rightly, wrongly))
+    assert wrong > right
+    steps, others = with_legs_in_doubt(rightly, 9), with_legs_in_doubt(wrongly, 9 - n_sure_then)
     assert n_sure(others, 0) == n_sure_then
     better, reached, _ = the_better_way_round(steps, "as it was", cycle, [0], lambda _: (others, "turned"))
     assert (better is steps, reached == "as it was") == (kept, kept)
