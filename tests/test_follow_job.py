@@ -153,7 +153,7 @@ def test_ctrl_c_leaves_a_usable_result(folder, monkeypatch):
 
 def test_a_job_without_a_saved_state_is_not_resumed(folder, monkeypatch):
     out = folder / "early"
-    job = load_job("follow", folder / "follow.toml", ("saved_frames=100",))
+    job = load_job("follow", folder / "follow.toml", ("saved_frames=100", "reading.stop=3"))
     execute(job, out)
     with pytest.raises(SequenceError, match="no saved state to go on from"):
         execute(job, out, resume=True)
@@ -177,7 +177,7 @@ def test_named_points_keep_their_names(folder):
 
 
 def test_c3d_has_the_points_seen_longest_and_the_named_ones(folder):
-    named = ("points.left_hip=[80, 70]", "c3d=true")
+    named = ("points.left_hip=[80, 70]", "c3d=true", "reading.stop=3")
     ezc3d = pytest.importorskip("ezc3d")
     outcome = execute(load_job("follow", folder / "follow.toml", ("c3d=true", "most_markers=40")), folder / "c3d")
     read = ezc3d.c3d(str(outcome.folder / "trajectories.c3d"))
@@ -288,7 +288,7 @@ def test_one_view_is_followed_in_px(folder):
     assert len(rows) == 2 * N_FRAMES
     assert set(rows[0]) >= {"x_px", "sigma_x_px", "vx_px_s"}
     assert not list(outcome.folder.glob("*.ply"))
-    dense = execute(load_job("follow", folder / "follow.toml", ('view="middle"',)), folder / "dense")
+    dense = execute(load_job("follow", folder / "follow.toml", ('view="middle"', "reading.stop=4")), folder / "dense")
     assert dense.n_points > 100
     assert 0 < dense.median_sigma_px < 0.3
     assert all(row["x_px"] for row in table(dense.folder))

@@ -13,6 +13,7 @@ from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, 
 from tracker.arrays import Image
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
+from tracker.estimation.hybrid import HybridEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
@@ -34,6 +35,8 @@ from tracker.tracking.outcome import still_lost
 from tracker.tracking.two_passes import track_twice
 
 NOBODY_BEFORE = 6
+BRIEF = HybridEstimation(scatter=48, restarts=1, rounds=1)
+"""Searches the whole pose as usual, limbs less."""
 
 
 @pytest.fixture(scope="module")
@@ -278,7 +281,7 @@ def test_who_leaves_and_comes_back_is_looked_for_now_and_then(joined_later: Simu
     frames = second_from(joined_later, 6)[:8]
     frames[0] = next(iter(joined_later.frames()))
     start = TrueStart(joined_later)
-    cycle = cycle_for(joined_later, start, evidence=AutoEvidence(), loss=LossRule(rehearse=0))
+    cycle = cycle_for(joined_later, start, evidence=AutoEvidence(), loss=LossRule(rehearse=0), estimation=BRIEF)
     steps = list(track(iter(frames), joined_later.scene, cycle))
     assert [step.estimates[1].lost for step in steps] == [False, *[True] * 5, False, False]
     # When he leaves, his model ends up in the one who stayed, and is sought at once, or beside him, and is not: which
@@ -386,7 +389,7 @@ def test_who_leaves_is_lost_and_nobody_is_made_of_the_last_view(simulation: Simu
     def shown(t: int, v: int, image: Image | None) -> Image | None:
         return simulation.plates[v].picture.copy() if t >= 2 and v > 0 else image
 
-    cycle = cycle_for(simulation, TrueStart(simulation), evidence=AutoEvidence())
+    cycle = cycle_for(simulation, TrueStart(simulation), evidence=AutoEvidence(), estimation=BRIEF)
     frames = itertools.islice(with_images(simulation, shown), 7)
     statuses = [step.estimates[0].status for step in track(frames, simulation.scene, cycle)]
     assert Status.LOST not in statuses[:2]

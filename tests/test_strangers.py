@@ -27,6 +27,8 @@ from tracker.start import Hypothesis, Start
 from tracker.strangers import _has_piece_of, hide_strangers, strangers
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking import track
+from tracker.tracking.cycle import Cycle
+from tracker.trajectory import Step
 
 SYNTHESIS = CpuSynthesis()
 
@@ -151,11 +153,20 @@ def test_what_is_hidden_is_nobodys(both: Simulation, frame: Frame) -> None:
     assert plate.occluder is None, "that of other frames"
 
 
-def test_one_of_two_is_tracked_and_the_other_is_told(both: Simulation) -> None:
-    scene = alone(both)
-    cycle = cycle_for(both, TrueStart(of_one(both)), evidence=AutoEvidence(), loss=LossRule(rehearse=0))
+@pytest.fixture(scope="module")
+def cycle(both: Simulation) -> Cycle:
+    return cycle_for(both, TrueStart(of_one(both)), evidence=AutoEvidence(), loss=LossRule(rehearse=0))
+
+
+@pytest.fixture(scope="module")
+def steps(both: Simulation, cycle: Cycle) -> list[Step]:
+    """The first one tracked, the other one beside him."""
+    return list(track(both.frames(), alone(both), cycle))
+
+
+def test_one_of_two_is_tracked_and_the_other_is_told(both: Simulation, steps: list[Step]) -> None:
     doubts = Doubts()
-    for step in track(both.frames(), scene, cycle):
+    for step in steps:
         (estimate,) = step.estimates
         assert not estimate.lost
         assert joint_errors_mm(both, 0, step.frame.index, estimate.q).mean() < 15
@@ -166,12 +177,10 @@ def test_one_of_two_is_tracked_and_the_other_is_told(both: Simulation) -> None:
     assert doubts.sentence().endswith("; somebody else beside in 6 (frames 0-5)")
 
 
-def test_an_interrupted_run_goes_on_as_if_it_had_not_been(both: Simulation) -> None:
-    scene = alone(both)
-    cycle = cycle_for(both, TrueStart(of_one(both)), evidence=AutoEvidence(), loss=LossRule(rehearse=0))
-    whole = [as_kept(step) for step in track(both.frames(), scene, cycle)]
+def test_an_interrupted_run_goes_on_as_if_it_had_not_been(both: Simulation, cycle: Cycle, steps: list[Step]) -> None:
+    whole = [as_kept(step) for step in steps]
     done = {step.frame.index: replay_of(line_of(step).encode()) for step in whole[:3]}
-    for one, other in zip(whole, track(both.frames(), scene, cycle, done), strict=True):
+    for one, other in zip(whole, track(both.frames(), alone(both), cycle, done), strict=True):
         np.testing.assert_array_equal(one.estimates[0].q, other.estimates[0].q)
         assert one.strangers == other.strangers
 
