@@ -32,11 +32,11 @@ def signatures() -> set[tuple[str, str]]:
 
 def track(folder: Path) -> None:
     """A few frames, bootstrapped by plates, by all kinds of evidence."""
-    config = write_sequence(Recipe("arm_swing", seconds=0.12, size=(360, 288)), folder / "sequence")
+    config = write_sequence(Recipe("arm_swing", seconds=0.12, size=(240, 192)), folder / "sequence")
     # Plots and the report, which take a third of the time, run no kernels of their own.
-    some = "recordings=[{use='csv_table'},{use='overlay'}]"
+    some = "recordings=[{use='csv_table'},{use='overlay'}]", "reading.downscale=1"
     for evidence in ("auto", "regions"):
-        result = execute(load_job("track", config, [f"evidence.use={evidence}", some]), folder / evidence)
+        result = execute(load_job("track", config, [f"evidence.use={evidence}", *some]), folder / evidence)
         assert result.n_frames == 3
 
 
