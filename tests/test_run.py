@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import signal
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -126,6 +127,21 @@ def test_a_run_leaves_all_its_results(run, whole):
     assert saved["complete"]
     assert set(saved["inputs"]) >= {str(run.persons[0].model)}
     assert job_from("track", saved["config"], "run.json", Path("/"), "") == run
+
+
+def test_a_run_takes_the_time_before_its_first_frame_as_well(plain, tmp_path, monkeypatch):
+    """Starts and fits, which may take most of it."""
+    told, fitted = dict[str, float](), TrackJob.fitted
+
+    def slowly(job, opened, cycle):
+        told["fitting"] = time.perf_counter()
+        time.sleep(0.5)
+        return fitted(job, opened, cycle)
+
+    monkeypatch.setattr(TrackJob, "fitted", slowly)
+    job = part_of(replace(plain, passes=1), 0, 2, plain.recordings)
+    outcome = execute(job, tmp_path / "out", progress=lambda what, *_: told.update({what: time.perf_counter()}))
+    assert outcome.seconds > told["writing the results"] - told["fitting"]
 
 
 def test_an_interrupted_run_resumes_to_the_same_result(plain, whole, tmp_path):

@@ -102,10 +102,11 @@ def test_a_sentence_with_a_path_stays_in_one_line():
     folder, told = Path("results") / ("long" * 30), "the doubts, in one line of more than forty columns"
     ProgressBar(shown)(f"squat: 4 frames, results in {folder}")
     assert len(shown.file.getvalue().splitlines()) == 1
-    outcome = TrackOutcome(folder, 4, SimpleNamespace(none=True, advice=str, sentence=lambda: told), 1.0)
+    outcome = TrackOutcome(folder, 4, SimpleNamespace(none=True, advice=str, sentence=lambda: told), seconds=75.0)
     with terminal.console.capture() as capture:
         _print_tracked(outcome)
-    assert capture.get().splitlines()[1:] == [f"results in {folder}: no recordings chosen", told]
+    first = "tracked 4 frames in 1 min 15 s, 0.1 frames/s all included"
+    assert capture.get().splitlines() == [first, f"results in {folder}: no recordings chosen", told]
 
 
 def test_an_evaluation_starts_with_what_is_looked_for(monkeypatch):

@@ -70,18 +70,23 @@ def _print_forecast(job: TrackJob) -> None:
         highlight=False,
     )
     _print_doubts(told.doubts)
-    minutes, seconds = divmod(round(told.seconds), 60)
-    about = f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
+    about = _duration(told.seconds)
     console.print(f"all of them take about {about} on this machine; nothing was written", highlight=False)
 
 
 def _print_tracked(outcome: TrackOutcome) -> None:
     rate = outcome.n_frames / outcome.seconds if outcome.seconds else 0.0
     state = "interrupted after" if outcome.interrupted else "tracked"
-    console.print(f"{state} {outcome.n_frames} frames, {rate:.1f} frames/s all included", highlight=False)
+    took = _duration(outcome.seconds)
+    console.print(f"{state} {outcome.n_frames} frames in {took}, {rate:.1f} frames/s all included", highlight=False)
     files = ", ".join(path.name for path in outcome.files) or "no recordings chosen"
     console.print(f"results in {outcome.folder}: {files}", highlight=False, soft_wrap=True)
     _print_doubts(outcome.doubts)
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 
 def _print_doubts(doubts: Doubts) -> None:

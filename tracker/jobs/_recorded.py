@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -31,10 +30,12 @@ class TrackOutcome:
     doubts: Doubts
     """Where to look before the result is used."""
 
-    seconds: float
     interrupted: bool = False
     files: tuple[Path, ...] = ()
     """What the recordings have left in the folder."""
+
+    seconds: float = 0.0
+    """How long the run took, with the start looked for and bodies fitted."""
 
 
 def recorded(
@@ -56,7 +57,7 @@ def recorded(
         conclude: called after the last frame, before the recorders finish; not of an interrupted run.
     """
     progress, stop = running
-    begin, doubts, n_frames, interrupted, pace = time.perf_counter(), Doubts(), 0, False, _Pace()
+    doubts, n_frames, interrupted, pace = Doubts(), 0, False, _Pace()
     files: list[Path] = []
     with stopping(stop), _tidied(context.folder), contextlib.ExitStack() as finishing:
         recorders: list[Recorder] = []
@@ -89,8 +90,7 @@ def recorded(
         finally:
             if n_frames < len(context.resumed):
                 finishing.pop_all()  # what the interrupted run has left is more
-    seconds = time.perf_counter() - begin
-    return TrackOutcome(context.folder, n_frames, doubts, seconds, interrupted, tuple(files))
+    return TrackOutcome(context.folder, n_frames, doubts, interrupted, tuple(files))
 
 
 @contextlib.contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+import time
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -198,7 +199,7 @@ class TrackJob:
 
     def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> TrackOutcome:
         """Tracks, and writes each frame as soon as it is done; see `tracker.jobs.Job.execute`."""
-        sequence = opened.sequence
+        begin, sequence = time.perf_counter(), opened.sequence
         progress(f"{self.name}: {sequence.n_frames} frames, results in {folder.path}")
         stop = Stop()
         findings = Findings(self.inspection, progress, told_before(folder.path) if opened.done else ())
@@ -224,6 +225,7 @@ class TrackJob:
 
         steps = tracked.kept(telling(map(as_kept, steps), findings.add))
         outcome = recorded(self.recordings, context, steps, folder, (progress, stop), conclude)
+        outcome = replace(outcome, seconds=time.perf_counter() - begin)
         return outcome if self.smoothing is None or not outcome.n_frames else smoothed(outcome, self.smoothing)
 
     def _choices(self, opened: OpenedTrack, cycle: Cycle) -> dict[str, str]:
