@@ -139,6 +139,7 @@ def test_the_component_of_the_page_is_used(tmp_path, monkeypatch):
     config = write_sequence(Recipe("arm_swing", seconds=0.16, size=(360, 288)), tmp_path / "sequence")
     config.write_text(re.sub(r"(?ms)^\[recordings\].*?(?=^\[|\Z)", "", config.read_text()) + "\n" + settings)
     given = ["initialization.use=given", "initialization.poses=truth_poses.csv", "recordings.report=false"]
+    given += ["recordings.overlay=false", "recordings.plots=false", "reading.downscale=1", "evidence=contours"]
     execute(load_job("track", config, given), tmp_path / "out")
     head, *lines = (tmp_path / "out" / "heights.csv").read_text().splitlines()
     assert head == "time_s,person,height_m"

@@ -272,7 +272,7 @@ def config(tmp_path_factory):
     path = write_sequence(Recipe("arm_swing", seconds=0.4, size=(360, 288)), folder)
     start = ["initialization.use=given", "initialization.poses=truth_poses.csv", "persons.0.shape=model"]
     outputs = "recordings=[{use='csv_table'},{use='journal'},{use='run_json'}]"
-    return path, [*start, outputs, "smoothing=rts"]
+    return path, [*start, outputs, "smoothing=rts", "evidence=contours", "reading.downscale=1"]
 
 
 def test_a_run_smooths_at_its_end_and_again_when_resumed(config, tmp_path):
@@ -296,7 +296,7 @@ def test_a_run_smooths_at_its_end_and_again_when_resumed(config, tmp_path):
 def test_a_run_that_is_stopped_in_its_first_window_has_nothing_to_smooth_yet(config, tmp_path):
     """Its tables have what the first pass has found, its journal has nothing before the second."""
     path, more = config
-    overrides = [*more, "reading.stop=4", "evidence.use=contours"]
+    overrides = [*more, "reading.stop=4"]
 
     def stop(what, done=0, total=0, detail=""):
         if what == "first pass, frame 1":
