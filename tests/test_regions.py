@@ -124,6 +124,26 @@ def test_memory_is_a_frozen_value(scene: Scene, sight: Sight, memory: Colours) -
         assert not values.flags.writeable
 
 
+@pytest.mark.parametrize(("size", "around"), [((128, 104), EVIDENCE.around), ((720, 576), 0.0)])
+def test_what_was_looked_at_before_does_not_tell_what_is_learnt(
+    body: BodyModel, size: tuple[int, int], around: float
+) -> None:
+    """A resumed run replays frames in which nothing was looked at."""
+    scene = Scene((Person("one", body, bent(body)),), four_views(size))
+    images = tuple(np.random.default_rng(v).integers(0, 256, (*size[::-1], 3), dtype=np.uint8) for v in range(4))
+    evidence, contours, learned = RegionEvidence(around=around), SYNTHESIS.contours(scene), []
+    for looked_at in (False, True):
+        sight = Sight(Frame(0, 0.0, images))
+        if looked_at:
+            evidence.observe(sight, None)
+        learned.append(evidence.learned(None, sight, scene, contours, trusted(scene)))
+    fresh, other = learned
+    assert fresh is not None
+    assert other is not None
+    for one, another in zip((*fresh.tables, fresh.posteriors), (*other.tables, other.posteriors), strict=True):
+        np.testing.assert_array_equal(one, another)
+
+
 def test_nothing_is_learnt_from_who_is_doubted(scene: Scene, sight: Sight, memory: Colours) -> None:
     contours, nothing = SYNTHESIS.contours(scene), np.zeros((len(scene.rig), len(scene.shapes)), dtype=np.bool_)
     assert EVIDENCE.learned(None, sight, scene, contours, nothing) is None

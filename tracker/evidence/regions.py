@@ -8,7 +8,7 @@ view.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 import pydantic
@@ -20,13 +20,13 @@ from tracker.components import component
 from tracker.contours import Contours
 from tracker.equations import Equations
 from tracker.evidence import GUESSED, Evidence
-from tracker.evidence._colour_numbers import Codes, encoded, packed
+from tracker.evidence._colour_numbers import colour_numbers, picture_around
 from tracker.evidence._colours import FLOOR, Colours
 from tracker.evidence._shares import over_views
-from tracker.expectation import expected_region
 from tracker.geometry.superquadrics import box_bounds
 from tracker.kernels.regions.colours import Picture
 from tracker.kernels.regions.equations import shift_equations
+from tracker.kernels.regions.learning import longest_lines
 from tracker.kernels.regions.lines import Lines, Rule, Samples
 from tracker.kernels.regions.shifts import find_shifts
 from tracker.kernels.regions.sides import parts_beside
@@ -102,11 +102,11 @@ class RegionEvidence(Evidence):
 
     def look(self, sight: Sight, around: Contours) -> None:
         """Reads the colours around the persons ahead."""
-        self._colour_numbers(sight, around, _AHEAD * self.around)
+        colour_numbers(sight, around, _AHEAD * self.around)
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Colours | None = None) -> ObservedRegions:
         """Colours around the persons; see `tracker.evidence.Evidence.observe`."""
-        picture = self._picture(sight, expected, self.around)
+        picture = picture_around(sight, expected, self.around)
         if memory is GUESSED:
             return ObservedRegions(picture, None, None)
         return ObservedRegions(picture, memory, expected if self.from_start else None)
@@ -152,7 +152,11 @@ class RegionEvidence(Evidence):
         """The colours beside the contours of trusted parts; see `Colours.after`."""
         if not trusted.any():
             return memory
-        picture = self._picture(sight, fitted, self.around)
+        # As far as lines go, in small images and close by farther than `around`: or what is learnt would depend
+        # on what was looked at before in this sight, which is nothing where a resumed run replays its journal.
+        longest_px = np.empty(len(scene.rig))
+        longest_lines(_samples_of(fitted), scene.rig.packed, self.step_m, longest_px)
+        picture = picture_around(sight, fitted, self.around, longest_px)
         return _taught(memory, picture, scene, fitted, trusted, self._spans)
 
     @property
@@ -175,22 +179,6 @@ class RegionEvidence(Evidence):
         lines = Lines(asked.observed.picture, colours.looks, asked.ends > -2, self.rule())
         misfits: Array = asked.synthesis.region_misfits(asked.scene, asked.person, poses, lines)
         return misfits
-
-    def _picture(self, sight: Sight, around: Contours | None, margin: float) -> Picture:
-        """Colour numbers of all views near some contours, or everywhere; the margin is a share of the longer side."""
-        return sight.joined(RegionEvidence, self._colour_numbers(sight, around, margin), packed)
-
-    def _colour_numbers(self, sight: Sight, around: Contours | None, margin: float) -> tuple[Codes | None, ...]:
-        """The same, view by view."""
-        found: list[Codes | None] = []
-        for v, image in enumerate(sight.frame.images):
-            if image is None:
-                found.append(None)
-                continue
-            size = image.shape[1], image.shape[0]
-            region = (0, 0, *size) if around is None else expected_region(around, v, size, margin * max(size))
-            found.append(sight.once(RegionEvidence, v, region, partial(encoded, image)))
-        return tuple(found)
 
 
 def _samples_of(contours: Contours) -> Samples:

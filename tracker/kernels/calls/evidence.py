@@ -12,7 +12,7 @@ from tracker.kernels.images.appearance import mark_appearance
 from tracker.kernels.pictures.nearest import draw_nearest, project_surfaces
 from tracker.kernels.regions.colours import N_COLOURS, Picture, Tables, encode, tabulate_posteriors
 from tracker.kernels.regions.equations import shift_equations
-from tracker.kernels.regions.learning import learn_lines
+from tracker.kernels.regions.learning import learn_lines, longest_lines
 from tracker.kernels.regions.lines import Lines, Looks, Rule, Samples
 from tracker.kernels.regions.misfits import score_lines
 from tracker.kernels.regions.scoring import score_regions
@@ -57,6 +57,7 @@ def region_calls() -> list[Call]:
         (score_lines, (lines, *poses, own(I8, 0, 1, 1, 2), cameras, own(F8, 0, 1, 1, 3))),
         (score_regions, (own(F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), lines)),
         (learn_lines, learning),
+        (longest_lines, (samples, cameras, 0.01, own(F8, 1))),
         (parts_beside, (*solids, *poses, 0.01, own(I8, 0, 1, 1, 2))),
         (shift_equations, (own(F4, 1, 1, 3), samples, *chains)),
     ]

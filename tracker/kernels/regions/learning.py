@@ -79,6 +79,24 @@ def learn_lines(
 
 
 @compiled
+def longest_lines(samples: Samples, cameras: Array, step_m: float, longest_px: Array) -> None:
+    """How far from a view's contour colours are learnt, px, with the pixel that the last step is rounded to.
+
+    Args:
+        samples: contour samples of one pose.
+        cameras: (V, 29) from `Rig.packed`.
+        step_m: see `Rule`.
+        longest_px: (V,) output.
+    """
+    for v in range(len(longest_px)):
+        longest_px[v] = 1.0
+        for m in range(samples.counts[v]):
+            x, y, z = samples.points[v, m, 0], samples.points[v, m, 1], samples.points[v, m, 2]
+            step_px = max(pixels_per_metre(cameras[v], x, y, z) * step_m, 1.0)
+            longest_px[v] = max(longest_px[v], _LEARNT_OUTSIDE * step_px + 1.0)
+
+
+@compiled
 def _count_line(
     picture: Picture,
     samples: Samples,
