@@ -22,6 +22,7 @@ from tracker.frame import Frame
 from tracker.initialization._person_sized import enlarged
 from tracker.loss import (
     LossRule,
+    Troubles,
     doubted,
     is_looked_about,
     judged,
@@ -309,9 +310,14 @@ def test_an_ambiguous_limb_is_not_learned_from(truth: Scene, observation: Observ
 
 def test_who_is_lost_for_long_is_looked_for_more_seldom(truth: Scene, observation: Observation) -> None:
     lost = replace(estimate_of(truth, observation), status=Status.LOST)
-    looked = [n for n in range(100) if sought_anew(lost, n, 0, False, LossRule())]
+    looked = [n for n in range(100) if sought_anew(lost, Troubles.of_lost(n), False, LossRule())]
     assert looked == [0, 3, 6, 12, 24, 48, 72, 96]
-    assert [n for n in range(7) if sought_anew(lost, n, 0, False, LossRule(restart_every=1))] == [0, 1, 2, 4]
+    assert [n for n in range(7) if sought_anew(lost, Troubles.of_lost(n), False, LossRule(restart_every=1))] == [
+        0,
+        1,
+        2,
+        4,
+    ]
 
 
 def test_whom_another_way_in_doubt_has_led_to_the_same_pose_is_not_looked_for_anew(
@@ -330,9 +336,9 @@ def test_whom_another_way_in_doubt_has_led_to_the_same_pose_is_not_looked_for_an
         assert found_twice(truth, [doubtful], [rival]) == (same,)
     assert found_twice(truth, [replace(doubtful, status=Status.LOST)], [doubtful]) == (False,)
     assert found_twice(truth, [doubtful], ()) == (False,)
-    assert not any(sought_anew(doubtful, 0, n, True, LossRule()) for n in range(100))
-    assert sought_anew(doubtful, 1, 0, True, LossRule())
-    assert sought_anew(replace(doubtful, status=Status.LOST), 0, 0, True, LossRule())
+    assert not any(sought_anew(doubtful, Troubles(doubted=n), True, LossRule()) for n in range(100))
+    assert sought_anew(doubtful, Troubles.of_lost(1), True, LossRule())
+    assert sought_anew(replace(doubtful, status=Status.LOST), Troubles(), True, LossRule())
 
 
 def test_for_a_single_limb_nobody_is_looked_for_anew(truth: Scene, observation: Observation) -> None:
@@ -344,8 +350,8 @@ def test_for_a_single_limb_nobody_is_looked_for_anew(truth: Scene, observation: 
         (limbs, [4, 9], [4, 9, 14, 19, 24, 29]),
         (replace(sure, doubtful=True), [4, 9], [4, 9, 14, 19, 24, 29]),
     ):
-        assert [n for n in range(30) if sought_anew(one, 0, n, False, LossRule())] == looked
-        assert [n for n in range(30) if is_looked_about(one, n, LossRule())] == looked_about
+        assert [n for n in range(30) if sought_anew(one, Troubles(doubted=n), False, LossRule())] == looked
+        assert [n for n in range(30) if is_looked_about(one, Troubles(doubted=n), LossRule())] == looked_about
 
 
 def test_a_limb_whose_place_nothing_tells_is_told_and_not_searched(truth: Scene, observation: Observation) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.limbs import turned_round
-from tracker.loss import LossRule, is_out_of_sight, sought_anew
+from tracker.loss import LossRule, Troubles, is_out_of_sight, sought_anew
 from tracker.objective import Objective
 from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
@@ -140,19 +141,40 @@ def test_the_doubted_are_looked_for_ever_more_rarely(simulation: Simulation) -> 
     step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
     doubtful = replace(step.estimates[0], doubtful=True)
     fine = replace(step.estimates[0], doubtful=False, ambiguous=())
-    asked = [n + 1 for n in range(100) if sought_anew(doubtful, 0, n, False, LossRule(again_after=5))]
+    asked = [n + 1 for n in range(100) if sought_anew(doubtful, Troubles(doubted=n), False, LossRule(again_after=5))]
     assert asked == [5, 10, 40]
-    assert not any(sought_anew(fine, 0, n, False, LossRule(again_after=5)) for n in range(100))
-    assert sought_anew(fine, 1, 0, False, LossRule())  # seen again after a loss
+    assert not any(sought_anew(fine, Troubles(doubted=n), False, LossRule(again_after=5)) for n in range(100))
+    assert sought_anew(fine, Troubles.of_lost(1), False, LossRule())  # seen again after a loss
 
 
 def test_who_is_lost_is_searched_for_at_once_and_then_where_he_is_looked_for_anew(simulation: Simulation) -> None:
     cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=0))
     step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
     lost, rule = replace(step.estimates[0], status=Status.LOST), LossRule(restart_every=3)
-    due = [n for n in range(60) if sought_anew(lost, n, 0, False, rule)]
+    due = [n for n in range(60) if sought_anew(lost, Troubles.of_lost(n), False, rule)]
     assert due == [0, 3, 6, 12, 24, 48]
-    assert [n for n in range(60) if not is_out_of_sight(n, rule)] == [0, 1, 2, *due[1:]]
+    assert [n for n in range(60) if not is_out_of_sight(Troubles.of_lost(n), rule)] == [0, 1, 2, *due[1:]]
+
+
+def test_who_is_lost_again_and_again_is_looked_for_as_rarely_as_who_stays_lost(simulation: Simulation) -> None:
+    """Each time beyond the first, unless he was there without doubt in between."""
+    cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=0))
+    step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
+    fine, rule = replace(step.estimates[0], doubtful=False, ambiguous=()), LossRule(restart_every=3, again_after=100)
+    lost, doubtful = replace(fine, status=Status.LOST), replace(fine, doubtful=True)
+
+    def looked_for(estimates: Sequence[Estimate]) -> list[int]:
+        troubles, found = Troubles(), list[int]()
+        for n, one in enumerate(estimates):
+            if sought_anew(one, troubles, False, rule):
+                found.append(n)
+            troubles = troubles.after(one)
+        return found
+
+    assert looked_for([lost, fine] * 4) == list(range(8))
+    assert looked_for([lost, lost, doubtful] * 8) == [0, 2, 4, 9, 18]
+    assert looked_for([lost, lost, *[doubtful] * 5, lost]) == [0, 2]
+    assert looked_for([lost, lost, *[doubtful] * 6, lost]) == [0, 2, 8], "seen for three times as long as lost"
 
 
 def test_who_has_left_is_not_searched_for_in_every_frame(
@@ -175,7 +197,7 @@ def test_who_has_left_is_not_searched_for_in_every_frame(
     cycle = cycle_for(simulation, TrueStart(simulation), loss=rule, estimation=Watched())
     steps = list(track(with_images(simulation, shown), simulation.scene, cycle))
     assert [step.estimates[0].lost for step in steps] == [False] + [True] * 8
-    assert sum(asked) == sum(is_out_of_sight(n, rule) for n in range(8)) == 4
+    assert sum(asked) == sum(is_out_of_sight(Troubles.of_lost(n), rule) for n in range(8)) == 4
 
 
 def test_who_is_doubted_is_found_anew_where_the_images_speak_for_it(simulation: Simulation) -> None:

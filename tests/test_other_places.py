@@ -17,6 +17,7 @@ from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
 from tracker.initialization import Stages
+from tracker.loss import Troubles
 from tracker.objective import Objective
 from tracker.part_colours import part_colours
 from tracker.scene import Scene
@@ -123,7 +124,7 @@ def test_a_limb_long_in_doubt_is_looked_for_wherever_it_may_be(filmed, frames_do
     wrong = moved(filmed, right_arm_abduction=120.0, right_arm_extension=0.0)
     frame = next(frame for frame in filmed.frames() if frame.index == FRAME)
     cycle = cycle_for(filmed, Nobody(), evidence=AutoEvidence(), estimation=Staying())
-    state = State((History.start(frame.time_s - 0.04, wrong),), (0,), (frames_doubted,))
+    state = State((History.start(frame.time_s - 0.04, wrong),), (Troubles(doubted=frames_doubted),))
     (estimate,) = advance(Sight(frame, filmed.plates), filmed.scene.with_pose(0, wrong), cycle, state).estimates
     wrist = filmed.scene.persons[0].body.landmark_names.index("right_wrist")
     assert (joint_errors_mm(filmed, 0, FRAME, estimate.q)[wrist] < 40) == is_found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pydantic
@@ -146,28 +146,57 @@ def left_over_of(limb: Account) -> float:
     return float(limb.left_over_px.sum()) / visible_px
 
 
-def sought_anew(estimate: Estimate, frames_lost: int, frames_doubted: int, found_twice: bool, loss: LossRule) -> bool:
+@dataclass(frozen=True)
+class Troubles:
+    """For how long a person has been lost or in doubt, frames before this one."""
+
+    lost: int = 0
+    """One after the other."""
+
+    doubted: int = 0
+    """One after the other that were doubtful, or had an ambiguous limb."""
+
+    losses: int = 0
+    """Lost since the person was last there without doubt, or in doubt for three times as long."""
+
+    def after(self, estimate: Estimate) -> Troubles:
+        """One frame on."""
+        if estimate.lost:
+            return Troubles(self.lost + 1, 0, self.losses + 1)
+        in_doubt = self.doubted + 1 if doubted(estimate) else 0
+        return Troubles(0, in_doubt, self.losses if 0 < in_doubt < 3 * self.losses else 0)
+
+    @staticmethod
+    def of_lost(n_frames: int) -> Troubles:
+        """Those of somebody who has been lost for so long."""
+        return Troubles(n_frames, 0, n_frames)
+
+
+def sought_anew(estimate: Estimate, before: Troubles, found_twice: bool, loss: LossRule) -> bool:
     """Whether a person is looked for anew in this frame.
 
     One that was lost is, even when the pose it was lost at explains the images again: limbs have moved meanwhile. For a
-    single limb in doubt it would be dear: of R-Turn's way there, without plates, a half (see `is_looked_about`).
+    single limb in doubt it would be dear: of R-Turn's way there, without plates, a half (see `is_looked_about`). Who is
+    lost again and again without being there undoubted in between is looked for as rarely as who is lost throughout: on
+    a way back from a wrong start, of balancing from frame 10 without plates, the 70 s of each search made 22 minutes.
 
     Args:
         estimate: in this frame.
-        frames_lost: for how many frames before this one the person was lost.
-        frames_doubted: the same for doubts.
+        before: the person's troubles so far.
         found_twice: whether another way has led to the same pose, in doubt as well; see `tracking.rivals.found_twice`.
         loss: the rule.
     """
     if estimate.lost:
-        return _is_due(frames_lost, loss)
-    times, rest = divmod(frames_doubted + 1, loss.again_after)
+        return _is_due(before.losses, loss)
+    if before.lost:
+        return before.losses == before.lost
+    times, rest = divmod(before.doubted + 1, loss.again_after)
     as_a_whole = estimate.doubtful or len(estimate.limbs_in_doubt) > 1
     due = rest == 0 and times.bit_count() == 1 and (times == 1 or times.bit_length() % 2 == 0)  # 1, 2, 8, 32
-    return frames_lost > 0 or (due and as_a_whole and not found_twice)
+    return due and as_a_whole and not found_twice
 
 
-def is_looked_about(estimate: Estimate, frames_doubted: int, loss: LossRule) -> bool:
+def is_looked_about(estimate: Estimate, before: Troubles, loss: LossRule) -> bool:
     """Whether limbs in doubt are looked for wherever they may be in this frame.
 
     Doubted on, again after as many frames: unlike who is looked for as a whole, a limb costs 0.1 s. In R-UpperBody,
@@ -175,24 +204,19 @@ def is_looked_about(estimate: Estimate, frames_doubted: int, loss: LossRule) -> 
 
     Args:
         estimate: in this frame.
-        frames_doubted: for how many frames before this one the person was doubted.
+        before: the person's troubles so far.
         loss: the rule.
     """
-    return doubted(estimate) and (frames_doubted + 1) % loss.again_after == 0
+    return doubted(estimate) and (before.doubted + 1) % loss.again_after == 0
 
 
-def is_out_of_sight(frames_lost: int, loss: LossRule) -> bool:
-    """Whether a person has been lost for longer than for a moment, and is not looked for anew in this frame either.
-
-    Args:
-        frames_lost: for how many frames before this one.
-        loss: the rule.
-    """
-    return frames_lost > loss.restart_every and not _is_due(frames_lost, loss)
+def is_out_of_sight(before: Troubles, loss: LossRule) -> bool:
+    """Whether a person has been lost for longer than for a moment, and is not looked for anew in this frame either."""
+    return before.lost > loss.restart_every and not _is_due(before.losses, loss)
 
 
-def _is_due(frames_lost: int, loss: LossRule) -> bool:
-    times, rest = divmod(frames_lost, loss.restart_every)
+def _is_due(losses: int, loss: LossRule) -> bool:
+    times, rest = divmod(losses, loss.restart_every)
     return rest == 0 and (times.bit_count() <= 1 or times % _SELDOM == 0)
 
 

@@ -72,7 +72,7 @@ def _asked(
     for n, step in enumerate(steps[: max(farthest) + 1]):
         sight = Sight(step.frame, cycle.plates, None if before is None else before.model_px)
         if n in farthest:
-            if not any(state.frames_lost):  # as when the frame was tracked
+            if not state.anybody_lost:  # as when the frame was tracked
                 hide_strangers(sight, step.scene, cycle.synthesis)
             poses = {k: np.array([step.estimates[k].q, *own]) for k, own in farthest[n].items()}
             around = joined([cycle.synthesis.contours(step.scene, k, own) for k, own in poses.items()])

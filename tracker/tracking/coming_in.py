@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from tracker.estimate import Status
+from tracker.loss import Troubles
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.tracking import replayed
@@ -63,12 +64,12 @@ def before_all(steps: Sequence[Step], at: Pass, begin: int, cycle: Cycle, reopen
 
 def _turned(at: Pass, steps: Sequence[Step], cycle: Cycle) -> Pass:
     """A pass that goes back in time from the first of some steps, having gone through them."""
-    first, n_persons = steps[0], len(steps[0].estimates)
+    first = steps[0]
     # what is followed from image to image is in the last one: it is taken up anew in the first
     at_first = at.state.after(Sight(first.frame, cycle.plates, first.model_px), first, cycle.evidence)
     ways = zip(*(step.estimates for step in steps), strict=True)
     frames_lost = tuple(sum(1 for _ in itertools.takewhile(lambda one: one.lost, way)) for way in ways)
-    state = replace(turned(at_first, first), frames_lost=frames_lost, frames_doubted=(0,) * n_persons)
+    state = replace(turned(at_first, first), troubles=tuple(map(Troubles.of_lost, frames_lost)))
     if state.nobody_found:
         # lost in this very frame, as where it is dark: who is in those soon after it waits where he was seen last, or
         # nobody would be looked for in all frames before

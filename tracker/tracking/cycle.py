@@ -11,7 +11,7 @@ from tracker.estimate import Estimate
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence, Memory
 from tracker.initialization import Backdrops, Initialization, Stages, no_backdrops
-from tracker.loss import LossRule, doubted, trusted_parts
+from tracker.loss import LossRule, Troubles, trusted_parts
 from tracker.plate import Plate
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
@@ -61,11 +61,8 @@ class State:
     """Everything that changes while tracking."""
 
     histories: tuple[History | None, ...]
-    frames_lost: tuple[int, ...]
-    """For how long each person has been lost."""
-
-    frames_doubted: tuple[int, ...]
-    """For how long each person has been doubtful, or had an ambiguous limb."""
+    troubles: tuple[Troubles, ...]
+    """For how long each person has been lost, or in doubt."""
 
     memory: Memory = None
     """What the evidence has learned."""
@@ -74,7 +71,12 @@ class State:
     def before(scene: Scene) -> State:
         """The state before the first frame."""
         n = len(scene.persons)
-        return State((None,) * n, (0,) * n, (0,) * n)
+        return State((None,) * n, (Troubles(),) * n)
+
+    @property
+    def anybody_lost(self) -> bool:
+        """Whether a person was lost in the frame before."""
+        return any(one.lost for one in self.troubles)
 
     @property
     def nobody_found(self) -> bool:
@@ -83,17 +85,15 @@ class State:
 
     def after(self, sight: Sight, step: Step, evidence: Evidence) -> State:
         """The state one frame on."""
-        histories, frames_lost, frames_doubted = [], [], []
-        persons = zip(self.histories, self.frames_lost, self.frames_doubted, step.estimates, strict=True)
-        for history, lost, in_doubt, estimate in persons:
+        histories, troubles = [], []
+        for history, before, estimate in zip(self.histories, self.troubles, step.estimates, strict=True):
             if history is not None:
                 history = history.after(step.frame.time_s, estimate)
             elif not estimate.lost:
                 history = History.start(step.frame.time_s, estimate.q)
             histories.append(history)
-            frames_lost.append(lost + 1 if estimate.lost else 0)
-            frames_doubted.append(in_doubt + 1 if doubted(estimate) else 0)
+            troubles.append(before.after(estimate))
         pairs = zip(step.scene.persons, step.estimates, strict=True)
         trusted = np.concatenate([trusted_parts(person.body, estimate) for person, estimate in pairs], axis=1)
         memory = evidence.learned(self.memory, sight, step.scene, step.fitted, trusted)
-        return State(tuple(histories), tuple(frames_lost), tuple(frames_doubted), memory)
+        return State(tuple(histories), tuple(troubles), memory)

@@ -16,7 +16,7 @@ from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.evidence import Observed
 from tracker.in_space import judged_in_space
-from tracker.loss import LossRule, is_looked_about, is_out_of_sight, judged, sought_anew
+from tracker.loss import LossRule, Troubles, is_looked_about, is_out_of_sight, judged, sought_anew
 from tracker.objective import Objective
 from tracker.part_colours import PartColours, part_colours
 from tracker.scene import Scene
@@ -60,7 +60,7 @@ def advance(
         around = [np.vstack([poses, *(one.q for one in rivals[k : k + 1])]) for k, poses in enumerate(candidates)]
         expected = joined([cycle.synthesis.contours(predicted, k, poses) for k, poses in enumerate(around)])
     with clock("observation"):
-        if not any(state.frames_lost):  # or they may be whom we look for
+        if not state.anybody_lost:  # or they may be whom we look for
             hide_strangers(sight, predicted, cycle.synthesis)
         observed = cycle.evidence.observe(sight, expected, state.memory)
     estimates, current = [], predicted
@@ -69,21 +69,22 @@ def advance(
         for k, poses in enumerate(candidates):
             # Earlier persons are at their best poses by now, later ones as predicted (paper, figure 2).
             objective = objective_of(current, k, cycle, observed, state.histories[k])
-            nearby = is_out_of_sight(state.frames_lost[k], cycle.loss)
+            nearby = is_out_of_sight(state.troubles[k], cycle.loss)
             objective = replace(objective, nearby=nearby, colours=colours)
             estimate = cycle.estimation.estimate(objective, poses)
             if rivals and not rivals[k].lost:
                 estimate = weighed(objective, estimate, rivals[k])
-            estimates.append(_looked_about(objective, estimate, state.frames_doubted[k], cycle.loss))
+            estimates.append(_looked_about(objective, estimate, state.troubles[k], cycle.loss))
             current = current.with_pose(k, estimates[k].q)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     start = None
     # who sits in somebody else's contours, or where no view shows him, is lost, or would be looked for anew in every
     # frame, as if just found: 5 s each, of somebody who had not come in yet
     estimates = list(judged_in_space(current, tuple(estimates)))
-    estimates = still_lost(sight, current, cycle.synthesis, estimates, state.frames_lost, cycle.loss.least_views)
+    frames_lost = tuple(one.lost for one in state.troubles)
+    estimates = still_lost(sight, current, cycle.synthesis, estimates, frames_lost, cycle.loss.least_views)
     twice = found_twice(current, estimates, rivals)
-    waits = zip(estimates, state.frames_lost, state.frames_doubted, twice, strict=True)
+    waits = zip(estimates, state.troubles, twice, strict=True)
     sought = [k for k, so_far in enumerate(waits) if sought_anew(*so_far, cycle.loss)]
     if sought:
         with clock("initialization"):
@@ -126,10 +127,10 @@ def objective_of(scene: Scene, k: int, cycle: Cycle, observed: Observed, history
     return Objective(Comparison(scene, k, cycle.synthesis, observed), cycle.evidence, history).by_surface()
 
 
-def _looked_about(objective: Objective, estimate: Estimate, frames_doubted: int, loss: LossRule) -> Estimate:
+def _looked_about(objective: Objective, estimate: Estimate, before: Troubles, loss: LossRule) -> Estimate:
     """The estimate, judged; with limbs long in doubt elsewhere where contours and colours clearly speak for that."""
     estimate = judged_by(objective, estimate, loss)
-    if not is_looked_about(estimate, frames_doubted, loss):
+    if not is_looked_about(estimate, before, loss):
         return estimate
     limbs = None if estimate.doubtful else estimate.limbs_in_doubt
     return judged_by(objective, in_likeliest_places(objective, estimate, limbs, _CLEARLY_PX), loss)
@@ -143,8 +144,8 @@ def judged_by(objective: Objective, estimate: Estimate, loss: LossRule, found: S
 def _predictions(scene: Scene, cycle: Cycle, state: State, time_s: float) -> list[Array]:
     """Candidate poses of each person; one that is lost waits where it was seen last."""
     candidates = []
-    for person, history, lost in zip(scene.persons, state.histories, state.frames_lost, strict=True):
-        if history is None or lost:
+    for person, history, so_far in zip(scene.persons, state.histories, state.troubles, strict=True):
+        if history is None or so_far.lost:
             candidates.append((person.q if history is None else history.poses[-1])[None])
         else:
             candidates.append(cycle.prediction.predict(person.body, history, time_s))
@@ -157,7 +158,7 @@ def _recover(
     """Initializes anew and takes over the poses of the persons sought where they explain the images better."""
     recovered = list(estimates)
     for k in sought:
-        if not recovered[k].lost and state.frames_lost[k]:
+        if not recovered[k].lost and state.troubles[k].lost:
             recovered[k] = replace(recovered[k], status=Status.RECOVERED)
     held = tuple(k for k in range(len(scene.persons)) if k not in sought)
     try:
@@ -171,7 +172,7 @@ def _recover(
     again, _ = settled(trial, cycle, observed, Status.RECOVERED, cache(partial(part_colours, sight, trial)), sought)
     for k in sought:
         old_px = float(objective_of(scene, k, cycle, observed)(scene.persons[k].q[None])[0])
-        lead_px = 0.0 if state.frames_lost[k] else _CLEARLY_PX
+        lead_px = 0.0 if state.troubles[k].lost else _CLEARLY_PX
         if not again[k].lost and (recovered[k].lost or again[k].distance_px < old_px - lead_px):
             recovered[k] = again[k]
             scene = scene.with_pose(k, again[k].q)
