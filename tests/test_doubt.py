@@ -312,12 +312,8 @@ def test_who_is_lost_for_long_is_looked_for_more_seldom(truth: Scene, observatio
     lost = replace(estimate_of(truth, observation), status=Status.LOST)
     looked = [n for n in range(100) if sought_anew(lost, Troubles.of_lost(n), False, LossRule())]
     assert looked == [0, 3, 6, 12, 24, 48, 72, 96]
-    assert [n for n in range(7) if sought_anew(lost, Troubles.of_lost(n), False, LossRule(restart_every=1))] == [
-        0,
-        1,
-        2,
-        4,
-    ]
+    often = LossRule(restart_every=1)
+    assert [n for n in range(7) if sought_anew(lost, Troubles.of_lost(n), False, often)] == [0, 1, 2, 4]
 
 
 def test_whom_another_way_in_doubt_has_led_to_the_same_pose_is_not_looked_for_anew(

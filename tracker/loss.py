@@ -61,8 +61,8 @@ class LossRule:
     restart_every: int = pydantic.Field(default=3, ge=1)
     """A lost person is initialized anew in the frame of the loss, so many frames later, and again whenever it has been
     lost for twice as long, or for eight times so many frames more: of who has left the room for long every search is in
-    vain, and beside somebody else's shadow it takes seconds. A second pass finds who comes back from the first frame
-    on."""
+    vain, and beside somebody else's shadow it takes seconds. Who is lost again, and was in doubt all the while, counts
+    as lost on. A second pass finds who comes back from the first frame on."""
 
     start_within: int = pydantic.Field(default=25, ge=1)
     """Frames, from the first one on that shows somebody, in which the first initialization must succeed."""

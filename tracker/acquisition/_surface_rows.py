@@ -22,7 +22,7 @@ def outside(placed: Array, shapes: Array, points: Array) -> tuple[Integers, Arra
         (N,) the part that is the outer one there; (N, 3) the nearest place on its surface, to second order, metres;
         (N, 3) the normal there.
     """
-    local = np.einsum("pji,pnj->pni", placed[:, :3, :3], points - placed[:, None, :3, 3])
+    local = (points - placed[:, None, :3, 3]) @ placed[:, :3, :3]
     distances = np.array([signed_distance(shape, own)[0] for shape, own in zip(shapes, local, strict=True)])
     part = distances.argmin(axis=0)
     feet, normals = np.empty_like(points), np.empty_like(points)
