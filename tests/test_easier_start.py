@@ -80,6 +80,17 @@ def test_the_first_frames_are_followed_back_from_a_surer_start(simulation: Simul
     assert [step.frame.time_s for step in steps] == [frame.time_s for frame in simulation.frames()]
 
 
+def test_nobody_is_looked_for_anew_on_the_way_back(simulation: Simulation) -> None:
+    """Who is lost on it waits where he was seen last: another start would lead back to something else."""
+
+    def nobody_between(t: int, v: int, image: Image | None) -> Image | None:
+        return simulation.plates[v].picture if t == 4 else image
+
+    start, frames = TurnedRoundAtFirst(simulation, until=2), tuple(with_images(simulation, nobody_between))
+    next(track(iter(frames), simulation.scene, cycle_for(simulation, start, loss=RULE), {}, lambda: iter(frames)))
+    assert start.asked == [0, 2, 5]
+
+
 @pytest.mark.parametrize(("at_first", "asked"), [(0.2, [0, 1, 4]), (0.6, [0, 1])])
 def test_where_no_start_is_rather_right_than_wrong_it_is_looked_for_further_on(
     simulation: Simulation, at_first: float, asked: list[int]
