@@ -173,17 +173,21 @@ def test_who_is_lost_again_and_again_is_looked_for_as_rarely_as_who_stays_lost(s
     step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
     fine, rule = replace(step.estimates[0], doubtful=False, ambiguous=()), LossRule(restart_every=3, again_after=100)
     lost, doubtful = replace(fine, status=Status.LOST), replace(fine, doubtful=True)
+    anew = replace(doubtful, status=Status.RECOVERED)
 
-    def looked_for(estimates: Sequence[Estimate]) -> list[int]:
-        troubles, found = Troubles(), list[int]()
+    def looked_for(estimates: Sequence[Estimate], found: Estimate | None = None) -> list[int]:
+        """The frames in which it is, and what is found in them, if anything is."""
+        troubles, frames = Troubles(), list[int]()
         for n, one in enumerate(estimates):
-            if sought_anew(one, troubles, False, rule):
-                found.append(n)
-            troubles = troubles.after(one)
-        return found
+            sought = sought_anew(one, troubles, False, rule)
+            frames += [n] if sought else []
+            troubles = troubles.after(found if sought and found is not None else one)
+        return frames
 
     assert looked_for([lost, fine] * 4) == list(range(8))
     assert looked_for([lost, lost, doubtful] * 8) == [0, 2, 4, 9, 18]
+    assert looked_for([lost] * 30, anew) == looked_for([lost] * 30) == [0, 3, 6, 12, 24], "lost at once when found"
+    assert looked_for([lost] * 5, fine) == list(range(5))
     assert looked_for([lost, lost, *[doubtful] * 5, lost]) == [0, 2]
     assert looked_for([lost, lost, *[doubtful] * 6, lost]) == [0, 2, 8], "seen for three times as long as lost"
 

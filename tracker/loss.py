@@ -157,14 +157,21 @@ class Troubles:
     """One after the other that were doubtful, or had an ambiguous limb."""
 
     losses: int = 0
-    """Lost since the person was last there without doubt, or in doubt for three times as long."""
+    """Lost, or found anew, since the person was last there without doubt, or in doubt for three times as long."""
+
+    seen: int = 0
+    """One after the other in which the person was neither, in doubt."""
 
     def after(self, estimate: Estimate) -> Troubles:
         """One frame on."""
         if estimate.lost:
             return Troubles(self.lost + 1, 0, self.losses + 1)
-        in_doubt = self.doubted + 1 if doubted(estimate) else 0
-        return Troubles(0, in_doubt, self.losses if 0 < in_doubt < 3 * self.losses else 0)
+        if not doubted(estimate):
+            return Troubles()
+        if estimate.status is Status.RECOVERED:
+            return Troubles(0, self.doubted + 1, self.losses + 1)
+        long = self.seen + 1 >= 3 * self.losses
+        return Troubles(0, self.doubted + 1, 0 if long else self.losses, 0 if long else self.seen + 1)
 
     @staticmethod
     def of_lost(n_frames: int) -> Troubles:
@@ -177,8 +184,8 @@ def sought_anew(estimate: Estimate, before: Troubles, found_twice: bool, loss: L
 
     One that was lost is, even when the pose it was lost at explains the images again: limbs have moved meanwhile. For a
     single limb in doubt it would be dear: of R-Turn's way there, without plates, a half (see `is_looked_about`). Who is
-    lost again and again without being there undoubted in between is looked for as rarely as who is lost throughout: on
-    a way back from a wrong start, of balancing from frame 10 without plates, the 70 s of each search made 22 minutes.
+    lost again and again without being there undoubted in between, as when what is found anew is wrong, is looked for
+    as rarely as who is lost throughout: without plates a search takes up to 70 s.
 
     Args:
         estimate: in this frame.
