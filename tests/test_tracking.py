@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from tracker.scene import Scene
 from tracker.simulation.sequence import Recipe, simulate
 from tracker.start import Start
 from tracker.tracking import track
+from tracker.tracking.cycle import Cycle
 
 # A pixel is 12.5 mm at the person, an edge is found to a few tenths of one, and a joint hangs on dozens of edges.
 TRACKED_MM = 8.0
@@ -26,6 +29,18 @@ class NoStart:
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         raise InitializationError("nobody there")
+
+
+class OnceOnly:
+    """Finds as another one does, and nobody when asked again."""
+
+    def __init__(self, cycle: Cycle) -> None:
+        self.starts = [cycle.initialization.start]
+
+    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
+        if not self.starts:
+            raise InitializationError("nobody there")
+        return self.starts.pop()(frame, scene, stages)
 
 
 def test_a_start_near_the_truth_is_tracked_to_a_fraction_of_a_pixel():
@@ -55,6 +70,22 @@ def test_persons_are_tracked_side_by_side():
         for person, estimate in enumerate(step.estimates):
             assert not estimate.lost
             assert joint_errors_mm(simulation, person, step.frame.index, estimate.q).mean() < TRACKED_MM
+
+
+def test_who_is_lost_stays_so_where_too_few_views_show_him(monkeypatch):
+    """As the cycle is told in each frame, with for how long he has been lost before."""
+    asked = []
+
+    def told(sight, scene, synthesis, estimates, frames_lost, least_views):
+        asked.append((*frames_lost, least_views))
+        return [replace(one, status=Status.LOST) for one in estimates]
+
+    monkeypatch.setattr("tracker.tracking.cycle_turn.still_lost", told)
+    simulation = small_simulation(n_frames=4)
+    cycle = cycle_for(simulation, TrueStart(simulation), loss=LossRule(restart_every=1000, rehearse=0))
+    steps = list(track(simulation.frames(), simulation.scene, replace(cycle, initialization=OnceOnly(cycle))))
+    assert [step.estimates[0].lost for step in steps] == [False, True, True, True]
+    assert asked == [(0, 2), (1, 2), (2, 2)]
 
 
 def test_a_loss_is_reported_and_the_person_found_again():
