@@ -16,7 +16,8 @@ N_FRAMES = 8
 def test_kills_between_frames_change_nothing(tmp_path: Path) -> None:
     """Each when some frames are kept, so that what is resumed must go on with what is there."""
     config = write_sequence(Recipe("arm_swing", seconds=N_FRAMES / 25, size=(256, 208)), tmp_path / "sequence")
-    config.write_text(f"passes = 1\n{config.read_text(encoding='utf-8')}", encoding="utf-8")
+    text = config.read_text(encoding="utf-8").replace("[reading]", "[reading]\ndownscale = 1")
+    config.write_text(f"passes = 1\n{text}", encoding="utf-8")
     seconds = left_alone(config, tmp_path / "whole")
     output = tmp_path / "killed"
     for n_frames in (2, 5):
