@@ -35,7 +35,7 @@ class TrackOutcome:
     """What the recordings have left in the folder."""
 
     seconds: float = 0.0
-    """How long the run took, with the start looked for and bodies fitted."""
+    """How long the run took, with the start looked for, bodies fitted and the result smoothed."""
 
 
 def recorded(

@@ -225,8 +225,9 @@ class TrackJob:
 
         steps = tracked.kept(telling(map(as_kept, steps), findings.add))
         outcome = recorded(self.recordings, context, steps, folder, (progress, stop), conclude)
-        outcome = replace(outcome, seconds=time.perf_counter() - begin)
-        return outcome if self.smoothing is None or not outcome.n_frames else smoothed(outcome, self.smoothing)
+        if self.smoothing is not None and outcome.n_frames:
+            outcome = smoothed(outcome, self.smoothing)
+        return replace(outcome, seconds=time.perf_counter() - begin)
 
     def _choices(self, opened: OpenedTrack, cycle: Cycle) -> dict[str, str]:
         """Stage -> what its component chose by itself; empty where it had no choice."""
