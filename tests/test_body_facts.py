@@ -163,6 +163,19 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
         r"joints\.hinges: pelvis, hip, neck do not have the same sides",
     ),
     "no part": (lambda m: m["clothes"].update(garments={"hat": ["haed"]}), r'clothes\.garments\.hat: no part "haed"'),
+    "no rigid part": (
+        lambda m: m["rigid_ends"]["head"].update(parts=["haed"]),
+        r'rigid_ends\.head\.parts: no part "haed".*"head"',
+    ),
+    "no rigid landmark": (
+        lambda m: m["rigid_ends"]["head"].update(landmarks=["hed_top"]),
+        r'rigid_ends\.head\.landmarks: no landmark "hed_top".*"head_top"',
+    ),
+    "nothing rigid": (lambda m: m["rigid_ends"]["head"].pop("parts"), r"rigid_ends\.head\.parts: Field required"),
+    "rigid limb": (
+        lambda m: m["rigid_ends"].update(left_arm={"parts": ["left_hand"]}),
+        r"rigid_ends\.left_arm: a group is called so",
+    ),
     "no curve": (lambda m: m["movements"][CURVES].pop("curves"), r"movements\.two_elbow_rotation\.curves: Field req"),
     "no such curve": (
         lambda m: m["movements"][CURVES]["curves"].update(arm_twst=1),
@@ -191,6 +204,27 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
 }
 
 
+def test_a_rigid_end_has_its_own_parts_and_landmarks_and_is_no_limb(tmp_path: Path) -> None:
+    def stumps(table: dict[str, Any]) -> None:
+        table["rigid_ends"]["fists"] = {"parts": ["hand"], "landmarks": ["wrist"]}
+
+    path = tmp_path / "kept.toml"
+    save_description(read_description(changed(tmp_path, "gavrila22", stumps)), path)
+    body = load_body(path)
+    assert body.doubted_ends == (*body.limbs, "head", "fists")
+    assert len(body.limbs) == 4
+    for end, parts, marks in (
+        ("head", {"head"}, {"head_top"}),
+        ("fists", {"left_hand", "right_hand"}, {"left_wrist", "right_wrist"}),
+    ):
+        assert {part.name for part, own in zip(body.parts, body.parts_of(end), strict=True) if own} == parts
+        assert {name for name, own in zip(body.landmark_names, body.landmarks_of(end), strict=True) if own} == marks
+    with pytest.raises(ModelError, match=r'no group "hed".*"head"'):
+        body.parts_of("hed")
+    with pytest.raises(ModelError, match='no group "head"'):
+        body.group("head")
+
+
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_wrong_entry_is_one_line_that_names_it(fault: str, tmp_path: Path) -> None:
     change, reason = FAULTS[fault]
@@ -201,7 +235,7 @@ def test_a_wrong_entry_is_one_line_that_names_it(fault: str, tmp_path: Path) -> 
 
 def test_a_body_without_a_long_axis_loads_and_says_so_where_it_is_looked_for(tmp_path: Path) -> None:
     def without_axis(table: dict[str, Any]) -> None:
-        without(*SECTIONS, "links", "keypoints")(table)
+        without(*SECTIONS, "links", "keypoints", "rigid_ends")(table)
         table["landmarks"] = {name: mark for name, mark in table["landmarks"].items() if "_wrist" in name}
 
     body: BodyModel = load_body(changed(tmp_path, "gavrila22", without_axis))

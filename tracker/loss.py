@@ -121,7 +121,7 @@ def trusted_parts(body: BodyModel, estimate: Estimate) -> Mask:
 def limbs_left_over(body: BodyModel, account: Account) -> dict[str, float]:
     """Limb -> share of its contour that is left over, see `left_over_of`; head and tail with what is unusual of it."""
     # The trunk is where the limbs hang; what is left over of it is clothes.
-    usual = dict.fromkeys((*body.limbs, *body.ends), _USUAL_OF_HEADS) | dict.fromkeys(body.limbs, 0.0)
+    usual = dict.fromkeys(body.doubted_ends, _USUAL_OF_HEADS) | dict.fromkeys(body.limbs, 0.0)
     return {group: max(left_over_of(account.of(body.parts_of(group))) - usual[group], 0.0) for group in usual}
 
 

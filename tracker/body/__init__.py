@@ -9,7 +9,7 @@ import numpy as np
 
 from tracker.arrays import Array, Integers, Mask, frozen
 from tracker.body.kinematic_tree import KinematicTree
-from tracker.body.sections import Clothes, Joints, Movement, StartMarks
+from tracker.body.sections import Clothes, Joints, Movement, RigidEnd, StartMarks
 from tracker.errors import ModelError, nearest
 from tracker.kernels.body.self_collision import sum_collisions
 from tracker.mirror import Mirror
@@ -24,6 +24,9 @@ class BodyModel(KinematicTree):
 
     groups: dict[str, tuple[str, ...]]
     """Search groups: name -> parameter names (paper, section 4.1: torso_head, arms, legs)."""
+
+    rigid_ends: dict[str, RigidEnd] = field(default_factory=dict)
+    """Ends that no parameter of their own moves: the head of a trunk of one piece. No group is called so."""
 
     links: tuple[tuple[str, str], ...] = ()
     """Pairs of landmarks joined by a bone: the stick figure."""
@@ -117,6 +120,11 @@ class BodyModel(KinematicTree):
         return tuple(group for group in self.fine_groups if self._is_an_end(group))
 
     @cached_property
+    def doubted_ends(self) -> tuple[str, ...]:
+        """What may be elsewhere for itself, as far as users are told: limbs, head and tail, rigid ends."""
+        return tuple(dict.fromkeys((*self.limbs, *self.ends, *self.rigid_ends)))
+
+    @cached_property
     def marked_limbs(self) -> tuple[str, ...]:
         """Limbs that landmarks tell the place of: a model file may give some of the others none."""
         return tuple(group for group in self.limbs if self.landmarks_of(group).any())
@@ -143,16 +151,33 @@ class BodyModel(KinematicTree):
         return bool(mine.any()) and hangs and not any((theirs <= mine).all() and theirs.any() for theirs in others)
 
     def parts_of(self, group: str) -> Mask:
-        """(P,) parts that a fine group moves and no finer chain hanging on it does: an arm's, not the body's."""
-        self.group(group)
+        """(P,) parts that a fine group moves and no finer chain hanging on it does: an arm's, not the body's.
+
+        Those of a rigid end are its own.
+
+        Raises:
+            ModelError: no such group or rigid end.
+        """
+        if group not in self._parts_of_groups:
+            raise ModelError(f'model "{self.name}" has no group "{group}"; {nearest(group, self._parts_of_groups)}')
         return self._parts_of_groups[group]
 
     @cached_property
     def _parts_of_groups(self) -> dict[str, Mask]:
-        return {group: frozen(self._hanging_on(group, self.part_parameters), np.bool_) for group in self.groups}
+        found = {group: frozen(self._hanging_on(group, self.part_parameters), np.bool_) for group in self.groups}
+        names = [part.name for part in self.parts]
+        return found | {end: frozen(np.isin(names, one.parts), np.bool_) for end, one in self.rigid_ends.items()}
 
     def landmarks_of(self, group: str) -> Mask:
-        """(L,) landmarks that a fine group moves and no finer chain hanging on it does: an arm's, not the body's."""
+        """(L,) landmarks that a fine group moves and no finer chain hanging on it does: an arm's, not the body's.
+
+        Those of a rigid end are its own.
+
+        Raises:
+            ModelError: no such group or rigid end.
+        """
+        if group in self.rigid_ends:
+            return np.isin(self.landmark_names, self.rigid_ends[group].landmarks)
         return self._hanging_on(group, np.array([mark.parameter for mark in self.landmarks]))
 
     def _hanging_on(self, group: str, ends: Integers) -> Mask:

@@ -21,8 +21,18 @@ from tracker.body.entries import (
     tree_of,
     with_ground,
 )
-from tracker.body.facts import keypoint_marks, with_facts
-from tracker.body.sections import Clothes, Entry, Joints, KeypointEntry, Movement, OrInfinite, SkinSection, StartMarks
+from tracker.body.facts import keypoint_marks, rigid_ends, with_facts
+from tracker.body.sections import (
+    Clothes,
+    Entry,
+    Joints,
+    KeypointEntry,
+    Movement,
+    OrInfinite,
+    RigidEnd,
+    SkinSection,
+    StartMarks,
+)
 from tracker.body.skin import skin_of
 from tracker.errors import ModelError, name_fault, nearest
 from tracker.mirror import Mirror
@@ -47,6 +57,7 @@ class BodyDescription(Entry):
     landmarks: dict[str, LandmarkEntry] = pydantic.Field(default={})
     links: tuple[tuple[str, str], ...] = ()
     groups: dict[str, tuple[str, ...]] = pydantic.Field(default={})
+    rigid_ends: dict[str, RigidEnd] = pydantic.Field(default={})
     start: StartMarks = StartMarks()
     joints: Joints = Joints()
     keypoints: dict[str, KeypointEntry] = pydantic.Field(default={})
@@ -161,7 +172,8 @@ def _build(model: BodyDescription) -> BodyModel:
         mirror=Mirror(model.sides, model.across),
     )
     body = with_facts(body, model.start, model.joints, model.clothes, model.movements)
-    body = replace(body, keypoints=keypoint_marks(body, model.keypoints))
+    ends, keypoints = rigid_ends(body, model.rigid_ends), keypoint_marks(body, model.keypoints)
+    body = replace(body, rigid_ends=ends, keypoints=keypoints)
     return body if model.skin is None else replace(body, skin=skin_of(body, model.skin))
 
 

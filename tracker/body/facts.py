@@ -10,7 +10,7 @@ import numpy as np
 
 from tracker.arrays import frozen
 from tracker.body import BodyModel, defaults
-from tracker.body.sections import Clothes, Entry, Joints, KeypointEntry, Movement, StartMarks
+from tracker.body.sections import Clothes, Entry, Joints, KeypointEntry, Movement, RigidEnd, StartMarks
 from tracker.errors import ModelError, name_fault, nearest
 from tracker.keypoint_names import plain_name
 from tracker.mirror import Mirror
@@ -38,6 +38,28 @@ def with_facts(
         movements={name: _movement(name, one, parameters, marks) for name, one in movements.items()}
         or defaults.movements(body),
     )
+
+
+def rigid_ends(body: BodyModel, entries: Mapping[str, RigidEnd]) -> dict[str, RigidEnd]:
+    """The ends that no parameter of their own moves, their parts and landmarks spelt out.
+
+    Raises:
+        ModelError: a name that a group has already, or a part or landmark that the body does not have.
+    """
+    marks = _Names(body.mirror, body.landmark_names, "landmark")
+    parts = _Names(body.mirror, tuple(part.name for part in body.parts), "part")
+    for name in entries:
+        if fault := name_fault(name):
+            raise ModelError(f"rigid_ends: {fault}")
+        if name in body.groups:
+            raise ModelError(f"rigid_ends.{name}: a group is called so, and is doubted for itself; leave one out")
+    return {
+        name: RigidEnd(
+            parts=parts.each(one.parts, f"rigid_ends.{name}.parts"),
+            landmarks=marks.each(one.landmarks, f"rigid_ends.{name}.landmarks"),
+        )
+        for name, one in entries.items()
+    }
 
 
 def keypoint_marks(body: BodyModel, entries: Mapping[str, KeypointEntry]) -> tuple[Landmark, ...]:

@@ -1,4 +1,4 @@
-"""Sections of a body model file beyond its shape: where a start begins, what is evaluated, how it is simulated."""
+"""Sections of a body model file beyond its shape: where a start begins, what is judged, how it is simulated."""
 
 from __future__ import annotations
 
@@ -68,6 +68,16 @@ class Joints(Entry):
     def chains(self) -> dict[str, tuple[str, str, str]]:
         """Hinge -> the three landmarks whose angle is its flexion."""
         return {joint: (before, joint, behind) for joint, (before, behind) in self.hinges.items()}
+
+
+class RigidEnd(Entry):
+    """An end of the body that no parameter of its own moves, doubted for itself all the same: a stiff head."""
+
+    parts: tuple[str, ...] = pydantic.Field(min_length=1)
+    """Its parts; their contours tell whether it is where the model has it."""
+
+    landmarks: tuple[str, ...] = ()
+    """Landmarks that are in doubt with it."""
 
 
 class Clothes(Entry):
