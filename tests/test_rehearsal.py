@@ -55,7 +55,7 @@ def test_what_follows_shows_who_faces_where(simulation: Simulation) -> None:
     told: list[str] = []
     initialization = WrongFirst(simulation, sure=0.1)
     start = ranked(simulation, cycle_for(simulation, initialization, progress=told.append))
-    np.testing.assert_array_equal(start.poses[0], simulation.poses[0][0])
+    assert joint_errors_mm(simulation, 0, 0, start.poses[0]).mean() < 10
     assert [one.q is start.poses[0] for one in start.hypotheses[0]] == [True, False]
     assert start.hypotheses[0][0].left_over < 0.8 * start.hypotheses[0][1].left_over
     assert start.sureness[0] > 0.1
@@ -78,8 +78,10 @@ def test_a_hypothesis_in_doubt_is_not_rescued_by_a_start_anew(simulation: Simula
 def test_a_hypothesis_is_judged_with_its_limbs_where_they_are_likeliest(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One that faces as she does lost by limbs that were elsewhere to one that was turned round."""
+    """One that faces as she does lost by limbs that were elsewhere to one that was turned round.
 
+    The run begins with them there: begun at anew as it had been found, DO-Two's left leg stayed 0.11 m off.
+    """
     initialization, body = WrongFirst(simulation, sure=0.1), simulation.scene.persons[0].body
     raised = simulation.poses[0][0].copy()
     raised[body.index("right_arm_abduction")] = np.radians(120.0)
@@ -89,7 +91,9 @@ def test_a_hypothesis_is_judged_with_its_limbs_where_they_are_likeliest(
     looked_for = ranked(simulation, cycle).hypotheses[0][0]
     monkeypatch.setattr("tracker.tracking.cycle_turn.in_likeliest_places", lambda objective, estimate, *rest: estimate)
     left = ranked(simulation, cycle).hypotheses[0][0]
-    np.testing.assert_array_equal(looked_for.q, left.q)
+    np.testing.assert_array_equal(left.q, hypotheses[1].q)
+    assert joint_errors_mm(simulation, 0, 0, left.q).max() > 300
+    assert joint_errors_mm(simulation, 0, 0, looked_for.q).max() < 50
     assert looked_for.limbs_left_over["right_arm"] < 0.3 < 0.6 < left.limbs_left_over["right_arm"]
 
 
@@ -113,7 +117,7 @@ def test_where_all_hypotheses_are_doubtful_a_rehearsal_ends(
     rule = LossRule(doubtful_above=doubtful_above)
     start = ranked(simulation, cycle_for(simulation, WrongFirst(simulation, sure=0.1), loss=rule))
     assert sorted(seen) == sorted([*range(1, n_frames + 1)] * 2)
-    np.testing.assert_array_equal(start.poses[0], simulation.poses[0][0])
+    assert joint_errors_mm(simulation, 0, 0, start.poses[0]).mean() < 10
 
 
 def test_who_is_beaten_is_not_followed_to_the_end(simulation: Simulation, seen: list[int]) -> None:
