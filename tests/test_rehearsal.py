@@ -154,7 +154,7 @@ def test_limbs_lower_the_confidence_without_plates_alone(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch, known: bool, factor: float
 ) -> None:
     monkeypatch.setattr("tracker.tracking.rehearsal.limbs_shown", lambda best: 0.5)
-    cycle = cycle_for(simulation, WrongFirst(simulation, sure=0.1))
+    cycle = cycle_for(simulation, WrongFirst(simulation, sure=0.1), loss=LossRule(rehearse=2))
     start = ranked(simulation, cycle if known else replace(cycle, plates=(None,) * len(cycle.plates)))
     assert start.sureness[0] == pytest.approx(factor * sureness(start.hypotheses[0]))
     assert start.sureness[0] > 0
@@ -162,7 +162,7 @@ def test_limbs_lower_the_confidence_without_plates_alone(
 
 def test_masks_are_as_good_as_plates(simulation: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tracker.tracking.rehearsal.limbs_shown", lambda best: 0.5)
-    cycle = cycle_for(simulation, WrongFirst(simulation, sure=0.1), plates=(None,) * 4)
+    cycle = cycle_for(simulation, WrongFirst(simulation, sure=0.1), plates=(None,) * 4, loss=LossRule(rehearse=2))
     first = next(iter(simulation.frames()))
     masks = tuple(np.ones(image.shape[:2], dtype=np.bool_) for image in first.images if image is not None)
     start = cycle.initialization.start(first, simulation.scene, cycle.stages)
