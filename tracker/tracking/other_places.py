@@ -48,11 +48,12 @@ def in_likeliest_places(
         limbs: those that are looked for, or a head; None for all limbs.
         lead_px: what another place must be better by, px.
     """
-    if estimate.lost or objective.colours is None:
+    body = objective.body
+    sought = [group for group in body.fine_groups if group in (body.limbs if limbs is None else limbs)]
+    if estimate.lost or objective.colours is None or not sought:  # a rigid end in doubt alone: nothing moves it
         return estimate
     begin = time.perf_counter()
-    body, best, least_px = objective.body, estimate, float(objective.deciding_px(estimate.q[None])[0])
-    sought = [group for group in body.fine_groups if group in (body.limbs if limbs is None else limbs)]
+    best, least_px = estimate, float(objective.deciding_px(estimate.q[None])[0])
     n_evaluations = estimate.evaluations
     for _ in range(_ROUNDS):
         before = best
