@@ -29,11 +29,12 @@ from tracker.tracking import track
 
 @pytest.fixture(scope="module")
 def recorded():
-    """Eight frames of a simulated recording; the third one lost, an arm ambiguous in the fifth."""
+    """Eight frames of a simulated recording; the third lost, an arm ambiguous in the fifth, the head in the sixth."""
     simulation = small_simulation(n_frames=8)
     steps = list(track(simulation.frames(), simulation.scene, cycle_for(simulation, TrueStart(simulation))))
     steps[2] = replace(steps[2], estimates=(replace(steps[2].estimates[0], status=Status.LOST),))
     steps[4] = replace(steps[4], estimates=(replace(steps[4].estimates[0], ambiguous=("left_arm",)),))
+    steps[5] = replace(steps[5], estimates=(replace(steps[5].estimates[0], ambiguous=("head",)),))
     return simulation.scene, steps
 
 
@@ -67,9 +68,10 @@ def test_the_placed_meshes_are_the_bodies(models, tmp_path):
         motions.add(step)
     for person, motion in zip(scene["persons"], motions.all(), strict=True):
         n_segments = len(motion.body.segments)
-        points, bones = array(person["points"], "<f4").reshape(-1, 3), array(person["bones"], "u1")
+        points, mine = array(person["points"], "<f4").reshape(-1, 3), array(person["parts_of_points"], "u1")
+        bones = np.array(person["segments_of_parts"])[mine]
         placed = array(person["placed"], "<f4").reshape(N_FRAMES, n_segments, 7)
-        known = array(person["known"], "u1").reshape(N_FRAMES, n_segments)
+        known = array(person["known"], "u1").reshape(N_FRAMES, len(motion.body.parts))
         assert (known == np.where(motion.lost, 2, 0)[:, None]).all()
         x, y, z, w = np.moveaxis(placed[..., 3:].astype(float), -1, 0)
         turns = np.stack(
@@ -80,23 +82,21 @@ def test_the_placed_meshes_are_the_bodies(models, tmp_path):
         t = N_FRAMES - 1
         world = (turns[t, bones] @ points[..., None])[..., 0] + placed[t, bones, :3]
         parts = motion.body.world_from_part(motion.q[t])
-        n_part = len(points) // len(motion.body.parts)
+        assert set(mine) == set(range(len(motion.body.parts)))
         for p, part in enumerate(motion.body.parts):
-            local = (world[p * n_part : (p + 1) * n_part] - parts[p, :3, 3]) @ parts[p, :3, :3]
+            local = (world[mine == p] - parts[p, :3, 3]) @ parts[p, :3, :3]
             np.testing.assert_allclose(part.shape.inside_outside(local), 1, atol=2e-3)
     assert list(np.flatnonzero(known[:, 0] == 2)) == (list(range(LOST.start, LOST.stop)) if len(models) == 1 else [])
 
 
-def test_doubts_are_on_their_segments(recorded, tmp_path):
+def test_doubts_are_on_their_parts(recorded, tmp_path):
     scene, steps = recorded
     page, _ = reported(scene, steps, tmp_path)
     (person,) = json.loads(held(page, "scene"))["persons"]
     known = array(person["known"], "u1").reshape(8, -1)
     assert (known[2] == 2).all()
-    assert {name for name, state in zip(person["segments"], known[4], strict=True) if state} == {
-        "left_upper_arm",
-        "left_forearm",
-    }
+    doubted = [{name for name, state in zip(person["parts"], known[k], strict=True) if state} for k in (4, 5)]
+    assert doubted == [{"left_upper_arm", "left_forearm", "left_hand"}, {"head"}]
     assert not known[[0, 1, 3]].any()
 
 

@@ -150,6 +150,13 @@ class BodyModel(KinematicTree):
         hangs = any((mine <= theirs).all() and theirs.sum() > mine.sum() for theirs in others)
         return bool(mine.any()) and hangs and not any((theirs <= mine).all() and theirs.any() for theirs in others)
 
+    @cached_property
+    def segments_of_parts(self) -> Integers:
+        """(P,) segment that each part is of."""
+        numbers = {segment.name: k for k, segment in enumerate(self.segments)}
+        found: Integers = frozen([numbers[part.segment] for part in self.parts], dtype=np.int64)
+        return found
+
     def parts_of(self, group: str) -> Mask:
         """(P,) parts that a fine group moves and no finer chain hanging on it does: an arm's, not the body's.
 

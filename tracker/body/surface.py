@@ -1,4 +1,4 @@
-"""The surface of a body as one mesh, each vertex on its segment."""
+"""The surface of a body as one mesh, each vertex on its part and segment."""
 
 from __future__ import annotations
 
@@ -21,11 +21,14 @@ class Surface:
     normals: Array
     """(N, 3) outwards, unit length."""
 
+    parts: Integers
+    """(N,) part that each vertex is of."""
+
     segments: Integers
     """(N,) segment that each vertex hangs on."""
 
     faces: Integers
-    """(F, 3) vertices, against the clock as seen from outside."""
+    """(F, 3) vertices, all of one part, against the clock as seen from outside."""
 
 
 def surface_of(body: BodyModel, n_eta: int, n_omega: int) -> Surface:
@@ -37,17 +40,17 @@ def surface_of(body: BodyModel, n_eta: int, n_omega: int) -> Surface:
         n_omega: longitudes.
     """
     eta, omega = np.meshgrid(np.linspace(-np.pi / 2, np.pi / 2, n_eta), 2 * np.pi * np.arange(n_omega) / n_omega)
-    numbers = {segment.name: k for k, segment in enumerate(body.segments)}
-    points, normals, segments = [], [], []
+    points, normals = [], []
     for part in body.parts:
         local, upright = part.shape.surface(eta.T, omega.T)
         turn, shift = part.model_from_part[:3, :3], part.model_from_part[:3, 3]
         points.append(local.reshape(-1, 3) @ turn.T + shift)
         normals.append(upright.reshape(-1, 3) @ turn.T)
-        segments.append(np.full(len(points[-1]), numbers[part.segment]))
     one = _triangles(n_eta, n_omega)
     faces = np.concatenate([one + k * n_eta * n_omega for k in range(len(body.parts))])
-    return Surface(np.concatenate(points), np.concatenate(normals), np.concatenate(segments), faces)
+    parts = np.repeat(np.arange(len(body.parts)), n_eta * n_omega)
+    segments = body.segments_of_parts[parts]
+    return Surface(np.concatenate(points), np.concatenate(normals), parts, segments, faces)
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ _N_ETA, _N_OMEGA = 9, 12
 """Latitudes and longitudes of a part's mesh: 100 kB a body."""
 
 _SURE, _UNSURE, _LOST = 0, 1, 2
-"""What is known of a segment in a frame, as player.js colours it."""
+"""What is known of a part in a frame, as player.js colours it."""
 
 
 class Player:
@@ -75,7 +75,7 @@ class Player:
         }
 
     def _person(self, k: int, motion: Motion) -> dict[str, Any]:
-        """Mesh, placements and what is known of a person's segments."""
+        """Mesh, placements of the segments and what is known of the parts of a person."""
         surface = surface_of(motion.body, _N_ETA, _N_OMEGA)
         joints = np.array([segment.joint for segment in motion.body.segments])
         placed = motion.segments(motion.filled)
@@ -83,9 +83,11 @@ class Player:
         return {
             "name": motion.name,
             "segments": [segment.name for segment in motion.body.segments],
+            "parts": [part.name for part in motion.body.parts],
+            "segments_of_parts": motion.body.segments_of_parts.tolist(),
             "points": _text(surface.points - joints[surface.segments], "<f4"),
             "normals": _text(surface.normals, "<f4"),
-            "bones": _text(surface.segments, "u1"),
+            "parts_of_points": _text(surface.parts, "u1"),
             "faces": _text(surface.faces, "<u4"),
             "placed": _text(np.concatenate([placed[..., :3, 3], turns], axis=-1), "<f4"),
             "known": _text(np.array([known[k] for known in self._known]), "u1"),
@@ -93,13 +95,11 @@ class Player:
 
 
 def _known(person: Person, estimate: Estimate) -> NDArray[np.uint8]:
-    """(S,) what is known of each segment."""
-    body = person.body
+    """(P,) what is known of each part."""
     state = _LOST if estimate.lost else _UNSURE if estimate.doubtful else _SURE
-    known = np.full(len(body.segments), state, dtype=np.uint8)
+    known = np.full(len(person.body.parts), state, dtype=np.uint8)
     for group in () if estimate.lost else estimate.ambiguous:
-        moved = {part.segment for part, mine in zip(body.parts, body.parts_of(group), strict=True) if mine}
-        known[[segment.name in moved for segment in body.segments]] = _UNSURE
+        known[person.body.parts_of(group)] = _UNSURE
     return known
 
 

@@ -26,7 +26,7 @@ _FRUSTUM_SHARE = 0.08
 
 
 class Stage:
-    """The nodes of a viser scene, called `/cameras/NAME` and `/persons/NAME/SEGMENT`; z is up, metres."""
+    """The nodes of a viser scene, called `/cameras/NAME` and `/persons/NAME/PART`; z is up, metres."""
 
     def __init__(self, server: Any, scene: Scene) -> None:
         self._server = server
@@ -47,10 +47,10 @@ class Stage:
         for person, meshes, estimate in zip(self._persons, self._bodies, estimates, strict=True):
             placed = segments_in_world(person.body, estimate.q)
             turns = _wxyz(placed[:, :3, :3])
-            colours = segment_colours(person, estimate)
-            for k, mesh in meshes.items():
+            colours = part_colours(person, estimate)
+            for mesh, segment, colour in zip(meshes, person.body.segments_of_parts, colours, strict=True):
                 mesh.visible = not estimate.lost
-                mesh.position, mesh.wxyz, mesh.color = placed[k, :3, 3], turns[k], colours[k]
+                mesh.position, mesh.wxyz, mesh.color = placed[segment, :3, 3], turns[segment], colour
 
     def show_images(self, images: Sequence[Image | None]) -> None:
         """Puts an image (h, w, 3) BGR, or none, before each camera."""
@@ -58,15 +58,12 @@ class Stage:
             camera.image = None if image is None else image[..., ::-1]
 
 
-def segment_colours(person: Person, estimate: Estimate) -> list[tuple[int, int, int]]:
-    """The colour of each segment: doubtful persons and ambiguous limbs are orange."""
+def part_colours(person: Person, estimate: Estimate) -> list[tuple[int, int, int]]:
+    """The colour of each part: doubtful persons and ambiguous limbs are orange."""
     body = person.body
     usual = PALE if estimate.status is Status.FILLED else ORANGE if estimate.doubtful else BLUE
-    colours = [usual for _ in body.segments]
-    for group in estimate.ambiguous:
-        moved = {part.segment for part, mine in zip(body.parts, body.parts_of(group), strict=True) if mine}
-        colours = [ORANGE if s.name in moved else c for s, c in zip(body.segments, colours, strict=True)]
-    return colours
+    unsure = np.any([body.parts_of(group) for group in estimate.ambiguous] or [np.zeros(len(body.parts), bool)], axis=0)
+    return [ORANGE if one else usual for one in unsure]
 
 
 def _enter(server: Any, scene: Scene) -> None:
@@ -80,21 +77,20 @@ def _enter(server: Any, scene: Scene) -> None:
     server.initial_camera.look_at = middle
 
 
-def _body(server: Any, person: Person) -> dict[int, Any]:
-    """A mesh for each segment that has one, in the segment's own axes."""
-    surface, meshes = surface_of(person.body, _N_ETA, _N_OMEGA), {}
-    for k, segment in enumerate(person.body.segments):
-        faces = surface.faces[(surface.segments[surface.faces] == k).all(axis=1)]
-        if not len(faces):
-            continue
-        used, corners = np.unique(faces, return_inverse=True)
-        meshes[k] = server.scene.add_mesh_simple(
-            f"/persons/{person.name}/{segment.name}",
-            (surface.points[used] - segment.joint).astype(np.float32),
+def _body(server: Any, person: Person) -> list[Any]:
+    """A mesh for each part, in the axes of its segment."""
+    surface, meshes = surface_of(person.body, _N_ETA, _N_OMEGA), []
+    for p, part in enumerate(person.body.parts):
+        used, corners = np.unique(surface.faces[surface.parts[surface.faces[:, 0]] == p], return_inverse=True)
+        joint = person.body.segments[person.body.segments_of_parts[p]].joint
+        mesh = server.scene.add_mesh_simple(
+            f"/persons/{person.name}/{part.name}",
+            (surface.points[used] - joint).astype(np.float32),
             corners.reshape(-1, 3).astype(np.uint32),
             color=BLUE,
             visible=False,
         )
+        meshes.append(mesh)
     return meshes
 
 

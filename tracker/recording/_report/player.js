@@ -44,15 +44,16 @@
   for (const [k, told] of scene_data.persons.entries()) {
     const [points, normals, faces, placed] = await Promise.all(
       [told.points, told.normals, told.faces, told.placed].map(unzipped));
-    const [bones, known] = (await Promise.all([told.bones, told.known].map(unzipped))).map((b) => new Uint8Array(b));
-    const person = { placed: new Float32Array(placed), known, meshes: [] };
-    for (let s = 0; s < told.segments.length; s++) {
+    const [parts, known] = (await Promise.all([told.parts_of_points, told.known].map(unzipped))).map((b) => new Uint8Array(b));
+    const n_segments = told.segments.length, segments = told.segments_of_parts;
+    const person = { placed: new Float32Array(placed), n_segments, segments, known, meshes: [] };
+    for (let p = 0; p < told.parts.length; p++) {
       const geometry = new THREE.BufferGeometry();
       geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points), 3));
       geometry.setAttribute("normal", new THREE.BufferAttribute(new Float32Array(normals), 3));
       const corners = new Uint32Array(faces), own = [];
       for (let f = 0; f < corners.length; f += 3)
-        if (bones[corners[f]] === s) own.push(corners[f], corners[f + 1], corners[f + 2]);
+        if (parts[corners[f]] === p) own.push(corners[f], corners[f + 1], corners[f + 2]);
       geometry.setIndex(own);
       const material = new THREE.MeshLambertMaterial({ color: COLOURS[0] });
       const mesh = new THREE.Mesh(geometry, material);
@@ -144,8 +145,8 @@
     if (k === frame) return;
     frame = k;
     for (const person of people)
-      person.meshes.forEach((mesh, s) => {
-        const i = 7 * (k * person.meshes.length + s), state = person.known[k * person.meshes.length + s];
+      person.meshes.forEach((mesh, p) => {
+        const i = 7 * (k * person.n_segments + person.segments[p]), state = person.known[k * person.meshes.length + p];
         mesh.position.fromArray(person.placed, i);
         mesh.quaternion.fromArray(person.placed, i + 3);
         mesh.material.color.copy(state ? new THREE.Color(COLOURS[state]) : mesh.userData.colour);
