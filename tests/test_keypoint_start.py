@@ -156,9 +156,13 @@ def test_sides_exchanged_in_all_views_are_told(beside: bool, tmp_path: Path) -> 
         if beside:
             both = TogetherEvidence(of=(AutoEvidence(), KeypointEvidence(path=pattern)), refining=(1.0, 1.0))
             stages = replace(stages, evidence=both)
-        told.append(KeypointInitialization(path=pattern).start(frame, scene, stages).turned_round)
-    assert not told[0]
-    assert set(told[1]) == {0}
+        told.append(KeypointInitialization(path=pattern).start(frame, scene, stages))
+    assert not told[0].turned_round
+    assert set(told[1].turned_round) == {0}
+    assert [one.least_sureness for one in told] == [1.0, 1.0], "searches elsewhere do not know better than keypoints"
+    ((sure,), (wrong,)) = (one.told_sureness for one in told)
+    assert sure == next(one.explained for one in told[0].hypotheses[0] if one.given) > 0.8
+    assert wrong == 0.0
 
 
 def test_keypoints_of_larger_images_are_scaled_or_refused(scene: Scene, stages: Stages, tmp_path: Path) -> None:

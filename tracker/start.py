@@ -78,7 +78,8 @@ class Start:
     """For each person what was refined, the best one first; of a pose that was given, itself and turned round."""
 
     sureness: tuple[float, ...] = ()
-    """For each person 0 to 1, see `sureness`; empty if nothing else was tried."""
+    """For each person 0 to 1, see `sureness`; empty if nothing else was tried, or what was cannot make them less sure:
+    keypoints know of sides what outlines do not."""
 
     def of(self, order: Sequence[int]) -> Start:
         """The start of the same persons in another order: for each the place that it has here."""
@@ -103,6 +104,17 @@ class Start:
             if ranking and ranking[0].left_over < (1 - _LEAST_LEAD) * given:
                 found[k] = given, ranking[0].left_over
         return found
+
+    @property
+    def told_sureness(self) -> tuple[float, ...]:
+        """The same to tell how often such starts are right: of poses that keypoints gave what they explain.
+
+        Empty where no images were looked at.
+        """
+        turned = self.turned_round
+        given = (next((one for one in ranking if one.given), None) for ranking in self.hypotheses)
+        explained = (0.0 if one is None or k in turned else one.explained for k, one in enumerate(given))
+        return self.sureness or tuple(explained)
 
     @property
     def least_sureness(self) -> float:

@@ -69,7 +69,7 @@ class Step:
         """
         if self.start is None:
             return self.told_confidence
-        turned, pairs = self.start.turned_round, zip(self.start.sureness, self.estimates, strict=False)
+        turned, pairs = self.start.turned_round, zip(self.start.told_sureness, self.estimates, strict=False)
         return tuple(sure if k in turned else confidence(sure, one) for k, (sure, one) in enumerate(pairs))
 
 

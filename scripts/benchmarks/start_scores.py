@@ -19,7 +19,7 @@ def print_starts(console: Console, scores: Sequence[Score]) -> None:
     """Prints the starts of each range of confidence, and how many of them are wrong; nothing where none is known.
 
     What is compared with the truth is the frame of a person's first start pose, as the run has it in the end. Left out
-    are starts without a confidence, as from keypoints, and frames in which the person is lost.
+    are starts without a confidence and frames in which the person is lost.
     """
     known = [one for one in newest(scores) if np.isfinite([one.confidence, one.start_farthest_mm]).all()]
     if not known:
