@@ -76,6 +76,33 @@ def test_a_limb_that_kept_its_place_on_the_body_is_doubted_for_a_second(steps, c
     assert max(told(with_jumps(found))) == 64
 
 
+@pytest.mark.parametrize(
+    ("shares", "expected"),
+    [
+        ([0] * 13 + [1], set(range(N))),
+        ([1] + [0] * 13, set(range(N))),
+        ([0] * 12 + [0.5, 1], set()),  # as quick as before
+        ([0.04 * n for n in range(13)] + [1.2], set(range(4, N))),  # while it hardly moves on the body
+    ],
+)
+def test_a_jump_into_the_last_frame_or_out_of_the_first_is_told(steps, shares, expected):
+    """There one side alone shows that no movement is as quick."""
+    assert set(told(with_jumps(moved(steps, np.array(shares))))) == expected
+
+
+def test_of_frames_far_apart_the_ends_tell_nothing(steps):
+    ends = moved(steps, np.array([0] * 13 + [1]))
+    assert told(with_jumps([replace(s, frame=replace(s.frame, time_s=0.08 * n)) for n, s in enumerate(ends)])) == {}
+
+
+def test_a_jump_from_the_window_before_is_told_behind_it(steps):
+    up = moved(steps, np.ones(N))
+    assert told(with_jumps(up)) == {}
+    found = told(with_jumps(up, steps[0]))
+    assert set(found) == set(range(N))
+    assert told(with_jumps(up, up[0])) == {}
+
+
 def test_a_jump_as_a_movement_begins_is_told(steps):
     """T-Punch-light's forearm came out from behind the back as the punch began: 37 cm, and 16 in the next frame."""
     begins = np.array([0, 0, 0, 0, 0, 0, 0, 1.1, 1.6, 2, 2, 2, 2, 2])

@@ -130,6 +130,25 @@ def test_what_was_wrong_at_first_is_mended_from_behind(simulation: Simulation) -
     assert max(errors_mm(simulation, twice(simulation, cycle))) < 10
 
 
+@pytest.mark.usefixtures("short_windows", "limbs_stay")
+def test_a_limb_that_jumps_between_two_windows_is_told(simulation: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An arm held up from the second window on, in which it keeps its place."""
+    forwards, body, first = tracker.tracking.windows._forwards, simulation.scene.persons[0].body, 4
+
+    def held_up(*asked: Any) -> tuple[list[Step], Any]:
+        steps, reached = forwards(*asked)
+        for n, step in enumerate(steps):
+            q = step.estimates[0].q.copy()
+            q[body.names.index("left_arm_abduction")] += np.radians(80 * (step.frame.index >= first))
+            steps[n] = replace(step, estimates=(replace(step.estimates[0], q=q, ambiguous=(), vague=()),))
+        return steps, replace(reached, before=steps[-1])
+
+    monkeypatch.setattr(tracker.tracking.windows, "_forwards", held_up)
+    steps = twice(simulation, cycle_for(simulation, TrueStart(simulation)))
+    told = [step.frame.index for step in steps if "left_arm" in step.estimates[0].ambiguous]
+    assert told == [4, 5, 6, 7]
+
+
 def test_a_limb_that_jumps_is_followed_back_though_no_frame_is_in_doubt(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -149,7 +168,7 @@ def test_a_limb_that_jumps_is_followed_back_though_no_frame_is_in_doubt(
     followed_back_before = replace(cycle, known=dict.fromkeys(range(9), ()))
     monkeypatch.setattr(tracker.tracking.windows, "_forwards", held_up)
     assert max(errors_mm(simulation, twice(simulation, followed_back_before))) < 8
-    monkeypatch.setattr(tracker.tracking.windows, "with_jumps", list)
+    monkeypatch.setattr(tracker.tracking.windows, "with_jumps", lambda steps, _=None: list(steps))
     # of frames in which a way back has ended before there is no other one, of others always
     assert max(errors_mm(simulation, twice(simulation, followed_back_before))[:until]) > 30
     assert max(errors_mm(simulation, twice(simulation, cycle))) < 8

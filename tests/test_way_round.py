@@ -155,7 +155,7 @@ def with_legs_in_doubt(steps: list[Step], n_frames: int) -> list[Step]:
 def doubt(monkeypatch: pytest.MonkeyPatch, at_first: bool, n_frames: int) -> None:
     """Windows of four frames; a leg is in doubt in the first so many, and in the very first perhaps the whole."""
 
-    def with_doubts(steps: list[Step]) -> list[Step]:
+    def with_doubts(steps: list[Step], _: Step | None = None) -> list[Step]:
         told = []
         for step in steps:
             index = step.frame.index

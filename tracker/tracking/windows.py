@@ -133,7 +133,7 @@ def both_ways(
         return [replace(step, provisional=True) for step in first], reached
     found = first if again is None else again
     even = bridged(found, cycle, begin.state, begin.before)
-    judged = [judged_as_wholes(step) for step in with_jumps(even)]
+    judged = [judged_as_wholes(step) for step in with_jumps(even, begin.before)]
     if again is not None:
         judged = _found_anew(judged, first, begin.before)
     unconfirmed, led = _unconfirmed(begin, judged), reached.back
