@@ -26,6 +26,7 @@ from tracker.keypoints import limbs, meant, swapped_sides
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.skeletons import skeletons
+from tracker.start import Hypothesis, Start
 
 MARKED = [k for k, name in enumerate(NAMES) if k > 4]
 """Keypoints that the 22-parameter body has as landmarks: all but those of the face."""
@@ -163,6 +164,15 @@ def test_sides_exchanged_in_all_views_are_told(beside: bool, tmp_path: Path) -> 
     ((sure,), (wrong,)) = (one.told_sureness for one in told)
     assert sure == next(one.explained for one in told[0].hypotheses[0] if one.given) > 0.8
     assert wrong == 0.0
+
+
+def test_how_sure_others_poses_are_is_told_by_what_they_explain(scene: Scene) -> None:
+    q = scene.persons[0].q
+    mine, other = Hypothesis(q, 3.0, 0.9, 0.1, 0.0, given=True), Hypothesis(q, 3.0, 0.95, 0.05, 180.0)
+    assert Start((q,), hypotheses=((mine,),)).told_sureness == (0.9,)
+    assert Start((q,), hypotheses=((other, mine),)).told_sureness == (0.0,)
+    assert Start((q,), hypotheses=((mine,),), sureness=(0.4,)).told_sureness == (0.4,)
+    assert Start((q,)).told_sureness == Start((q,), hypotheses=((other,),)).told_sureness == ()
 
 
 def test_keypoints_of_larger_images_are_scaled_or_refused(scene: Scene, stages: Stages, tmp_path: Path) -> None:

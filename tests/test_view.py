@@ -33,7 +33,7 @@ from tracker.viewing.finished import view_result
 from tracker.viewing.live import LiveRun
 from tracker.viewing.pictures import Pictures
 from tracker.viewing.server import serving
-from tracker.viewing.stage import BLUE, ORANGE, RED, Stage, part_colours
+from tracker.viewing.stage import BLUE, ORANGE, RED, Stage, colours_of_doubt
 from tracker.viewing.viewer import Viewer, _strip
 
 
@@ -71,17 +71,19 @@ def test_every_part_of_a_body_stands_where_it_was_found(tmp_path):
 
 def orange_parts(person, estimate):
     return {
-        p.name for p, colour in zip(person.body.parts, part_colours(person, estimate), strict=True) if colour == ORANGE
+        p.name
+        for p, colour in zip(person.body.parts, colours_of_doubt(person, estimate), strict=True)
+        if colour == ORANGE
     }
 
 
 def test_what_is_unsure_is_orange():
     movement = made_up("human")
     person, estimate = movement.scene.persons[0], movement.steps[0].estimates[0]
-    assert set(part_colours(person, estimate)) == {BLUE}
+    assert set(colours_of_doubt(person, estimate)) == {BLUE}
     arm = {"left_shoulder", "left_upper_arm", "left_forearm", "left_hand"}
     assert orange_parts(person, replace(estimate, ambiguous=("left_arm",))) == arm
-    assert set(part_colours(person, replace(estimate, doubtful=True))) == {ORANGE}
+    assert set(colours_of_doubt(person, replace(estimate, doubtful=True))) == {ORANGE}
 
 
 def test_a_head_that_the_trunk_carries_is_orange_without_it():

@@ -107,14 +107,15 @@ class Start:
 
     @property
     def told_sureness(self) -> tuple[float, ...]:
-        """The same to tell how often such starts are right: of poses that keypoints gave what they explain.
+        """For each person 0 to 1, from which `confidence` tells how often such starts are right.
 
-        Empty where no images were looked at.
+        That is `sureness`; where it is empty, of poses that were given what they explain of the images, and 0 if these
+        fit clearly better turned round. Empty where no images were looked at.
         """
-        turned = self.turned_round
-        given = (next((one for one in ranking if one.given), None) for ranking in self.hypotheses)
-        explained = (0.0 if one is None or k in turned else one.explained for k, one in enumerate(given))
-        return self.sureness or tuple(explained)
+        given = [one for ranking in self.hypotheses for one in ranking if one.given]
+        if self.sureness or len(given) < len(self.hypotheses):
+            return self.sureness
+        return tuple(0.0 if k in self.turned_round else one.explained for k, one in enumerate(given))
 
     @property
     def least_sureness(self) -> float:

@@ -47,7 +47,7 @@ class Stage:
         for person, meshes, estimate in zip(self._persons, self._bodies, estimates, strict=True):
             placed = segments_in_world(person.body, estimate.q)
             turns = _wxyz(placed[:, :3, :3])
-            colours = part_colours(person, estimate)
+            colours = colours_of_doubt(person, estimate)
             for mesh, segment, colour in zip(meshes, person.body.segments_of_parts, colours, strict=True):
                 mesh.visible = not estimate.lost
                 mesh.position, mesh.wxyz, mesh.color = placed[segment, :3, 3], turns[segment], colour
@@ -58,12 +58,14 @@ class Stage:
             camera.image = None if image is None else image[..., ::-1]
 
 
-def part_colours(person: Person, estimate: Estimate) -> list[tuple[int, int, int]]:
-    """The colour of each part: doubtful persons and ambiguous limbs are orange."""
-    body = person.body
+def colours_of_doubt(person: Person, estimate: Estimate) -> list[tuple[int, int, int]]:
+    """The colour (red, green, blue) of each part: doubtful persons and ambiguous limbs are orange."""
     usual = PALE if estimate.status is Status.FILLED else ORANGE if estimate.doubtful else BLUE
-    unsure = np.any([body.parts_of(group) for group in estimate.ambiguous] or [np.zeros(len(body.parts), bool)], axis=0)
-    return [ORANGE if one else usual for one in unsure]
+    colours = [usual for _ in person.body.parts]
+    for group in estimate.ambiguous:
+        for p in np.flatnonzero(person.body.parts_of(group)):
+            colours[p] = ORANGE
+    return colours
 
 
 def _enter(server: Any, scene: Scene) -> None:

@@ -47,11 +47,14 @@
     const [parts, known] = (await Promise.all([told.parts_of_points, told.known].map(unzipped))).map((b) => new Uint8Array(b));
     const n_segments = told.segments.length, segments = told.segments_of_parts;
     const person = { placed: new Float32Array(placed), n_segments, segments, known, meshes: [] };
+    const position = new THREE.BufferAttribute(new Float32Array(points), 3);
+    const normal = new THREE.BufferAttribute(new Float32Array(normals), 3);
+    const corners = new Uint32Array(faces);
     for (let p = 0; p < told.parts.length; p++) {
       const geometry = new THREE.BufferGeometry();
-      geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points), 3));
-      geometry.setAttribute("normal", new THREE.BufferAttribute(new Float32Array(normals), 3));
-      const corners = new Uint32Array(faces), own = [];
+      geometry.setAttribute("position", position);
+      geometry.setAttribute("normal", normal);
+      const own = [];
       for (let f = 0; f < corners.length; f += 3)
         if (parts[corners[f]] === p) own.push(corners[f], corners[f + 1], corners[f + 2]);
       geometry.setIndex(own);
