@@ -30,7 +30,7 @@ OPTIONAL = {"moderngl", "glcontext", "pyrender", "OpenGL", "dask", "distributed"
 
 VAGUE_NAMES = {"utils", "util", "helpers", "helper", "core", "common", "manager", "misc", "base"}
 
-MAX_FILE_LINES, MAX_FUNCTION_LINES = 250, 60
+MAX_FILE_LINES, MAX_FUNCTION_LINES = 400, 60
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
