@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from tracker.arrays import Array
-from tracker.keypoints import LAYOUTS, meant
+from tracker.keypoint_layouts.orders import LAYOUTS
+from tracker.keypoints import meant
 from tracker.scene import Scene
 
 NAMES = LAYOUTS["coco_17"]

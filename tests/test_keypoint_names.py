@@ -18,8 +18,9 @@ from tracker.errors import ModelError
 from tracker.evidence.keypoints import KeypointEvidence
 from tracker.frame import Frame
 from tracker.initialization.keypoints import KeypointInitialization
+from tracker.keypoint_layouts.orders import LAYOUTS
 from tracker.keypoint_names import plain_name
-from tracker.keypoints import LAYOUTS, limbs, meant, swapped_sides
+from tracker.keypoints import limbs, meant, swapped_sides
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
@@ -104,14 +105,15 @@ def test_bundled_persons_know_what_detectors_call_their_joints(model: str, layou
     body = load_body(model_path(model))
     known = meant(LAYOUTS[layout], body)
     names = [LAYOUTS[layout][k] for k in known.rows]
-    assert len(names) >= 12
+    assert len(set(names)) == len(names) >= 12
     place = dict(zip(names, known.points, strict=True))
     for name in names:
         np.testing.assert_allclose(place[name], place[body.mirror.of(name)] * [1, -1, 1], atol=1e-9)
     if model in ("human", "upper32"):
-        assert set(names) == set(LAYOUTS[layout])
-        assert place["left_ear"][2] < place["nose"][2] + 0.05
-        assert place["nose"][0] > place["left_eye"][0] > place["left_ear"][0]
+        assert set(names) == set(LAYOUTS[layout]) - {""}
+        if "nose" in names:
+            assert place["left_ear"][2] < place["nose"][2] + 0.05
+            assert place["nose"][0] > place["left_eye"][0] > place["left_ear"][0]
 
 
 def test_a_keypoint_of_a_side_that_the_body_lacks_is_left_out(tmp_path: Path) -> None:

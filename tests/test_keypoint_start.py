@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from tracker.frame import Frame
 from tracker.initialization import Stages
 from tracker.initialization._inverse_kinematics import fitted_pose
 from tracker.initialization.keypoints import KeypointInitialization
+from tracker.keypoint_layouts.orders import LAYOUTS
 from tracker.keypoints import limbs, meant, swapped_sides
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
@@ -245,9 +247,56 @@ def test_where_persons_are_told_to_be_counts(scene: Scene, stages: Stages, body:
 def test_what_cannot_work_is_refused_before_the_first_frame(scene: Scene, tmp_path: Path) -> None:
     pattern = written(detected(scene), scene.rig.names, tmp_path)
     told = KeypointInitialization(path=pattern).check(scene, (None,) * 4)
-    assert told == f"keypoints, 17 a person, in {pattern}"
+    assert told == f"keypoints, 17 a person (coco_17, told by their number, as many as h36m_17), in {pattern}"
     with pytest.raises(ConfigError, match="expected a folder of OpenPose's JSON files"):
         KeypointInitialization(path=str(tmp_path / "absent" / "{view}")).check(scene, (None,) * 4)
     other = tuple(f"point{k}" for k in range(17))
     with pytest.raises(ConfigError, match='0 of the keypoints mean points of model "gavrila22"'):
         KeypointInitialization(path=pattern, names=other).check(scene, (None,) * 4)
+
+
+def test_a_start_that_fails_says_as_which_layout_it_fits(scene: Scene, stages: Stages, tmp_path: Path) -> None:
+    """25 keypoints are BODY_25 or BODY_25B, and were all lost as the other one."""
+    names = LAYOUTS["body_25b"]
+    views = []
+    for coco in detected(scene, noise_px=2.0):
+        found = np.zeros((1, len(names), 3))
+        found[:, :17] = coco
+        views.append(found)
+    pattern, frame = written(views, scene.rig.names, tmp_path), Frame(0, 0.0, (None,) * 4)
+    for layout, read in ((None, "body_25, told by their number"), ("body_25", "body_25")):
+        initialization = KeypointInitialization(path=pattern, layout=layout)
+        assert f"25 a person ({read}" in initialization.check(scene, (None,) * 4)
+        told = f'they were read as {read}, and fit the body as body_25b: set layout = "body_25b"'
+        with pytest.raises(InitializationError, match=re.escape(told)):
+            initialization.start(frame, scene, stages)
+    body = scene.persons[0].body
+    start = KeypointInitialization(path=pattern, layout="body_25b").start(frame, scene, stages)
+    gaps = np.linalg.norm(body.landmarks_in_world(start.poses[0]) - body.landmarks_in_world(scene.persons[0].q), axis=1)
+    assert gaps.mean() < 0.025
+
+
+def test_a_start_in_a_frame_without_files_names_the_numbers_there_are(
+    scene: Scene, stages: Stages, tmp_path: Path
+) -> None:
+    pattern = written(detected(scene), scene.rig.names, tmp_path, frame=1000)
+    with pytest.raises(InitializationError, match=r"\(a has 1000 to 1000, this frame is 0, b has"):
+        KeypointInitialization(path=pattern).start(Frame(0, 0.0, (None,) * 4), scene, stages)
+
+
+def test_shares_of_the_image_are_refused_or_multiplied(scene: Scene, stages: Stages, tmp_path: Path) -> None:
+    views = detected(scene)
+    for view, camera in zip(views, scene.rig.cameras, strict=True):
+        view[..., :2] /= camera.size
+    pattern, frame = written(views, scene.rig.names, tmp_path), Frame(0, 0.0, (None,) * 4)
+    for use in (KeypointInitialization(path=pattern), KeypointEvidence(path=pattern)):
+        with pytest.raises(ConfigError, match="set normalized = true"):
+            use.check(scene, (None,) * 4) if isinstance(use, KeypointInitialization) else use.check(scene)
+    told = KeypointInitialization(path=pattern, normalized=True)
+    told.check(scene, (None,) * 4)
+    body = scene.persons[0].body
+    pose = told.start(frame, scene, stages).poses[0]
+    gaps = np.linalg.norm(body.landmarks_in_world(pose) - body.landmarks_in_world(scene.persons[0].q), axis=1)
+    assert gaps.mean() < 0.015
+    with pytest.raises(ConfigError, match="leave downscale out"):
+        KeypointInitialization(path=pattern, normalized=True, downscale=2).check(scene, (None,) * 4)

@@ -12,24 +12,6 @@ from tracker.errors import SequenceError
 from tracker.keypoint_names import plain_name
 from tracker.mirror import Mirror
 
-_COCO = (
-    *("nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder", "left_elbow"),
-    *("right_elbow", "left_wrist", "right_wrist", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle"),
-    "right_ankle",
-)
-_BODY_25 = (
-    *("nose", "neck", "right_shoulder", "right_elbow", "right_wrist", "left_shoulder", "left_elbow", "left_wrist"),
-    *("pelvis", "right_hip", "right_knee", "right_ankle", "left_hip", "left_knee", "left_ankle", "right_eye"),
-    *("left_eye", "right_ear", "left_ear", "left_toe", "left_small_toe", "left_heel", "right_toe", "right_small_toe"),
-    "right_heel",
-)
-_HALPE = (
-    *("head_top", "neck", "pelvis", "left_toe", "right_toe", "left_small_toe", "right_small_toe", "left_heel"),
-    "right_heel",
-)
-LAYOUTS: dict[str, tuple[str, ...]] = {"coco_17": _COCO, "body_25": _BODY_25, "halpe_26": (*_COCO, *_HALPE)}
-"""Names of the keypoints that common detectors give without names, in their order; `toe` is the big toe."""
-
 
 @dataclass(frozen=True)
 class Detections:

@@ -144,6 +144,7 @@ def _tables() -> list[Reader]:
     return [
         Reader("start poses", samples.write_result, start, TEXT, ("poses.csv",)),
         _text("keypoints openpose", samples.KEYPOINTS, keypoints("json"), "json/a_000000.json"),
+        _text("keypoints alphapose", samples.ALPHAPOSE, keypoints("a.json"), "a.json"),
         _text("keypoints deeplabcut", samples.DEEPLABCUT, keypoints("dlc.csv"), "dlc.csv"),
         _text("keypoints sleap", samples.SLEAP, keypoints("sleap.csv"), "sleap.csv"),
         _text("measured points", samples.POINTS, points, "points.csv"),

@@ -199,6 +199,9 @@ _POINTS = ", ".join(["12.5, 30.1, 0.9"] * 25)
 KEYPOINTS = f'{{"version": 1.3, "people": [{{"person_id": [-1], "pose_keypoints_2d": [{_POINTS}]}}]}}'
 """A frame of OpenPose's 25 points."""
 
+ALPHAPOSE = f'[{{"image_id": "0.jpg", "category_id": 1, "keypoints": [{_POINTS}], "score": 2.5, "idx": 1}}]'
+"""Of a video of one image."""
+
 DEEPLABCUT = """scorer,DLC,DLC,DLC,DLC,DLC,DLC
 bodyparts,nose,nose,nose,left_elbow,left_elbow,left_elbow
 coords,x,y,likelihood,x,y,likelihood

@@ -17,7 +17,7 @@ from tracker.account import Account
 from tracker.arrays import Array, frozen
 from tracker.body import BodyModel
 from tracker.comparison import Comparison
-from tracker.components import PathPattern, component
+from tracker.components import component
 from tracker.contours import Contours
 from tracker.equations import Equations
 from tracker.errors import ConfigError, SequenceError
@@ -25,7 +25,7 @@ from tracker.evidence import Evidence, Memory
 from tracker.evidence._shares import over_views
 from tracker.frame import Frame
 from tracker.kernels.body.keypoints import Detected, Matches, match_keypoints
-from tracker.keypoint_layouts.views import KeypointViews
+from tracker.keypoint_layouts.views import KeypointFiles
 from tracker.keypoints import Meant, limbs, meant, swapped_sides
 from tracker.rig import Rig
 from tracker.scene import Scene
@@ -76,8 +76,8 @@ class ObservedKeypoints:
         """What means points of the person asked about, read and packed once."""
         if asked.person not in self._known:
             rig = asked.scene.rig
-            views = KeypointViews.open(evidence.path, rig.names, evidence.names)
-            found = views.at(self.frame, rig, evidence.downscale, evidence.least_confidence)
+            views = evidence.opened(rig)
+            found = evidence.found(views, self.frame, rig)
             found = [view if seen else view[:0] for view, seen in zip(found, self.seen, strict=True)]
             self._known[asked.person] = _packed(views.names, found, asked.body)
         return self._known[asked.person]
@@ -108,25 +108,12 @@ def _packed(names: tuple[str, ...], found: Sequence[Array], body: BodyModel) -> 
 
 
 @component
-class KeypointEvidence(Evidence):
+class KeypointEvidence(KeypointFiles, Evidence):
     """Distances of points of the body from the keypoints that a detector has found.
 
     Beside other kinds of evidence its weights are 1: distances then differ by a pixel or so for an arm in the wrong
     place, and equations move what nothing else holds.
     """
-
-    path: PathPattern
-    """A folder of OpenPose's JSON files, or a CSV table of DeepLabCut or SLEAP, for each view: for instance
-    `keypoints/{view}_json`. JSON files are numbered as the images are, tables from 0 at a view's first image."""
-
-    names: tuple[str, ...] = ()
-    """Names of the keypoints in JSON files; empty for those of COCO-17, BODY_25 or HALPE_26, told by their number."""
-
-    downscale: int | None = pydantic.Field(default=None, ge=1, le=16)
-    """How much larger the images were in which keypoints were found; where nothing is said: as they were recorded."""
-
-    least_confidence: float = pydantic.Field(default=0.3, ge=0, le=1)
-    """Keypoints of less confidence, a share of 1, are left out."""
 
     noise_m: float = pydantic.Field(default=0.03, gt=0)
     """Standard deviation of a keypoint from the point it means, metres: a detector and a body do not have the same
@@ -139,7 +126,7 @@ class KeypointEvidence(Evidence):
     def check(self, scene: Scene) -> None:
         """Opens the files and asks whether they mean anything of each body; see `tracker.evidence.Evidence.check`."""
         try:
-            names = KeypointViews.open(self.path, scene.rig.names, self.names).names
+            names = self.checked(scene.rig).names
         except SequenceError as error:
             raise ConfigError(str(error)) from error
         for body in (person.body for person in scene.persons):

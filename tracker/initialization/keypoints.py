@@ -6,11 +6,10 @@ import itertools
 from dataclasses import replace
 
 import numpy as np
-import pydantic
 
 from tracker.arrays import Array, Integers
 from tracker.body import BodyModel
-from tracker.components import PathPattern, component
+from tracker.components import component
 from tracker.errors import ConfigError, InitializationError, SequenceError
 from tracker.evidence import Evidence
 from tracker.evidence.auto import AutoEvidence
@@ -21,7 +20,7 @@ from tracker.initialization import Stages
 from tracker.initialization._hypotheses import beside_turned
 from tracker.initialization._inverse_kinematics import fitted_pose
 from tracker.initialization._person_pieces import place
-from tracker.keypoint_layouts.views import KeypointViews
+from tracker.keypoint_layouts.views import KeypointFiles, KeypointViews
 from tracker.keypoints import limbs, meant, swapped_sides
 from tracker.plate import Plate
 from tracker.scene import Person, Scene
@@ -40,38 +39,25 @@ metres."""
 
 
 @component
-class KeypointInitialization:
+class KeypointInitialization(KeypointFiles):
     """Triangulates the keypoints of all views robustly and fits the bodies to them by inverse kinematics."""
-
-    path: PathPattern
-    """A folder of OpenPose's JSON files, or a CSV table of DeepLabCut or SLEAP, for each view: for instance
-    `keypoints/{view}_json`. JSON files are numbered as the images are, tables from 0 at a view's first image."""
-
-    names: tuple[str, ...] = ()
-    """Names of the keypoints in JSON files; empty for those of COCO-17, BODY_25 or HALPE_26, told by their number."""
-
-    downscale: int | None = pydantic.Field(default=None, ge=1, le=16)
-    """How much larger the images were in which keypoints were found; where nothing is said: as they were recorded."""
-
-    least_confidence: float = pydantic.Field(default=0.3, ge=0, le=1)
-    """Keypoints of less confidence, a share of 1, are left out."""
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Opens the files and asks what of each body their keypoints mean; see `Initialization.check`."""
         try:
-            names = KeypointViews.open(self.path, scene.rig.names, self.names).names
+            views = self.checked(scene.rig)
         except SequenceError as error:
             raise ConfigError(str(error)) from error
         for person in scene.persons:
-            n_meant = len(meant(names, person.body).rows)
+            n_meant = len(meant(views.names, person.body).rows)
             if n_meant < _LEAST_MARKS:
                 raise ConfigError(
                     f'{self.path}: {n_meant} of the keypoints mean points of model "{person.body.name}", expected '
-                    f"{_LEAST_MARKS}; keypoints: {', '.join(names)}; landmarks: "
+                    f"{_LEAST_MARKS}; keypoints: {', '.join(views.names)}; landmarks: "
                     f"{', '.join(person.body.landmark_names)}; "
                     "[keypoints] of a model file says what other names mean"
                 )
-        return f"keypoints, {len(names)} a person, in {self.path}"
+        return f"keypoints, {views.order}, in {self.path}"
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """The poses that fit the keypoints best; who is who is told by `at`, else by how well each body fits.
@@ -81,34 +67,68 @@ class KeypointInitialization:
         outlines do not.
         """
         try:
-            views = KeypointViews.open(self.path, scene.rig.names, self.names)
-            found = views.at(frame, scene.rig, self.downscale, self.least_confidence)
+            views = self.checked(scene.rig)
+            found = self.found(views, frame, scene.rig)
         except SequenceError as error:
             raise InitializationError(str(error)) from error
-        body = scene.persons[0].body
-        other_side, groups = swapped_sides(views.names, body.mirror), limbs(views.names, body)
-        persons = skeletons(scene.rig, found, other_side, groups, len(scene.persons) + 1)
-        persons = _without(persons, views.names, [scene.persons[k] for k in stages.held])
-        sought = [k for k in range(len(scene.persons)) if k not in stages.held]
-        fits = [[_fit(scene.persons[k].body, views.names, one) for one in persons] for k in sought]
-        told = [None if stages.seen_before else scene.persons[k].at for k in sought]
-        places = _assigned([_costs(persons, row, at) for row, at in zip(fits, told, strict=True)])
+        persons, sought = _skeletons(views, found, scene, stages), _sought(scene, stages)
+        fits, places = _fitted(persons, sought, views.names, scene, stages)
         if places is None:
             beside = " beside those whose poses are known" if stages.held else ""
             seen = ", ".join(f"{len(view)} in {name}" for view, name in zip(found, views.views, strict=True))
             raise InitializationError(
                 f"frame {frame.index}: keypoints of {len(sought)} person(s) sought, the views agree on {len(persons)}"
-                f"{beside} (detected: {seen}); "
-                "check the calibration, and that keypoints and frames have the same numbers"
+                f"{beside} (detected: {seen}); {self._way_out(views, frame, scene, stages)}"
             )
         poses = [person.q for person in scene.persons]
         for k, row, n in zip(sought, fits, places, strict=True):
             poses[k] = row[n][0]
+        other_side = swapped_sides(views.names, scene.persons[0].body.mirror)
         turned = {
             k: _fit(scene.persons[k].body, views.names, _exchanged(persons[n], other_side))[0]
             for k, n in zip(sought, places, strict=True)
         }
         return Start(tuple(poses), (), _beside_turned(frame, scene.with_poses(tuple(poses)), turned, stages))
+
+    def _way_out(self, views: KeypointViews, frame: Frame, scene: Scene, stages: Stages) -> str:
+        """What to do where no start is found: to name the layout that fits, where the number of keypoints misled."""
+        order, gaps = views.order, views.gaps_told(frame)
+        fitting = next((other for other in order.others if self._fits(other, frame, scene, stages)), None)
+        if fitting:
+            return f'they were read as {order.taken_for}, and fit the body as {fitting}: set layout = "{fitting}"'
+        return (
+            f"check that they are {order.taken_for}, the calibration, and that keypoints and frames have the same "
+            f"numbers{f' ({gaps})' if gaps else ''}"
+        )
+
+    def _fits(self, layout: str, frame: Frame, scene: Scene, stages: Stages) -> bool:
+        """Whether the bodies fit the keypoints if their order is another one."""
+        views = KeypointViews.open(self.path, scene.rig.names, layout=layout)
+        found = self.found(views, frame, scene.rig)
+        persons = _skeletons(views, found, scene, stages)
+        return _fitted(persons, _sought(scene, stages), views.names, scene, stages)[1] is not None
+
+
+def _sought(scene: Scene, stages: Stages) -> list[int]:
+    """The persons whose poses are not known."""
+    return [k for k in range(len(scene.persons)) if k not in stages.held]
+
+
+def _skeletons(views: KeypointViews, found: list[Array], scene: Scene, stages: Stages) -> list[Skeleton]:
+    """The persons that the views agree on, without those whose poses are known."""
+    body = scene.persons[0].body
+    other_side, groups = swapped_sides(views.names, body.mirror), limbs(views.names, body)
+    persons = skeletons(scene.rig, found, other_side, groups, len(scene.persons) + 1)
+    return _without(persons, views.names, [scene.persons[k] for k in stages.held])
+
+
+def _fitted(
+    persons: list[Skeleton], sought: list[int], names: tuple[str, ...], scene: Scene, stages: Stages
+) -> tuple[list[list[tuple[Array, float]]], tuple[int, ...] | None]:
+    """For each person sought the fit to each skeleton, and which skeleton it is; None if one of them is nobody."""
+    fits = [[_fit(scene.persons[k].body, names, one) for one in persons] for k in sought]
+    told = [None if stages.seen_before else scene.persons[k].at for k in sought]
+    return fits, _assigned([_costs(persons, row, at) for row, at in zip(fits, told, strict=True)])
 
 
 def _exchanged(person: Skeleton, other_side: Integers) -> Skeleton:
