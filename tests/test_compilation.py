@@ -9,8 +9,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 import tracker.kernels.compilation
+from tracker.cli import app
+from tracker.components import find
 from tracker.kernels import ahead
 from tracker.kernels.compilation import sources_of
 from tracker.kernels.contours.scoring import score_poses
@@ -120,3 +123,12 @@ def test_nothing_is_compiled_once_the_kernels_are_warm():
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(script.parents[1]), str(script.parent)])}
     done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, check=False)
     assert (done.stdout, done.returncode) == ("", 0), done.stderr
+
+
+def test_warming_up_compiles_what_runs_and_calibrations_need(monkeypatch):
+    done = []
+    monkeypatch.setattr(ahead, "all_cached", lambda group: False)
+    monkeypatch.setattr(ahead, "warm_up", lambda progress, group: done.append(group))
+    assert CliRunner().invoke(app, ["warmup"]).exit_code == 0
+    needed = {find("jobs", use).kernels for use in ("track", "calibrate")}
+    assert set(done) == needed

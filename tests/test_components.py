@@ -9,6 +9,7 @@ import importlib
 import inspect
 import pickle
 import pkgutil
+import sys
 import tomllib
 import typing
 from pathlib import Path
@@ -240,3 +241,10 @@ def test_what_is_no_component_is_refused_in_one_line(use):
         build("similarity", {"use": use}, "here", Path())
     assert f'use = "{use}"' in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_component_whose_package_is_missing_says_what_to_install(monkeypatch):
+    monkeypatch.delitem(sys.modules, "tracker.batching.dask", raising=False)
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ConfigError, match='"dask" needs the Python package distributed: pip install distributed'):
+        find("batching", "dask")

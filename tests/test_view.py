@@ -232,7 +232,7 @@ def test_without_viser_the_package_to_install_is_named(tracked, monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
     told = CliRunner().invoke(app, ["view", str(tracked / "result")])
     assert isinstance(told.exception, ConfigError)
-    assert str(told.exception).endswith('pip install "bodytrack[view]"')
+    assert str(told.exception).endswith("pip install viser")
 
 
 def test_settings_of_a_result_are_not_changed(tracked):

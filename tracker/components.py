@@ -7,6 +7,7 @@ import importlib
 import pkgutil
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Any, TypeVar, cast, dataclass_transform
 
 import pydantic
@@ -137,7 +138,7 @@ def find(stage: str, use: str) -> type[Any]:
         return plugin(use, contract(stage))
     if use not in available(stage):
         raise ConfigError(f'use = "{use}": no such component; {nearest(use, available(stage))}')
-    module = importlib.import_module(f"tracker.{stage}.{use}")
+    module = _loaded(f"tracker.{stage}.{use}")
     classes = [
         value
         for value in vars(module).values()
@@ -146,6 +147,22 @@ def find(stage: str, use: str) -> type[Any]:
     if len(classes) != 1:
         raise ConfigError(f"tracker/{stage}/{use}.py holds {len(classes)} components, expected one")
     return classes[0]
+
+
+def _loaded(name: str) -> ModuleType:
+    """A module of the package.
+
+    Raises:
+        ConfigError: it needs a package that a plain installation lacks.
+    """
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        lacking = str(error.name).partition(".")[0]
+        if lacking in ("tracker", "None"):
+            raise
+        use = name.rpartition(".")[2]
+        raise ConfigError(f'"{use}" needs the Python package {lacking}: pip install {lacking}') from error
 
 
 def _is_component(cls: type[Any]) -> bool:

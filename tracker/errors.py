@@ -66,10 +66,44 @@ def nearest(name: str, options: Iterable[str]) -> str:
     valid = sorted({shortened(str(option)) for option in itertools.islice(options, _MOST_LOOKED_AT)} - {""})
     if not valid:
         return "none is there"
-    close = difflib.get_close_matches(name[:_LONGEST_QUOTE], valid, n=1, cutoff=0.5)
-    hint = f'did you mean "{close[0]}"? ' if close else ""
+    found, folded = name[:_LONGEST_QUOTE].casefold(), {option.casefold(): option for option in valid}
+    candidates = difflib.get_close_matches(found, folded, n=_MOST_COMPARED, cutoff=0.5)
+    close = next((folded[option] for option in candidates if _alike(found, option)), None)
+    hint = f'did you mean "{close}"? ' if close else ""
     more = f" and {len(valid) - _MOST_SHOWN} more" if len(valid) > _MOST_SHOWN else ""
     return f"{hint}valid: {', '.join(valid[:_MOST_SHOWN])}{more}"
+
+
+def _alike(one: str, other: str) -> bool:
+    """Whether one name may be meant by another: one begins with the other, or few letters are wrong."""
+    if min(len(one), len(other)) >= _BEGINNING and (one.startswith(other) or other.startswith(one)):
+        return True
+    longest = max(len(one), len(other))
+    return longest > 1 and _n_typos(one, other) <= max(1, longest // _LETTERS_A_TYPO)
+
+
+def _n_typos(one: str, other: str) -> int:
+    """How many letters are missing, too many, other ones, or exchanged with their neighbours (optimal alignment)."""
+    before, row = [0] * (len(other) + 1), list(range(len(other) + 1))
+    for i, a in enumerate(one, start=1):
+        last, row = row, [i]
+        for j, b in enumerate(other, start=1):
+            n = min(last[j] + 1, row[j - 1] + 1, last[j - 1] + (a != b))
+            if i > 1 and j > 1 and a == other[j - 2] and one[i - 2] == b:
+                n = min(n, before[j - 2] + 1)
+            row.append(n)
+        before = last
+    return row[-1]
+
+
+_MOST_COMPARED = 5
+"""Names that are compared letter by letter: those that share most."""
+
+_BEGINNING = 3
+"""Letters of a beginning that tells a name."""
+
+_LETTERS_A_TYPO = 3
+"""Of so many letters one may be wrong; "persons" and "interiors" share half of theirs, and neither is the other."""
 
 
 def shortened(text: str) -> str:

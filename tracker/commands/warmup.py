@@ -8,18 +8,21 @@ import typer
 
 from tracker.commands.terminal import ProgressBar, console
 
+_USUAL = "tracking", "calibration"
+"""What `run` and `calibrate` need."""
+
 
 def warmup(
-    everything: Annotated[bool, typer.Option("--all", help="Also those of surfaces and calibration.")] = False,
+    everything: Annotated[bool, typer.Option("--all", help="Also those of surfaces and recognition.")] = False,
     clean: Annotated[bool, typer.Option("--clean", help="Delete what other versions of the kernels left.")] = False,
 ) -> None:
-    """Compiles the kernels of the tracking ahead; they are kept on disk."""
+    """Compiles the kernels of tracking and calibration ahead; they are kept on disk."""
     from tracker.kernels.ahead import GROUPS, all_cached, forget_outdated, warm_up
     from tracker.kernels.compilation import code_folder
 
     if clean:
         console.print(f"{forget_outdated() / 1e6:.1f} MB of outdated kernels deleted", highlight=False)
-    for group in GROUPS if everything else GROUPS[:1]:
+    for group in GROUPS if everything else _USUAL:
         if all_cached(group):
             console.print(f"the kernels for {group} are compiled already")
         else:

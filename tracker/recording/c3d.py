@@ -104,7 +104,7 @@ def c3d_library(asked: str = 'recording "c3d"') -> Any:
     try:
         return importlib.import_module("ezc3d")
     except ImportError as error:
-        raise ConfigError(f'{asked} needs the Python package ezc3d: pip install "bodytrack[export]"') from error
+        raise ConfigError(f"{asked} needs the Python package ezc3d: pip install ezc3d") from error
 
 
 def _content(motion: Motion, y_up: bool) -> Any:

@@ -8,7 +8,6 @@ from typing import Any
 from tracker.errors import RenderError
 
 SYSTEM_PACKAGES = "apt-get install -y --no-install-recommends libegl1 libgl1 libxrender1 libosmesa6"
-PYTHON_PACKAGES = 'pip install "bodytrack[gl]"'
 NEWER_BINDING = 'pip install -U "PyOpenGL>=3.1.10"'
 
 
@@ -25,8 +24,9 @@ def library(name: str, use: str) -> Any:
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
-        if error.name == name.partition(".")[0]:
-            raise RenderError(f'synthesis "{use}" needs the Python package {name}: {PYTHON_PACKAGES}') from error
+        package = name.partition(".")[0]
+        if error.name == package:
+            raise RenderError(f'synthesis "{use}" needs the Python package {package}: pip install {package}') from error
         raise unusable(use, error) from error
     except Exception as error:
         raise unusable(use, error) from error

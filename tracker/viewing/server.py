@@ -24,7 +24,7 @@ def serving(port: int) -> Iterator[Any]:
     try:
         viser: Any = importlib.import_module("viser")
     except ImportError as error:
-        raise ConfigError('bodytrack view needs the Python package viser: pip install "bodytrack[view]"') from error
+        raise ConfigError("bodytrack view needs the Python package viser: pip install viser") from error
     try:
         with _quiet():
             server = viser.ViserServer(host=LOOPBACK, port=port, label="bodytrack", verbose=False)
