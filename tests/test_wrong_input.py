@@ -117,3 +117,47 @@ def test_frames_are_those_of_a_run(tmp_path: Path) -> None:
     (tmp_path / "pairs.toml").write_text("[[pairs]]\n")
     said = told("acquire", tmp_path / "pairs.toml", "--frames", "0:5")
     assert said == f"--frames 0:5: only of a run's configuration; {tmp_path / 'pairs.toml'} has no [reading]"
+
+
+FOREIGN = {
+    "Config.toml": "[project]\n[pose]\n[triangulation]\n[filtering]\n",
+    "config.toml": 'project = "a"\nnesting = 1\n[triangulation]\n',
+    "a_run.toml": 'persons = [{ name = "anna" }]\n[reading]\nuse = "video"\npath = "{view}.mp4"\n',
+    "boards.toml": '[reading]\nuse = "video"\n[calibration]\nuse = "chessboard"\n',
+    "model.toml": "[[segments]]\nname = 'a'\n",
+    "film.mp4": "\0",
+}
+
+
+@pytest.mark.parametrize(
+    ("command", "file", "message"),
+    [
+        ("run", "Config.toml", "Pose2Sim's Config.toml, expected a configuration of bodytrack: `bodytrack init"),
+        ("acquire", "Config.toml", "Pose2Sim's Config.toml"),
+        ("run", "config.toml", "Anipose's config.toml"),
+        ("calibrate chessboard", "a_run.toml", "another command: `bodytrack run"),
+        ("follow", "a_run.toml", "another command: `bodytrack run"),
+        ("run", "boards.toml", "another command: `bodytrack calibrate chessboard"),
+        ("run", "model.toml", "a body model, expected a configuration: name it there"),
+        ("run", "film.mp4", "a video, expected a configuration: `bodytrack init"),
+        ("run", "result", "the folder of a result, expected a configuration; its own is"),
+        ("run", "videos", "a folder, expected a configuration: `bodytrack init"),
+        ("run", "rig.toml", "a calibration of 4 cameras, expected a configuration: `bodytrack init VIDEOS --rig"),
+        ("calibrate points", "rig.json", "a calibration of 4 cameras"),
+        ("smooth", "a_run.toml", "a file, expected the folder of a run"),
+        ("init", "film.mp4", "expected a folder of videos: did you mean"),
+    ],
+)
+def test_another_file_than_was_asked_for_is_told_for_what_it_is(
+    tmp_path: Path, command: str, file: str, message: str
+) -> None:
+    for name, text in FOREIGN.items():
+        (tmp_path / name).write_text(text)
+    for name in ("rig.toml", "rig.json"):
+        save_rig(SMALL, tmp_path / name)
+    (tmp_path / "videos").mkdir()
+    (tmp_path / "result").mkdir()
+    (tmp_path / "result" / "config.toml").touch()
+    found = told(*command.split(), tmp_path / file)
+    assert found.startswith(str(tmp_path / file))
+    assert message in found

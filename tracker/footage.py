@@ -53,7 +53,8 @@ def listed(folder: Path) -> list[Path]:
     try:
         return [path for path in folder.iterdir() if not path.name.startswith(".")]
     except OSError as error:
-        raise SequenceError(f"{folder}: {error.strerror}, expected a folder of videos") from error
+        hint = f": did you mean {folder.parent}?" if folder.suffix.lower() in VIDEOS | PICTURES else ""
+        raise SequenceError(f"{folder}: {error.strerror}, expected a folder of videos{hint}") from error
 
 
 def sources(folder: Path) -> list[Path]:

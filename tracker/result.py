@@ -138,6 +138,8 @@ def load_result(folder: Path | str) -> Result:
         TrackerError: the folder is not that of a run, or something in it is damaged.
     """
     path = Path(folder) / "run.json"
+    if Path(folder).is_file():
+        raise ConfigError(f"{folder}: a file, expected the folder of a run, for instance results/my_run/latest")
     if not path.is_file():
         raise ConfigError(
             f"{path}: no such file: expected the folder of a run with the recordings run_json and journal, "

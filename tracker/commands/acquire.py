@@ -29,14 +29,14 @@ def acquire(
     frames: Annotated[str | None, typer.Option(help="Range A:B of a run's frames to use.")] = None,
 ) -> None:
     """Makes a person's body model: from two silhouettes, a scan, surface points, or a run's views while tracking."""
-    from tracker.config_files import read_config
+    from tracker.jobs import read_own
     from tracker.jobs.acquire import acquire_to, acquisition_from
 
     if output is not None and output.suffix not in ("", ".toml"):
         raise ConfigError(f"--output {output}: expected a .toml file, or a folder for all results")
-    if frames is not None and "reading" not in read_config(config, set_ or ()):
+    if frames is not None and "reading" not in read_own("acquire", config, set_ or ()):
         raise ConfigError(f"--frames {frames}: only of a run's configuration; {config} has no [reading]")
-    table = read_config(config, with_range(set_, frames))
+    table = read_own("acquire", config, with_range(set_, frames))
     job = acquisition_from(table, config.name, config.parent, config.stem)
     if output is not None and not output.suffix:
         print_acquisition(console, done(job, output))

@@ -13,7 +13,7 @@ import tomli_w
 
 from tracker.components import available, find
 from tracker.config import build_class, component_name, described_fields
-from tracker.config_files import Table, read_config
+from tracker.config_files import Table
 from tracker.errors import ConfigError, nearest
 from tracker.files import write_json, write_whole
 from tracker.jobs._folder import (
@@ -27,6 +27,7 @@ from tracker.jobs._folder import (
     remembered,
 )
 from tracker.jobs._folder import result_folder as _result_folder
+from tracker.jobs._foreign import read_own
 from tracker.jobs._inputs import INPUTS, Fingerprints, check_inputs, fingerprints
 from tracker.jobs._resuming import check_same
 from tracker.kernels.ahead import Group, all_cached, warm_up
@@ -45,6 +46,7 @@ __all__ = [
     "job_from",
     "link_latest",
     "load_job",
+    "read_own",
     "versions",
 ]
 
@@ -108,7 +110,7 @@ def load_job(use: str, path: Path, overrides: Sequence[str] = ()) -> Any:
     Raises:
         ConfigError: names file, section, key and the nearest valid one.
     """
-    return job_from(use, read_config(path, overrides), path.name, path.parent, path.stem)
+    return job_from(use, read_own(use, path, overrides), path.name, path.parent, path.stem)
 
 
 def job_from(use: str, table: Table, source: str, folder: Path, name: str) -> Any:

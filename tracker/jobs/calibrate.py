@@ -13,10 +13,9 @@ import pydantic
 
 from tracker.calibration import Calibrated, Calibration, report_html, report_text
 from tracker.components import component
-from tracker.config_files import read_config
 from tracker.errors import ConfigError
 from tracker.files import write_whole
-from tracker.jobs import ResultFolder, job_from
+from tracker.jobs import ResultFolder, job_from, read_own
 from tracker.jobs._interiors import then_alone
 from tracker.kernels.ahead import Group
 from tracker.progress import Progress
@@ -116,7 +115,7 @@ def load_calibration(path: Path, kind: Kind, overrides: Sequence[str] = ()) -> C
     Raises:
         ConfigError: names file, section, key and the nearest valid one.
     """
-    table = read_config(path, overrides)
+    table = read_own("calibrate", path, overrides)
     section = table.get("calibration")
     if isinstance(section, dict):
         use = section.setdefault("use", kind)
