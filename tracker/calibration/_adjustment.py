@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tracker.arrays import Array, Mask
 from tracker.calibration._bundle import Observations, State
 from tracker.calibration._determinability import Held
+from tracker.calibration._objects import transformed
 from tracker.calibration._precision import correlation
 from tracker.calibration._states import PARAMETERS, STATE_COLUMNS, UNITS, camera_of
 from tracker.camera import Camera
+from tracker.kernels.rows import bundle_camera, bundle_unknown
 from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
 
 
@@ -62,6 +64,23 @@ class Adjustment:
     def sigmas(self) -> Array:
         """(V, 17) standard errors, in `UNITS`."""
         return np.sqrt(np.diag(self.covariance)).reshape(-1, N_UNKNOWNS)
+
+    def in_world(self, motion: Array) -> Adjustment:
+        """The same adjustment in another frame, with the standard errors along its axes.
+
+        Args:
+            motion: (4, 4) from the present frame to the other one.
+        """
+        cameras = self.state.cameras.copy()
+        turned = cameras[:, bundle_camera.ROTATION].reshape(-1, 3, 3) @ motion[:3, :3].T
+        cameras[:, bundle_camera.ROTATION] = turned.reshape(-1, 9)
+        cameras[:, bundle_camera.CENTRE] = transformed(motion, cameras[:, bundle_camera.CENTRE])
+        # the rotations are about the cameras' own axes, which move along
+        slope = np.eye(N_UNKNOWNS)
+        slope[bundle_unknown.CENTRE, bundle_unknown.CENTRE] = motion[:3, :3]
+        slopes = np.kron(np.eye(len(cameras)), slope)
+        covariance = slopes @ self.covariance @ slopes.T
+        return replace(self, state=State(cameras, self.state.objects.in_world(motion)), covariance=covariance)
 
     def rms_px(self, view: int) -> float:
         """RMS image coordinate residual of a view without its gross errors, px."""

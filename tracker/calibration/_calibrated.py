@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from tracker.arrays import Array, Image
 from tracker.calibration._adjustment import Adjustment
@@ -26,11 +27,8 @@ class Calibrated:
     kind: str
     """Component that made it, for instance `reference_bar`."""
 
-    rig: Rig
-    """The cameras in the world frame asked for."""
-
     adjustment: Adjustment
-    """The bundle adjustment, in its own frame."""
+    """The bundle adjustment, in the world frame asked for."""
 
     n_objects: int
     """Bar positions, board poses or points."""
@@ -44,8 +42,16 @@ class Calibrated:
     world: str = ""
     """Where the world frame comes from."""
 
+    scale: str = ""
+    """What tells the scale, for instance `square_m = 0.054`."""
+
     pictures: dict[str, Image] = field(default_factory=dict)
     """A picture of each view with what was found in it."""
 
     points: Array | None = None
     """(P, 3) adjusted points of the objects in the world, metres; NaN where not determined."""
+
+    @cached_property
+    def rig(self) -> Rig:
+        """The cameras in the world frame asked for."""
+        return Rig(self.adjustment.cameras)

@@ -83,6 +83,8 @@ def _least_determined(
     row[view * N_UNKNOWNS + k] = 0.0
     other = int(np.abs(row).argmax())
     partner = PARAMETERS[other % N_UNKNOWNS]
+    if partner.startswith("centre"):
+        partner = "centre"  # along which axis, the adjustment's own frame has it, which is not the world
     if other // N_UNKNOWNS != view:
         partner += f' of camera "{names[other // N_UNKNOWNS]}"'
     told = PARAMETERS[k], float(sigmas[view, k]), float(limits[view, k]), partner, float(row[other])

@@ -62,6 +62,10 @@ class CalibrationObjects(Protocol):
         """The objects after a step (G, 6) of their unknowns."""
         ...
 
+    def in_world(self, motion: Array) -> CalibrationObjects:
+        """The objects in another frame, which a motion (4, 4) leads to."""
+        ...
+
 
 @dataclass(frozen=True)
 class Bars:
@@ -119,6 +123,10 @@ class Bars:
     def moved(self, steps: Array) -> Bars:
         """The ends shifted."""
         return replace(self, ends=self.ends + steps.reshape(-1, 2, 3))
+
+    def in_world(self, motion: Array) -> Bars:
+        """The ends moved."""
+        return replace(self, ends=transformed(motion, self.ends))
 
     @property
     def lengths(self) -> Array:
@@ -190,6 +198,10 @@ class Boards:
         poses[:, :3, 3] += steps[:, 3:]
         return replace(self, poses=poses)
 
+    def in_world(self, motion: Array) -> Boards:
+        """The poses moved."""
+        return replace(self, poses=motion @ self.poses)
+
 
 @dataclass(frozen=True)
 class MeasuredPoints:
@@ -245,3 +257,14 @@ class MeasuredPoints:
     def moved(self, steps: Array) -> MeasuredPoints:
         """The points shifted."""
         return replace(self, positions=self.positions + steps[:, :3])
+
+    def in_world(self, motion: Array) -> MeasuredPoints:
+        """The points moved, those measured as well."""
+        moved = transformed(motion, self.positions), transformed(motion, self.measured)
+        return MeasuredPoints(*moved, self.sigma_m)
+
+
+def transformed(motion: Array, points: Array) -> Array:
+    """Points (..., 3) after a rigid motion (4, 4)."""
+    result: Array = points @ motion[:3, :3].T + motion[:3, 3]
+    return result

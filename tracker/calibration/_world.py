@@ -11,6 +11,7 @@ import pydantic
 
 from tracker.arrays import Array, Image
 from tracker.calibration._boards import find_corners
+from tracker.calibration._lengths import square_fault
 from tracker.components import FilePath, PathPattern, component
 from tracker.errors import CalibrationError
 from tracker.geometry.rigid_motion import rigid_motion
@@ -48,6 +49,13 @@ class WorldFrame:
 
     board_square_m: float = pydantic.Field(default=0.03, gt=0)
     """Side of the floor board's squares, metres."""
+
+    @pydantic.field_validator("board_square_m")
+    @classmethod
+    def _is_in_metres(cls, length_m: float) -> float:
+        if fault := square_fault(length_m):
+            raise ValueError(fault)
+        return length_m
 
     def placed(self, rig: Rig, bars: tuple[Array, Array] | None, middle: Array) -> tuple[Rig, Array, str]:
         """The rig in the world.

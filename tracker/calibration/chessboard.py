@@ -15,6 +15,7 @@ from tracker.calibration._advice import advice
 from tracker.calibration._board_start import LensKind, SeenCorners, board_start
 from tracker.calibration._boards import charuco_detector, find_charuco, find_corners
 from tracker.calibration._calibrated import Calibrated, Measure
+from tracker.calibration._lengths import square_fault
 from tracker.calibration._objects import Boards
 from tracker.calibration._self_calibration import chosen_unknowns, self_calibrated
 from tracker.calibration._world import WorldFrame
@@ -85,6 +86,13 @@ class ChessboardCalibration:
     world: WorldFrame = pydantic.Field(default_factory=WorldFrame)
     """The world frame."""
 
+    @pydantic.field_validator("square_m", "marker_m")
+    @classmethod
+    def _is_in_metres(cls, length_m: float | None) -> float | None:
+        if length_m is not None and (fault := square_fault(length_m)):
+            raise ValueError(fault)
+        return length_m
+
     def calibrate(self, views: Views, progress: Progress) -> Calibrated:
         """Finds the board in the views and adjusts; see `tracker.calibration.Calibration.calibrate`."""
         find = self._finder()
@@ -112,18 +120,19 @@ class ChessboardCalibration:
         wanted = chosen_unknowns(self.estimated, len(views))
         adjustment = self_calibrated(start, observations, wanted, self.sigma_px, views)
         points = adjustment.state.objects.points
-        rig, motion, source = self.world.placed(Rig(adjustment.cameras), None, np.median(points, axis=0))
+        _, motion, source = self.world.placed(Rig(adjustment.cameras), None, np.median(points, axis=0))
+        adjustment = adjustment.in_world(motion)
         n_boards = len({frame for _, frame in images.seen})
         return Calibrated(
             kind="chessboard",
-            rig=rig,
             adjustment=adjustment,
             n_objects=n_boards,
             measures=_distance_measures(adjustment),
             advice=(*self._about_the_lens(adjustment), *advice(adjustment, "board", n_boards)),
             world=source,
             pictures=pictures or {},
-            points=points @ motion[:3, :3].T + motion[:3, 3],
+            scale=f"square_m = {self.square_m:g}",
+            points=adjustment.state.objects.points,
         )
 
     def _about_the_lens(self, adjustment: Adjustment) -> Iterator[str]:

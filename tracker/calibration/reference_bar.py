@@ -14,7 +14,8 @@ from tracker.calibration._advice import advice
 from tracker.calibration._bar_images import BarImages, measure_bar
 from tracker.calibration._bundle import Observations, State
 from tracker.calibration._calibrated import Calibrated, Measure
-from tracker.calibration._objects import Bars
+from tracker.calibration._lengths import bar_fault
+from tracker.calibration._objects import Bars, transformed
 from tracker.calibration._self_calibration import chosen_unknowns, self_calibrated
 from tracker.calibration._start import bar_observations, start_values
 from tracker.calibration._states import nominal_state
@@ -79,6 +80,13 @@ class ReferenceBarCalibration:
     world: WorldFrame = pydantic.Field(default_factory=WorldFrame)
     """The world frame."""
 
+    @pydantic.field_validator("length_m")
+    @classmethod
+    def _is_in_metres(cls, length_m: float | None) -> float | None:
+        if length_m is not None and (fault := bar_fault(length_m)):
+            raise ValueError(fault)
+        return length_m
+
     def calibrate(self, views: Views, progress: Progress) -> Calibrated:
         """Measures the bar in the views and adjusts; see `tracker.calibration.Calibration.calibrate`."""
         self._length()
@@ -103,17 +111,18 @@ class ReferenceBarCalibration:
         ends = np.where(seen[..., None], bars.ends, np.nan)
         middle = np.nanmedian(ends.reshape(-1, 3), axis=0)
         frames = images.frames[chosen].astype(np.float64)
-        rig, motion, source = self.world.placed(Rig(adjustment.cameras), (frames, ends), middle)
+        _, motion, source = self.world.placed(Rig(adjustment.cameras), (frames, ends), middle)
+        adjustment = adjustment.in_world(motion)
         n_bars = int(seen.all(axis=1).sum())
         return Calibrated(
             kind="reference_bar",
-            rig=rig,
             adjustment=adjustment,
             n_objects=n_bars,
             measures=(*self._measures(adjustment), *lag_measures(adjustment)),
             advice=(*advice(adjustment, "bar", n_bars), *lag_advice(adjustment)),
             world=source,
-            points=ends.reshape(-1, 3) @ motion[:3, :3].T + motion[:3, 3],
+            scale=f"length_m = {self._length():g}",
+            points=transformed(motion, ends).reshape(-1, 3),
         )
 
     def adjusted(self, images: BarImages) -> tuple[Adjustment, Mask]:

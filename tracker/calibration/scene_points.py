@@ -22,7 +22,6 @@ from tracker.components import FilePath, component
 from tracker.errors import CalibrationError
 from tracker.kernels.rows import bundle_camera
 from tracker.progress import Progress
-from tracker.rig import Rig
 from tracker.views import Views
 
 __all__ = ["ScenePointsCalibration"]
@@ -67,13 +66,13 @@ class ScenePointsCalibration:
         pictures = {name: image for name, image in zip(views.names, frame.images, strict=True) if image is not None}
         return Calibrated(
             kind="scene_points",
-            rig=Rig(adjustment.cameras),
             adjustment=adjustment,
             n_objects=int(seen.sum()),
             measures=(Measure("correction of the measured points", rms, "mm", "RMS of a coordinate"),),
             advice=advice(adjustment, "points", int(seen.sum())),
             world=f"points of {self.points.name}",
             pictures=pictures,
+            scale=f"the positions in {self.points.name}",
             points=np.where(seen[:, None], adjustment.state.objects.points, np.nan),
         )
 

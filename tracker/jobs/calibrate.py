@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Literal, Self
 
@@ -13,14 +13,15 @@ import pydantic
 
 from tracker.calibration import Calibrated, Calibration, report_html, report_text
 from tracker.components import component
-from tracker.errors import ConfigError
+from tracker.errors import CalibrationError, ConfigError
 from tracker.files import write_whole
 from tracker.jobs import ResultFolder, job_from, read_own
 from tracker.jobs._interiors import then_alone
 from tracker.kernels.ahead import Group
 from tracker.progress import Progress
 from tracker.reading import Reading
-from tracker.rig_layouts import save_rig
+from tracker.rig_check import check_rig
+from tracker.rig_layouts import FARTHEST_M, save_rig
 from tracker.views import Views
 
 
@@ -72,7 +73,7 @@ class CalibrateJob:
 
     def execute(self, opened: Views, folder: ResultFolder, progress: Progress) -> CalibrateOutcome:
         """Calibrates; see `tracker.jobs.Job.execute`."""
-        calibrated = self.calibration.calibrate(opened, progress)
+        calibrated = looked_over(self.calibration.calibrate(opened, progress))
         save_rig(calibrated.rig, folder.path / "rig.toml")
         write_whole(folder.path / "report.txt", report_text(self.name, calibrated))
         write_whole(folder.path / "report.html", report_html(self.name, calibrated))
@@ -86,6 +87,22 @@ class CalibrateOutcome:
 
     folder: Path
     calibrated: Calibrated
+
+
+def looked_over(calibrated: Calibrated) -> Calibrated:
+    """What came out, with what `bodytrack rig check` would find unusual of its rig before its advice.
+
+    Raises:
+        CalibrationError: no reader would take the rig: its cameras are hundreds of metres apart.
+    """
+    found = check_rig(calibrated.rig)
+    widest = max(found.pairs, key=lambda pair: pair.distance_m, default=None)
+    if widest is not None and widest.distance_m > FARTHEST_M:
+        raise CalibrationError(
+            f"{widest.first} and {widest.second} come out {widest.distance_m:.0f} m apart, expected a room: "
+            f"{calibrated.scale or 'the lengths'} told the scale; is it in metres?"
+        )
+    return replace(calibrated, advice=(*found.doubts, *calibrated.advice))
 
 
 def _residuals(calibrated: Calibrated) -> str:

@@ -17,7 +17,7 @@ from tracker.files import write_whole
 from tracker.fisheye import told_end
 from tracker.rig import Rig
 
-_FARTHEST_M = 200.0
+FARTHEST_M = 200.0
 """A room is metres across: cameras hundreds of units from one another were calibrated in millimetres."""
 _NAMED = 4
 """Cameras left out that are named, before the rest is counted."""
@@ -187,7 +187,7 @@ def _layout_of(target: Path) -> str:
 def _check_units(rig: Rig) -> None:
     centres = [camera.centre for camera in rig.cameras]
     farthest = max(float(np.linalg.norm(a - b)) for a in centres for b in centres)
-    if farthest > _FARTHEST_M:
+    if farthest > FARTHEST_M:
         raise CalibrationError(
             f"two cameras are {farthest:.0f} m apart, expected a room: if the file is in millimetres, say so in it "
             '(units = "mm" under [metadata] of a .toml, at the top of a .json)'
