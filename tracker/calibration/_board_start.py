@@ -25,8 +25,8 @@ LensKind = Literal["pinhole", "fisheye"]
 SeenCorners = dict[tuple[int, int], tuple[Array, Array]]
 """(view, frame) -> corners in the board's frame (N, 3) metres, and their pixels (N, 2)."""
 
-# Zhang 2000, section 3.1: three views of a plane determine the interior.
-_FEWEST_BOARDS = 3
+FEWEST_BOARDS = 3
+"""Zhang 2000, section 3.1: three views of a plane determine the interior."""
 
 _FISHEYE_FOCALS, _FISHEYE_TRIES = (0.2, 1.0), 24
 """Pixels to a radian that are tried, as shares of the longer side (which then sees 57 to 286 degrees): 7 % apart."""
@@ -65,9 +65,9 @@ def board_start(
 def _camera(seen: SeenCorners, view: int, name: str, size: tuple[int, int], lens: LensKind) -> Array:
     """(26,) camera constant and first distortion from some boards, principal point in the middle."""
     mine = [found for (v, _), found in sorted(seen.items()) if v == view]
-    if len(mine) < _FEWEST_BOARDS:
+    if len(mine) < FEWEST_BOARDS:
         raise CalibrationError(
-            f'view "{name}": the board is seen in {len(mine)} frames, expected at least {_FEWEST_BOARDS}; are the '
+            f'view "{name}": the board is seen in {len(mine)} frames, expected at least {FEWEST_BOARDS}; are the '
             "images blank or blurred, or columns, rows and dictionary not those of the board?"
         )
     chosen = [mine[k] for k in np.linspace(0, len(mine) - 1, min(len(mine), 30)).astype(int)]

@@ -45,6 +45,9 @@ class Calibrated:
     scale: str = ""
     """What tells the scale, for instance `square_m = 0.054`."""
 
+    found_out: str = ""
+    """What was not told and found out, as a configuration would tell it."""
+
     pictures: dict[str, Image] = field(default_factory=dict)
     """A picture of each view with what was found in it."""
 

@@ -79,6 +79,8 @@ def _summary(calibrated: Calibrated) -> list[tuple[str, str]]:
     if adjustment.exchanged.any():
         rows.append(("swapped ends put right", str(int(adjustment.exchanged.sum()) // 2)))
     rows += [(m.name, f"{m.value:.3f} {m.unit} ({m.meaning})") for m in calibrated.measures]
+    if calibrated.found_out:
+        rows.append(("found out by itself", calibrated.found_out))
     if calibrated.world:
         rows.append(("world frame", calibrated.world))
     return rows

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
 import pydantic
 
-from tracker.arrays import Array, Image
+from tracker.arrays import Image
 from tracker.calibration._adjustment import Adjustment
 from tracker.calibration._advice import advice
+from tracker.calibration._board_search import BoardSearch, patterns_of
 from tracker.calibration._board_start import LensKind, SeenCorners, board_start
-from tracker.calibration._boards import charuco_detector, find_charuco, find_corners
+from tracker.calibration._boards import Pattern, charuco_detector
 from tracker.calibration._calibrated import Calibrated, Measure
 from tracker.calibration._lengths import square_fault
 from tracker.calibration._objects import Boards
@@ -32,9 +33,6 @@ Group = Literal["camera_constant", "principal_point", "affinity", "radial", "dec
 
 _WIDE_DEG, _BAD_FIT = 80.0, 1.5
 """Of a view's width, and times sigma_px: three radial terms follow a fisheye lens no farther."""
-
-# Three times what a pose needs, so that a wrong corner shows.
-_FEWEST_CORNERS = 6
 
 
 @dataclass(frozen=True)
@@ -68,6 +66,10 @@ class ChessboardCalibration:
     dictionary: str = "4x4_50"
     """ChArUco: OpenCV's dictionary of markers, for instance `4x4_50`."""
 
+    legacy: bool | None = None
+    """ChArUco with an even number of rows: whether it begins with a white square, as OpenCV drew it before 4.6; None:
+    the pictures tell."""
+
     inverted: bool = False
     """Whether the board is printed white on black."""
 
@@ -95,19 +97,18 @@ class ChessboardCalibration:
 
     def calibrate(self, views: Views, progress: Progress) -> Calibrated:
         """Finds the board in the views and adjusts; see `tracker.calibration.Calibration.calibrate`."""
-        find = self._finder()
-        seen: SeenCorners = {}
+        search = BoardSearch(views.names, self._patterns(), self.square_m, self.both_sides)
         pictures: dict[str, Image] = {}
         for k, frame in enumerate(views.frames()):
             progress("finding boards", k + 1, views.n_frames)
             for v, image in enumerate(frame.images):
-                if image is None:
-                    continue
-                pictures.setdefault(views.names[v], image)
-                shape, pixels = find(255 - image if self.inverted else image)
-                if len(pixels) >= _FEWEST_CORNERS and not _in_a_line(shape):
-                    seen[v, frame.index] = shape, pixels
-        return self.calibrate_images(BoardImages(views.names, views.sizes, seen), pictures)
+                if image is not None:
+                    pictures.setdefault(views.names[v], image)
+                    search.look(v, frame.index, image)
+            search.after(k + 1)
+        search.finish()
+        found = self.calibrate_images(BoardImages(views.names, views.sizes, search.seen), pictures)
+        return replace(found, found_out="legacy = true" if self.legacy is None and search.patterns[0].legacy else "")
 
     def calibrate_images(self, images: BoardImages, pictures: dict[str, Image] | None = None) -> Calibrated:
         """Adjusts detected corners.
@@ -145,35 +146,23 @@ class ChessboardCalibration:
             )
         yield from filter(None, map(told_end, adjustment.cameras))
 
-    def _finder(self) -> Callable[[Image], tuple[Array, Array]]:
-        """Finds corners: in the board's frame (N, 3) metres, and in the image (N, 2) px."""
+    def _patterns(self) -> tuple[Pattern, ...]:
+        """How the board may look.
+
+        Raises:
+            CalibrationError: a marker is not smaller than a square, or there is no such dictionary of markers.
+        """
         if self.marker_m is None:
-            columns, rows = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
-            plan = self.square_m * np.stack([columns, rows, 0.0 * rows], axis=-1).reshape(-1, 3)
-
-            def find(image: Image) -> tuple[Array, Array]:
-                corners = find_corners(image, (self.columns, self.rows))
-                return (plan[:0], np.zeros((0, 2))) if corners is None else (plan, corners)
-
-            return find
+            given = [key for key in ("legacy", "both_sides") if getattr(self, key)]
+            if given:
+                raise CalibrationError(f"{given[0]} = true is of use with a ChArUco board only, which has a marker_m")
+            return (Pattern(self.columns, self.rows, inverted=self.inverted),)
         if not self.marker_m < self.square_m:
             raise CalibrationError(f"marker_m = {self.marker_m:g}, expected less than square_m = {self.square_m:g}")
-        detector = charuco_detector((self.columns, self.rows), self.square_m, self.marker_m, self.dictionary)
-        plan = np.asarray(detector.getBoard().getChessboardCorners(), dtype=np.float64)
-
-        def find_some(image: Image) -> tuple[Array, Array]:
-            numbers, pixels = find_charuco(image, detector)
-            if self.both_sides and len(numbers) < _FEWEST_CORNERS:
-                numbers, pixels = find_charuco(np.ascontiguousarray(image[:, ::-1]), detector)
-                pixels = np.column_stack([image.shape[1] - 1 - pixels[:, 0], pixels[:, 1]])
-            return plan[numbers], pixels
-
-        return find_some
-
-
-def _in_a_line(shape: Array) -> bool:
-    spread = np.linalg.svd(shape - shape.mean(axis=0), compute_uv=False)
-    return bool(spread[1] < 0.1 * spread[0])
+        marker = self.marker_m / self.square_m
+        pattern = Pattern(self.columns, self.rows, marker, self.dictionary, inverted=self.inverted)
+        charuco_detector(pattern)
+        return patterns_of(pattern, self.legacy)
 
 
 def _distance_measures(adjustment: Adjustment) -> tuple[Measure, ...]:
