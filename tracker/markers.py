@@ -27,6 +27,9 @@ class Markers:
     points: Array
     """(T, M, 3) metres in the marker system's world, NaN where a marker was not seen."""
 
+    remarks: tuple[str, ...] = ()
+    """What the file holds and is not read, or tells in two ways, each a line for who looks at the result."""
+
     def __post_init__(self) -> None:
         fault = shape_fault(self.points, len(self.times_s), len(self.names), 3)
         if fault:
@@ -48,14 +51,33 @@ class Markers:
 
 
 def without_gaps(points: Array) -> Array:
-    """Points (..., 3) of a file with NaN where a position is incomplete, infinite, or exactly the origin.
+    """Points (..., 3) of a file with NaN where a position is incomplete, endless, or exactly the origin.
 
     Marker systems that have no sign for a gap write zeros; nobody wears a marker at the origin to the last digit.
     """
-    missing: Mask = ~np.isfinite(points).all(axis=-1) | (points == 0).all(axis=-1)
+    missing: Mask = ~(np.abs(points) < _ENDLESS).all(axis=-1) | (points == 0).all(axis=-1)
     kept: Array = np.where(missing[..., None], np.nan, points)
     return kept
 
 
-METRES_PER_UNIT = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
-"""Units of length that marker files name."""
+_ENDLESS = 1e20
+"""In any unit: NDI's systems (Optotrak, Polaris) write -3.697314e28 for what they do not see."""
+
+METRES_PER_UNIT = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+"""Units of length that marker files name, by their signs."""
+
+_WORDS = {
+    "m": ("meter", "meters", "metre", "metres"),
+    "dm": ("decimeter", "decimeters", "decimetre", "decimetres"),
+    "cm": ("centimeter", "centimeters", "centimetre", "centimetres"),
+    "mm": ("millimeter", "millimeters", "millimetre", "millimetres"),
+    "in": ("inch", "inches"),
+    "ft": ("foot", "feet"),
+}
+_SIGN_OF = {word: sign for sign, words in _WORDS.items() for word in (sign, *words)}
+
+
+def metres_in(unit: str) -> float | None:
+    """Metres in a unit of length, as programs write it (`mm`, `[mm]`, `Millimetres`); None where it is none."""
+    sign = _SIGN_OF.get(unit.strip(" \t\0[]().").lower())
+    return None if sign is None else METRES_PER_UNIT[sign]

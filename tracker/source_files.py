@@ -37,6 +37,19 @@ def text_of(path: Path, fault: Fault, what: str = "the file", largest_bytes: int
     Raises:
         TrackerError: of the kind asked for: it cannot be read, is no text, or larger than such a file can be.
     """
+    content = content_of(path, fault, what, largest_bytes)
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise fault(f"{path}: not a text file in UTF-8: {error.reason} at byte {error.start}") from error
+
+
+def content_of(path: Path, fault: Fault, what: str = "the file", largest_bytes: int | None = None) -> bytes:
+    """The bytes of a file; arguments and errors are those of `text_of`.
+
+    Raises:
+        TrackerError: of the kind asked for: it cannot be read, or is larger than such a file can be.
+    """
     try:
         with path.open("rb") as file:
             content = file.read(-1 if largest_bytes is None else largest_bytes + 1)
@@ -44,10 +57,7 @@ def text_of(path: Path, fault: Fault, what: str = "the file", largest_bytes: int
         raise fault(f"{path}: cannot read {what}: {getattr(error, 'strerror', None) or error}") from error
     if largest_bytes is not None and len(content) > largest_bytes:
         raise fault(f"{path}: larger than {largest_bytes / 2**20:.0f} MiB, expected much less")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise fault(f"{path}: not a text file in UTF-8: {error.reason} at byte {error.start}") from error
+    return content
 
 
 def toml_of(path: Path, fault: Fault, what: str = "the file") -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,11 +13,13 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.body.sections import Joints
+from tracker.errors import shortened
 from tracker.evaluation.marker_alignment import Alignment, align
 from tracker.evaluation.marker_set import MarkerSet, check_marker_set, joints_of, load_marker_set
 from tracker.evaluation.time_correlation import Clocked, flexions
 from tracker.evaluation.tracked_joints import TrackedJoints, tracked_joints
 from tracker.marker_layouts import read_markers
+from tracker.markers import Markers
 
 
 @dataclass(frozen=True)
@@ -120,7 +123,7 @@ def compare(
     """
     chosen = load_marker_set(marker_set)
     track, names = tracked_joints(result, person)
-    recording = read_markers(markers)
+    recording = read_markers(markers, chosen.unit)
     check_marker_set(chosen, marker_set, recording, track.names)
     ours = track.chosen(chosen.joints)
     chains = _chains(chosen, names.joints)
@@ -145,9 +148,20 @@ def compare(
             ours_deg=mine_deg,
             theirs_deg=their_deg,
             distances_mm=np.linalg.norm(gaps, axis=-1),
-            findings=(),
+            findings=_of_recording(recording),
         )
     )
+
+
+def _of_recording(recording: Markers) -> tuple[str, ...]:
+    """What its file did not give, and names of several markers, which the set did not ask for."""
+    repeated = [name for name, number in Counter(recording.names).items() if number > 1]
+    told = f"several markers are called the same, and are not used: {', '.join(map(shortened, repeated[:_MOST_SHOWN]))}"
+    return (*recording.remarks, told) if repeated else recording.remarks
+
+
+_MOST_SHOWN = 10
+"""Names of a finding."""
 
 
 def _chains(chosen: MarkerSet, joints: Joints) -> dict[str, tuple[str, str, str]]:
@@ -199,7 +213,7 @@ _DECIDING = 0.6
 
 
 def _with_findings(made: MarkerComparison) -> MarkerComparison:
-    told, said = made.alignment, []
+    told, said = made.alignment, list(made.findings)
     if not math.isnan(told.rival_offset_s):
         said.append(
             f"an offset of {told.rival_offset_s:.3f} s fits nearly as well as {told.placement.offset_s:.3f} s, as with "

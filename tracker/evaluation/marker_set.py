@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pydantic
@@ -21,6 +22,10 @@ _COLLINEAR = 0.3
 """Sine of the angle below which a second direction does not tell how a joint is turned about the first."""
 
 
+_SEGMENT = "_4X4"
+"""What programs that write rotations put behind the name of a segment."""
+
+
 class MarkerSet(Entry):
     """A marker set file."""
 
@@ -30,6 +35,9 @@ class MarkerSet(Entry):
     angles: dict[str, tuple[str, str, str]] = pydantic.Field(default_factory=dict)
     """Further angles to compare: name -> three joints, the angle between the bones from the first to the last; the
     hinges of the body's model file are compared anyway."""
+
+    unit: Literal["m", "dm", "cm", "mm", "in", "ft"] | None = None
+    """Of the recording's lengths, where its file does not say it."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +68,7 @@ def load_marker_set(path: Path) -> MarkerSet:
     """Reads a marker set file.
 
     Raises:
-        ConfigError: it is missing, no TOML, or has other keys than `joints` and `angles`.
+        ConfigError: it is missing, no TOML, has other keys than `joints`, `angles` and `unit`, or names a marker twice.
     """
     table: dict[str, Any] = toml_of(path, ConfigError, "the marker set")
     try:
@@ -72,6 +80,11 @@ def load_marker_set(path: Path) -> MarkerSet:
     for joint, names in markers.joints.items():
         if not names or len(set(names)) != len(names):
             raise ConfigError(f"{path} [joints.{joint}]: expected one marker or more, each once")
+    for one, other in itertools.combinations(markers.joints, 2):
+        if set(markers.joints[one]) == set(markers.joints[other]):
+            raise ConfigError(
+                f"{path} [joints]: {one} and {other} are made of the same markers: {', '.join(markers.joints[one])}"
+            )
     return markers
 
 
@@ -95,20 +108,28 @@ def check_marker_set(markers: MarkerSet, path: Path, recording: Markers, joints:
 
 
 def column(name: str, path: Path, recording: Markers) -> int:
-    """Where a marker stands in the recording; `LELB` is found also as `Anna:LELB`, as Vicon names it.
+    """Where a marker stands in the recording.
+
+    `LELB` is found also as `Anna:LELB`, as Vicon names it, and `pelvis` as `pelvis_4X4`, as Theia names a segment.
 
     Raises:
-        ConfigError: it is not there, or several subjects have it.
+        ConfigError: it is not there, several markers are called so, or several subjects have it.
     """
-    if name in recording.names:
-        return recording.names.index(name)
-    found = [k for k, own in enumerate(recording.names) if own.rpartition(":")[2] == name]
+    spelt = (name, f"{name}{_SEGMENT}")
+    ways = [[k for k, own in enumerate(recording.names) if own == one] for one in spelt]
+    ways.append([k for k, own in enumerate(recording.names) if own.rpartition(":")[2] in spelt])
+    found = next(filter(None, ways), [])
     if len(found) == 1:
         return found[0]
-    if found:
-        owners = ", ".join(recording.names[k] for k in found)
-        raise ConfigError(f'{path} [joints]: "{name}" is a marker of several subjects: write one of {owners}')
-    raise ConfigError(f'{path} [joints]: the recording has no marker "{name}"; {nearest(name, recording.names)}')
+    if not found:
+        raise ConfigError(f'{path} [joints]: the recording has no marker "{name}"; {nearest(name, recording.names)}')
+    owners = list(dict.fromkeys(recording.names[k] for k in found))
+    if len(owners) < len(found):
+        raise ConfigError(
+            f'{path} [joints]: {len(found)} markers of the recording are called "{name}", which one is meant? Rename '
+            "the others in the program that wrote it, or leave the joint out of the set"
+        )
+    raise ConfigError(f'{path} [joints]: "{name}" is a marker of several subjects: write one of {", ".join(owners)}')
 
 
 def joints_of(

@@ -1,30 +1,51 @@
-"""Files of marker systems; one reader for whoever needs them."""
+"""Files of marker systems, told apart by their content; one reader for whoever needs them."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from tracker.errors import SequenceError
-from tracker.marker_layouts.c3d import read_c3d
+from tracker.errors import SequenceError, os_fault
+from tracker.marker_layouts.c3d import is_c3d, read_c3d
 from tracker.marker_layouts.trc import read_trc
 from tracker.markers import Markers
 
-_READERS = {".trc": read_trc, ".c3d": read_c3d}
+_HEAD_BYTES = 2000
+"""In which a file says what it is; OpenSim's tables end their header there."""
+
+_OTHERS = {
+    "no_of_frames": "a TSV export of Qualisys Track Manager",
+    "file_version": "a TSV export of Qualisys Track Manager",
+    "format version,": "a CSV export of OptiTrack Motive",
+    "trajectories": "a CSV export of Vicon Nexus",
+    "hierarchy": "a BVH file, a skeleton that moves",
+    "<?xml": "an XML file",
+}
+"""How other files of motion begin."""
 
 
-def read_markers(path: Path) -> Markers:
-    """Reads a recording of markers.
+def read_markers(path: Path, unit: str | None = None) -> Markers:
+    """Reads a recording of markers, TRC or C3D.
 
     Args:
-        path: `.trc`, or `.c3d` with the extra `export` installed.
+        path: of the file.
+        unit: of its lengths, where the file does not say it: m, dm, cm, mm, in or ft.
 
     Raises:
         SequenceError: the file is missing, damaged, or of another kind.
-        ConfigError: it is a C3D, and the package c3d is not installed.
     """
-    reader = _READERS.get(path.suffix.lower())
-    if reader is None:
-        raise SequenceError(f"{path}: expected a file of markers, .trc or .c3d")
     if not path.is_file():
         raise SequenceError(f"{path}: no such file of markers")
-    return reader(path)
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except OSError as error:
+        raise SequenceError(os_fault(error)) from error
+    if is_c3d(head):
+        return read_c3d(path, unit)
+    text = head.replace(b"\0", b"").decode("latin-1").lstrip("\xef\xbb\xbf\xfe\xff ").lower()
+    if text.startswith("pathfiletype"):
+        return read_trc(path, unit)
+    other = next((name for sign, name in _OTHERS.items() if text.startswith(sign)), None)
+    if other is None and "endheader" in text:
+        other = "a table of OpenSim (.mot, .sto)"
+    raise SequenceError(f"{path}: {other or 'no file of markers'}, expected TRC or C3D: export it as such")

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import codecs
+import re
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from tracker.arrays import Array
-from tracker.errors import SequenceError, nearest, shortened
-from tracker.markers import METRES_PER_UNIT, Markers, without_gaps
-from tracker.source_files import text_of
+from tracker.errors import SequenceError, shortened
+from tracker.marker_layouts._units import metres_per_unit
+from tracker.markers import Markers, metres_in, without_gaps
+from tracker.source_files import content_of
 
 # Lines of the format: kind, keys, their values, names of the markers, axes; the table begins after them.
-_KEYS, _VALUES, _NAMES, _TABLE = 1, 2, 3, 5
+_KEYS, _VALUES, _NAMES, _AXES, _TABLE = 1, 2, 3, 4, 5
 
 _FIRST_CELLS = 2
 """Frame number and time stand before the markers."""
@@ -20,55 +24,191 @@ _FIRST_CELLS = 2
 _LARGEST_BYTES = 2**29
 """An hour of 60 markers at 120 Hz has 700 MB; whoever has longer ones splits them."""
 
+_LINE_END = re.compile(r"\r*\n|\r")
+"""Of any system, and doubled ones of a text file that was copied as text; a letter of the path is none."""
 
-def read_trc(path: Path) -> Markers:
-    """Reads a TRC file; an empty cell, `NaN` or a position of zeros is a gap.
+_FILE_END = "\x1a\0 \t\r\n"
+"""What may stand behind the last row: DOS ends a text with Ctrl-Z, and fills it up to a block."""
+
+_GAP = re.compile(
+    r"[-+]? *(nan[qs]?(\(\w*\))?|1[.,]#\w*|inf(inity)?)|#(n/?a|nv|null!|num!|value!|div/0!)|n/?a|<na>|null|none|\*+|-+",
+    re.IGNORECASE,
+)
+"""Not a number, as compilers (Microsoft's `-1.#IND00`, `1.#QNAN0`, `-nan(ind)`), Fortran, R and Excel write it."""
+
+_AXIS = re.compile(r"^([xyz])\d*$", re.IGNORECASE)
+"""`X1` and so on, whatever the number."""
+
+# Rate of the header against the column Time: told from so much on, and refused where one of them is no second.
+_RATES_APART, _OTHER_UNIT = 1.01, 9.0
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A line of the table."""
+
+    line: int
+    """From 1 on."""
+
+    cells: list[str]
+
+
+def read_trc(path: Path, unit: str | None = None) -> Markers:
+    """Reads a TRC file; an empty cell, not a number in any spelling, or a position of zeros is a gap.
+
+    Args:
+        path: of the file.
+        unit: of its lengths, where the file does not say it.
 
     Raises:
         SequenceError: the file is damaged, or its unit is unknown.
     """
-    lines = text_of(path, SequenceError, "the markers", _LARGEST_BYTES).splitlines()
-    if len(lines) <= _TABLE or not lines[0].startswith("PathFileType"):
+    lines = _LINE_END.split(_text(path).rstrip(_FILE_END))
+    if not lines[0].startswith("PathFileType") or len(lines) <= _AXES:
         raise SequenceError(f"{path}: not a TRC file: expected PathFileType and five lines of header")
-    header = dict(zip(lines[_KEYS].split("\t"), lines[_VALUES].split("\t"), strict=False))
-    unit = header.get("Units", "").strip().lower()
-    if unit not in METRES_PER_UNIT:
-        raise SequenceError(f'{path}: Units is "{shortened(unit)}"; {nearest(unit, METRES_PER_UNIT)}')
-    names = tuple(cell.strip() for cell in lines[_NAMES].split("\t")[_FIRST_CELLS:] if cell.strip())
-    if not names:
-        raise SequenceError(f"{path}: no marker is named in line {_NAMES + 1}")
-    rows = [(n, line.split("\t")) for n, line in enumerate(lines[_TABLE:], start=_TABLE + 1) if line.strip()]
-    if not rows:
-        raise SequenceError(f"{path}: the table is empty")
-    values = np.array([_numbers(path, n, cells, _FIRST_CELLS + 3 * len(names)) for n, cells in rows])
-    _check_times(path, values[:, 1])
-    points = values[:, _FIRST_CELLS:].reshape(len(values), len(names), 3)
-    return Markers(names, values[:, 1], METRES_PER_UNIT[unit] * without_gaps(points))
+    names, rows = _names(path, lines), _rows(path, lines)
+    header = _header(path, lines, len(rows), len(names))
+    metres = metres_per_unit(path, "Units in line 3", header.get("Units", ""), unit)
+    values = np.array([_numbers(path, row, _FIRST_CELLS + 3 * len(names)) for row in rows])
+    _check_times(path, rows, values[:, 1])
+    remarks = _remarks(path, header, names, values[:, 1])
+    named = [k for k, name in enumerate(names) if name]
+    points = values[:, _FIRST_CELLS:].reshape(len(values), len(names), 3)[:, named]
+    return Markers(tuple(names[k] for k in named), values[:, 1], metres * without_gaps(points), remarks)
 
 
-def _numbers(path: Path, line: int, cells: list[str], n_wanted: int) -> Array:
-    """(n,) of a row; cells that are empty, or were left out at its end, are NaN."""
-    full = [cell.strip() for cell in cells]
-    if any(full[n_wanted:]):
-        raise SequenceError(f"{path}: {len(full)} cells in line {line}, expected at most {n_wanted}")
-    full = full[:n_wanted] + [""] * (n_wanted - len(full))
+def _text(path: Path) -> str:
+    """Of a file in UTF-8, in UTF-16 with its mark, or else in an 8-bit code, as paths and names may be."""
+    content = content_of(path, SequenceError, "the markers", _LARGEST_BYTES)
+    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
-        return np.array([float(cell) if cell else np.nan for cell in full])
-    except ValueError:
-        wrong = next(cell for cell in full if cell and not _is_number(cell))
-        raise SequenceError(f"{path}: {shortened(wrong)!r} in line {line}, expected a number") from None
+        return content.decode("utf-16" if wide else "utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
 
 
-def _is_number(cell: str) -> bool:
+def _cells(line: str) -> list[str]:
+    return [cell.strip() for cell in (line.split("\t") if "\t" in line else line.split())]
+
+
+def _header(path: Path, lines: list[str], n_rows: int, n_markers: int) -> dict[str, str]:
+    """Key -> value of the header; cells may be padded with further tabs, as in an example of OpenSim's."""
+    places, cells = _cells(lines[_KEYS]), _cells(lines[_VALUES])
+    keys, values = ([cell for cell in found if cell] for found in (places, cells))
+    if len(keys) == len(values):
+        return dict(zip(keys, values, strict=True))
+    in_place = dict(zip(places, cells, strict=False))
+    if len(cells) >= len(places) == len(keys) and not any(cells[len(keys) :]) and metres_in(in_place.get("Units", "")):
+        return in_place
+    missing = _missing(keys, values, n_rows, n_markers) if len(values) == len(keys) - 1 else []
+    raise SequenceError(
+        f"{path}: line {_VALUES + 1} has {len(values)} values for the {len(keys)} names in line {_KEYS + 1}"
+        + (f": {_one_of(missing)} is missing" if missing else "")
+    )
+
+
+def _missing(keys: list[str], values: list[str], n_rows: int, n_markers: int) -> list[str]:
+    """Keys without which the values fit the others: a unit of length, and the numbers of rows and markers."""
+    fitting = []
+    for key in keys:
+        header = dict(zip((other for other in keys if other != key), values, strict=True))
+        fits = _counts(header, "NumFrames", n_rows) and _counts(header, "NumMarkers", n_markers)
+        if fits and ("Units" not in header or metres_in(header["Units"])):
+            fitting.append(key)
+    return fitting
+
+
+def _one_of(keys: list[str]) -> str:
+    return keys[0] if len(keys) == 1 else f"one of {', '.join(keys)}"
+
+
+def _counts(header: dict[str, str], key: str, count: int) -> bool:
+    """Whether an entry, if it is there, is a number of things that are there."""
     try:
-        float(cell)
+        return float(header.get(key, count)) == count
     except ValueError:
         return False
-    return True
 
 
-def _check_times(path: Path, times_s: Array) -> None:
+def _names(path: Path, lines: list[str]) -> list[str]:
+    """Of the markers, in the order of the columns; empty for a column without a name."""
+    cells = _cells(lines[_NAMES])
+    head = [k for k, cell in enumerate(cells) if cell][:_FIRST_CELLS]
+    if [cells[k].lower().rstrip("#") for k in head] != ["frame", "time"]:
+        told = shortened(lines[_NAMES].strip())
+        raise SequenceError(f'{path}: line {_NAMES + 1} is "{told}", expected Frame#, Time and names of markers')
+    axes = [_AXIS.sub(r"\1", cell).upper() for cell in _cells(lines[_AXES]) if cell]
+    if not axes or axes != ["X", "Y", "Z"] * (len(axes) // 3):
+        told = shortened(lines[_AXES].strip())
+        raise SequenceError(f'{path}: line {_AXES + 1} is "{told}", expected X1, Y1, Z1 and so on of every marker')
+    n_markers, below = len(axes) // 3, cells[head[1] + 1 :]
+    placed = {k: cell for k, cell in enumerate(below) if cell}
+    if not placed:
+        raise SequenceError(f"{path}: no marker is named in line {_NAMES + 1}")
+    if all(k % 3 == 0 and k < 3 * n_markers for k in placed):
+        return [placed.get(3 * k, "") for k in range(n_markers)]
+    if len(placed) != n_markers:  # names in the right number have their order, whatever tabs are between
+        raise SequenceError(
+            f"{path}: line {_NAMES + 1} names {len(placed)} markers, line {_AXES + 1} has the axes of {n_markers}"
+        )
+    return list(placed.values())
+
+
+def _rows(path: Path, lines: list[str]) -> list[_Row]:
+    """The table; commas are those of decimals where no point stands anywhere."""
+    below = [(n, line) for n, line in enumerate(lines[_TABLE:], start=_TABLE + 1) if line.strip()]
+    if not below:
+        raise SequenceError(f"{path}: the table is empty")
+    if not any("." in line for _, line in below):
+        below = [(n, line.replace(",", ".")) for n, line in below]
+    return [_Row(n, _cells(line)) for n, line in below]
+
+
+def _numbers(path: Path, row: _Row, n_wanted: int) -> Array:
+    """(n,) of a row; cells that are empty, or were left out at its end, are NaN."""
+    if any(row.cells[n_wanted:]):
+        raise SequenceError(f"{path}: {len(row.cells)} cells in line {row.line}, expected at most {n_wanted}")
+    cells = row.cells[:n_wanted] + [""] * (n_wanted - len(row.cells))
+    try:
+        return np.array([float(cell) if cell else np.nan for cell in cells])
+    except ValueError:
+        return np.array([_number(path, row.line, cell) for cell in cells])
+
+
+def _number(path: Path, line: int, cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        if not cell or _GAP.fullmatch(cell):
+            return np.nan
+        raise SequenceError(f"{path}: {shortened(cell)!r} in line {line}, expected a number") from None
+
+
+def _check_times(path: Path, rows: list[_Row], times_s: Array) -> None:
     wrong = np.flatnonzero(~np.isfinite(times_s) | (np.diff(times_s, prepend=-np.inf) <= 0))
     if len(wrong) or len(times_s) < 2:
-        where = f"in row {wrong[0] + 1} of the table" if len(wrong) else "in a table of one row"
+        where = f"in line {rows[wrong[0]].line}" if len(wrong) else "in a table of one row"
         raise SequenceError(f"{path}: Time does not run forwards {where}")
+
+
+def _remarks(path: Path, header: dict[str, str], names: list[str], times_s: Array) -> tuple[str, ...]:
+    """Where header and table disagree, and what of the table is not read.
+
+    Raises:
+        SequenceError: Time is not in seconds.
+    """
+    said = []
+    for key, count in (("NumFrames", len(times_s)), ("NumMarkers", len(names))):
+        if not _counts(header, key, count):
+            said.append(f"{key} of {path.name} is {shortened(header[key])}, its table has {count}")
+    if unnamed := names.count(""):
+        said.append(f"{path.name}: {unnamed} of {len(names)} markers have no name, and are left out")
+    rate, table_rate = header.get("DataRate", "").replace(",", "."), 1 / float(np.median(np.diff(times_s)))
+    apart = float(rate) / table_rate if re.fullmatch(r"\d+\.?\d*", rate) and float(rate) else 1.0
+    if not 1 / _OTHER_UNIT < apart < _OTHER_UNIT:
+        raise SequenceError(
+            f"{path}: DataRate is {rate} Hz, and the column Time steps by {1 / table_rate:.6g}: expected seconds"
+        )
+    if not 1 / _RATES_APART < apart < _RATES_APART:
+        said.append(f"DataRate of {path.name} is {rate} Hz, by its column Time it has {table_rate:.6g} Hz: Time counts")
+    return tuple(said)
