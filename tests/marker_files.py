@@ -102,9 +102,12 @@ class C3d:
         return b"".join(parts) + rotations
 
 
-def points_bytes(file: C3d, points: np.ndarray, residual: float = 0.0, analog: np.ndarray | None = None) -> bytes:
+def points_bytes(
+    file: C3d, points: np.ndarray, residuals: np.ndarray | float = 0.0, analog: np.ndarray | None = None
+) -> bytes:
     """Frames of points (T, M, 3) and signals (T, K), as numbers with a fraction."""
-    numbers = np.concatenate([points, np.full((*points.shape[:2], 1), residual)], axis=-1).reshape(len(points), -1)
+    fourth = np.broadcast_to(residuals, points.shape[:2])[..., None]
+    numbers = np.concatenate([points, fourth], axis=-1).reshape(len(points), -1)
     return file.floats(numbers if analog is None else np.concatenate([numbers, analog], axis=1))
 
 

@@ -219,6 +219,12 @@ def test_joints_are_known_by_other_names(theirs, ours):
     assert NAMES["gavrila22"].ours(theirs) == ours
 
 
+def test_two_names_of_one_joint_are_refused():
+    points = {"l_elbow": np.zeros(3), "left_elbow": np.ones(3), "Hip": np.ones(3)}
+    with pytest.raises(SequenceError, match="l_elbow, left_elbow all mean the joint left_elbow, expected one"):
+        NAMES["gavrila22"].of(points)
+
+
 def test_what_is_compared_of_an_animal_is_told_by_its_run(result, tmp_path):
     joints = NAMES["quadruped"].joints
     entry = {"name": "rex", "joints": joints.model_dump(mode="json"), "sides": ["left", "right"]}

@@ -193,12 +193,13 @@ def test_a_file_is_known_by_its_content(tmp_path):
 @pytest.mark.parametrize("whole", [False, True])
 def test_c3d_of_every_processor_is_read(tmp_path, processor, whole):
     file = C3d(processor)
+    residuals = np.zeros((20, 3))
+    residuals[3, 1] = -1
     if whole:
-        cells = np.concatenate([np.round(10 * POINTS_MM), np.zeros((20, 3, 1))], axis=-1)
-        cells[3, 1, 3] = -1
-        frames, scale = file.whole(cells), 0.1
+        frames = file.whole(np.concatenate([np.round(10 * POINTS_MM), residuals[..., None]], axis=-1))
     else:
-        frames, scale = points_bytes(file, np.where(np.arange(60).reshape(20, 3, 1) == 10, np.nan, POINTS_MM)), -1.0
+        frames = points_bytes(file, POINTS_MM, residuals)
+    scale = 0.1 if whole else -1.0
     content = file.written(point_parameters(SCALE=scale), frames, header={"points": 3, "scale": scale})
     wanted = POINTS.copy()
     wanted[3, 1] = np.nan
@@ -334,8 +335,8 @@ def test_segments_that_ezc3d_writes_are_read(tmp_path):
     content["data"]["rotations"] = placed
     for name, value in (("LABELS", ["a", "b"]), ("RATE", [100.0]), ("USED", [2]), ("FRAMES", [20])):
         content.add_parameter("ROTATION", name, value)
-    content.write(str(tmp_path / "a.trc"))
-    same(read_markers(tmp_path / "a.trc"), np.concatenate([POINTS, POINTS[:, :2]], axis=1), (*NAMES, "a", "b"))
+    content.write(str(tmp_path / "a.c3d"))
+    same(read_markers(tmp_path / "a.c3d"), np.concatenate([POINTS, POINTS[:, :2]], axis=1), (*NAMES, "a", "b"))
 
 
 C3D_FAULTS: dict[str, tuple[dict[str, object], dict[str, float], str]] = {

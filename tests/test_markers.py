@@ -211,6 +211,30 @@ def test_who_wore_the_markers_must_be_said(body, recording, tmp_path):
         compare(tmp_path, tmp_path / "m.trc", chosen)
 
 
+def test_a_joint_that_a_result_has_twice_in_a_frame_is_refused(compared):
+    result, markers, chosen = compared
+    with (result / "joints.csv").open("a", newline="") as file:
+        file.write("7,0.28,anna,left_elbow,0,0,0,tracked\n")
+    with pytest.raises(SequenceError, match="left_elbow of anna is there twice in frame 7"):
+        compare(result, markers, chosen)
+
+
+def test_a_marker_that_another_one_is_called_after_is_told_or_refused(compared):
+    """The elbow's first marker is the wrist's by another name: 39 degrees and no word, before."""
+    result, markers, chosen = compared
+    text = markers.read_text()
+    markers.write_text(text.replace("\tM4\t", "\tM2\t").replace("\tM5\t", "\t\t"))
+    with pytest.raises(ConfigError, match='2 markers of the recording are called "M2"'):
+        compare(result, markers, chosen)
+    arm = {name: pair for name, pair in SET.joints.items() if name.startswith("right")}
+    write_set(
+        chosen, "[joints]\n" + "".join(f"{name} = {list(pair)}\n".replace("'", '"') for name, pair in arm.items())
+    )
+    found = compare(result, markers, chosen).findings
+    assert "several markers are called the same, and are not used: M2" in found
+    assert "m.trc: 1 of 12 markers have no name, and are left out" in found
+
+
 def test_the_set_that_is_shipped_loads():
     chosen = load_marker_set(ROOT / "configs" / "markers" / "upper_body.toml")
     assert set(JOINTS) < set(chosen.joints)

@@ -45,3 +45,12 @@ def test_a_table_that_cannot_be_is_refused(tmp_path, rows, message):
     (tmp_path / "trajectories.csv").write_text("\n".join([HEAD, *rows]))
     with pytest.raises(SequenceError, match=message):
         read_trajectories(tmp_path)
+
+
+def test_a_column_that_is_there_twice_is_refused_where_it_is_used(tmp_path):
+    row = "0,0,1,1,2,3,0,0,0"
+    (tmp_path / "trajectories.csv").write_text(f"{HEAD},status,status\n{row},a,b\n")
+    np.testing.assert_allclose(read_trajectories(tmp_path).positions, [[[1, 2, 3]]])
+    (tmp_path / "trajectories.csv").write_text(f"{HEAD},x_m\n{row},4\n")
+    with pytest.raises(SequenceError, match='2 columns are called "x_m", expected one'):
+        read_trajectories(tmp_path)

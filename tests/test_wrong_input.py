@@ -19,7 +19,7 @@ from tracker.rig_layouts import save_rig
 from tracker.simulation.filming import plan
 from tracker.simulation.room import background_plates, default_rig, room_around
 from tracker.simulation.sequence import Recipe
-from tracker.source_files import rows_of
+from tracker.source_files import json_of, rows_of
 
 SMALL = default_rig((160, 128))
 
@@ -161,3 +161,9 @@ def test_another_file_than_was_asked_for_is_told_for_what_it_is(
     found = told(*command.split(), tmp_path / file)
     assert found.startswith(str(tmp_path / file))
     assert message in found
+
+
+def test_an_entry_that_is_there_twice_is_refused_in_json(tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text('{"cameras": {"FRONT": 1, "LEFT": 2, "FRONT": 3}}')
+    with pytest.raises(ConfigError, match='not a JSON file: two entries are called "FRONT"'):
+        json_of(tmp_path / "a.json", ConfigError)

@@ -85,11 +85,25 @@ def json_of(path: Path, fault: Fault) -> Any:
         TrackerError: of the kind asked for: it cannot be read, or is none.
     """
     try:
-        return json.loads(text_of(path, fault))
+        return json.loads(text_of(path, fault), object_pairs_hook=_each_once)
     except RecursionError as error:
         raise fault(f"{path}: not a JSON file: nested too deeply") from error
     except ValueError as error:
         raise fault(f"{path}: not a JSON file: {one_line(error)}") from error
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object of JSON: Python's reader would take the last of several entries of one name, and say nothing.
+
+    Raises:
+        JSONDecodeError: an entry is there twice.
+    """
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise json.JSONDecodeError(f'two entries are called "{shortened(twice)}"', "", 0)
+    return table
 
 
 def cells_of(path: Path, fault: Fault) -> list[list[str]]:

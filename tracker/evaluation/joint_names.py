@@ -12,7 +12,7 @@ import pydantic
 from tracker.arrays import Array
 from tracker.body.files import load_body
 from tracker.body.sections import Joints
-from tracker.errors import SequenceError
+from tracker.errors import SequenceError, shortened
 from tracker.mirror import Mirror
 from tracker.resources import model_path
 from tracker.source_files import json_of, one_line
@@ -39,8 +39,16 @@ class JointNames:
         return name
 
     def of(self, found: dict[str, Array]) -> dict[str, Array]:
-        """Points (3,) of one frame by our names, with those midway between two others where they lack."""
-        named = {self.ours(name): point for name, point in found.items()}
+        """Points (3,) of one frame by our names, with those midway between two others where they lack.
+
+        Raises:
+            SequenceError: two names mean the same joint.
+        """
+        named: dict[str, Array] = {}
+        for name, point in found.items():
+            if named.setdefault(own := self.ours(name), point) is not point:
+                both = ", ".join(shortened(other) for other in found if self.ours(other) == own)
+                raise SequenceError(f"{both} all mean the joint {own}, expected one of them: leave the others out")
         for name, (one, other) in self.joints.middles.items():
             if name not in named and one in named and other in named:
                 named[name] = (named[one] + named[other]) / 2

@@ -77,7 +77,10 @@ def _joints_of_table(path: Path, rows: list[dict[str, str]], names: JointNames) 
         times[frame] = number_in(row, "time_s", path, SequenceError)
         known = all(row[axis] for axis in _AXES)
         point = [number_in(row, axis, path, SequenceError) for axis in _AXES] if known else [math.nan] * 3
-        found.setdefault(frame, {})[row["joint"]] = np.array(point)
+        own = found.setdefault(frame, {})
+        if row["joint"] in own:
+            raise SequenceError(f"{path}: {row['joint']} of {row['person']} is there twice in frame {frame}")
+        own[row["joint"]] = np.array(point)
         status = row.get("status", "")
         statuses[frame] = "ambiguous" if "ambiguous" in (status, statuses.get(frame)) else status
     frames = sorted(found)

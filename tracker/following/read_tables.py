@@ -132,6 +132,8 @@ def _whole(values: Array, path: Path) -> Integers:
 def _column(head: list[str], name: str, path: Path) -> int:
     if name not in head:
         raise SequenceError(f'{path}: no column "{name}"; {nearest(name, head)}')
+    if head.count(name) > 1:
+        raise SequenceError(f'{path}: {head.count(name)} columns are called "{name}", expected one')
     return head.index(name)
 
 
