@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import math
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -145,6 +146,19 @@ def check_commas(head: Sequence[str], path: Path, fault: Fault) -> None:
     """
     if len(head) == 1 and (other := next((sign for sign in ";\t" if sign in head[0]), None)):
         raise fault(f"{path}: cells are separated by {_SEPARATORS[other]}, expected commas")
+
+
+def is_gap(cell: str) -> bool:
+    """Whether a cell says that there is no number, in the spelling of any compiler, language or spreadsheet."""
+    return not cell or _GAP.fullmatch(cell) is not None
+
+
+_GAP = re.compile(
+    r"[-+]? *(nan[qs]?(\(\w*\))?|1[.,]#\w*|inf(inity)?)|#(n/?a|nv|null!|num!|value!|div/0!)|n/?a|<na>"
+    r"|null|none|nil|missing|\?|\*+|-+",
+    re.IGNORECASE,
+)
+"""Microsoft's C writes `-1.#IND00`, `1.#QNAN0`, `-nan(ind)`, Fortran stars, R `NA`, Excel `#N/A`, people the rest."""
 
 
 def number_in(row: Mapping[str, str], column: str, path: Path, fault: Fault) -> float:

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 
 from tracker.arrays import Array
-
-_GAPS = frozenset({"", "-", "--", "?", "nan", "null", "none", "nil", "na", "n/a", "#n/a", "#value!", "missing"})
-"""Words for no number, in lower case: those of Python, R, MATLAB, spreadsheets, and of people."""
+from tracker.source_files import is_gap
 
 
 def number(value: Any) -> float:
@@ -18,9 +16,8 @@ def number(value: Any) -> float:
     if value is None:
         return np.nan
     if isinstance(value, str):
-        word = value.strip().lower()
-        # 1.#QNAN, -1.#IND: of C programs on Windows
-        return np.nan if word in _GAPS or "1.#" in word else float(word)
+        word = value.strip()
+        return np.nan if is_gap(word) else float(word)
     try:
         return float(value)
     except OverflowError:

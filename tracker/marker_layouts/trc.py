@@ -13,7 +13,7 @@ from tracker.arrays import Array
 from tracker.errors import SequenceError, shortened
 from tracker.marker_layouts._units import metres_per_unit
 from tracker.markers import Markers, metres_in, without_gaps
-from tracker.source_files import content_of
+from tracker.source_files import content_of, is_gap
 
 # Lines of the format: kind, keys, their values, names of the markers, axes; the table begins after them.
 _KEYS, _VALUES, _NAMES, _AXES, _TABLE = 1, 2, 3, 4, 5
@@ -29,12 +29,6 @@ _LINE_END = re.compile(r"\r*\n|\r")
 
 _FILE_END = "\x1a\0 \t\r\n"
 """What may stand behind the last row: DOS ends a text with Ctrl-Z, and fills it up to a block."""
-
-_GAP = re.compile(
-    r"[-+]? *(nan[qs]?(\(\w*\))?|1[.,]#\w*|inf(inity)?)|#(n/?a|nv|null!|num!|value!|div/0!)|n/?a|<na>|null|none|\*+|-+",
-    re.IGNORECASE,
-)
-"""Not a number, as compilers (Microsoft's `-1.#IND00`, `1.#QNAN0`, `-nan(ind)`), Fortran, R and Excel write it."""
 
 _AXIS = re.compile(r"^([xyz])\d*$", re.IGNORECASE)
 """`X1` and so on, whatever the number."""
@@ -179,7 +173,7 @@ def _number(path: Path, line: int, cell: str) -> float:
     try:
         return float(cell)
     except ValueError:
-        if not cell or _GAP.fullmatch(cell):
+        if is_gap(cell):
             return np.nan
         raise SequenceError(f"{path}: {shortened(cell)!r} in line {line}, expected a number") from None
 
