@@ -127,7 +127,7 @@ def test_millimetres_are_noticed(tmp_path: Path) -> None:
     content = tables()
     for key in ("cam_1", "cam_2"):
         content[key]["translation"] = [1000 * value for value in content[key]["translation"]]
-    assert_refused(written(tmp_path, content, ".toml"), "1500 m apart, expected a room.*millimetres", "rig.toml")
+    assert_refused(written(tmp_path, content, ".toml"), "1500 m apart, expected a room.*--units mm`", "rig.toml")
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from tracker.footage import PICTURES, Footage, header, listed, pattern_of, sourc
 from tracker.rig import Rig
 from tracker.rig_layouts import read_rig
 
-_RIGS = {".toml", ".json", ".txt", ".xml"}
+_RIGS = {".toml", ".json", ".txt", ".xml", ".xcp"}
 _PLAIN = "images", "frames", "pictures", "raw"
 _PLATE_WORDS = "background", "plate", "empty", "bg"
 _CALIBRATION_WORDS = "calib", "rig", "camera", "intri"

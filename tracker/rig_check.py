@@ -103,7 +103,8 @@ def _doubts(rig: Rig, cameras: tuple[CameraCheck, ...], pairs: tuple[PairCheck, 
     for pair in pairs:
         if pair.distance_m > 30:
             doubts.append(
-                f"{pair.first} and {pair.second} are {pair.distance_m:.0f} m apart: millimetres taken for metres?"
+                f"{pair.first} and {pair.second} are {pair.distance_m:.0f} m apart: millimetres or centimetres taken "
+                "for metres?"
             )
         if pair.distance_m < 0.1:
             doubts.append(

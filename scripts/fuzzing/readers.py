@@ -96,12 +96,13 @@ def _freemocap() -> Reader:
 def _rig(layout: str, target: str) -> Reader:
     files = {"easymocap": ("rig/intri.yml", "rig/extri.yml"), "opencv": ("rig/left.yml",)}.get(layout, (target,))
 
+    def sample(folder: Path) -> None:
+        save_rig(samples.sample_rig(), folder / target, layout)
+
     def read(folder: Path) -> object:
         return read_rig(folder / target)
 
-    return Reader(
-        f"rig {layout}", lambda folder: save_rig(samples.sample_rig(), folder / target, layout), read, TEXT, files
-    )
+    return Reader(f"rig {layout}", sample, read, TEXT, files)
 
 
 def _configurations() -> list[Reader]:

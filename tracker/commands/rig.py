@@ -18,7 +18,14 @@ if TYPE_CHECKING:
     from tracker.rig_layouts import RigFile
 
 # Written out, for the folder's import takes longer than `--help` should; a test compares.
-LAYOUTS = "anipose, caliscope, easymocap, freemocap, json, middlebury, opencap, opencv, pose2sim, qualisys"
+LAYOUTS = "anipose, caliscope, easymocap, freemocap, json, middlebury, opencap, opencv, panoptic, pose2sim, "
+LAYOUTS += "qualisys, vicon"
+
+Size = Annotated[str | None, typer.Option(help="Image size WxH, where the calibration does not tell it.")]
+Units = Annotated[
+    str | None, typer.Option(help="Unit of the calibration's lengths, m, cm or mm, if not as its file says.")
+]
+Scale = Annotated[float, typer.Option(help="Factor for its lengths besides, where they have no unit.")]
 
 rig_app = typer.Typer(no_args_is_help=True, help="Checks and converts calibrations.")
 
@@ -29,6 +36,9 @@ def rig_check(
     images: Annotated[str | None, typer.Option(help="Pictures such as first/{view}.png: draws epipolar lines.")] = None,
     points: Annotated[Path | None, typer.Option(help="CSV: VIEW_u, VIEW_v and, for the scale, x, y, z.")] = None,
     picture: Annotated[Path, typer.Option(help="Where the epipolar lines are drawn.")] = Path("epipolar.png"),
+    size: Size = None,
+    units: Units = None,
+    scale: Scale = 1.0,
 ) -> None:
     """Looks a rig over: geometry, who sees whom, reprojection, scale, and epipolar lines over the views."""
     from tracker.calibration import read_points
@@ -36,8 +46,10 @@ def rig_check(
     from tracker.rig_check import check_points, check_rig
     from tracker.rig_layouts import read_rig
 
-    opened = read_rig(rig)
+    opened = read_rig(rig, _pixels(size), units, scale)
     _tell(opened)
+    told = f"{rig}: layout {opened.layout}, lengths in {opened.unit}" + ("" if scale == 1 else f" times {scale:g}")
+    console.print(told, highlight=False, soft_wrap=True)
     loaded = opened.rig
     found = check_rig(loaded)
     cameras = Table("camera", "position m", "field deg", "tilt deg", "distortion px", title="cameras")
@@ -91,7 +103,9 @@ def rig_convert(
     source: Annotated[Path, typer.Argument(help=f"File or folder; its layout is found out: {LAYOUTS}.")],
     target: Annotated[Path, typer.Argument(help="File; or folder, for opencv and easymocap.")],
     layout: Annotated[str | None, typer.Option(help="Layout of the target; default: as its name tells.")] = None,
-    size: Annotated[str | None, typer.Option(help="Image size WxH, where the source does not tell it.")] = None,
+    size: Size = None,
+    units: Units = None,
+    scale: Scale = 1.0,
     upright: Annotated[bool, typer.Option("--upright", help="For images turned by quarters until up is up.")] = False,
     up: Annotated[str, typer.Option(help="Axis that is up in the source: x, y, z, -x, -y, -z; it becomes z.")] = "z",
     floor: Annotated[float, typer.Option(help="Where the floor is along that axis, metres; it becomes z = 0.")] = 0.0,
@@ -99,12 +113,13 @@ def rig_convert(
     """Converts a calibration from and for other programs."""
     from tracker.rig_layouts import read_rig, save_rig
 
-    opened = read_rig(source, _pixels(size))
+    opened = read_rig(source, _pixels(size), units, scale)
     _tell(opened, but="" if up == "z" else "--up")
     rig = opened.rig.with_up(up, floor)
     if upright:
         rig = _upright(rig)
-    save_rig(rig, target, layout)
+    for cost in save_rig(rig, target, layout):
+        console.print(marked("look", cost), highlight=False, soft_wrap=True)
     console.print(f"{len(rig)} cameras written to {target}", highlight=False, soft_wrap=True)
 
 

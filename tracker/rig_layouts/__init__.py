@@ -8,19 +8,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Protocol
 
-import numpy as np
-
 from tracker.camera import Camera
 from tracker.components import available, find
-from tracker.errors import CalibrationError, ConfigError, nearest, os_fault
+from tracker.errors import CalibrationError, ConfigError, nearest, os_fault, shortened
 from tracker.files import write_whole
 from tracker.fisheye import told_end
 from tracker.rig import Rig
+from tracker.rig_layouts._others import other_program
+from tracker.rig_layouts._plausible import check_interior, interior_remarks
+from tracker.rig_layouts._refit import with_terms
+from tracker.rig_layouts._sources import xml_tag
+from tracker.rig_layouts._units import FARTHEST_M as FARTHEST_M
+from tracker.rig_layouts._units import in_metres, unit_of, unit_remarks
 
-FARTHEST_M = 200.0
-"""A room is metres across: cameras hundreds of units from one another were calibrated in millimetres."""
 _NAMED = 4
-"""Cameras left out that are named, before the rest is counted."""
+"""Cameras left out, or files, that are named; of cameras the rest is counted."""
 
 log = logging.getLogger("tracker")
 
@@ -30,11 +32,19 @@ class Listing:
     """The cameras that a file lists."""
 
     cameras: tuple[Camera, ...]
+    """With their places in the unit of the file."""
+
     left_out: Mapping[str, str] = field(default_factory=dict)
     """Cameras that cannot be used, by name, and why."""
 
     remarks: tuple[str, ...] = ()
     """What whoever uses the rig must know."""
+
+    unit: str = "m"
+    """Of the cameras' places: as the file states it, else as the program that writes such files has it."""
+
+    no_unit: str = ""
+    """Why its lengths have no unit, where that is so: it must be told."""
 
 
 class Layout(Protocol):
@@ -46,12 +56,15 @@ class Layout(Protocol):
     shape: ClassVar[str]
     """How to recognize it, for messages."""
 
+    terms: ClassVar[int]
+    """Distortion coefficients that it can hold, 4, 5 or 8; lenses with more are fitted before `contents`."""
+
     def detects(self, path: Path) -> bool:
         """Whether an existing file or folder is of this layout; each is of one at most."""
         ...
 
     def read(self, path: Path, size: tuple[int, int] | None) -> Listing:
-        """Reads the cameras, lengths in metres.
+        """Reads the cameras, lengths in the unit that the listing tells.
 
         Args:
             path: what `detects` has accepted.
@@ -79,6 +92,8 @@ class RigFile:
     layout: str
     left_out: Mapping[str, str]
     remarks: tuple[str, ...]
+    unit: str = "m"
+    """That the lengths in the file were taken for."""
 
     def told(self) -> tuple[str, ...]:
         """What whoever uses the rig must know, line by line; cameras left out for one reason are named together."""
@@ -95,36 +110,67 @@ def _reasons(left_out: Mapping[str, str]) -> list[str]:
     return lines
 
 
-def read_rig(path: Path, size: tuple[int, int] | None = None) -> RigFile:
+def read_rig(path: Path, size: tuple[int, int] | None = None, units: str | None = None, scale: float = 1.0) -> RigFile:
     """Reads a rig in any layout; which one, the path and the content tell.
 
     Args:
         path: a file or a folder; `bodytrack rig convert --help` lists the layouts.
         size: width and height of the images, px, where the layout does not tell them (EasyMocap).
+        units: of the lengths in the file, `m`, `cm` or `mm`; None for what the file or its program says.
+        scale: by which lengths are multiplied besides, for files whose lengths have no unit.
 
     Raises:
         CalibrationError: it is missing, of no known layout or wrong, or such a rig cannot be; path and camera are
             named.
     """
-    layouts = {use: _layout(use) for use in available("rig_layouts")}
-    if not path.exists():
-        raise CalibrationError(f"{path}: no such file or folder")
-    use = next((use for use, layout in layouts.items() if layout.detects(path)), None)
-    if use is None:
-        shapes = "; ".join(layout.shape for layout in layouts.values())
-        raise CalibrationError(f"{path}: not a calibration that is known, expected {shapes}")
+    use, layout = _detected(path)
     try:
-        listing = layouts[use].read(path, size)
+        listing = layout.read(path, size)
         if not listing.cameras and listing.left_out:
             raise CalibrationError(f"no camera can be used; {'; '.join(_reasons(listing.left_out))}")
-        rig = Rig(listing.cameras)
-        _check_units(rig)
+        if listing.no_unit and units is None and scale == 1:
+            raise CalibrationError(
+                f"{listing.no_unit}, or tell what its lengths are in metres: `bodytrack rig convert {path} rig.toml "
+                "--units m --scale METRES`"
+            )
+        unit = listing.unit if units is None else unit_of(units)
+        rig = Rig(in_metres(listing.cameras, unit, scale))
+        for camera in rig.cameras:
+            check_interior(camera)
+        remarks = *listing.remarks, *interior_remarks(rig.cameras), *unit_remarks(rig.cameras, unit, path)
     except CalibrationError as error:
         raise CalibrationError(f"{path}: {error}") from error
     except OSError as error:  # of a file that it names
         raise CalibrationError(f"{path}: {os_fault(error)}") from error
     ends = [told for camera in rig.cameras if (told := told_end(camera))]
-    return RigFile(rig, use, listing.left_out, (*listing.remarks, *ends))
+    return RigFile(rig, use, listing.left_out, (*remarks, *ends), unit)
+
+
+def _detected(path: Path) -> tuple[str, Layout]:
+    """The layout of a file or folder, and its name.
+
+    Raises:
+        CalibrationError: it is missing, of another program, or of no known layout.
+    """
+    layouts = {use: _layout(use) for use in available("rig_layouts")}
+    if not path.exists():
+        raise CalibrationError(f"{path}: no such file or folder")
+    try:
+        if told := other_program(path):
+            raise CalibrationError(f"{path}: {told}")
+        use = next((use for use, layout in layouts.items() if layout.detects(path)), None)
+        if use is not None:
+            return use, layouts[use]
+        files = sorted(path.iterdir()) if path.is_dir() else []
+        files = [p for p in files if not other_program(p)]
+        inside = [p.name for p in files if any(layout.detects(p) for layout in layouts.values())]
+    except OSError as error:
+        raise CalibrationError(f"{path}: {os_fault(error)}") from error
+    if inside:
+        raise CalibrationError(f"{path}: a folder; name the calibration in it: {', '.join(inside[:_NAMED])}")
+    shapes = "; ".join(layout.shape for layout in layouts.values())
+    found = f" (XML of <{shortened(tag)}>)" if (tag := xml_tag(path)) else ""
+    raise CalibrationError(f"{path}: not a calibration that is known{found}, expected {shapes}")
 
 
 def load_rig(path: Path, views: tuple[str, ...] = ()) -> Rig:
@@ -146,13 +192,16 @@ def load_rig(path: Path, views: tuple[str, ...] = ()) -> Rig:
     return found.rig.select(views) if views else found.rig
 
 
-def save_rig(rig: Rig, path: Path, layout: str | None = None) -> None:
+def save_rig(rig: Rig, path: Path, layout: str | None = None) -> tuple[str, ...]:
     """Writes a rig; every file is replaced as a whole, so that nothing half-written stays.
 
     Args:
         rig: the cameras.
         path: a file, or a folder for layouts that are one.
         layout: name of the layout; None for the first one that is written to such a file, `.toml` as Anipose does.
+
+    Returns:
+        What the layout costs: lenses whose distortion has more terms than it holds are fitted to fewer.
 
     Raises:
         ConfigError: there is no such layout, or it is not written to such a file.
@@ -163,10 +212,12 @@ def save_rig(rig: Rig, path: Path, layout: str | None = None) -> None:
         raise ConfigError(f"{path}: this layout is written to a file that ends in {' or '.join(chosen.endings)}")
     if not chosen.endings and path.is_file():
         raise ConfigError(f"{path}: this layout is a folder, and a file is there: choose another name")
-    for name, content in chosen.contents(rig).items():
+    fitted = [with_terms(camera, chosen.terms) for camera in rig.cameras]
+    for name, content in chosen.contents(Rig(tuple(camera for camera, _ in fitted))).items():
         file = path / name if name else path
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, content)
+    return tuple(told for _, told in fitted if told)
 
 
 def _layout(use: str) -> Layout:
@@ -182,13 +233,3 @@ def _layout_of(target: Path) -> str:
         if _layout(use).endings and target.name.lower().endswith(_layout(use).endings):
             return use
     raise ConfigError(f"{target}: its name does not tell the layout; name it: {', '.join(names)}")
-
-
-def _check_units(rig: Rig) -> None:
-    centres = [camera.centre for camera in rig.cameras]
-    farthest = max(float(np.linalg.norm(a - b)) for a in centres for b in centres)
-    if farthest > FARTHEST_M:
-        raise CalibrationError(
-            f"two cameras are {farthest:.0f} m apart, expected a room: if the file is in millimetres, say so in it "
-            '(units = "mm" under [metadata] of a .toml, at the top of a .json)'
-        )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,15 +14,22 @@ from tracker.arrays import Array
 from tracker.camera import Camera, upper_triangular
 from tracker.errors import CalibrationError, nearest
 from tracker.fisheye import rational_of
+from tracker.rig_layouts import Listing
 
-_METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-"""Units a file may state."""
+NO_POSE = "has no pose: neither rotation nor translation, only its lens was calibrated"
+"""Why a camera is left out."""
 
 _LARGEST = 1e30
 """A number whose square may overflow further on."""
 
 _LARGEST_SIZE_PX = 10**6
 """Width or height beyond any image: a number that large is something else."""
+
+_ROTATION_FAULT = 1e-4
+"""Of R R^T beside the unit matrix, as of `Camera`."""
+
+_ROUNDED = 0.01
+"""Of a number of a rotation: what two decimals leave open, the fewest that a rotation can be told in."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +46,7 @@ class Entry:
     @property
     def posed(self) -> bool:
         """Whether the file has an exterior orientation of it."""
-        return self.rotation in self.table or self.translation in self.table
+        return any(self.table.get(key) is not None for key in (self.rotation, self.translation))
 
     def numbers(self, key: str) -> Array:
         """The numbers under a key, in the shape that the file has them in.
@@ -71,8 +79,9 @@ class Entry:
                 f'camera "{self.name}": {self.matrix} has {matrix.size}, {self.rotation} {rotation.size} and '
                 f"{self.translation} {translation.size} numbers, expected 9, 9 (or a Rodrigues vector of 3) and 3"
             )
-        pixels, exterior, lens = whole(self.name, size), (rotation, translation), lens.ravel()
-        if not self.table.get("fisheye"):
+        pixels, lens = whole(self.name, size), lens.ravel()
+        exterior = nearest_rotation(rotation)[0] if rotation.size == 9 else rotation, translation
+        if not self._fisheye():
             return camera_of(self.name, pixels, (matrix, self._pinhole(lens)), exterior)
         if lens.size != 4:
             raise CalibrationError(
@@ -81,6 +90,12 @@ class Entry:
             )
         straight = camera_of(self.name, pixels, (matrix, np.zeros(8)), exterior)
         return replace(straight, distortion=rational_of(self.name, pixels, straight.matrix, lens))
+
+    def _fisheye(self) -> bool:
+        told = self.table.get("fisheye", False)
+        if told not in (True, False):
+            raise CalibrationError(f'camera "{self.name}": fisheye: {_short(told)} found, expected true or false')
+        return bool(told)
 
     def _pinhole(self, lens: Array) -> Array:
         """Distortion (4, 5 or 8) of what the file has of a pinhole lens."""
@@ -136,12 +151,15 @@ def camera_of(name: str, size: tuple[int, int], interior: tuple[Array, Array], e
         name: of the camera.
         size: image width and height, px.
         interior: intrinsic matrix (9 numbers) and distortion (4, 5 or 8).
-        exterior: rotation, a matrix (9) or a Rodrigues vector (3), and translation (3), metres.
+        exterior: rotation, a matrix (9) or a Rodrigues vector (3), and translation (3), in the unit of the file.
+
+    Raises:
+        CalibrationError: no camera can have these numbers.
     """
     (matrix, lens), (rotation, translation) = interior, exterior
-    turn = Rotation.from_rotvec(rotation.ravel()).as_matrix() if rotation.size == 3 else rotation.reshape(3, 3)
     motion = np.eye(4)
-    motion[:3, :3], motion[:3, 3] = turn, translation.ravel()
+    motion[:3, :3] = _turned(name, rotation.ravel()) if rotation.size == 3 else rotation.reshape(3, 3)
+    motion[:3, 3] = translation.ravel()
     matrix, distortion = matrix.reshape(3, 3), lens.ravel()
     # Affine corrections folded into K leave small entries below the diagonal; larger ones the camera refuses.
     if 0 < abs(matrix[1, 0]) <= 0.01 * abs(matrix[1, 1]):
@@ -149,15 +167,73 @@ def camera_of(name: str, size: tuple[int, int], interior: tuple[Array, Array], e
     return Camera(name, size, matrix, distortion, motion)
 
 
-def in_metres(found: Camera, stated: Mapping[str, Any]) -> Camera:
-    """The camera with its place in metres, where its file states other `units`.
+def _turned(name: str, vector: Array) -> Array:
+    """(3, 3) rotation of a Rodrigues vector."""
+    length = float(np.linalg.norm(vector))
+    if length > 2 * math.pi + 0.01:
+        raise CalibrationError(
+            f'camera "{name}": a Rodrigues vector of length {length:.3g} rad found, expected at most pi: are these '
+            "angles about three axes, or degrees?"
+        )
+    turn: Array = Rotation.from_rotvec(vector).as_matrix()
+    return turn
+
+
+def nearest_rotation(numbers: Array) -> tuple[Array, float]:
+    """The rotation that a rounded matrix means.
+
+    Args:
+        numbers: nine, row by row.
+
+    Returns:
+        (3, 3) the matrix itself, if it is a rotation or none that was rounded, else the nearest rotation; and how far
+        apart both are at most, 0 for the matrix itself.
+    """
+    matrix = numbers.reshape(3, 3)
+    if np.abs(matrix @ matrix.T - np.eye(3)).max() <= _ROTATION_FAULT or np.abs(matrix).max() > 2:
+        return matrix, 0.0
+    left, _, right = np.linalg.svd(matrix)
+    rotation = left @ right
+    apart = float(np.abs(rotation - matrix).max())
+    decimals = max(len(repr(float(value)).partition(".")[2]) for value in numbers.ravel())
+    if np.linalg.det(rotation) < 0 or apart > min(_ROUNDED, 10.0**-decimals):
+        return matrix, 0.0
+    return rotation, apart
+
+
+def listing_of(
+    entries: Iterable[Entry], unit: str = "m", set_aside: Mapping[str, str] | None = None, no_pose: str = NO_POSE
+) -> Listing:
+    """What a file lists, of its entries; those without a pose are left out.
+
+    Args:
+        entries: one a camera.
+        unit: of their translations.
+        set_aside: cameras that the file itself leaves out, by name, and why.
+        no_pose: why a camera without a pose has none.
 
     Raises:
-        CalibrationError: units that are not known.
+        CalibrationError: a name given twice, or a camera that is wrong.
     """
-    unit = stated.get("units", "m")
-    if not isinstance(unit, str) or unit not in _METRES:
-        raise CalibrationError(f'units = "{unit}": {nearest(str(unit), _METRES)}')
-    motion = np.array(found.camera_from_world)
-    motion[:3, 3] *= _METRES[unit]
-    return replace(found, camera_from_world=motion)
+    cameras: list[Camera] = []
+    left_out: dict[str, str] = {}
+    remarks = []
+    names: set[str] = set()
+    for entry in entries:
+        if entry.name in names:
+            raise CalibrationError(f'two cameras are called "{entry.name}", expected different names')
+        names.add(entry.name)
+        why = (set_aside or {}).get(entry.name) or ("" if entry.posed else no_pose)
+        if why:
+            left_out[entry.name] = why
+            continue
+        cameras.append(entry.camera())
+        turn = entry.numbers(entry.rotation)
+        apart = nearest_rotation(turn)[1] if turn.size == 9 else 0.0
+        if apart:
+            remarks.append(
+                f'camera "{entry.name}": its rotation is told in few decimals, and the nearest one is taken: that '
+                f"leaves {math.degrees(apart):.1f} degrees or {apart * cameras[-1].matrix[0, 0]:.0f} px open: export "
+                "it with more decimals"
+            )
+    return Listing(tuple(cameras), left_out, tuple(remarks), unit)

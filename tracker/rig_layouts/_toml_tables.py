@@ -7,25 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from tracker.camera import Camera
-from tracker.errors import CalibrationError
-from tracker.rig_layouts._cameras import Entry
-from tracker.rig_layouts._sources import text_of
+from tracker.rig_layouts._sources import lenient_text, written_in
 
-NO_POSE = "has no pose: neither rotation nor translation, only its lens was calibrated"
+_FREEMOCAP = re.compile(
+    r"^[ \t]*(charuco_square_size|groundplane_applied|square_length_mm)[ \t]*=|[{,][ \t]*square_length_mm[ \t]*=",
+    re.MULTILINE,
+)
+"""What FreeMoCap writes under its metadata: up to version 1, from 2 on."""
 
-_FREEMOCAP = re.compile(r"^charuco_square_size[ \t]*=", re.MULTILINE)
-
-
-def table_camera(name: str, table: dict[str, Any]) -> Camera | str:
-    """The camera of a table, or why there is none to be had of it.
-
-    Raises:
-        CalibrationError: what is there is wrong.
-    """
-    entry = Entry(name, table)
-    if not entry.posed:
-        return NO_POSE
-    return entry.camera()
+_CALISCOPE = re.compile(r"^[ \t]*(\[[ \t]*cameras[ \t]*[.\]]|cameras[ \t]*[.=])", re.MULTILINE)
+_CALISCOPE_OLD = re.compile(r"^[ \t]*rotation_count[ \t]*=", re.MULTILINE)
 
 
 def camera_table(camera: Camera) -> dict[str, Any]:
@@ -41,9 +32,11 @@ def camera_table(camera: Camera) -> dict[str, Any]:
     }
 
 
-def is_freemocap(path: Path) -> bool:
-    """Whether a TOML file has FreeMoCap's metadata; False also for what cannot be read."""
-    try:
-        return _FREEMOCAP.search(text_of(path)) is not None
-    except CalibrationError:
-        return False
+def toml_program(path: Path) -> str:
+    """Whose TOML file it is: the layout `caliscope`, `freemocap` or `anipose`; empty of other files."""
+    if written_in(path) != "toml":
+        return ""
+    text = lenient_text(path)
+    if _CALISCOPE.search(text) or _CALISCOPE_OLD.search(text):
+        return "caliscope"
+    return "freemocap" if _FREEMOCAP.search(text) else "anipose"

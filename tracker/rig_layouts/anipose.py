@@ -7,30 +7,34 @@ from typing import Any, ClassVar
 
 import tomli_w
 
-from tracker.camera import Camera
 from tracker.components import component
-from tracker.errors import CalibrationError
+from tracker.errors import CalibrationError, shortened
 from tracker.rig import Rig
 from tracker.rig_layouts import Listing
-from tracker.rig_layouts._cameras import in_metres
+from tracker.rig_layouts._cameras import Entry, listing_of
 from tracker.rig_layouts._sources import toml_table
-from tracker.rig_layouts._toml_tables import camera_table, is_freemocap, table_camera
-from tracker.rig_layouts.caliscope import is_caliscope
+from tracker.rig_layouts._toml_tables import camera_table, toml_program
+from tracker.rig_layouts._units import unit_of
+
+_NAMED = 6
+"""Tables that a message names, where none is a camera."""
 
 
 @component
 class AniposeLayout:
     """`rig.toml` with a table a camera: name, size, matrix, distortions, rotation (Rodrigues vector), translation.
 
-    Lengths are metres unless `units` under `[metadata]` says cm or mm. A table without name is called by its key.
+    Lengths are metres unless `units` under `[metadata]` says cm or mm. A table without name is called by its key; one
+    without size and matrix is no camera.
     """
 
     endings: ClassVar[tuple[str, ...]] = (".toml",)
     shape: ClassVar[str] = "a .toml with a table a camera (Anipose, Pose2Sim, FreeMoCap)"
+    terms: ClassVar[int] = 8
 
     def detects(self, path: Path) -> bool:
         """Any TOML file that is neither Caliscope's own nor FreeMoCap's."""
-        return path.suffix.lower() == ".toml" and path.is_file() and not (is_caliscope(path) or is_freemocap(path))
+        return toml_program(path) == "anipose"
 
     def read(self, path: Path, size: tuple[int, int] | None) -> Listing:
         """Reads the tables; one without a pose is left out."""
@@ -38,22 +42,20 @@ class AniposeLayout:
         metadata = content.pop("metadata", {})
         if not isinstance(metadata, dict):
             raise CalibrationError(f"metadata: {metadata!r} found, expected a table")
-        cameras: list[Camera] = []
-        left_out: dict[str, str] = {}
-        for key, table in content.items():
-            if not isinstance(table, dict):
-                continue
-            name = str(table.get("name", key))
-            found = table_camera(name, table)
-            if isinstance(found, str):
-                left_out[name] = found
-            else:
-                cameras.append(in_metres(found, metadata))
-        return Listing(tuple(cameras), left_out)
+        tables = {key: table for key, table in content.items() if isinstance(table, dict)}
+        entries = [Entry(str(table.get("name", key)), table) for key, table in tables.items() if _is_camera(table)]
+        if not entries:
+            named = ", ".join(f"[{shortened(key)}]" for key in list(tables)[:_NAMED]) or "no table at all"
+            raise CalibrationError(f"no camera in it, expected tables with size and matrix; it has {named}")
+        return listing_of(entries, unit_of(metadata.get("units", "m")))
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
         """The tables `cam_0`, `cam_1`, ... and the metadata."""
         return {"": tables_of(rig)}
+
+
+def _is_camera(table: dict[str, Any]) -> bool:
+    return "size" in table or "matrix" in table
 
 
 def tables_of(rig: Rig, n_distortion: int | None = None) -> bytes:

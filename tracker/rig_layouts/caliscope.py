@@ -1,4 +1,4 @@
-"""Caliscope's own camera arrays."""
+"""Caliscope's own camera arrays, and the configurations that were in their place before."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from typing import Any, ClassVar
 
 import tomli_w
 
-from tracker.camera import Camera
 from tracker.components import component
 from tracker.errors import CalibrationError
 from tracker.rig import Rig
 from tracker.rig_layouts import Listing
-from tracker.rig_layouts._sources import text_of, toml_table
-from tracker.rig_layouts._toml_tables import camera_table, table_camera
+from tracker.rig_layouts._cameras import Entry, listing_of
+from tracker.rig_layouts._sources import toml_table
+from tracker.rig_layouts._toml_tables import camera_table, toml_program
 
-_TABLE = re.compile(r"^[ \t]*(\[[ \t]*cameras[ \t]*[.\]]|cameras[ \t]*[.=])", re.MULTILINE)
 _NUMBERED = re.compile(r"(?:cam|port)_?(\d+)")
 
 
@@ -24,34 +23,34 @@ _NUMBERED = re.compile(r"(?:cam|port)_?(\d+)")
 class CaliscopeLayout:
     """`camera_array.toml`: tables `[cameras.0]`, `[cameras.1]`, ..., called cam_0, cam_1 as Caliscope's videos are.
 
-    Older files number by `port`, whose videos are called port_0, port_1. Cameras with `ignore = true`, or without a
-    pose, are left out. `rotation_count` turns Caliscope's display only, neither its videos nor its calibration.
+    Older files number by `port`, whose videos are called port_0, port_1; before there was `camera_array.toml`, these
+    were tables of `config.toml`, beside stereo pairs and points. Cameras with `ignore = true`, or without a pose, are
+    left out. `rotation_count` turns Caliscope's display only, neither its videos nor its calibration.
     """
 
     endings: ClassVar[tuple[str, ...]] = (".toml",)
-    shape: ClassVar[str] = "Caliscope's camera_array.toml"
+    shape: ClassVar[str] = "Caliscope's camera_array.toml or config.toml"
+    terms: ClassVar[int] = 8
 
     def detects(self, path: Path) -> bool:
-        """A TOML file with a table `cameras`."""
-        return path.suffix.lower() == ".toml" and path.is_file() and is_caliscope(path)
+        """A TOML file with a table `cameras`, or with cameras that are turned in the display."""
+        return toml_program(path) == "caliscope"
 
     def read(self, path: Path, size: tuple[int, int] | None) -> Listing:
         """Reads the tables."""
-        tables = toml_table(path).get("cameras")
+        content = toml_table(path)
+        tables = content.get("cameras") if "cameras" in content else _older(content)
         if not isinstance(tables, dict):
             raise CalibrationError("cameras: expected the tables [cameras.0], [cameras.1], ...")
-        cameras: list[Camera] = []
-        left_out: dict[str, str] = {}
+        entries, set_aside = [], {}
         for number, table in tables.items():
             if not isinstance(table, dict):
                 raise CalibrationError(f"cameras.{number}: {table!r} found, expected a table")
             name = str(table.get("name", f"{'port' if 'port' in table else 'cam'}_{number}"))
-            found = "is set aside: ignore = true" if table.get("ignore") is True else table_camera(name, table)
-            if isinstance(found, str):
-                left_out[name] = found
-            else:
-                cameras.append(found)
-        return Listing(tuple(cameras), left_out)
+            entries.append(Entry(name, table))
+            if table.get("ignore") is True:
+                set_aside[name] = "is set aside: ignore = true"
+        return listing_of(entries, set_aside=set_aside)
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
         """The tables, numbered as the names are; names of another kind go along, and the cameras are counted."""
@@ -68,9 +67,6 @@ class CaliscopeLayout:
         return {"": tomli_w.dumps({"cameras": tables}).encode()}
 
 
-def is_caliscope(path: Path) -> bool:
-    """Whether a TOML file has a table `cameras`; False also for what cannot be read."""
-    try:
-        return _TABLE.search(text_of(path)) is not None
-    except CalibrationError:
-        return False
+def _older(content: dict[str, Any]) -> dict[str, Any]:
+    """The cameras of a `config.toml` by their ports: stereo pairs, the board and points have none."""
+    return {str(table["port"]): table for table in content.values() if isinstance(table, dict) and "port" in table}

@@ -9,12 +9,11 @@ from typing import ClassVar
 import numpy as np
 
 from tracker.arrays import Array
-from tracker.camera import Camera
 from tracker.components import component
 from tracker.errors import CalibrationError
 from tracker.rig import Rig
 from tracker.rig_layouts import Listing
-from tracker.rig_layouts._cameras import Entry
+from tracker.rig_layouts._cameras import Entry, listing_of
 from tracker.rig_layouts._opencv_yaml import OpenCvFile, opened, written
 
 _FIT = re.compile(r"[A-Za-z0-9_ -]+")
@@ -32,6 +31,7 @@ class EasyMocapLayout:
 
     endings: ClassVar[tuple[str, ...]] = ()
     shape: ClassVar[str] = "a folder with intri.yml and extri.yml (EasyMocap)"
+    terms: ClassVar[int] = 8
 
     def detects(self, path: Path) -> bool:
         """A folder with one of the files, or one of the files."""
@@ -43,7 +43,7 @@ class EasyMocapLayout:
         names = [name for name in intri.names("names") if name not in ("", "none")]
         if not names:
             raise CalibrationError("intri.yml: no list `names`")
-        return Listing(tuple(_camera(name, intri, extri, size) for name in names))
+        return listing_of(_entry(name, intri, extri, size) for name in names)
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
         """Both files, with the image sizes."""
@@ -69,7 +69,7 @@ def _folder(path: Path) -> Path:
     return path.parent if path.name in _FILES and path.is_file() else path
 
 
-def _camera(name: str, intri: OpenCvFile, extri: OpenCvFile, size: tuple[int, int] | None) -> Camera:
+def _entry(name: str, intri: OpenCvFile, extri: OpenCvFile, size: tuple[int, int] | None) -> Entry:
     told = intri.number(f"W_{name}"), intri.number(f"H_{name}")
     if min(told) <= 0 and size is None:
         raise CalibrationError(
@@ -80,8 +80,8 @@ def _camera(name: str, intri: OpenCvFile, extri: OpenCvFile, size: tuple[int, in
         "size": np.array(told if min(told) > 0 else size),
         "K": intri.matrix(f"K_{name}"),
         "dist": intri.matrix(f"dist_{name}", f"D_{name}"),
-        # EasyMocap itself reads the vector and leaves the matrix aside.
-        "R": extri.matrix(f"R_{name}", f"Rot_{name}"),
-        "T": extri.matrix(f"T_{name}"),
     }
-    return Entry(name, table, "K", "dist", "R", "T").camera()
+    # EasyMocap itself reads the vector and leaves the matrix aside.
+    if any(extri.has(f"{key}_{name}") for key in ("R", "Rot", "T")):
+        table |= {"R": extri.matrix(f"R_{name}", f"Rot_{name}"), "T": extri.matrix(f"T_{name}")}
+    return Entry(name, table, "K", "dist", "R", "T")

@@ -10,8 +10,10 @@ from tracker.components import component
 from tracker.errors import CalibrationError, nearest
 from tracker.rig import Rig
 from tracker.rig_layouts import Listing
-from tracker.rig_layouts._cameras import Entry, in_metres
-from tracker.rig_layouts._sources import json_table
+from tracker.rig_layouts._cameras import Entry, listing_of
+from tracker.rig_layouts._sources import json_table, written_in
+from tracker.rig_layouts._units import unit_of
+from tracker.rig_layouts.panoptic import is_panoptic
 
 
 @component
@@ -23,10 +25,11 @@ class JsonLayout:
 
     endings: ClassVar[tuple[str, ...]] = (".json",)
     shape: ClassVar[str] = 'a .json with "cameras": size, K, dist, R, t'
+    terms: ClassVar[int] = 8
 
     def detects(self, path: Path) -> bool:
-        """Any JSON file."""
-        return path.suffix.lower() == ".json" and path.is_file()
+        """A JSON file that is not Panoptic's."""
+        return written_in(path) == "json" and not is_panoptic(path)
 
     def read(self, path: Path, size: tuple[int, int] | None) -> Listing:
         """Reads the cameras."""
@@ -38,7 +41,8 @@ class JsonLayout:
             entries = {f"cam_{k}": entry for k, entry in enumerate(entries)}
         if not isinstance(entries, dict):
             raise CalibrationError('"cameras": expected a list, or a table by camera name')
-        return Listing(tuple(in_metres(_entry(name, entry).camera(), content) for name, entry in entries.items()))
+        named = [_entry(name, entry) for name, entry in entries.items()]
+        return listing_of(named, unit_of(content.get("units", "m")))
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
         """The list of cameras, with the convention in words."""

@@ -27,6 +27,7 @@ class MiddleburyLayout:
 
     endings: ClassVar[tuple[str, ...]] = ("_par.txt",)
     shape: ClassVar[str] = "Middlebury's NAME_par.txt"
+    terms: ClassVar[int] = 8
 
     def detects(self, path: Path) -> bool:
         """A file of that name."""

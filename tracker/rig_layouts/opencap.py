@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
-from tracker.camera import Camera
 from tracker.components import component
 from tracker.errors import CalibrationError, os_fault
 from tracker.rig import Rig
 from tracker.rig_layouts import Listing
-from tracker.rig_layouts._cameras import Entry, in_metres
+from tracker.rig_layouts._cameras import Entry, listing_of
 from tracker.rig_layouts._pickled import pickled_table
 from tracker.rig_layouts._up import up_remarks
 
@@ -30,6 +30,7 @@ class OpenCapLayout:
 
     endings: ClassVar[tuple[str, ...]] = ()
     shape: ClassVar[str] = f"an OpenCap session (Videos/CAMERA/{_FILE})"
+    terms: ClassVar[int] = 8
 
     def detects(self, path: Path) -> bool:
         """The session, its folder of videos, or one of its files."""
@@ -37,20 +38,16 @@ class OpenCapLayout:
 
     def read(self, path: Path, size: tuple[int, int] | None) -> Listing:
         """Reads the cameras, called as their folders; one that was only calibrated by itself is left out."""
-        cameras: list[Camera] = []
-        left_out: dict[str, str] = {}
+        entries = []
         for file in _files(path):
             name = file.parent.name
             try:
                 table = pickled_table(_content(file))
             except CalibrationError as error:
                 raise CalibrationError(f'camera "{name}": {_FILE}: {error}') from error
-            entry = Entry(name, _with_size(table), *_KEYS)
-            if entry.posed:
-                cameras.append(in_metres(entry.camera(), {"units": "mm"}))
-            else:
-                left_out[name] = "has no pose: the board was not found in its images"
-        return Listing(tuple(cameras), left_out, up_remarks(cameras))
+            entries.append(Entry(name, _with_size(table), *_KEYS))
+        listing = listing_of(entries, "mm", no_pose="has no pose: the board was not found in its images")
+        return replace(listing, remarks=(*listing.remarks, *up_remarks(listing.cameras)))
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
         """Nothing: OpenCap takes pickles, which are not written either."""

@@ -7,12 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from tracker.camera import Camera
 from tracker.components import component
 from tracker.errors import CalibrationError
 from tracker.rig import Rig
 from tracker.rig_layouts import Listing
-from tracker.rig_layouts._cameras import Entry
+from tracker.rig_layouts._cameras import Entry, listing_of
 from tracker.rig_layouts._opencv_yaml import opened, written
 from tracker.rig_layouts.easymocap import EasyMocapLayout
 
@@ -37,6 +36,7 @@ class OpenCvLayout:
 
     endings: ClassVar[tuple[str, ...]] = ()
     shape: ClassVar[str] = "a folder with one OpenCV .yml a camera"
+    terms: ClassVar[int] = 8
 
     def detects(self, path: Path) -> bool:
         """A folder with such files that is not EasyMocap's."""
@@ -44,15 +44,7 @@ class OpenCvLayout:
 
     def read(self, path: Path, size: tuple[int, int] | None) -> Listing:
         """Reads all the files, in the order of their names."""
-        cameras: list[Camera] = []
-        left_out: dict[str, str] = {}
-        for file in _files(path):
-            found = _camera(file, size)
-            if found is None:
-                left_out[file.stem] = "has no pose: neither rotation nor translation, only its lens was calibrated"
-            else:
-                cameras.append(found)
-        return Listing(tuple(cameras), left_out)
+        return listing_of(_entry(file, size) for file in _files(path))
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
         """One file a camera, called after it."""
@@ -78,7 +70,7 @@ def _files(folder: Path) -> list[Path]:
     return sorted(file for file in folder.iterdir() if file.suffix.lower() in (".yml", ".yaml") and file.is_file())
 
 
-def _camera(path: Path, given: tuple[int, int] | None) -> Camera | None:
+def _entry(path: Path, given: tuple[int, int] | None) -> Entry:
     file = opened(path)
     size = file.number("image_width"), file.number("image_height")
     if min(size) <= 0:
@@ -86,8 +78,8 @@ def _camera(path: Path, given: tuple[int, int] | None) -> Camera | None:
             raise CalibrationError(f"{path.name}: no image_width and image_height: give the image size, --size WxH")
         size = given
     lens = {key: file.matrix(key, *_OTHER[key]) for key in _LENS}
-    if not any(file.has(key) for name in _POSE for key in (name, *_OTHER[name])):
-        return None
+    posed = any(file.has(key) for name in _POSE for key in (name, *_OTHER[name]))
+    pose = {key: file.matrix(key, *_OTHER[key]) for key in _POSE} if posed else {}
     fisheye = {"fisheye": file.number("fisheye_model") > 0}  # as the sample program calls it
-    table = {"size": np.array(size), **lens, **fisheye, **{key: file.matrix(key, *_OTHER[key]) for key in _POSE}}
-    return Entry(path.stem, table, *_LENS, *_POSE).camera()
+    table = {"size": np.array(size), **lens, **fisheye, **pose}
+    return Entry(path.stem, table, *_LENS, *_POSE)

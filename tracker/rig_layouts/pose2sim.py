@@ -18,6 +18,7 @@ class Pose2SimLayout:
 
     endings: ClassVar[tuple[str, ...]] = (".toml",)
     shape: ClassVar[str] = "Pose2Sim's Calib.toml"
+    terms: ClassVar[int] = 4
 
     def detects(self, path: Path) -> bool:
         """Never: what Pose2Sim writes are Anipose's tables, and read as such."""
@@ -28,11 +29,11 @@ class Pose2SimLayout:
         return AniposeLayout().read(path, size)
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
-        """Anipose's tables without k3."""
+        """Anipose's tables without k3; the lenses have been fitted to four terms."""
         lost = [camera.name for camera in rig.cameras if camera.distortion[4:].any()]
         if lost:
             raise CalibrationError(
                 f"{', '.join(lost)}: of k3, k4, k5 and k6 one is not 0, which the four distortion coefficients of "
-                'Pose2Sim cannot hold: choose another layout, or calibrate without "radial"'
+                "Pose2Sim cannot hold: choose another layout"
             )
         return {"": tables_of(rig, n_distortion=4)}

@@ -15,7 +15,7 @@ from tracker.errors import CalibrationError
 from tracker.rig import Rig
 from tracker.rig_layouts import Listing
 from tracker.rig_layouts._cameras import camera_of, whole
-from tracker.rig_layouts._sources import text_of
+from tracker.rig_layouts._sources import xml_root, xml_tag
 
 _SUBPIXELS = 64.0
 """QTM tells pixels in 64ths; distortion coefficients are plain."""
@@ -39,21 +39,15 @@ class QualisysLayout:
 
     endings: ClassVar[tuple[str, ...]] = (".qca.txt", ".xml")
     shape: ClassVar[str] = "a Qualisys .qca.txt or .xml"
+    terms: ClassVar[int] = 5
 
     def detects(self, path: Path) -> bool:
-        """A .txt or .xml file that is not Middlebury's."""
-        name = path.name.lower()
-        return path.is_file() and name.endswith((".txt", ".xml")) and not name.endswith("_par.txt")
+        """An XML file whose outermost element is a calibration, or one that is called as QTM's."""
+        return xml_tag(path) == "calibration" or (path.is_file() and path.name.lower().endswith(".qca.txt"))
 
     def read(self, path: Path, size: tuple[int, int] | None) -> Listing:
         """Reads the cameras."""
-        text = text_of(path, "replace")
-        if "<!DOCTYPE" in text or "<!ENTITY" in text:
-            raise CalibrationError("a document type in it, which a calibration does not need")
-        try:
-            entries = list(ElementTree.fromstring(text).iter("camera"))
-        except (ElementTree.ParseError, ValueError) as error:
-            raise CalibrationError(f"not XML: {error}") from error
+        entries = list(xml_root(path).iter("camera"))
         if not entries:
             raise CalibrationError("no <camera> in it")
         cameras: list[Camera] = []
@@ -67,7 +61,7 @@ class QualisysLayout:
             else:
                 cameras.append(_camera(entry, name))
                 remarks += _remarks(entry, name)
-        return Listing(tuple(cameras), left_out, tuple(remarks))
+        return Listing(tuple(cameras), left_out, tuple(remarks), "mm")
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
         """The file, as far as QTM and what reads its files need it."""
@@ -109,7 +103,7 @@ def _camera(entry: ElementTree.Element, name: str) -> Camera:
     left, top, right, bottom = _numbers(entry, "fov_video", ("left", "top", "right", "bottom"), name)
     fu, fv, cu, cv, skew = _numbers(entry, "intrinsic", _LENS, name) / _SUBPIXELS
     lens = _numbers(entry, "intrinsic", (*_DISTORTION, _RADIAL3), name)
-    place = _numbers(entry, "transform", ("x", "y", "z"), name) / 1000
+    place = _numbers(entry, "transform", ("x", "y", "z"), name)
     rotation = _FLIP @ _numbers(entry, "transform", _TURN, name).reshape(3, 3)
     matrix = np.array([[fu, skew, cu - left], [0, fv, cv - top], [0, 0, 1]])
     size = whole(name, np.array([right - left + 1, bottom - top + 1]))

@@ -1,0 +1,96 @@
+"""The unit of length of a file: metres for the cameras, and a word where another unit makes a room of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tracker.camera import Camera
+from tracker.errors import CalibrationError, nearest
+
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+"""Units a file or a user may state."""
+
+_WORDS = {"m": "metres", "cm": "centimetres", "mm": "millimetres"}
+_SPELT = {f"{prefix}{end}": unit for unit, prefix in (("m", ""), ("cm", "centi"), ("mm", "milli")) for end in (
+    "metre", "metres", "meter", "meters")}  # fmt: skip
+
+FARTHEST_M, _FAR_M = 200.0, 30.0
+"""A room is metres across: cameras hundreds of metres from one another are not believed, tens of metres are told."""
+
+_ROOM_M = 0.5, 60.0
+"""Distance of the two cameras of a room that are farthest from one another."""
+
+_USUAL_M = 4.0
+"""Of several units that make a room, the one is named first that comes nearest to this."""
+
+
+def unit_of(word: object) -> str:
+    """The unit of a word such as `mm` or `millimeters`.
+
+    Raises:
+        CalibrationError: it is none.
+    """
+    told = str(word).strip().lower()
+    unit = _SPELT.get(told, told)
+    if not isinstance(word, str) or unit not in METRES:
+        raise CalibrationError(f'units = "{word}": {nearest(str(word), METRES)}')
+    return unit
+
+
+def in_metres(cameras: Sequence[Camera], unit: str, scale: float = 1.0) -> tuple[Camera, ...]:
+    """The cameras with their places in metres.
+
+    Args:
+        cameras: their places in a unit.
+        unit: of `METRES`.
+        scale: by which lengths are multiplied besides.
+
+    Raises:
+        CalibrationError: the scale is no factor of lengths.
+    """
+    if not (math.isfinite(scale) and scale > 0):
+        raise CalibrationError(f"scale = {scale:g}: expected a factor above 0, by which lengths are multiplied")
+    factor = scale * METRES[unit]
+    moved = []
+    for camera in cameras:
+        motion = np.array(camera.camera_from_world)
+        motion[:3, 3] *= factor
+        moved.append(replace(camera, camera_from_world=motion))
+    return tuple(moved)
+
+
+def unit_remarks(cameras: Sequence[Camera], unit: str, path: Path) -> tuple[str, ...]:
+    """What to know where cameras stand tens of metres from one another.
+
+    Args:
+        cameras: with places in metres.
+        unit: that the file was read in.
+        path: of the file.
+
+    Raises:
+        CalibrationError: they stand hundreds of metres from one another.
+    """
+    centres = np.stack([camera.centre for camera in cameras])
+    farthest = max(float(np.linalg.norm(centres - centre, axis=1).max()) for centre in centres)
+    if farthest <= _FAR_M:
+        return ()
+    others = {_WORDS[other]: farthest * METRES[other] / METRES[unit] for other in METRES if other != unit}
+    rooms = {word: wide for word, wide in others.items() if _ROOM_M[0] <= wide <= _ROOM_M[1]}
+    words = sorted(rooms, key=lambda word: abs(math.log(rooms[word] / _USUAL_M)))
+    told = f"two cameras are {farthest:.0f} m apart, expected a room"
+    if words:
+        short = next(short for short, word in _WORDS.items() if word == words[0])
+        told += (
+            f": in {' or in '.join(f'{word} they are {rooms[word]:.2g} m apart' for word in words)}: if the file is in "
+            f"{words[0]}, `bodytrack rig convert {path} rig.toml --units {short}` reads it so"
+        )
+    else:
+        told += f": if its lengths have another unit, `bodytrack rig convert {path} rig.toml --scale METRES` tells it"
+    if farthest > FARTHEST_M:
+        raise CalibrationError(told)
+    return (told,) if words else ()
