@@ -9,6 +9,7 @@ import pytest
 from detected import detected
 from observations import four_views
 from recordings import cycle_for, small_simulation
+from rounding import assert_alike
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
@@ -67,9 +68,9 @@ def test_the_other_side_is_mirrored_unless_it_is_given(tmp_path: Path) -> None:
     body = with_keypoints(tmp_path, section)
     left, right = points(body, "left_heel", "right_heel")
     np.testing.assert_allclose(right, left * [1, -1, 1])
-    np.testing.assert_array_equal(*points(body, "vertex", "head_top"))
+    assert_alike(*points(body, "vertex", "head_top"))
     body = with_keypoints(tmp_path, section + '\nright_heel = "right_knee"')
-    np.testing.assert_array_equal(*points(body, "right_heel", "right_knee"))
+    assert_alike(*points(body, "right_heel", "right_knee"))
 
 
 def test_offsets_grow_with_the_body_and_are_kept_in_files(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 from detected import NAMES, detected, exchanged, written
 from observations import bent, four_views
 from recordings import cycle_for, small_simulation
+from rounding import SINGLE, assert_alike
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
@@ -188,7 +189,7 @@ def test_keypoints_of_larger_images_are_scaled_or_refused(scene: Scene, stages: 
     assert gaps.mean() < 0.015
     averaged = Rig(tuple(replace(camera, downscale=2) for camera in scene.rig.cameras))
     same = KeypointInitialization(path=pattern).start(frame, Scene(scene.persons, averaged), stages).poses[0]
-    np.testing.assert_array_equal(pose, same)
+    assert_alike(pose, same, SINGLE)
     with pytest.raises(InitializationError, match="set downscale"):
         KeypointInitialization(path=pattern).start(frame, scene, stages)
 

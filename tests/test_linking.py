@@ -7,6 +7,7 @@ import itertools
 import cv2
 import numpy as np
 import pytest
+from rounding import assert_alike
 
 from tracker.arrays import Array32, Image, Integers
 from tracker.imaging.edges import canny, gradient
@@ -132,8 +133,8 @@ def test_traced_segments_are_the_linked_and_split_chains_that_are_long_enough(na
     assert n_segments == labels.max(initial=-1) + 1
     profile = np.zeros((2, n, 2), dtype=np.float32)
     edge_profile(points[kept], (dx, dy), *profile)
-    np.testing.assert_array_equal(positions[:n], profile[0])
-    np.testing.assert_array_equal(directions[:n], profile[1])
+    assert_alike(positions[:n], profile[0])
+    assert_alike(directions[:n], profile[1])
 
 
 @pytest.mark.parametrize("name", EDGE_MAPS)
@@ -154,8 +155,8 @@ def test_segments_that_are_left_out_early_are_those_without_a_pixel_that_matters
     assert name in ("0%", "5%") or 0 < n < (labels >= 0).sum()
     profile = np.zeros((2, n, 2), dtype=np.float32)
     edge_profile(points[matter], (dx, dy), *profile)
-    np.testing.assert_array_equal(positions[:n], profile[0])
-    np.testing.assert_array_equal(directions[:n], profile[1])
+    assert_alike(positions[:n], profile[0])
+    assert_alike(directions[:n], profile[1])
 
 
 def test_the_profile_is_the_vertex_of_the_parabola_through_three_slopes() -> None:

@@ -8,6 +8,7 @@ from functools import cache, partial
 import numpy as np
 import pytest
 from recordings import Staying, cycle_for, joint_errors_mm, small_simulation
+from rounding import SINGLE, assert_alike
 
 from tracker.arrays import Array
 from tracker.comparison import Comparison
@@ -141,7 +142,7 @@ def test_nothing_is_tried_of_who_is_lost_or_where_no_colours_are_asked_for(filme
 def test_colours_decide_beside_distances_alone(filmed, objective: Objective) -> None:
     poses = np.array([filmed.poses[0][FRAME], moved(filmed, right_arm_elevation=-20.0)])
     contours = replace(objective, colours=None)
-    np.testing.assert_array_equal(contours.deciding_px(poses), objective(poses))
+    assert_alike(contours.deciding_px(poses), objective(poses), SINGLE)
     (lead,) = np.diff(contours.deciding_px(poses))
     assert np.diff(objective.deciding_px(poses)) > lead + 0.1
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from recordings import small_simulation
+from rounding import assert_alike
 
 from tracker.arrays import Array
 from tracker.frame import Frame
@@ -112,6 +113,6 @@ def test_many_poses_are_told_what_each_alone_is(filmed, frame, moved: str) -> No
     poses[:, person.body.index(moved)] += np.radians([0, 20, 40, 60, 20])
     together = colours.impurities(filmed.scene, 0, poses)
     alone = [impurity(colours, filmed.scene.with_pose(0, q)) for q in poses]
-    np.testing.assert_array_equal(together, alone)
+    assert_alike(together, alone)
     assert len(np.unique(together)) == 4
     assert len(colours.impurities(filmed.scene, 0, poses[:0])) == 0

@@ -7,6 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from rounding import assert_alike
 from scipy.optimize import least_squares
 
 from tracker.arrays import Array
@@ -36,7 +37,7 @@ def test_projection_is_every_camera_in_turn() -> None:
     pixels = rig.project(points.reshape(2, 3, 3))
     assert pixels.shape == (4, 2, 3, 2)
     for v, camera in enumerate(rig.cameras):
-        np.testing.assert_array_equal(pixels[v].reshape(6, 2), camera.project(points))
+        assert_alike(pixels[v].reshape(6, 2), camera.project(points))
 
 
 def test_triangulation_inverts_projection_with_whatever_views_there_are() -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rounding import SINGLE, assert_alike
 
 from tracker.body import BodyModel
 from tracker.body.files import load_body
@@ -57,7 +58,7 @@ def test_collisions_are_those_of_the_plain_twin(body: BodyModel) -> None:
     sums = body.collisions(poses)
     assert sums.max() > 3
     np.testing.assert_allclose(sums, [plain(body, q) for q in poses], atol=1e-3)
-    np.testing.assert_array_equal(sums[:1], body.collisions(poses[:1]))
+    assert_alike(sums[:1], body.collisions(poses[:1]), SINGLE)
 
 
 def test_a_depth_is_the_share_of_the_radius() -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recordings import cycle_for, small_simulation
+from rounding import SINGLE, assert_alike
 
 from tracker.arrays import Array
 from tracker.errors import InitializationError
@@ -62,7 +63,7 @@ def test_the_true_pose_covers_what_has_moved_and_another_one_does_not(truth: Sce
 
 
 def test_pixels_inside_rods_are_those_that_arrays_find():
-    """Bit for bit; a part behind the camera, NaN, covers nothing, one seen from its end a disc."""
+    """But for pixels on an edge; a part behind the camera, NaN, covers nothing, one seen from its end a disc."""
     rng = np.random.default_rng(3)
     starts, ends, pixels = (
         rng.uniform(0, 100, shape).astype(np.float32) for shape in ((40, 7, 2), (40, 7, 2), (90, 2))
@@ -71,16 +72,21 @@ def test_pixels_inside_rods_are_those_that_arrays_find():
     starts[3, 2], ends[5, 1], pixels[0], reach_px[5, 1] = np.nan, starts[5, 1], starts[5, 1] + 3, 5
     found = np.empty(40)
     covered_by_rods(starts, ends - starts, reach_px, pixels, found)
-    inside = np.zeros((40, 90), dtype=bool)
+    surely, perhaps = np.zeros((2, 40, 90), dtype=bool)
     for part in range(7):
         start, way = starts[:, None, part], ends[:, None, part] - starts[:, None, part]
         gaps = pixels - start
         share = np.clip((gaps * way).sum(axis=2) / np.maximum((way * way).sum(axis=2), np.float32(1e-6)), 0, 1)
         gaps -= share[..., None] * way
-        inside |= (gaps * gaps).sum(axis=2) < reach_px[:, None, part] ** 2
-    assert inside[5, 0]
-    assert 0.05 < inside.mean() < 0.95
-    np.testing.assert_array_equal(found, inside.mean(axis=1))
+        away_px = np.sqrt((gaps * gaps).sum(axis=2))
+        surely |= away_px < reach_px[:, None, part] - 100 * SINGLE
+        perhaps |= away_px < reach_px[:, None, part] + 100 * SINGLE
+    assert surely[5, 0]
+    assert 0.05 < surely.mean() <= perhaps.mean() < surely.mean() + 0.001 < 0.95
+    n_inside = np.round(90 * found)
+    assert_alike(found, n_inside / 90)
+    assert (surely.sum(axis=1) <= n_inside).all()
+    assert (n_inside <= perhaps.sum(axis=1)).all()
 
 
 def test_where_nothing_is_known_to_have_moved_every_pose_covers_it(truth: Scene) -> None:

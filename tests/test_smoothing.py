@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from motions import LOST, N_FRAMES, made_up
 from recordings import TrueStart, cycle_for, small_simulation
+from rounding import assert_alike
 from swinging import FPS, observed, rms, swinging
 from typer.testing import CliRunner
 
@@ -129,7 +130,7 @@ def test_long_stretches_are_smoothed_in_pieces_to_the_same_result(monkeypatch):
         monkeypatch.setattr("tracker.smoothing.rts._CHUNK", chunk)
         pieces = RauchTungStriebel().smooth([stretch])[0]
         for name in ("poses", "velocities", "accelerations", "covariances"):
-            np.testing.assert_array_equal(getattr(pieces, name), getattr(whole, name))
+            assert_alike(getattr(pieces, name), getattr(whole, name))
 
 
 def dense(stretch, noise):

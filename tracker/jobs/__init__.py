@@ -148,7 +148,8 @@ def execute(job: Job, output: Path | None = None, resume: bool = False, progress
     Args:
         job: what to do.
         output: result folder; None for `results/<name>/<time>`, with the link `latest`.
-        resume: continue an interrupted job in `output`, or in the latest folder, to the same result.
+        resume: continue an interrupted job in `output`, or in the latest folder, to the same result; to the same bits
+            on the same machine with the same versions of the libraries, else but for rounding.
         progress: told how far it is.
 
     Returns:

@@ -26,7 +26,7 @@ _LARGEST = 2**20
 
 
 def as_kept(step: Step) -> Step:
-    """The step with covariances as the journal keeps them, so that a resumed run writes the same bytes."""
+    """The step with covariances as the journal keeps them, so that a resumed run goes on from the same numbers."""
     return replace(step, estimates=tuple(_as_kept(estimate) for estimate in step.estimates))
 
 

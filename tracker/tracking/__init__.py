@@ -135,7 +135,7 @@ def _was_led_back(replay: Replay) -> bool:
 class Ahead:
     """Decodes and looks at the next frame while the one before is being estimated, in a thread of its own.
 
-    What it looks around is the outcome two frames before, which a resumed run knows as well: the results are the same.
+    What it looks around is the outcome two frames before, which a resumed run knows as well: it asks the same.
     """
 
     def __init__(self, frames: Iterable[Frame], cycle: Cycle, replays: Mapping[int, Replay] = _NOTHING) -> None:
