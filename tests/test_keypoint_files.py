@@ -200,6 +200,11 @@ FRAMES: dict[str, Any] = {
     "mmpose, returned": {"predictions": [[MMPOSE]]},
     "openpifpaf": [{"keypoints": PERSON, "bbox": [1, 2, 3, 4], "score": 0.8, "category_id": 1}],
     "points": people(POINTS.tolist()),
+    "openpose before 1.3": {"version": 1.1, "people": [{"pose_keypoints": PERSON, "face_keypoints": []}]},
+    "easymocap": {"filename": "0.jpg", "annots": [{"personID": 0, "keypoints": POINTS.tolist(), "isKeyframe": False}]},
+    "one person": {"frame": 0, "keypoints": PERSON},
+    "tensorflow.js": [{"keypoints": [{"x": x, "y": y, "score": c, "name": "k"} for x, y, c in POINTS], "score": 0.9}],
+    "ultralytics": [{"name": "person", "keypoints": dict(zip(("x", "y", "visible"), POINTS.T.tolist(), strict=True))}],
 }
 
 
@@ -214,6 +219,13 @@ ONE_JSON: dict[str, tuple[Any, bool]] = {
     "coco results": ([{"image_id": n, **ALPHAPOSE} for n in (2, 0, 2, 2)], True),
     "alphapose cmu": ({f"{n}.jpg": {"bodies": [{"joints": PERSON}] * (1 + n)} for n in (0, 2)}, True),
     "alphapose open": ({f"cam_{n:06d}.png": people(*[PERSON] * (1 + n)) for n in (0, 2)}, True),
+    "coco data set": (
+        {
+            "images": [{"id": 50 + n, "file_name": f"cam/{n:06d}.png"} for n in (0, 1, 2)],
+            "annotations": [{"image_id": n, "keypoints": PERSON} for n in (50, 52, 52, 52)],
+        },
+        True,
+    ),
     "mmpose inferencer": ([{"frame_id": n, "instances": [MMPOSE] * (1, 0, 3)[n]} for n in range(3)], False),
     "mmpose demo": (
         {
@@ -259,6 +271,7 @@ NO_JSON = {
     "frame": ([{"frame_id": "first", "instances": []}], "first as the number of a frame"),
     "demo": ({"instance_info": [{"frame_id": 0, "instances": []}]}, "expected whole ones from 1 on"),
     "vitpose": ({"keypoints": [{}], "skeleton": {}}, 'keypoints of no known form ("keypoints", "skeleton")'),
+    "data set": ({"images": [{"id": 1}], "annotations": []}, "no data set of COCO"),
     "in space": (
         [{"frame_id": 0, "instances": [{**MMPOSE, "keypoints": POINTS.tolist()}]}],
         "points in space, expected pixels",

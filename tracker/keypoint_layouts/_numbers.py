@@ -26,7 +26,10 @@ def number(value: Any) -> float:
 
 def numbers(values: Any) -> Array:
     """An array of numbers, of a list or of equally long lists of them; see `number`."""
-    return np.array(_numbers(values), dtype=np.float64)
+    try:
+        return np.array(values, dtype=np.float64)
+    except (ValueError, TypeError, OverflowError):  # words, or too large a number
+        return np.array(_numbers(values), dtype=np.float64)
 
 
 def _numbers(values: Any) -> Any:

@@ -11,11 +11,14 @@ from tracker.arrays import Array
 from tracker.errors import SequenceError
 from tracker.keypoint_layouts._numbers import numbers, with_gaps
 
-_PEOPLE = ("people", "bodies", "instances", "predictions")
-"""What lists of persons are called by OpenPose and Pose2Sim, by AlphaPose (`--format cmu`), by MMPose."""
+_PEOPLE = ("people", "bodies", "instances", "predictions", "annots")
+"""What lists of persons are called by OpenPose and Pose2Sim, AlphaPose (`--format cmu`), MMPose (two), EasyMocap."""
 
-_KEYPOINTS = ("pose_keypoints_2d", "joints", "keypoints")
-"""What their keypoints are called, in the same order; `keypoints` also in results of COCO."""
+_KEYPOINTS = ("pose_keypoints_2d", "pose_keypoints", "joints", "keypoints")
+"""What their keypoints are called: by OpenPose today and before 1.3, by AlphaPose, and by all the others."""
+
+_SCORES = ("score", "visibility", "confidence", "visible")
+"""What confidence is called where a point is an object: by TensorFlow.js, MediaPipe, others, Ultralytics."""
 
 _EXPECTED = 'expected {"people": [{"pose_keypoints_2d": [x, y, c, ...]}]}'
 
@@ -32,10 +35,11 @@ def persons_of(content: Any, path: Path) -> list[Array]:
         SequenceError: this is nothing that a detector is known to write.
     """
     if isinstance(content, dict):
-        listed = next((content[key] for key in _PEOPLE if key in content), None)
-        if listed is None and not tells_persons(content) and any(isinstance(v, list | dict) for v in content.values()):
+        if not tells_persons(content) and any(key in content for key in _KEYPOINTS):
+            content = {"people": [content]}  # of one person
+        if not tells_persons(content) and any(isinstance(value, list | dict) for value in content.values()):
             raise SequenceError(f"{path}: not as OpenPose writes it, {_EXPECTED}")
-        content = listed
+        content = next((content[key] for key in _PEOPLE if key in content), None)
     if not content:
         return []
     if not isinstance(content, list):
@@ -58,11 +62,24 @@ def _keypoints(person: Any, path: Path) -> Array:
     if key is None or not person[key]:
         return np.zeros((0, 3))
     try:
-        values = numbers(person[key])
-        scores = numbers(person.get("keypoint_scores") or [])
+        values, scores = numbers(_listed(person[key])), numbers(person.get("keypoint_scores") or [])
     except (ValueError, TypeError, RecursionError) as error:
         raise SequenceError(f"{path}: {key} has an entry that is no number") from error
     return with_gaps(_with_confidence(values, scores, f"{path}: {key}"))
+
+
+def _listed(points: Any) -> Any:
+    """Points that are objects, as TensorFlow.js writes them, or an object of lists, as Ultralytics does, as lists."""
+    if isinstance(points, list) and all(isinstance(point, dict) for point in points):
+        return [[point.get("x"), point.get("y"), _score(point, 1.0)] for point in points]
+    if isinstance(points, dict):
+        x, y = points.get("x") or [], points.get("y") or []
+        return [list(point) for point in zip(x, y, _score(points, [1.0] * len(x)), strict=True)]
+    return points
+
+
+def _score(point: dict[str, Any], otherwise: Any) -> Any:
+    return next((point[key] for key in _SCORES if key in point), otherwise)
 
 
 def _with_confidence(values: Array, scores: Array, where: str) -> Array:

@@ -1,4 +1,4 @@
-"""One JSON file a video: AlphaPose's results, those of COCO, and what MMPose saves of a video."""
+"""One JSON file a video: AlphaPose's results, those and data sets of COCO, and what MMPose saves of a video."""
 
 from __future__ import annotations
 
@@ -36,6 +36,8 @@ def read_one_json(path: Path) -> tuple[dict[int, list[Array]], bool]:
             return _grouped((_image(one["image_id"], [one], path) for one in content), path), True
         if all(any(key in one for key in _FRAME) for one in content):
             return _grouped(_counted(content, path, first=0), path), False
+    if isinstance(content, dict) and {"images", "annotations"} <= content.keys():
+        return _grouped(_annotated(content["images"], content["annotations"], path), path), True
     if isinstance(content, dict) and content and all(tells_persons(one) for one in content.values()):
         return _grouped((_image(name, one, path) for name, one in content.items()), path), True
     if tells_persons(content):
@@ -66,6 +68,18 @@ def _image(name: Any, persons: Any, path: Path) -> _Entry:
     if number is None or number < 0:
         raise SequenceError(f'{path}: no number in the image name "{shortened(str(name))}", expected e.g. 000012.jpg')
     return number, str(name), persons
+
+
+def _annotated(images: Any, annotations: Any, path: Path) -> Iterator[_Entry]:
+    """A data set of COCO: annotations name images by their `id`."""
+    try:
+        names = {image["id"]: image["file_name"] for image in images}
+        told = [(names[one["image_id"]], one) for one in annotations]
+    except (KeyError, TypeError) as error:
+        raise SequenceError(
+            f"{path}: no data set of COCO: an image without id, or an annotation without one"
+        ) from error
+    return (_image(name, [one], path) for name, one in told)
 
 
 def _grouped(entries: Iterator[_Entry], path: Path) -> dict[int, list[Array]]:
