@@ -19,6 +19,7 @@ from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.keypoints import KeypointEvidence
 from tracker.evidence.together import TogetherEvidence
 from tracker.frame import Frame
+from tracker.keypoint_layouts.orders import LAYOUTS
 from tracker.keypoints import limbs, meant, swapped_sides
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
@@ -214,3 +215,23 @@ def test_a_point_that_a_view_cannot_show_has_no_place_in_it(scene: Scene, tmp_pa
     np.testing.assert_array_equal(matched.losses[0, 0], 1.0)
     np.testing.assert_array_equal(matched.weights[0, 0], 0.0)
     assert (matched.weights[0, 2] > 0).any()
+
+
+def test_evidence_of_another_layout_than_its_number_says_is_refused(scene: Scene, tmp_path: Path) -> None:
+    """Limbs of wrong keypoints have other lengths; nothing else would tell, and the poses would be off."""
+    for name, layout in (("wrong", "body_25b"), ("right", "body_25")):
+        views = []
+        for coco in detected(scene, noise_px=2.0):
+            found = np.zeros((1, 25, 3))
+            for k, keypoint in enumerate(LAYOUTS[layout]):
+                if keypoint in NAMES:
+                    found[:, k] = coco[:, NAMES.index(keypoint)]
+            views.append(found)
+        pattern = written(views, scene.rig.names, tmp_path / name)
+        if layout == "body_25b":
+            told = 'read as body_25, told by their number, .* as body_25b: set layout = "body_25b"'
+            with pytest.raises(ConfigError, match=told):
+                KeypointEvidence(path=pattern).check(scene)
+        else:
+            KeypointEvidence(path=pattern).check(scene)
+        KeypointEvidence(path=pattern, layout=layout).check(scene)

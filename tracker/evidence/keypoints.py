@@ -25,6 +25,7 @@ from tracker.evidence import Evidence, Memory
 from tracker.evidence._shares import over_views
 from tracker.frame import Frame
 from tracker.kernels.body.keypoints import Detected, Matches, match_keypoints
+from tracker.keypoint_layouts.lengths import fitting_layout
 from tracker.keypoint_layouts.views import KeypointFiles
 from tracker.keypoints import Meant, limbs, meant, swapped_sides
 from tracker.rig import Rig
@@ -126,14 +127,20 @@ class KeypointEvidence(KeypointFiles, Evidence):
     def check(self, scene: Scene) -> None:
         """Opens the files and asks whether they mean anything of each body; see `tracker.evidence.Evidence.check`."""
         try:
-            names = self.checked(scene.rig).names
+            views = self.checked(scene.rig)
+            fitting = fitting_layout(self, scene.rig, scene.persons[0].body)
         except SequenceError as error:
             raise ConfigError(str(error)) from error
+        if fitting:
+            raise ConfigError(
+                f"{self.path}: keypoints were read as {views.order.taken_for}, and limbs have the lengths of the body "
+                f'as {fitting}: set layout = "{fitting}", or layout = "{views.order.layout}" if they are'
+            )
         for body in (person.body for person in scene.persons):
-            if not len(meant(names, body).rows):
+            if not len(meant(views.names, body).rows):
                 raise ConfigError(
-                    f'{self.path}: no keypoint means a point of model "{body.name}"; keypoints: {", ".join(names)}; '
-                    f"landmarks: {', '.join(body.landmark_names)}; "
+                    f'{self.path}: no keypoint means a point of model "{body.name}"; keypoints: '
+                    f"{', '.join(views.names)}; landmarks: {', '.join(body.landmark_names)}; "
                     "[keypoints] of a model file says what other names mean"
                 )
 
