@@ -53,6 +53,9 @@ _SIMULATED = {
 }
 """Movement of gavrila22 -> what is taken of it, seconds, and whether it repeats."""
 
+_TOLD_BY = {"squat": ("left_thigh", "left_shin", "right_thigh", "right_shin", "vertical")}
+"""What counts of a movement in which the arms may do anything: people squat with arms raised, crossed or hanging."""
+
 _STANCES: dict[str, dict[str, float]] = {
     "upright": {"arm_abduction": 8, "arm_extension": 10},
     "astride": {"arm_abduction": 12, "arm_extension": 15, "leg_abduction": 15},
@@ -93,7 +96,8 @@ def _fill(output: Path, motions: Path) -> None:
     body = load_body(model_path("gavrila22"))
     for name, (from_s, to_s, repeats) in _SIMULATED.items():
         times = np.arange(from_s, to_s, 0.02)
-        told = Description(about=body.movements[name].about, repeats=repeats, source=_OWN)
+        about = body.movements[name].about
+        told = Description(about=about, repeats=repeats, told_by=_TOLD_BY.get(name, ()), source=_OWN)
         add_performance(output, name, "gavrila22", course_of(body, times, poses_of(name, body, times)), told)
     told = Description(about="standing still, the arms hanging", repeats=True, source=_OWN)
     for stance, angles_deg in _STANCES.items():

@@ -214,7 +214,7 @@ def test_one_pass_finds_the_cheapest_of_all_ways(seed):
     slack = np.array([0, 0, 1])
     gaps = rng.uniform(0, 2, (rng.integers(1, 9), first[-1])).astype(np.float32)
     unknown, entry = ((1.0, 0.4), (math.inf, 0.0), (0.3, 1.0))[seed % 3]
-    found = np.zeros((len(gaps) + 1, 2), np.int64)
+    found = np.zeros((len(gaps) + 1, 3), np.int64)
     cost = warp_sequence(gaps, first, repeats, slack, unknown, entry, found)
     assert cost == pytest.approx(slowest(gaps, first, repeats, slack, unknown, entry), rel=1e-5)
 
@@ -249,8 +249,8 @@ def test_repetitions_are_one_only_where_the_movement_repeats():
 
 
 def test_the_next_best_movement_and_its_angle_belong_together():
-    short = Recognized("walk", 0.0, 0.96, 5.0, 0.5, "crawl", 60.0, False, "a")
-    longer = Recognized("walk", 1.0, 3.96, 7.0, 0.7, "run", 20.0, False, "b")
+    short = Recognized("walk", 0.0, 0.96, 5.0, 0.5, "crawl", 60.0, False, "a", 1.0, 1.0)
+    longer = Recognized("walk", 1.0, 3.96, 7.0, 0.7, "run", 20.0, False, "b", 1.0, 2.0)
     told = _together(short, longer)
     assert (told.angle_deg, told.second, told.second_deg) == (pytest.approx(6.5), "run", 20.0)
     told = _together(replace(short, second="", second_deg=np.inf), longer)  # no other one fits the shorter one's length
@@ -267,6 +267,64 @@ def test_movements_are_recognized_at_another_tempo(tempo):
     warped /= np.linalg.norm(warped, axis=-1, keepdims=True)
     found = recognize(Course(0.0, warped.astype(np.float32), np.ones(len(at), bool)), LIBRARY)
     assert [one.movement for one in found] == ["punch"]
+
+
+def squatting(depth, seconds, arms):
+    """Somebody with another body squats once, the arms hanging, crossed or raised."""
+    body = load_body(model_path("human"))
+    times = np.arange(0, seconds + 0.2, 1 / RATE_HZ)
+    down = depth * (0.5 - 0.5 * np.cos(2 * np.pi * np.minimum(times / seconds, 1.0)))
+    poses = np.tile(body.rest(), (len(times), 1))
+    bends = {
+        "torso_elevation": 28 * down,
+        "leg_abduction": 10,
+        "leg_elevation": 103 * down,
+        "leg_extension": 3 + 105 * down,
+    }
+    held = {"hanging": (0, 10, 0), "crossed": (45, 90, 85), "raised": (85, 5, 0)}[arms]
+    bends |= dict(zip(("arm_elevation", "arm_extension", "arm_twist"), held, strict=True))
+    for name, angles in bends.items():
+        poses[:, body.columns(name)] = np.radians(np.broadcast_to(angles, times.shape))[:, None]
+    return course_of(body, times, body.clamped(poses))
+
+
+@pytest.mark.parametrize("arms", ["hanging", "crossed", "raised"])
+@pytest.mark.parametrize(("depth", "seconds"), [(0.5, 1.2), (0.5, 5.0), (0.7, 2.6), (1.0, 1.0), (1.0, 7.0), (1.2, 4.0)])
+def test_squats_are_squats_however_deep_and_quick_and_whatever_the_arms_do(depth, seconds, arms):
+    squats = [one for one in recognize(squatting(depth, seconds, arms), LIBRARY) if one.movement != "standing"]
+    assert [one.movement for one in squats] == ["squat"]
+    assert squats[0].size == pytest.approx(depth, rel=0.1)
+    assert squats[0].tempo == pytest.approx(2.64 / seconds, rel=0.25)
+    rows = list(table_rows({"anna": timeline(squatting(depth, seconds, arms), squats)}))
+    (told,) = [dict(zip(rows[0], row, strict=True)) for row in rows[1:] if "squat" in row]
+    assert float(told["size"]) == pytest.approx(depth, rel=0.1)
+
+
+@pytest.mark.parametrize("arms", ["hanging", "crossed", "raised"])
+def test_who_stands_squats_by_no_small_amount(arms):
+    found = recognize(squatting(0.1, 4.0, arms), LIBRARY)
+    assert {one.movement for one in found} <= {"standing"}
+    assert all(math.isnan(one.size) and math.isnan(one.tempo) for one in found)
+
+
+def test_a_lunge_is_no_squat():
+    body = load_body(model_path("human"))
+    times = np.arange(0, 2.4, 1 / RATE_HZ)
+    down = 0.5 - 0.5 * np.cos(2 * np.pi * times / 2.4)
+    poses = np.tile(body.rest(), (len(times), 1))
+    bends = {"left_leg_elevation": 78, "left_leg_extension": 84, "right_leg_elevation": -24, "right_leg_extension": 66}
+    for name, angle in bends.items():
+        poses[:, body.index(name)] = np.radians(angle * down)
+    assert "squat" not in {one.movement for one in recognize(course_of(body, times, body.clamped(poses)), LIBRARY)}
+
+
+def test_a_movement_is_told_by_directions_that_there_are():
+    told = Description(told_by=("left_tigh",))
+    with pytest.raises(ConfigError, match=r'"kick": told_by: "left_tigh"; .*left_thigh'):
+        recognize(
+            Course(0.0, known("kick"), np.ones(39, bool)),
+            Library({"kick": Movement("kick", told, {"a": known("kick")})}),
+        )
 
 
 def test_left_and_right_may_be_exchanged():
@@ -319,7 +377,7 @@ def test_a_library_may_be_of_one_movement():
     assert (found.movement, found.second, found.second_deg) == ("kick", "", math.inf)
     rows = list(table_rows({"anna": timeline(asked, (found,))}))
     assert [row[1] for row in rows] == ["movement", "unknown", "kick"]
-    assert {len(row) for row in rows} == {10}
+    assert {len(row) for row in rows} == {12}
 
 
 def test_the_strip_shows_every_movement():

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 
 from tracker.commands.terminal import console
 from tracker.errors import ConfigError
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 BUNDLED = "bundled"
 """The library that comes with the package, where a folder is expected."""
+
+_COLUMNS = ("from s", "to s", "angle deg", "misfit", "size", "tempo", "next best", "its angle")
 
 
 def recognize(
@@ -80,17 +82,20 @@ def _print(persons: dict[str, tuple[Stretch, ...]], n_known: int) -> None:
         if not found:
             console.print(f"{person}: nothing known: none of {n_known} movements fits", highlight=False)
             continue
-        table = Table("movement", "from s", "to s", "angle deg", "misfit", "next best", "its angle", title=person)
+        table = Table(Column("movement", no_wrap=True), *_COLUMNS, title=person)
         for one in found:
             what = f"{one.movement} (mirrored)" if one.mirrored else one.movement
             second = (one.second, f"{one.second_deg:.1f}") if one.second else ("none fits its length", "")
-            numbers = f"{one.start_s:.2f}", f"{one.end_s:.2f}", f"{one.angle_deg:.1f}", f"{one.misfit:.2f}"
+            alike = f"{one.angle_deg:.1f}", f"{one.misfit:.2f}"
+            done = ("", "") if one.size != one.size else (f"{one.size:.2f}", f"{one.tempo:.2f}")
+            numbers = f"{one.start_s:.2f}", f"{one.end_s:.2f}", *alike, *done
             table.add_row(what, *numbers, *second)
         console.print(table)
         if seconds > 0:
             console.print(f"{person}: {seconds:.1f} s are like none of {n_known} known movements", highlight=False)
     console.print(
-        "angle: of the limbs to the known movement, root mean square; misfit: that angle over the largest that counts",
+        "angle: of the limbs to the known movement, root mean square; misfit: that angle over the largest that counts; "
+        "size, tempo: how many times as far and as fast as the known one",
         style="dim",
     )
 

@@ -1,32 +1,57 @@
-"""A library as kernels take it: all performances behind each other, and the variants that somebody else might show."""
+"""A library as kernels take it: all variants of its performances behind each other."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from tracker.arrays import Array32, Integers, Mask, frozen
 from tracker.errors import ConfigError
 from tracker.kernels.movements.warping import direction_gaps, warp_sequence
-from tracker.recognition.library import Library, Movement
+from tracker.recognition._variants import Variant, variants
+from tracker.recognition.library import Library
 from tracker.recognition.limb_directions import FEATURES, RATE_HZ, Course
 from tracker.recognition.rule import Rule
 from tracker.recognition.segment_directions import Features
 
-Piece = tuple[int, int, int]
-"""Number of a performance, the first frame that it explains, and the one behind the last."""
+
+class Piece(NamedTuple):
+    """A stretch of a recording as a variant of a performance."""
+
+    k: int
+    """Number of the variant."""
+
+    first: int
+    behind: int
+    """The first frame, and the one behind the last."""
+
+    way: int
+    """How many frames of the variant it passes."""
+
+
+class Fit(NamedTuple):
+    """How well one movement explains all frames."""
+
+    misfit: float = np.inf
+    """The angle over the largest that counts; infinite where the movement cannot explain them."""
+
+    angle_deg: float = np.inf
+    piece: Piece | None = None
+    """The longest of those that explain the frames; None where nothing does."""
 
 
 @dataclass(frozen=True)
 class Packed:
-    """All performances behind each other; K of them, N frames."""
+    """All variants behind each other; K of them, N frames."""
 
-    directions: Array32
-    """(N, L, 3) of all frames."""
+    variants: tuple[Variant, ...]
+    """(K,)."""
 
     first: Integers
-    """(K + 1,) where each performance begins."""
+    """(K + 1,) where each variant begins."""
 
     repeats: Mask
     """(K,)."""
@@ -34,31 +59,23 @@ class Packed:
     slack: Integers
     """(K,) frames; see `warp_sequence`."""
 
-    limits: Array32
-    """(N,) largest angle to each frame's movement, degrees."""
+    library: Library
+    rule: Rule
 
-    movements: tuple[str, ...]
-    """(K,) names."""
-
-    performances: tuple[str, ...]
-    """(K,) names."""
-
-    mirrored: tuple[bool, ...]
-    """(K,)."""
-
-    def limit_deg(self, movement: str) -> float:
-        """Largest angle to a movement."""
-        return float(self.limits[self.first[self.movements.index(movement)]])
-
-    def least_frames(self, k: int) -> int:
-        """Frames that a performance has to last at least."""
-        return int(self.slack[k]) if self.repeats[k] else 1
+    @property
+    def movements(self) -> tuple[str, ...]:
+        """All that are known."""
+        return tuple(dict.fromkeys(one.movement for one in self.variants))
 
     def gaps(self, course: Course) -> Array32:
-        """(T, N) angles of every frame to every known one, over the limit of its movement."""
-        gaps = np.zeros((len(course.known), len(self.directions)), dtype=np.float32)
-        direction_gaps(frozen(course.directions, np.float32), self.directions, gaps)
-        over: Array32 = gaps / self.limits
+        """(T, N) angles of every frame to every known one, over the limit of its variant."""
+        over = np.zeros((len(course.known), int(self.first[-1])), dtype=np.float32)
+        measured, last = np.zeros((0, 0), dtype=np.float32), None
+        for k, one in enumerate(self.variants):
+            if one.directions is not last:
+                last, measured = one.directions, np.zeros((len(over), len(one.directions)), dtype=np.float32)
+                direction_gaps(frozen(course.directions[:, one.counted], np.float32), last, measured)
+            over[:, self.first[k] : self.first[k + 1]] = measured[:, one.shown] / np.float32(one.limit_deg)
         return over
 
     def pieces(self, gaps: Array32, evidence_s: float) -> list[Piece]:
@@ -66,33 +83,47 @@ class Packed:
         rules = self.first, self.repeats, self.slack
         return _path(gaps, rules, 1.0, evidence_s * RATE_HZ)[1]
 
-    def misfit(self, gaps: Array32, movement: str) -> tuple[float, int]:
-        """Mean of (T, N) gaps to one movement that has to explain all frames, and its longest performance there.
+    def fit(self, gaps: Array32, movement: str) -> Fit:
+        """How well one movement explains all frames of (T, N) gaps; not at all if they are too few or too many."""
+        cost, pieces = self._explained(gaps, [k for k, one in enumerate(self.variants) if one.movement == movement])
+        if not pieces:
+            return Fit()
+        angles = [
+            self._explained(gaps[one.first : one.behind], [one.k])[0] * self.variants[one.k].limit_deg for one in pieces
+        ]
+        longest = max(pieces, key=lambda one: one.behind - one.first)
+        return Fit(cost / len(gaps), sum(angles) / len(gaps), longest)
 
-        Infinite, and -1, if it cannot, because they are too few or too many.
-        """
-        chosen = [k for k, name in enumerate(self.movements) if name == movement]
+    def angle_by(self, course: Course, movement: str, counted: Integers) -> float:
+        """The angle to a movement, degrees, by these directions alone."""
+        one = self.library.movements[movement]
+        told = one.description.model_copy(update={"told_by": tuple(course.features.names[n] for n in counted)})
+        alone = replace(self.library, movements={movement: replace(one, description=told)})
+        known = packed(alone, self.rule, course.features)
+        return known.fit(known.gaps(course), movement).angle_deg
+
+    def _explained(self, gaps: Array32, chosen: Sequence[int]) -> tuple[float, list[Piece]]:
+        """The cost of (T, N) gaps where chosen variants have to explain every frame, and which do; none if none can."""
         columns = np.concatenate([np.arange(self.first[k], self.first[k + 1]) for k in chosen])
         first = frozen(np.cumsum([0, *(self.first[k + 1] - self.first[k] for k in chosen)]), np.int64)
         # what repeats need not go on for long where nothing else is to explain the frames
         slack = frozen(np.where(self.repeats, 0, self.slack)[chosen], np.int64)
         rules = first, frozen(self.repeats[chosen], np.bool_), slack
         cost, pieces = _path(np.ascontiguousarray(gaps[:, columns]), rules, np.inf, 0.0)
-        longest = max(pieces, key=lambda piece: piece[2] - piece[1])[0] if np.isfinite(cost) else -1
-        return cost / len(gaps), chosen[longest] if longest >= 0 else -1
+        return cost, [one._replace(k=chosen[one.k]) for one in pieces]
 
 
 def _path(
     gaps: Array32, rules: tuple[Integers, Mask, Integers], unknown: float, entry: float
 ) -> tuple[float, list[Piece]]:
     """The cost of the best path, and its pieces in order of time."""
-    found = np.zeros((len(gaps) + 1, 2), dtype=np.int64)
+    found = np.zeros((len(gaps) + 1, 3), dtype=np.int64)
     cost: float = warp_sequence(gaps, *rules, unknown, entry, found)
     pieces, behind = [], len(gaps)
     while np.isfinite(cost) and behind > 0:
-        k, first = (int(value) for value in found[behind])
+        k, first, way = (int(value) for value in found[behind])
         if k >= 0:
-            pieces.append((k, first, behind))
+            pieces.append(Piece(k, first, behind, way))
         behind = first
     return cost, pieces[::-1]
 
@@ -101,30 +132,17 @@ def packed(library: Library, rule: Rule, features: Features) -> Packed:
     """Puts a library's performances behind each other, with their variants.
 
     Raises:
-        ConfigError: it is of another body than that with these features.
+        ConfigError: it is of another body than that with these features, or a movement is told by what they lack.
     """
     _check_body(library, features)
-    tables: list[Array32] = []
-    names: list[tuple[str, str, bool]] = []
-    limits, slack = [], []
-    for name, movement in library.movements.items():
-        limit, share = _limit_deg(movement, rule), rule.least_round if movement.description.repeats else rule.margin
-        for key, directions in movement.performances.items():
-            for table, mirrored in _variants(directions, movement.description.repeats, rule, features):
-                tables.append(table)
-                names.append((name, key, mirrored))
-                limits.append(np.full(len(table), limit))
-                slack.append(int(share * len(table)))
-    movements, performances, mirrored_ones = zip(*names, strict=True)
+    found = tuple(variants(library, rule, features))
     return Packed(
-        frozen(np.concatenate(tables), np.float32),
-        frozen(np.cumsum([0, *(len(table) for table in tables)]), np.int64),
-        frozen([library.movements[name].description.repeats for name in movements], np.bool_),
-        frozen(slack, np.int64),
-        frozen(np.concatenate(limits), np.float32),
-        movements,
-        performances,
-        mirrored_ones,
+        found,
+        frozen(np.cumsum([0, *(len(one.shown) for one in found)]), np.int64),
+        frozen([one.repeats for one in found], np.bool_),
+        frozen([one.slack for one in found], np.int64),
+        library,
+        rule,
     )
 
 
@@ -147,33 +165,3 @@ def _check_body(library: Library, features: Features) -> None:
         f"the movements are of another body ({told or 'in another order'}): {person}bodytrack recognize --add makes a "
         "--library of this one"
     )
-
-
-def _variants(directions: Array32, repeats: bool, rule: Rule, features: Features) -> list[tuple[Array32, bool]]:
-    """A performance as it is and mirrored; one that repeats with limbs that swing less and more."""
-    known = np.ones(len(directions), dtype=np.bool_)
-    found = []
-    for size in rule.sizes if repeats else (1.0,):
-        course = _swung(Course(0.0, directions, known, features), size)
-        found.append((course.directions, False))
-        if features.partners:
-            found.append((course.mirrored().directions, True))
-    return found
-
-
-def _swung(course: Course, size: float) -> Course:
-    """The movement with limbs that swing so many times as far about their mean direction."""
-    usual = course.directions.mean(axis=0)
-    swung = usual + np.float32(size) * (course.directions - usual)
-    lengths = np.maximum(np.linalg.norm(swung, axis=-1, keepdims=True), 1e-6)
-    return replace(course, directions=frozen(swung / lengths, np.float32))
-
-
-def _limit_deg(movement: Movement, rule: Rule) -> float:
-    """Largest angle that counts as the movement, degrees."""
-    extents = []
-    for directions in movement.performances.values():
-        gaps, same = np.zeros((len(directions), len(directions)), dtype=np.float32), frozen(directions, np.float32)
-        direction_gaps(same, same, gaps)
-        extents.append(float(gaps.mean(axis=0).min()))
-    return max(rule.limit * float(np.mean(extents)), rule.least_limit_deg)

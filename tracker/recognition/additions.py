@@ -72,7 +72,7 @@ def add_performance(
         )
     path.parent.mkdir(parents=True, exist_ok=True)
     if known is None:
-        content = {key: value for key, value in description.model_dump().items() if value != ""}
+        content = {key: value for key, value in description.model_dump().items() if value not in ("", ())}
         write_whole(path.parent / "movement.toml", tomli_w.dumps(content))
     write_whole(path, _table(kept))
     return path, kept

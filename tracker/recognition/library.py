@@ -38,6 +38,9 @@ class Description(pydantic.BaseModel):
     repeats: bool = False
     """Whether it goes round, as walking does: it may then begin and end anywhere. A performance is one round."""
 
+    told_by: tuple[str, ...] = ()
+    """Directions that count, for instance those of the legs where the arms may do anything; empty for all."""
+
     source: str = ""
     """Where the performances come from, and on what terms."""
 

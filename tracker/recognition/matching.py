@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tracker.recognition._packed import Packed, Piece, packed
+from tracker.recognition._packed import Fit, Packed, packed
+from tracker.recognition._variants import Variant, angles_between
 from tracker.recognition.library import Library
 from tracker.recognition.limb_directions import RATE_HZ, Course
 from tracker.recognition.rule import Rule
@@ -42,6 +43,12 @@ class Recognized:
 
     performance: str
     """The known performance it is nearest to."""
+
+    size: float
+    """How far apart its two most different poses are, times those of that performance; NaN of what does not move."""
+
+    tempo: float
+    """How many times as fast as that performance; NaN of what does not move."""
 
 
 def recognize(course: Course, library: Library, rule: Rule = Rule()) -> tuple[Recognized, ...]:  # noqa: B008
@@ -74,7 +81,7 @@ def angles_deg(course: Course, library: Library, rule: Rule = Rule()) -> dict[st
     """
     known = packed(library, rule, course.features)
     gaps = known.gaps(course.part_known())
-    return {name: known.misfit(gaps, name)[0] * known.limit_deg(name) for name in library.movements}
+    return {name: known.fit(gaps, name).angle_deg for name in library.movements}
 
 
 def _unbroken(course: Course) -> Iterator[Course]:
@@ -88,32 +95,63 @@ def _in_part(course: Course, known: Packed, rule: Rule) -> Iterator[Recognized]:
     """Movements in frames without a gap."""
     gaps = known.gaps(course)
     for piece in known.pieces(gaps, rule.evidence_s):
-        misfits = {name: known.misfit(gaps[piece[1] : piece[2]], name) for name in dict.fromkeys(known.movements)}
-        yield _named(course, known, piece, misfits)
+        part = gaps[piece.first : piece.behind]
+        fits = {name: known.fit(part, name) for name in known.movements}
+        one = _named(course.part(piece.first, piece.behind), known, known.variants[piece.k].movement, fits)
+        if one is not None:
+            yield one
 
 
-def _named(course: Course, known: Packed, piece: Piece, misfits: dict[str, tuple[float, int]]) -> Recognized:
-    """The movement of the smallest angle that fits, and the next best of all."""
-    k, first, behind = piece
-    own = known.movements[k]
+def _named(course: Course, known: Packed, own: str, fits: dict[str, Fit]) -> Recognized | None:
+    """The movement of the smallest angle that fits, and the next best of all; None where nobody moves as far as that.
+
+    Args:
+        course: a stretch.
+        known: the movements that are known.
+        own: the one that the stretch was found by.
+        fits: how well every movement explains all of it.
+    """
+    shown = {name: (fit, fit.piece, known.variants[fit.piece.k]) for name, fit in fits.items() if fit.piece is not None}
     # a movement that repeats must last as long here as where it is found
-    lasting = [one for one, (_, j) in misfits.items() if one == own or behind - first >= known.least_frames(j)]
-    angles = {one: misfits[one][0] * known.limit_deg(one) for one in lasting}
-    name = min((one for one in lasting if misfits[one][0] < 1), key=lambda one: angles[one], default=own)
-    nearest = misfits[name][1] if name != own else k
-    second = min((other for other in angles if other != name), key=lambda one: angles[one], default="")
-    beside = angles.get(second, np.inf)
-    return Recognized(
-        movement=name,
-        start_s=course.start_s + first / RATE_HZ,
-        end_s=course.start_s + (behind - 1) / RATE_HZ,
-        angle_deg=angles[name],
-        misfit=misfits[name][0],
-        second=second if np.isfinite(beside) else "",
-        second_deg=beside,
-        mirrored=known.mirrored[nearest],
-        performance=known.performances[nearest],
-    )
+    lasting = {name: one for name, one in shown.items() if name == own or len(course.known) >= one[2].least_frames}
+    order = sorted(lasting, key=lambda name: lasting[name][0].angle_deg)
+    fitting = [name for name in order if lasting[name][0].misfit < 1] or [own]
+    least, _, loose = lasting[fitting[0]]
+    # a movement that is told by more says more, where it is as like by what both are told by
+    fuller = [
+        name
+        for name in fitting
+        if len(lasting[name][2].counted) > len(loose.counted)
+        and known.angle_by(course, name, loose.counted) <= least.angle_deg
+    ]
+    for name in [*fuller, *fitting]:
+        fit, piece, variant = lasting[name]
+        size = _size(course, variant)
+        # a limb that points a little elsewhere, and does not move, is no small movement
+        if size < variant.least_size:
+            continue
+        second = next((other for other in order if other != name), "")
+        return Recognized(
+            movement=name,
+            start_s=course.start_s,
+            end_s=course.start_s + (len(course.known) - 1) / RATE_HZ,
+            angle_deg=fit.angle_deg,
+            misfit=fit.misfit,
+            second=second,
+            second_deg=fits[second].angle_deg if second else np.inf,
+            mirrored=variant.mirrored,
+            performance=variant.performance,
+            size=size,
+            tempo=piece.way * variant.tempo / (piece.behind - piece.first) if np.isfinite(size) else np.nan,
+        )
+    return None
+
+
+def _size(course: Course, variant: Variant) -> float:
+    """How far apart the most different poses are, times those of a known performance; NaN of one that does not move."""
+    if variant.reach_deg == 0:
+        return np.nan
+    return float(angles_between(course.directions[:, variant.counted]).max()) / variant.reach_deg
 
 
 def _joined(found: list[Recognized], library: Library) -> Iterator[Recognized]:
@@ -151,5 +189,7 @@ def _together(last: Recognized, one: Recognized) -> Recognized:
         end_s=one.end_s,
         angle_deg=mean(last.angle_deg, one.angle_deg),
         misfit=mean(last.misfit, one.misfit),
+        size=mean(last.size, one.size),
+        tempo=mean(last.tempo, one.tempo),
         second_deg=mean(last.second_deg, one.second_deg) if last.second == one.second else longer.second_deg,
     )

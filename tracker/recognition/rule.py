@@ -29,3 +29,11 @@ class Rule:
     sizes: tuple[float, ...] = (0.75, 1.0, 1.35)
     """How far the limbs of a movement that repeats may swing about their mean direction, times that of the known
     performance."""
+
+    depths: tuple[float, ...] = (0.5, 0.75, 1.0, 1.35)
+    """How far the limbs may leave the posture in which a movement begins and ends, times that of the known performance:
+    a shallow squat and a deep one."""
+
+    tempos: tuple[float, ...] = (0.65, 1.0, 1.5)
+    """How many times as fast as the known performance a movement that does not repeat may be, before warping halves or
+    doubles that once more: it may take a third to three times as long."""

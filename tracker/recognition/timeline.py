@@ -31,6 +31,8 @@ _HEAD = (
     "second_deg",
     "mirrored",
     "performance",
+    "size",
+    "tempo",
 )
 
 
@@ -77,10 +79,11 @@ def table_rows(persons: Mapping[str, Sequence[Stretch]]) -> Iterator[Sequence[st
 
 def _values(one: Recognized | None) -> tuple[str, ...]:
     if one is None:
-        return ("",) * 6
+        return ("",) * 8
     beside = f"{one.second_deg:.2f}" if one.second else ""
     mirrored = "yes" if one.mirrored else "no"
-    return f"{one.angle_deg:.2f}", f"{one.misfit:.3f}", one.second, beside, mirrored, one.performance
+    size, tempo = ("" if np.isnan(value) else f"{value:.2f}" for value in (one.size, one.tempo))
+    return f"{one.angle_deg:.2f}", f"{one.misfit:.3f}", one.second, beside, mirrored, one.performance, size, tempo
 
 
 def strip(title: str, persons: Mapping[str, Sequence[Stretch]]) -> Figure:

@@ -48,8 +48,8 @@ def warp_sequence(
         slack: (K,) of one that repeats, the frames that it must last; else those that may be left out at either end.
         unknown: cost of a frame that no movement explains; infinite where every frame must be.
         entry: cost of a new performance.
-        found: (T + 1, 2) receives for every end of a performance its number, -1 for an unknown frame, -2 for none,
-            and the frame at which it began; to be followed back from T.
+        found: (T + 1, 3) receives for every end of a performance its number, -1 for an unknown frame, -2 for none,
+            the frame at which it began, and how many known frames it passed; to be followed back from T.
 
     Returns:
         The cost of all frames; infinite if there is no way.
@@ -60,23 +60,26 @@ def warp_sequence(
     # met for the first time, and for the second time
     moved, held = np.full(n_known, np.inf), np.full(n_known, np.inf)
     moved_from, held_from = np.zeros(n_known, dtype=np.int64), np.zeros(n_known, dtype=np.int64)
+    moved_way, held_way = np.zeros(n_known, dtype=np.int64), np.zeros(n_known, dtype=np.int64)
     before, before_from = np.full(n_known, np.inf), np.zeros(n_known, dtype=np.int64)
-    found[0, 0], found[0, 1] = -2, 0
+    before_way = np.zeros(n_known, dtype=np.int64)
+    found[0, 0], found[0, 1], found[0, 2] = -2, 0, 0
     for t in range(n_frames):
         for n in range(n_known):
             # the cheaper way to have come here a frame ago
             if moved[n] <= held[n]:
-                before[n], before_from[n] = moved[n], moved_from[n]
+                before[n], before_from[n], before_way[n] = moved[n], moved_from[n], moved_way[n]
             else:
-                before[n], before_from[n] = held[n], held_from[n]
-            held[n], held_from[n] = moved[n] + gaps[t, n], moved_from[n]
+                before[n], before_from[n], before_way[n] = held[n], held_from[n], held_way[n]
+            held[n], held_from[n], held_way[n] = moved[n] + gaps[t, n], moved_from[n], moved_way[n]
+        told = found[t + 1]
         best[t + 1] = best[t] + unknown
-        found[t + 1, 0], found[t + 1, 1] = -1 if np.isfinite(best[t + 1]) else -2, t
+        told[0], told[1], told[2] = -1 if np.isfinite(best[t + 1]) else -2, t, 0
         for k in range(len(first) - 1):
             low, length = first[k], first[k + 1] - first[k]
             for j in range(length):
                 n = low + j
-                cost, start = np.inf, t
+                cost, start, way = np.inf, t, 1
                 if repeats[k] or j <= slack[k]:
                     cost = best[t] + entry
                 for step in (1, 2):
@@ -86,13 +89,13 @@ def warp_sequence(
                             continue
                         i %= length
                     if before[low + i] < cost:
-                        cost, start = before[low + i], before_from[low + i]
-                moved[n], moved_from[n] = cost + gaps[t, n], start
+                        cost, start, way = before[low + i], before_from[low + i], before_way[low + i] + step
+                moved[n], moved_from[n], moved_way[n] = cost + gaps[t, n], start, way
                 if not repeats[k] and j < length - 1 - slack[k]:
                     continue
                 least = slack[k] if repeats[k] else 0
                 if moved[n] < best[t + 1] and t + 1 - start >= least:
-                    best[t + 1], found[t + 1, 0], found[t + 1, 1] = moved[n], k, start
+                    best[t + 1], told[0], told[1], told[2] = moved[n], k, start, way
                 if held[n] < best[t + 1] and t + 1 - held_from[n] >= least:
-                    best[t + 1], found[t + 1, 0], found[t + 1, 1] = held[n], k, held_from[n]
+                    best[t + 1], told[0], told[1], told[2] = held[n], k, held_from[n], held_way[n]
     return float(best[n_frames])
