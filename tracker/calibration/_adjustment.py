@@ -80,6 +80,7 @@ class Adjustment:
         slope[bundle_unknown.CENTRE, bundle_unknown.CENTRE] = motion[:3, :3]
         slopes = np.kron(np.eye(len(cameras)), slope)
         covariance = slopes @ self.covariance @ slopes.T
+        np.fill_diagonal(covariance, np.maximum(np.diag(covariance), 0.0))  # of one camera they are 0 but for rounding
         return replace(self, state=State(cameras, self.state.objects.in_world(motion)), covariance=covariance)
 
     def rms_px(self, view: int) -> float:

@@ -9,7 +9,8 @@ import numpy as np
 
 from tracker.arrays import Array, Image, Integers
 from tracker.calibration._board_looks import FEWEST_CORNERS, shown_share, sighting, told_of
-from tracker.calibration._board_start import FEWEST_BOARDS, SeenCorners
+from tracker.calibration._board_order import SeenCorners
+from tracker.calibration._board_start import FEWEST_BOARDS
 from tracker.calibration._boards import Pattern, find_board, goes_on, plain_grey
 from tracker.errors import CalibrationError
 

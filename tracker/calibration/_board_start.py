@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array
+from tracker.calibration._board_order import Link, SeenCorners, check_ends, links_of, odd_pairs, one_way_round, refuse
 from tracker.calibration._bundle import Observations, State
 from tracker.calibration._objects import Boards
 from tracker.calibration._states import camera_of, nominal_state, pinhole_of, state_of
@@ -22,18 +23,24 @@ from tracker.kernels.rows import bundle_camera
 
 LensKind = Literal["pinhole", "fisheye"]
 
-SeenCorners = dict[tuple[int, int], tuple[Array, Array]]
-"""(view, frame) -> corners in the board's frame (N, 3) metres, and their pixels (N, 2)."""
-
 FEWEST_BOARDS = 3
 """Zhang 2000, section 3.1: three views of a plane determine the interior."""
+
+_OPEN_FOCAL, _LEAST_TILT_DEG, _FOCALS = 0.1, 4.0, (0.25, 5.0)
+"""A view's own boards leave its camera constant open with a larger standard error, as a share of it, where nine of ten
+are less tilted, or where it comes out as no lens's, in longer sides of the image: of boards that are not tilted at all,
+OpenCV finds any, with a standard error of 0."""
 
 _FISHEYE_FOCALS, _FISHEYE_TRIES = (0.2, 1.0), 24
 """Pixels to a radian that are tried, as shares of the longer side (which then sees 57 to 286 degrees): 7 % apart."""
 
 
 def board_start(
-    seen: SeenCorners, names: Sequence[str], sizes: Sequence[tuple[int, int]], lens: LensKind = "pinhole"
+    seen: SeenCorners,
+    names: Sequence[str],
+    sizes: Sequence[tuple[int, int]],
+    lens: LensKind = "pinhole",
+    turns: Sequence[Array] = (np.eye(4),),
 ) -> tuple[State, Observations]:
     """Cameras, board poses and observations.
 
@@ -42,14 +49,21 @@ def board_start(
         names: of the cameras, for messages.
         sizes: of their images, px.
         lens: kind of the lenses.
+        turns: (4, 4) motions of the board after which it looks as before; see `tracker.calibration._board_order`.
 
     Raises:
-        CalibrationError: a camera saw too few boards, or none together with the others.
+        CalibrationError: a camera saw too few boards, or none together with the others, or boards that do not tell its
+            focal length, or not the board that the others saw.
     """
-    views = enumerate(zip(names, sizes, strict=True))
-    cameras = np.stack([_camera(seen, v, name, size, lens) for v, (name, size) in views])
+    cameras = _cameras(seen, names, sizes, lens)
     camera_from_board = {key: _pose(cameras[key[0]], *found) for key, found in seen.items()}
-    motions = _chained(camera_from_board, names)
+    links = links_of(camera_from_board, len(names), turns)
+    motions = _chained(links, names)
+    if odd := odd_pairs(links):
+        refuse(odd, names, _mirror_images(seen, cameras, sizes), camera_from_board, turns)
+    if len(turns) > 1:
+        check_ends(links, names)
+    seen, camera_from_board = one_way_round(seen, camera_from_board, motions, turns)
     for v, motion in enumerate(motions):
         cameras[v, bundle_camera.ROTATION] = motion[:3, :3].ravel()
         cameras[v, bundle_camera.CENTRE] = -motion[:3, :3].T @ motion[:3, 3]
@@ -62,8 +76,27 @@ def board_start(
     return _assembled(seen, frames, cameras, np.stack(world_from_board))
 
 
-def _camera(seen: SeenCorners, view: int, name: str, size: tuple[int, int], lens: LensKind) -> Array:
-    """(26,) camera constant and first distortion from some boards, principal point in the middle."""
+def _cameras(seen: SeenCorners, names: Sequence[str], sizes: Sequence[tuple[int, int]], lens: LensKind) -> Array:
+    """(V, 26) cameras at the origin; those whose boards leave the focal length open have that of the others."""
+    views = list(enumerate(zip(names, sizes, strict=True)))
+    found = [_camera(seen, v, name, size, lens) for v, (name, size) in views]
+    told = [v for v, (_, determined) in enumerate(found) if determined]
+    if not told:
+        raise CalibrationError(
+            f"{', '.join(names)}: the board is tilted too little before every camera, which leaves focal lengths and "
+            "distances open: hold it turned by 20 to 45 degrees, to all sides, and near"
+        )
+    usual = float(np.median([found[v][0][bundle_camera.C] / max(sizes[v]) for v in told]))
+    return np.stack(
+        [camera if v in told else nominal_state(sizes[v], usual * max(sizes[v])) for v, (camera, _) in enumerate(found)]
+    )
+
+
+def _camera(seen: SeenCorners, view: int, name: str, size: tuple[int, int], lens: LensKind) -> tuple[Array, bool]:
+    """(26,) camera constant and first distortion from some boards, principal point in the middle.
+
+    The second is whether the boards determine its camera constant.
+    """
     mine = [found for (v, _), found in sorted(seen.items()) if v == view]
     if len(mine) < FEWEST_BOARDS:
         raise CalibrationError(
@@ -72,18 +105,21 @@ def _camera(seen: SeenCorners, view: int, name: str, size: tuple[int, int], lens
         )
     chosen = [mine[k] for k in np.linspace(0, len(mine) - 1, min(len(mine), 30)).astype(int)]
     if lens == "fisheye":
-        return _fisheye_camera(chosen, name, size)
+        return _fisheye_camera(chosen, name, size), True
     points = [np.ascontiguousarray(shape, dtype=np.float32) for shape, _ in chosen]
     pixels = [np.ascontiguousarray(found, dtype=np.float32) for _, found in chosen]
     flags = cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
     guess = nominal_state(size, 1.1 * max(size))
     matrix = np.array([[guess[12], 0, guess[13]], [0, guess[12], guess[14]], [0, 0, 1.0]])
-    _, matrix, terms, _, _ = cv2.calibrateCamera(
+    _, matrix, terms, turns, _, sigmas, _, _ = cv2.calibrateCameraExtended(
         points, pixels, size, matrix, np.zeros(5), flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS
     )
     guess[12] = matrix[1, 1]
     guess[17:19] = terms.ravel()[:2]
-    return guess
+    tilts = np.arccos(Rotation.from_rotvec(np.stack(turns).reshape(-1, 3)).as_matrix()[:, 2, 2].clip(0, 1))
+    sigma, focal = sigmas.ravel()[1] / matrix[1, 1], matrix[1, 1] / max(size)
+    tilted = np.degrees(np.percentile(tilts, 90)) > _LEAST_TILT_DEG
+    return guess, bool(sigma < _OPEN_FOCAL and tilted and _FOCALS[0] < focal < _FOCALS[1])
 
 
 def _fisheye_camera(chosen: Sequence[tuple[Array, Array]], name: str, size: tuple[int, int]) -> Array:
@@ -123,41 +159,43 @@ def _pose(camera: Array, shape: Array, pixels: Array) -> Array:
     return motion
 
 
-def _chained(camera_from_board: dict[tuple[int, int], Array], names: Sequence[str]) -> list[Array]:
+def _mirror_images(
+    seen: SeenCorners, cameras: Array, sizes: Sequence[tuple[int, int]]
+) -> list[dict[tuple[int, int], Array]]:
+    """(4, 4) camera_from_board of all boards, were the pictures mirrored back: in three ways a board may seem then."""
+    ends = np.stack([shape for shapes, _ in seen.values() for shape in (shapes.min(axis=0), shapes.max(axis=0))])
+    both = ends.min(axis=0) + ends.max(axis=0)
+    ways: list[dict[tuple[int, int], Array]] = []
+    for signs in ((1.0, 1.0), (-1.0, 1.0), (1.0, -1.0)):
+        sign = np.array([*signs, 1.0])
+        poses = {}
+        for (view, frame), (shape, pixels) in seen.items():
+            shown = np.column_stack([sizes[view][0] - 1 - pixels[:, 0], pixels[:, 1]])
+            poses[view, frame] = _pose(cameras[view], np.where(sign > 0, shape, both - shape), shown)
+        ways.append(poses)
+    return ways
+
+
+def _chained(links: dict[tuple[int, int], Link], names: Sequence[str]) -> list[Array]:
     """(4, 4) camera_from_world of every camera; the world is the first camera's frame."""
-    shared: dict[tuple[int, int], list[Array]] = {}
-    for (view, frame), motion in camera_from_board.items():
-        for other in range(len(names)):
-            if other != view and (other, frame) in camera_from_board:
-                relative = motion @ np.linalg.inv(camera_from_board[other, frame])
-                shared.setdefault((view, other), []).append(relative)
     known: dict[int, Array] = {0: np.eye(4)}
     while len(known) < len(names):
-        links = [(len(shared.get((view, other), [])), view, other) for view, other in _open_links(names, known)]
-        n_frames, view, other = max(links)
+        n_frames, view, other = max(
+            (links[pair].n_frames if pair in links else 0, *pair) for pair in _open_links(names, known)
+        )
         if n_frames == 0:
             lacking = [name for v, name in enumerate(names) if v not in known]
             raise CalibrationError(
                 f"{', '.join(lacking)}: no frame shows the board together with {', '.join(names[v] for v in known)}; "
                 "hold it where both see it"
             )
-        known[view] = _median_motion(np.stack(shared[view, other])) @ known[other]
+        known[view] = links[view, other].motion @ known[other]
     return [known[v] for v in range(len(names))]
 
 
 def _open_links(names: Sequence[str], known: dict[int, Array]) -> list[tuple[int, int]]:
     unknown = [v for v in range(len(names)) if v not in known]
     return list(itertools.product(unknown, known))
-
-
-def _median_motion(motions: Array) -> Array:
-    """The one of (N, 4, 4) motions that the others are nearest to."""
-    angles = Rotation.from_matrix(motions[:, :3, :3])
-    spread = [np.median((angles.inv() * angles[k]).magnitude()) for k in range(len(motions))]
-    shifts = np.linalg.norm(motions[:, None, :3, 3] - motions[None, :, :3, 3], axis=2)
-    size = max(float(np.median(np.linalg.norm(motions[:, :3, 3], axis=1))), 1e-9)
-    best: Array = motions[int(np.argmin(np.array(spread) + np.median(shifts, axis=1) / size))]
-    return best
 
 
 def _assembled(seen: SeenCorners, frames: list[int], cameras: Array, poses: Array) -> tuple[State, Observations]:

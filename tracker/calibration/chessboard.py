@@ -12,8 +12,9 @@ import pydantic
 from tracker.arrays import Image
 from tracker.calibration._adjustment import Adjustment
 from tracker.calibration._advice import advice
+from tracker.calibration._board_order import SeenCorners, turns_of
 from tracker.calibration._board_search import BoardSearch, patterns_of
-from tracker.calibration._board_start import LensKind, SeenCorners, board_start
+from tracker.calibration._board_start import LensKind, board_start
 from tracker.calibration._boards import Pattern, charuco_detector
 from tracker.calibration._calibrated import Calibrated, Measure
 from tracker.calibration._lengths import square_fault
@@ -116,10 +117,13 @@ class ChessboardCalibration:
         Raises:
             CalibrationError: they are too few or do not fit together.
         """
-        start, observations = board_start(images.seen, images.names, images.sizes, self.lens)
+        size = self.columns, self.rows
+        turns = turns_of(*size, self.square_m) if self.marker_m is None else turns_of(0, 1, self.square_m)
+        start, observations = board_start(images.seen, images.names, images.sizes, self.lens, turns)
         views = list(zip(images.names, images.sizes, strict=True))
         wanted = chosen_unknowns(self.estimated, len(views))
         adjustment = self_calibrated(start, observations, wanted, self.sigma_px, views)
+        self._check_focal_lengths(adjustment)
         points = adjustment.state.objects.points
         _, motion, source = self.world.placed(Rig(adjustment.cameras), None, np.median(points, axis=0))
         adjustment = adjustment.in_world(motion)
@@ -135,6 +139,15 @@ class ChessboardCalibration:
             scale=f"square_m = {self.square_m:g}",
             points=adjustment.state.objects.points,
         )
+
+    def _check_focal_lengths(self, adjustment: Adjustment) -> None:
+        """A camera constant that was held is a guess here, for nobody has told one."""
+        open_ = [held.camera for held in adjustment.held if held.parameter == "camera constant"]
+        if open_:
+            raise CalibrationError(
+                f"{', '.join(open_)}: the positions of the board leave the focal length, and with it distances, open: "
+                "hold it near, turned by 20 to 45 degrees to all sides, also alone before this camera ([interiors])"
+            )
 
     def _about_the_lens(self, adjustment: Adjustment) -> Iterator[str]:
         """What to try where wide views fit badly."""
