@@ -41,20 +41,28 @@ def opposite(columns: int, rows: int, folder: Path) -> Rig:
     return Rig(tuple(cameras))
 
 
-@pytest.mark.parametrize(("columns", "rows"), [(9, 6), (8, 6), (9, 7)])
+@pytest.mark.parametrize(("columns", "rows"), [(9, 6), (8, 6), (9, 7), (7, 7)])
 def test_the_floor_is_level_from_whichever_end_a_view_has_the_board(columns: int, rows: int, tmp_path: Path) -> None:
     rig = opposite(columns, rows, tmp_path)
     frame = WorldFrame(
         board=str(tmp_path / "{view}.png"), board_columns=columns, board_rows=rows, board_square_m=SQUARE_M
     )
-    placed, motion, _ = frame.placed(rig, None, np.zeros(3))
+    placed, motion, source = frame.placed(rig, None, np.zeros(3))
     floor = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]) @ motion[:3, :3].T + motion[:3, 3]
     np.testing.assert_allclose(floor[:, 2], 0, atol=0.003)
     np.testing.assert_allclose([camera.centre[2] for camera in placed.cameras], 2.0, atol=0.01)
+    assert ("look at which corner the origin is" in source) == ((columns, rows) != (9, 6))
 
 
 def test_a_board_that_is_another_is_refused(tmp_path: Path) -> None:
     rig = opposite(9, 6, tmp_path)
     frame = WorldFrame(board=str(tmp_path / "{view}.png"), board_columns=9, board_rows=6, board_square_m=0.03)
     with pytest.raises(CalibrationError, match=r"fit its plan to 0\.\d+ m only.*board_square_m = 0\.03"):
+        frame.placed(rig, None, np.zeros(3))
+
+
+def test_a_floor_board_counted_in_squares_is_told(tmp_path: Path) -> None:
+    rig = opposite(9, 6, tmp_path)
+    frame = WorldFrame(board=str(tmp_path / "{view}.png"), board_columns=10, board_rows=7, board_square_m=SQUARE_M)
+    with pytest.raises(CalibrationError, match=r"of 10x7 inner corners.*board_columns = 9, board_rows = 6 is seen$"):
         frame.placed(rig, None, np.zeros(3))

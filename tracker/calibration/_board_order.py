@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NoReturn
 
 import numpy as np
@@ -76,8 +76,8 @@ def links_of(poses: dict[Key, Array], n_views: int, turns: Sequence[Array]) -> d
         if not shared:
             continue
         link = _link([(poses[view, frame], poses[other, frame]) for frame in shared], turns)
-        found[view, other] = link
-        found[other, view] = Link(np.linalg.inv(link.motion), link.n_frames, link.gap, link.rival)
+        back: Array = np.asarray(np.linalg.inv(link.motion), dtype=np.float64)
+        found[view, other], found[other, view] = link, replace(link, motion=back)
     return found
 
 

@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 import pydantic
 
-from tracker.arrays import Array, Image
-from tracker.calibration._boards import find_corners
+from tracker.arrays import Array, Image, Integers
+from tracker.calibration._board_looks import sighting
+from tracker.calibration._boards import Pattern, find_corners
 from tracker.calibration._lengths import square_fault
 from tracker.components import FilePath, PathPattern, component
 from tracker.errors import CalibrationError
@@ -80,6 +81,8 @@ class WorldFrame:
             motion, source = _from_points(rig, self.points), f"points of {self.points.name}"
         elif self.board is not None:
             motion, source = self._from_board(rig, self.board), "a board on the floor"
+            if len(_orders(self.board_columns, self.board_rows)) > 1:
+                source += "; it looks the same when it is turned: look at which corner the origin is"
         else:
             motion, source = _level(rig, middle), "level cameras; origin in the middle of what was seen"
         return moved_rig(rig, motion), motion, source
@@ -98,22 +101,23 @@ class WorldFrame:
 
     def _from_board(self, rig: Rig, pattern: str) -> Array:
         size = self.board_columns, self.board_rows
-        images = []
+        images, without = [], []
         for name in rig.names:
             path = Path(pattern.replace("{view}", name))
             found = _read(path) if path.is_file() else None
             corners = None if found is None else find_corners(found, size)
+            if found is not None and corners is None:
+                without.append(found)
             images.append(np.full((size[0] * size[1], 2), np.nan) if corners is None else corners)
         columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
         plan = self.board_square_m * np.stack([columns, rows, 0.0 * rows], axis=-1).reshape(-1, 3)
         corners = np.stack(images)
-        # such a board looks the same from both ends: each view has the corners from either
-        if (size[0] - size[1]) % 2 == 0:
-            corners = _from_one_end(rig, corners, plan)
+        corners = _from_one_end(rig, corners, plan, _orders(*size))
         points, _ = rig.triangulate(corners)
         if np.isfinite(points).all(axis=1).sum() < 4:
             raise CalibrationError(
                 f"world: fewer than two views show the floor board of {size[0]}x{size[1]} inner corners in {pattern}"
+                f"{_shown_instead(without, size)}"
             )
         off_m, most_m = _misfit(points, plan), _MISPLACED * float(np.linalg.norm(plan[-1]))
         if off_m > most_m:
@@ -124,15 +128,34 @@ class WorldFrame:
         return aligned_to_level(plan, points, rig)
 
 
-def _from_one_end(rig: Rig, corners: Array, plan: Array) -> Array:
-    """Corners (V, N, 2) of a board, in all views in the order of the first one: reversed where they fit better so."""
+def _orders(columns: int, rows: int) -> list[Integers]:
+    """Orders of a chessboard's corners that look alike: of an even sum from both ends, of a square from all sides."""
+    grid = np.arange(columns * rows).reshape(rows, columns)
+    turns = range(4) if columns == rows else (0, 2) if (columns - rows) % 2 == 0 else (0,)
+    return [np.rot90(grid, k).ravel() for k in turns]
+
+
+def _from_one_end(rig: Rig, corners: Array, plan: Array, orders: list[Integers]) -> Array:
+    """Corners (V, N, 2) of a board, in all views in the order of the first one: in another where they fit better so."""
     shown = [v for v in range(len(rig)) if np.isfinite(corners[v]).all()]
     ordered = corners.copy()
     for v in shown[1:]:
         pair = Rig((rig.cameras[shown[0]], rig.cameras[v]))
-        orders = corners[v], corners[v, ::-1]
-        ordered[v] = min(orders, key=lambda own: _misfit(pair.triangulate(np.stack([corners[shown[0]], own]))[0], plan))
+        options = [corners[v, order] for order in orders]
+        ordered[v] = min(
+            options, key=lambda own: _misfit(pair.triangulate(np.stack([corners[shown[0]], own]))[0], plan)
+        )
     return ordered
+
+
+def _shown_instead(pictures: list[Image], size: tuple[int, int]) -> str:
+    """A chessboard of another size that pictures show, as the configuration would tell it."""
+    found = sighting(pictures, Pattern(*size))
+    if found is None or found.pattern.marker is not None:
+        return ""
+    inverted = " white on black" if found.pattern.inverted else ""
+    columns, rows = found.pattern.size
+    return f"; one with board_columns = {columns}, board_rows = {rows} is seen{inverted}"
 
 
 def _misfit(points: Array, plan: Array) -> float:
