@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from board_prints import SQUARE_M, charuco, chessboard, filmed, held, shown_about, two_cameras
+from modules import ROOT
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Image
@@ -65,6 +66,24 @@ def test_another_board_is_named_as_a_configuration_names_it(board: Image, wanted
     assert len(find_board(picture, wanted)[0]) < 6
     told = told_of([np.full_like(picture, 120), picture], wanted)
     assert re.search(words, told), told
+
+
+def test_the_board_of_the_page_is_seen_with_the_configuration_of_the_page(tmp_path: Path, monkeypatch) -> None:
+    """The worked example: its print is drawn, its lines find every corner and the told size of the markers."""
+    page = (ROOT / "docs" / "calibration.md").read_text(encoding="utf-8")
+    example = page.partition("## With a ChArUco board")[2]
+    source, table = (re.search(rf"```{kind}\n(.*?)```", example, re.DOTALL)[1] for kind in ("python", "toml"))  # type: ignore[index]
+    monkeypatch.chdir(tmp_path)
+    exec(source, {})
+    drawn = cv2.imread("charuco.png", cv2.IMREAD_GRAYSCALE)
+    assert drawn is not None
+    picture = cv2.resize(drawn, None, fx=0.1, fy=0.1, interpolation=cv2.INTER_AREA)
+    path = tmp_path / "charuco.toml"
+    path.write_text(table)
+    (pattern,) = load_calibration(path, "chessboard").calibration._patterns()
+    numbers, _ = find_board(picture, pattern)
+    assert len(numbers) == 4 * 6
+    assert shown_share(picture, pattern) == pytest.approx(pattern.marker, abs=0.03)
 
 
 def test_markers_without_corners_are_told() -> None:
