@@ -15,7 +15,7 @@ from tracker.errors import SequenceError
 from tracker.frame import Frame
 from tracker.keypoint_layouts import open_keypoints
 from tracker.keypoint_layouts.orders import LAYOUTS
-from tracker.keypoint_layouts.views import KeypointViews
+from tracker.keypoint_layouts.views import KeypointFiles, KeypointViews
 from tracker.rig import Rig
 
 PERSON = [value for k in range(17) for value in (300.0 + 7 * k, 200.0 + 11 * k, 0.9)]
@@ -446,6 +446,31 @@ def test_who_leaves_the_image_ends_no_run(tmp_path: Path) -> None:
     views, rig = camera_views(tmp_path, 1.0)
     views.check(rig)
     assert (views.at(Frame(5, 0.0, (None,)), rig)[0][..., :2] > 640).any()
+
+
+def test_what_a_detector_is_not_sure_of_may_lie_outside(tmp_path: Path) -> None:
+    """Legs that no view of an upper body shows are guessed below the image, with little confidence."""
+    legs = [value for k in range(6) for value in (300.0, 700.0 + k, 0.1)]
+    folder_of(tmp_path, people([*PERSON[:33], *legs]))
+    rig = Rig((Camera.looking_at("cam", (640, 480), 50.0, (0, -2, 1), (0, 0, 1)),))
+    KeypointFiles(path=str(tmp_path)).checked(rig)
+    with pytest.raises(SequenceError, match="set downscale"):
+        KeypointFiles(path=str(tmp_path), least_confidence=0.0).checked(rig)
+
+
+def test_files_that_are_not_numbered_from_0_are_told(tmp_path: Path) -> None:
+    """Beside a video, whose images count from 0, they would be an image late."""
+    for view, first in (("one", 0), ("two", 1), ("three", 1)):
+        (tmp_path / view).mkdir()
+        folder_of(tmp_path / view, *[people(PERSON)] * 3)
+        if first:
+            (tmp_path / view / "cam_000000.json").unlink()
+    pattern = str(tmp_path / "{view}")
+    assert (
+        KeypointViews.open(pattern, ("one", "two", "three")).numbering
+        == ", numbered: one from 0 on; two, three from 1 on"
+    )
+    assert KeypointViews.open(str(tmp_path / "one"), ("one",)).numbering == ""
 
 
 def test_files_of_other_numbers_than_the_frame_are_told(tmp_path: Path) -> None:

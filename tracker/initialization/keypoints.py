@@ -57,7 +57,7 @@ class KeypointInitialization(KeypointFiles):
                     f"{', '.join(person.body.landmark_names)}; "
                     "[keypoints] of a model file says what other names mean"
                 )
-        return f"keypoints, {views.order}, in {self.path}"
+        return f"keypoints, {views.order}{views.numbering}, in {self.path}"
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """The poses that fit the keypoints best; who is who is told by `at`, else by how well each body fits.

@@ -96,18 +96,33 @@ class KeypointViews:
         """What a view's file calls a frame."""
         return frame.position(view) + (frame.first_number if self.sources[view].named else 0)
 
-    def check(self, rig: Rig, downscale: int | None = None, normalized: bool = False) -> None:
+    def check(
+        self, rig: Rig, downscale: int | None = None, least_confidence: float = 0.0, normalized: bool = False
+    ) -> None:
         """Refuses keypoints that are not in pixels of the images, by some of those of each view.
 
         Raises:
             SequenceError: they are shares of the image, or most of a view lie outside of its image.
         """
         for source, camera in zip(self.sources, rig.cameras, strict=True):
-            told = source.sample[..., :2][np.isfinite(source.sample[..., 0])]
-            if not len(told):
-                continue
-            _check_unit(told, camera, normalized)
-            _check_size(_in_pixels(told, camera, downscale, normalized), camera)
+            told = source.sample[source.sample[..., 2] >= least_confidence][:, :2]
+            if len(told):
+                _check_unit(told, camera, normalized)
+                _check_size(_in_pixels(told, camera, downscale, normalized), camera)
+
+    @property
+    def numbering(self) -> str:
+        """From where on named files are numbered, if not from 0; empty otherwise."""
+        firsts = {
+            view: source.numbers[0]
+            for view, source in zip(self.views, self.sources, strict=True)
+            if source.named and source.numbers
+        }
+        told = (
+            f"{', '.join(view for view, one in firsts.items() if one == first)} from {first} on"
+            for first in dict.fromkeys(firsts.values())
+        )
+        return f", numbered: {'; '.join(told)}" if any(firsts.values()) else ""
 
     def gaps_told(self, frame: Frame) -> str:
         """Which views tell nothing of a frame, as files there have other numbers; empty if all do."""
@@ -162,7 +177,7 @@ class KeypointFiles:
         if self.normalized and self.downscale is not None:
             raise SequenceError("normalized keypoints are shares of any image: leave downscale out")
         views = self.opened(rig)
-        views.check(rig, self.downscale, self.normalized)
+        views.check(rig, self.downscale, self.least_confidence, self.normalized)
         return views
 
     def found(self, views: KeypointViews, frame: Frame, rig: Rig) -> list[Array]:
