@@ -188,6 +188,8 @@ def test_a_calibration_of_freemocap_2(tmp_path: Path) -> None:
     found = read_rig(path)
     assert (found.layout, found.unit, found.remarks) == ("freemocap", "mm", ())
     assert_equal(found.rig, sample_rig("A", "B"), 1e-12)
+    path.write_text(FREEMOCAP_2.replace("applied = true", "applied = false"))
+    assert "no ground plane" in read_rig(path).remarks[0]
     path.write_text(FREEMOCAP_2.replace("54.0", "1.0"))
     with pytest.raises(CalibrationError, match=r"square_length_mm = 1: .*squares of the board.*--scale METRES"):
         read_rig(path)
@@ -289,6 +291,8 @@ OTHERS = {
     "cameras.pkl": (b"\x80\x04K\x01.", "pickle"),
     "trial.c3d": (b"\x02\x50", "movements"),
     "empty.toml": ("", "an empty file"),
+    "left.yml": ("%YAML:1.0\n---\ncamera_matrix: 1\n", "one camera in OpenCV's YAML: give the folder"),
+    "frame_0.json": ('{"version": 1.3, "people": []}', "keypoints as OpenPose"),
 }
 
 

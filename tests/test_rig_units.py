@@ -131,6 +131,7 @@ SUSPICIOUS = {
     "a quaternion": (put(rotation=[0.0, 0.0, 0.0, 1.0]), "rotation 4 "),
     "fisheye as text": (put(fisheye="false"), "fisheye: 'false' found, expected true or false"),
     "no distortion": (put(distortions=[]), "distortions: 0 numbers found"),
+    "a lens beyond any": (put(distortions=[1e29, 0, 0, 0]), r"distortion .*1e\+29.* found, expected numbers below"),
     "mirrored": (put(rotation=(NORTH * [-1, 1, 1]).tolist()), "not a rotation"),
 }
 

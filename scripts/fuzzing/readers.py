@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import tomllib
 from collections.abc import Callable
@@ -41,6 +42,24 @@ RIGS = {
 
 MIDDLEBURY = "2\n" + "".join(f"{k}.png 60 0 32 0 60 24 0 0 1 1 0 0 0 1 0 0 0 1 {k} 0 1\n" for k in range(2))
 
+_CAMERA = {"resolution": [64, 48], "K": [[60, 0, 32], [0, 60, 24], [0, 0, 1]], "distCoef": [0.1, 0, 0, 0, 0]}
+"""What all cameras of `PANOPTIC` have."""
+
+PANOPTIC = json.dumps(
+    {
+        "cameras": [
+            {"name": str(k), **_CAMERA, "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "t": [[k * 90], [0], [300]]}
+            for k in range(2)
+        ]
+    }
+)
+VICON = """<?xml version="1.0"?>
+<Cameras VERSION="1.2">
+ <Camera DEVICEID="1" PIXEL_ASPECT_RATIO="1" SENSOR_SIZE="64 48" SKEW="0" TYPE="Vue_VIDEO"><KeyFrames>
+  <KeyFrame FOCAL_LENGTH="60" ORIENTATION="0.6 0 0 0.8" POSITION="0 -2000 900" PRINCIPAL_POINT="32 24"
+   VICON_RADIAL2="Vicon3Parameter 32 24 1e-6 0 0"/></KeyFrames></Camera>
+</Cameras>"""
+
 
 def readers() -> tuple[Reader, ...]:
     """All of them."""
@@ -72,6 +91,8 @@ def _rigs() -> list[Reader]:
         _text("rig middlebury", MIDDLEBURY, read, "a_par.txt"),
         Reader("rig opencap", samples.write_pickles, session, BINARY, pickles),
         _freemocap(),
+        _text("rig panoptic", PANOPTIC, lambda folder: read_rig(folder / "p.json"), "p.json"),
+        _text("rig vicon", VICON, lambda folder: read_rig(folder / "v.xcp"), "v.xcp"),
     ]
 
 

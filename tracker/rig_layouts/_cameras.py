@@ -25,6 +25,9 @@ _LARGEST = 1e30
 _LARGEST_SIZE_PX = 10**6
 """Width or height beyond any image: a number that large is something else."""
 
+_LARGEST_LENS = 1e6
+"""Of a distortion coefficient: a lens has hundredths to tens."""
+
 _ROTATION_FAULT = 1e-4
 """Of R R^T beside the unit matrix, as of `Camera`."""
 
@@ -161,6 +164,10 @@ def camera_of(name: str, size: tuple[int, int], interior: tuple[Array, Array], e
     motion[:3, :3] = _turned(name, rotation.ravel()) if rotation.size == 3 else rotation.reshape(3, 3)
     motion[:3, 3] = translation.ravel()
     matrix, distortion = matrix.reshape(3, 3), lens.ravel()
+    if np.abs(distortion).max(initial=0) > _LARGEST_LENS:
+        raise CalibrationError(
+            f'camera "{name}": distortion {distortion.tolist()} found, expected numbers below {_LARGEST_LENS:g}'
+        )
     # Affine corrections folded into K leave small entries below the diagonal; larger ones the camera refuses.
     if 0 < abs(matrix[1, 0]) <= 0.01 * abs(matrix[1, 1]):
         matrix, distortion, motion = upper_triangular(matrix, distortion, motion)

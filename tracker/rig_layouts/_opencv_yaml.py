@@ -14,7 +14,7 @@ import yaml
 
 from tracker.arrays import Array
 from tracker.errors import CalibrationError, shortened
-from tracker.rig_layouts._sources import text_of
+from tracker.rig_layouts._sources import line_fault, text_of
 
 _MOST_NUMBERS = 64
 """Of a matrix: a camera has none that is larger."""
@@ -117,19 +117,15 @@ def opened(path: Path) -> OpenCvFile:
         # %YAML:1.0 is OpenCV's own spelling
         root = yaml.compose(text.partition("\n")[2], Loader=_LOADER)
     except (yaml.YAMLError, ValueError) as error:  # also of characters that do not exist
-        raise CalibrationError(f"{path.name}: not an OpenCV YAML file: {_reason(error)}") from error
+        mark = getattr(error, "problem_mark", None)
+        told = line_fault(text, 0 if mark is None else mark.line + 2)  # the first line is left out, and counted from 1
+        raise CalibrationError(f"{path.name}: not an OpenCV YAML file: {told}") from error
     except RecursionError as error:
         raise CalibrationError(f"{path.name}: not an OpenCV YAML file: nested too deeply") from error
     entries = _table(root, path.name)
     if not entries:
         raise CalibrationError(f"{path.name}: not an OpenCV YAML file: no entries in it")
     return OpenCvFile(path.name, entries)
-
-
-def _reason(error: Exception) -> str:
-    mark = getattr(error, "problem_mark", None)
-    told = " ".join(str(getattr(error, "problem", None) or error).split())
-    return shortened(told) + ("" if mark is None else f" in line {mark.line + 2}")
 
 
 def written(entries: Mapping[str, Array | float | list[str]]) -> bytes:

@@ -85,8 +85,9 @@ _OTHERS = (
     ),
     _Other(
         "the poses of OpenCV's stereo_calib: give the folder, which has the lenses (intrinsics.yml) too",
-        (r"^R\s*:", r"^T\s*:", r"\A%YAML(?![\s\S]*^(?:K|camera_matrix|cameraMatrix)\s*:)"),
+        (r"^R\s*:", r"^T\s*:", r"\A%YAML(?![\s\S]*^(?:K|\w*[Mm]atrix\w*)\s*:)"),
     ),
+    _Other("keypoints as OpenPose writes them, expected cameras", (r"\A\s*\{", r'"people"\s*:\s*\[')),
     _Other(
         "a configuration of bodytrack: the calibration is what `rig` in it names",
         (r"^\[reading(?:\.\w+)?\]", r"^rig\s*=|^(?:model|persons?)\b|^\[(?:model|persons?|evidence)"),
@@ -96,6 +97,12 @@ _OTHERS = (
         (r"^\[project\]", r"^\[(?:pose|calibration|triangulation)\b"),
     ),
 )
+
+_ONE_CAMERA = _Other(
+    "one camera in OpenCV's YAML: give the folder that has such a file a camera",
+    (r"\A%YAML", r"^(?:K|D|\w*[Mm]atrix\w*)\s*:"),
+)
+"""Of a file alone: a folder of these is the layout `opencv`."""
 
 
 def other_program(path: Path) -> str:
@@ -130,4 +137,4 @@ def _file(path: Path) -> str:
     if path.suffix.lower() in _ENDINGS and path.name != "cameraIntrinsicsExtrinsics.pickle":
         return _ENDINGS[path.suffix.lower()]
     look = lenient_text(path), xml_tag(path)
-    return next((other.told for other in _OTHERS if other.made(*look)), "")
+    return next((other.told for other in (*_OTHERS, _ONE_CAMERA) if other.made(*look)), "")

@@ -96,7 +96,7 @@ def xml_root(path: Path) -> ElementTree.Element:
     try:
         return ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
-        raise CalibrationError(f"not XML: {_line(text, error.position[0])}") from error
+        raise CalibrationError(f"not XML: {line_fault(text, error.position[0])}") from error
     except ValueError as error:
         raise CalibrationError("not XML: it says that it is written in another alphabet than it is") from error
 
@@ -116,7 +116,7 @@ def toml_table(path: Path) -> dict[str, Any]:
         raise CalibrationError("not a TOML file: nested too deeply") from error
     except ValueError as error:  # also of numbers too long to convert
         place = _PLACE.search(str(error))
-        raise CalibrationError(f"not a TOML file: {_line(text, int(place[1]) if place else 0)}") from error
+        raise CalibrationError(f"not a TOML file: {line_fault(text, int(place[1]) if place else 0)}") from error
 
 
 def json_content(path: Path) -> Any:
@@ -127,7 +127,7 @@ def json_content(path: Path) -> Any:
     except RecursionError as error:
         raise CalibrationError("not a JSON file: nested too deeply") from error
     except ValueError as error:
-        raise CalibrationError(f"not a JSON file: {_line(text, getattr(error, 'lineno', 0))}") from error
+        raise CalibrationError(f"not a JSON file: {line_fault(text, getattr(error, 'lineno', 0))}") from error
 
 
 def json_table(path: Path) -> dict[str, Any]:
@@ -148,11 +148,11 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return table
 
 
-def _line(text: str, number: int) -> str:
+def line_fault(text: str, number: int) -> str:
     """Where a file cannot be read: a line by its number, from 1; 0 where none is known."""
     lines = text.splitlines()
     if not 1 <= number <= len(lines):
-        return "it ends too early" if number > len(lines) else "a number or word in it is none"
+        return "it ends too early" if number > len(lines) else "a number or a sign in it cannot be read"
     return f"line {number} cannot be read: {shortened(lines[number - 1].strip())!r}"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from tracker.components import component
 from tracker.errors import CalibrationError
@@ -49,9 +49,21 @@ class FreeMoCapLayout:
                     "FreeMoCap and calibrate again"
                 )
             listing = replace(listing, unit="mm")
-        remarks = *listing.remarks, *up_remarks(listing.cameras)
+        remarks = *listing.remarks, *(up_remarks(listing.cameras) or _floor_remarks(metadata))
         return replace(listing, remarks=remarks, no_unit=no_unit)
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
         """Nothing: FreeMoCap's metadata tell of a board that is not known here."""
         raise CalibrationError("FreeMoCap's calibrations are read only: choose the layout anipose")
+
+
+def _floor_remarks(metadata: dict[str, Any]) -> tuple[str, ...]:
+    """What to know where z is up by chance, as the cameras stand, and no board lay on the floor."""
+    if True in (metadata.get("groundplane_calibration"), metadata.get("groundplane_applied")):
+        return ()
+    if "groundplane_calibration" not in metadata and "groundplane_applied" not in metadata:
+        return ()
+    return (
+        "FreeMoCap had no ground plane: the origin is that of a camera, not of the floor: `bodytrack rig convert THIS "
+        "rig.toml --floor METRES` tells where the floor lies along z",
+    )
