@@ -54,6 +54,7 @@ TRC_FORMS: dict[str, str | bytes] = {
     "tabs behind the rows": trc().replace("\n", "\t\t\n"),
     "names with one tab between": trc().replace("LSHO\t\t\tLELB\t\t\tLWRI\t\t", "LSHO\tLELB\tLWRI"),
     "axes that count from another number, as of a part of a file": trc().replace("X1\tY1\tZ1", "X9\tY9\tZ9"),
+    "commas for tabs, as of a spreadsheet": trc().replace("\t", ","),
     "columns of spaces": re.sub("\t+", "   ", trc()),
     "a value of the header left empty in place": trc(values="100.00\t\t20\t3\tmm\t100.00\t1"),
     "fewer keys, as MOtoNMS writes them": trc(values="100.00\t20\t3\tmm\t100.00\t1").replace("CameraRate\t", ""),
@@ -123,6 +124,13 @@ def test_what_a_trc_tells_in_two_ways_is_remarked(tmp_path, change, remark):
     assert "".join(read.remarks).startswith(remark)
 
 
+def test_rounded_times_are_no_other_rate(tmp_path):
+    """60 Hz in milliseconds: 0, 0.017, 0.033, 0.05, most of the steps 0.017."""
+    text = re.sub(r"\n(\d+)\t0\.\d+", lambda found: f"\n{found[1]}\t{(int(found[1]) - 1) / 60:.3f}", trc())
+    read = read_markers(written(tmp_path, text.replace("100.00\t100.00", "60\t60")))
+    assert read.remarks == ()
+
+
 TRC_FAULTS: dict[str, tuple[Callable[[str], str], str]] = {
     "a value missing before the unit": (
         lambda text: text.replace("100.00\t100.00\t20\t3\tmm\t100.00\t1", "100.00\t20\t3\tmm\t100.00\t1"),
@@ -149,7 +157,7 @@ TRC_FAULTS: dict[str, tuple[Callable[[str], str], str]] = {
     "one row": (lambda text: text[: text.index("\n2\t")], "Time does not run forwards in a table of one row"),
     "milliseconds": (
         lambda text: re.sub(r"\n(\d+)\t0\.(\d+)\t", r"\n\1\t\2\t", text),
-        "DataRate is 100.00 Hz, and the column Time steps by 10: expected seconds",
+        "DataRate is 100.00 Hz, and Time steps by 10: expected seconds",
     ),
 }
 
@@ -239,6 +247,18 @@ def test_a_c3d_is_read_in_every_form(tmp_path, form):
     read = read_markers(written(tmp_path, bytes(content)))
     same(read)
     assert len(read.remarks) == ("longer" in form)
+
+
+def test_a_recording_that_was_stopped_early_is_read_and_told(tmp_path):
+    """As a file of Optotrak's: 1149 frames by POINT:FRAMES and header, and whole frames up to its end."""
+    file, n_frames = C3d(), 20
+    content = file.written(point_parameters(FRAMES=1149), points_bytes(file, POINTS_MM), header={"last": 1149})
+    ended = content[: len(content) // 512 * 512 - 1024 + n_frames * 3 * 16]
+    read = read_markers(written(tmp_path, ended))
+    same(read)
+    assert read.remarks == ("POINT:FRAMES of a.trc says 1149 frames, it ends after 20",)
+    with pytest.raises(SequenceError, match="POINT:FRAMES says 1149 frames, 19 are there: the file is cut off"):
+        read_markers(written(tmp_path, ended[:-1]))
 
 
 def test_the_time_of_a_part_of_a_recording_is_that_of_the_recording(tmp_path):

@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 import trc
 from marked import JOINTS, OFFSET_S, SET, TIMES_S, joints_at, simulated
+from marker_files import C3d as C3dFile
+from marker_files import rotation_bytes
 from scipy.spatial.transform import Rotation
 
 from tracker.body import BodyModel
@@ -235,6 +237,26 @@ def test_a_marker_that_another_one_is_called_after_is_told_or_refused(compared):
     assert "m.trc: 1 of 12 markers have no name, and are left out" in found
 
 
-def test_the_set_that_is_shipped_loads():
-    chosen = load_marker_set(ROOT / "configs" / "markers" / "upper_body.toml")
+@pytest.mark.parametrize("name", ["upper_body", "theia"])
+def test_the_set_that_is_shipped_loads(name):
+    chosen = load_marker_set(ROOT / "configs" / "markers" / f"{name}.toml")
     assert set(JOINTS) < set(chosen.joints)
+
+
+def test_a_result_is_compared_with_segments_of_another_markerless_system(body, tmp_path):
+    """Origins of segments, the only thing that Theia writes, in another world and by another clock."""
+    times_s = np.arange(0.0, 5.4, 1 / 120)
+    joints = joints_at(body, times_s - OFFSET_S) @ Rotation.from_euler("z", 50, degrees=True).as_matrix().T
+    labels = [f"{side}_{name}_4X4" for side in "lr" for name in ("uarm", "larm", "hand")]
+    file = C3dFile()
+    told = {"POINT:USED": 0, "POINT:RATE": 120.0, "POINT:FRAMES": len(times_s), "POINT:UNITS": ["mm"]}
+    rotation = {"ROTATION:USED": 6, "ROTATION:RATIO": 1, "ROTATION:LABELS": labels}
+    content = file.written(told | rotation, b"", rotations=rotation_bytes(file, 1000 * joints))
+    (tmp_path / "pose_filt_0.c3d").write_bytes(content)
+    arms = {name: [label] for name, label in zip(JOINTS, labels, strict=True)}
+    lines = [f"{name} = {label}".replace("'", '"').replace("_4X4", "") for name, label in arms.items()]
+    chosen = write_set(tmp_path / "set.toml", "\n".join(["[joints]", *lines]) + "\n")
+    made = compare(write_result(tmp_path / "r", joints_at(body, TIMES_S)), tmp_path / "pose_filt_0.c3d", chosen)
+    assert made.alignment.placement.offset_s == pytest.approx(OFFSET_S, abs=0.002)
+    assert all(angle.rms_deg < 0.3 for angle in made.angles)
+    assert max(joint.mean_mm for joint in made.joints) < 3

@@ -30,7 +30,8 @@ def points_of(file: C3dFile, n_points: int, rate_hz: float) -> tuple[Array, tupl
     scale, start = _scale(file), _data_start(file)
     whole = scale > 0
     n_bytes = _frame_bytes(file, n_points, rate_hz, 2 if whole else 4, start)
-    n_frames, remarks = _n_frames(file, (_data_end(file, start) - start) // n_bytes)
+    n_there, rest = divmod(_data_end(file, start) - start, n_bytes)
+    n_frames, remarks = _n_frames(file, n_there, not rest)
     frames = file.content[start : start + n_frames * n_bytes].reshape(n_frames, n_bytes)
     own = np.ascontiguousarray(frames[:, : n_points * _POINT_NUMBERS * (2 if whole else 4)]).reshape(-1)
     numbers = scale * file.numbers.whole(own, signed=True) if whole else file.numbers.floats(own)
@@ -59,7 +60,7 @@ def origins_of(file: C3dFile, n_segments: int, n_frames: int, rate_hz: float) ->
     fitting = max((len(file.content) - start) // n_bytes, 0)
     told = file.count("ROTATION:FRAMES") or round(n_frames * own_rate_hz / rate_hz if rate_hz else 0)
     if not told:
-        told = _n_frames(file, fitting)[0]
+        told = _n_frames(file, fitting, False)[0]
     if told > fitting:
         raise SequenceError(f"{file.path}: ROTATION:FRAMES says {told} frames, {fitting} are there: cut off")
     numbers = file.numbers.floats(file.content[start : start + told * n_bytes])
@@ -80,15 +81,16 @@ def _long(words: Array) -> int:
     return int(words[0] + (2**16 * words[1] if len(words) > 1 else 0)) if np.isfinite(words[:2]).all() else 0
 
 
-def _n_frames(file: C3dFile, n_there: int) -> tuple[int, tuple[str, ...]]:
+def _n_frames(file: C3dFile, n_there: int, ended: bool) -> tuple[int, tuple[str, ...]]:
     """How many frames to read, and remarks: POINT:FRAMES counts, unless it cannot.
 
     Args:
         file: the file.
         n_there: as many as its bytes hold.
+        ended: whether it ends with a whole one, as where a recording was stopped early.
 
     Raises:
-        SequenceError: there are fewer.
+        SequenceError: there are fewer, and the file was cut off.
     """
     start, end = file.values("TRIAL:ACTUAL_START_FIELD"), file.values("TRIAL:ACTUAL_END_FIELD")
     long = max(_long(end) - _long(start) + 1 if len(start) and len(end) else 0, file.count("POINT:LONG_FRAMES"))
@@ -103,6 +105,8 @@ def _n_frames(file: C3dFile, n_there: int) -> tuple[int, tuple[str, ...]]:
         return told, ()
     if 1 < header <= n_there:
         return header, (f"POINT:FRAMES of {file.path.name} says {told} frames, its header and data {header}",)
+    if ended and n_there > 1:
+        return n_there, (f"POINT:FRAMES of {file.path.name} says {told} frames, it ends after {n_there}",)
     raise SequenceError(f"{file.path}: POINT:FRAMES says {told} frames, {n_there} are there: the file is cut off")
 
 

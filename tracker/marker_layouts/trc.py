@@ -33,8 +33,8 @@ _FILE_END = "\x1a\0 \t\r\n"
 _AXIS = re.compile(r"^([xyz])\d*$", re.IGNORECASE)
 """`X1` and so on, whatever the number."""
 
-# Rate of the header against the column Time: told from so much on, and refused where one of them is no second.
-_RATES_APART, _OTHER_UNIT = 1.01, 9.0
+# Rate of the header times a step of Time: told from so much on, refused where Time must count frames or milliseconds.
+_RATES_APART, _OTHER_UNIT = 1.01, 20.0
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,8 @@ def read_trc(path: Path, unit: str | None = None) -> Markers:
         SequenceError: the file is damaged, or its unit is unknown.
     """
     lines = _LINE_END.split(_text(path).rstrip(_FILE_END))
+    if lines[0].startswith("PathFileType,"):  # of a spreadsheet that put commas for tabs
+        lines = [line.replace(",", "\t") for line in lines]
     if not lines[0].startswith("PathFileType") or len(lines) <= _AXES:
         raise SequenceError(f"{path}: not a TRC file: expected PathFileType and five lines of header")
     names, rows = _names(path, lines), _rows(path, lines)
@@ -197,12 +199,16 @@ def _remarks(path: Path, header: dict[str, str], names: list[str], times_s: Arra
             said.append(f"{key} of {path.name} is {shortened(header[key])}, its table has {count}")
     if unnamed := names.count(""):
         said.append(f"{path.name}: {unnamed} of {len(names)} markers have no name, and are left out")
-    rate, table_rate = header.get("DataRate", "").replace(",", "."), 1 / float(np.median(np.diff(times_s)))
-    apart = float(rate) / table_rate if re.fullmatch(r"\d+\.?\d*", rate) and float(rate) else 1.0
-    if not 1 / _OTHER_UNIT < apart < _OTHER_UNIT:
-        raise SequenceError(
-            f"{path}: DataRate is {rate} Hz, and the column Time steps by {1 / table_rate:.6g}: expected seconds"
+    rate = header.get("DataRate", "").replace(",", ".")
+    steps_s = (
+        np.median(np.diff(times_s)),
+        (times_s[-1] - times_s[0]) / (len(times_s) - 1),
+    )  # some are rounded, some gaps
+    apart = [float(rate) * step_s for step_s in steps_s] if re.fullmatch(r"\d*[1-9]\d*\.?\d*", rate) else [1.0]
+    if not 1 / _OTHER_UNIT < apart[0] < _OTHER_UNIT:
+        raise SequenceError(f"{path}: DataRate is {rate} Hz, and Time steps by {steps_s[0]:.6g}: expected seconds")
+    if not any(1 / _RATES_APART < one < _RATES_APART for one in apart):
+        said.append(
+            f"DataRate of {path.name} is {rate} Hz, by its column Time it has {1 / steps_s[1]:.6g} Hz: Time counts"
         )
-    if not 1 / _RATES_APART < apart < _RATES_APART:
-        said.append(f"DataRate of {path.name} is {rate} Hz, by its column Time it has {table_rate:.6g} Hz: Time counts")
     return tuple(said)
