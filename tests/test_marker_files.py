@@ -419,11 +419,20 @@ def test_the_unit_that_a_file_lacks_is_said_in_the_set(tmp_path):
     (tmp_path / "set.toml").write_text('unit = "mm"\n[joints]\nleft_elbow = ["LELB"]\n')
     chosen = load_marker_set(tmp_path / "set.toml")
     same(read_markers(path, chosen.unit))
-    with pytest.raises(SequenceError, match='"mm", and the marker set says unit = "cm": leave it out of the set'):
-        read_markers(written(tmp_path, trc()), "cm")
+    same(read_markers(written(tmp_path, trc()), "cm"), 10 * POINTS)
     (tmp_path / "set.toml").write_text('unit = "deg"\n[joints]\nleft_elbow = ["LELB"]\n')
     with pytest.raises(ConfigError, match="unit"):
         load_marker_set(tmp_path / "set.toml")
+
+
+@pytest.mark.parametrize(("per_mm", "told"), [(0.001, "mm"), (0.001, "cm"), (1.0, "m")])
+def test_a_unit_that_cannot_be_is_refused(tmp_path, per_mm, told):
+    """Angles agree in any unit, places do not: metres that are called millimetres, or the other way round."""
+    cells = [[f"{value * per_mm:.6f}" for value in row.ravel()] for row in POINTS_MM]
+    path = written(tmp_path, trc(cells).replace("\tmm\t", f"\t{told}\t"))
+    with pytest.raises(SequenceError, match=r"markers lie .* apart, expected 0\.03 to 100: its unit is another one"):
+        read_markers(path)
+    same(read_markers(path, "mm" if per_mm == 1 else "m"))
 
 
 @pytest.mark.parametrize("kind", ["trc", "c3d"])

@@ -180,6 +180,10 @@ def test_an_offset_of_an_angle_is_told_apart(body, recording, tmp_path):
             '[joints]\nleft_elbow = ["M1"]\n[angles]\nx = ["left_elbow", "left_wrst", "left_elbow"]',
             'no joint "left_wrst"',
         ),
+        (
+            '[joints]\nleft_elbow = ["M1"]\n[angles]\nx = ["left_elbow", "left_elbow", "left_elbow"]',
+            "left_elbow, left_elbow, left_elbow: expected three different joints",
+        ),
         ('[joints]\nleft_elbow = ["M0"]\nleft_wrist = ["M1"]', "2 joints in the marker set, expected 3"),
     ],
 )

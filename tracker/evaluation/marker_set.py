@@ -37,7 +37,7 @@ class MarkerSet(Entry):
     hinges of the body's model file are compared anyway."""
 
     unit: Literal["m", "dm", "cm", "mm", "in", "ft"] | None = None
-    """Of the recording's lengths, where its file does not say it."""
+    """Of the recording's lengths, where its file does not say it, or says another one."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +105,8 @@ def check_marker_set(markers: MarkerSet, path: Path, recording: Markers, joints:
             if joint not in markers.joints:
                 known = nearest(joint, markers.joints)
                 raise ConfigError(f'{path} [angles.{angle}]: no joint "{joint}" in this set; {known}')
+        if len(set(chain)) < len(chain):
+            raise ConfigError(f"{path} [angles.{angle}]: {', '.join(chain)}: expected three different joints")
 
 
 def column(name: str, path: Path, recording: Markers) -> int:

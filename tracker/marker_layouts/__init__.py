@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tracker.errors import SequenceError, os_fault
+from tracker.marker_layouts._units import check_size
 from tracker.marker_layouts.c3d import is_c3d, read_c3d
 from tracker.marker_layouts.trc import read_trc
 from tracker.markers import Markers
@@ -28,10 +29,10 @@ def read_markers(path: Path, unit: str | None = None) -> Markers:
 
     Args:
         path: of the file.
-        unit: of its lengths, where the file does not say it: m, dm, cm, mm, in or ft.
+        unit: of its lengths, m, dm, cm, mm, in or ft; None for the one that the file says.
 
     Raises:
-        SequenceError: the file is missing, damaged, or of another kind.
+        SequenceError: the file is missing, damaged, of another kind, or in another unit than it says.
     """
     if not path.is_file():
         raise SequenceError(f"{path}: no such file of markers")
@@ -41,11 +42,16 @@ def read_markers(path: Path, unit: str | None = None) -> Markers:
     except OSError as error:
         raise SequenceError(os_fault(error)) from error
     if is_c3d(head):
-        return read_c3d(path, unit)
+        return _checked(path, read_c3d(path, unit))
     text = head.replace(b"\0", b"").decode("latin-1").lstrip("\xef\xbb\xbf\xfe\xff ").lower()
     if text.startswith("pathfiletype"):
-        return read_trc(path, unit)
+        return _checked(path, read_trc(path, unit))
     other = next((name for sign, name in _OTHERS.items() if text.startswith(sign)), None)
     if other is None and "endheader" in text:
         other = "a table of OpenSim (.mot, .sto)"
     raise SequenceError(f"{path}: {other or 'no file of markers'}, expected TRC or C3D: export it as such")
+
+
+def _checked(path: Path, recording: Markers) -> Markers:
+    check_size(path, recording)
+    return recording

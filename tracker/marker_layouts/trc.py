@@ -52,7 +52,7 @@ def read_trc(path: Path, unit: str | None = None) -> Markers:
 
     Args:
         path: of the file.
-        unit: of its lengths, where the file does not say it.
+        unit: of its lengths; None for the one that the file says.
 
     Raises:
         SequenceError: the file is damaged, or its unit is unknown.
