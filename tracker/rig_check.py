@@ -10,6 +10,7 @@ from tracker.arrays import Array
 from tracker.camera import Camera
 from tracker.errors import CalibrationError
 from tracker.rig import Rig
+from tracker.world import world_doubts
 
 
 @dataclass(frozen=True)
@@ -114,10 +115,6 @@ def _doubts(rig: Rig, cameras: tuple[CameraCheck, ...], pairs: tuple[PairCheck, 
         partners = [pair for pair in pairs if check.name in (pair.first, pair.second)]
         if partners and max(pair.shared for pair in partners) < 0.05:
             doubts.append(f"{check.name} shares no space with another camera: nothing it sees can be measured")
-        if check.position_m[2] < -0.1:
-            doubts.append(
-                f"{check.name} is {-check.position_m[2]:.2f} m below the floor: is z up and the origin on it?"
-            )
         if not 15 < check.field_deg[0] < 150:
             doubts.append(f"{check.name} sees {check.field_deg[0]:.0f} degrees: is its focal length in px?")
     for camera in rig.cameras:
@@ -127,12 +124,7 @@ def _doubts(rig: Rig, cameras: tuple[CameraCheck, ...], pairs: tuple[PairCheck, 
                 "the image: what lies farther out cannot be measured; calibrate it anew with fewer radial terms "
                 "or pictures that show the board in the corners"
             )
-    up = [-camera.camera_from_world[1, 2] for camera in rig.cameras]
-    if np.median(up) < 0.3:
-        doubts.append(
-            f"most cameras are tilted or upside down: is the world's z axis up? If {rig.likely_up} is: rig convert "
-            f"--up {rig.likely_up}"
-        )
+    doubts += world_doubts(rig)
     if pairs and not sigma_mm < 20:
         doubts.append(
             f"a point in the middle is known to {sigma_mm:.0f} mm only: the cameras see it from one direction"

@@ -107,7 +107,9 @@ def rig_convert(
     units: Units = None,
     scale: Scale = 1.0,
     upright: Annotated[bool, typer.Option("--upright", help="For images turned by quarters until up is up.")] = False,
-    up: Annotated[str, typer.Option(help="Axis that is up in the source: x, y, z, -x, -y, -z; it becomes z.")] = "z",
+    up: Annotated[
+        str, typer.Option(help="Axis up in the source: x, y, z, -x, -y, -z; or cameras: what all hold up.")
+    ] = "z",
     floor: Annotated[float, typer.Option(help="Where the floor is along that axis, metres; it becomes z = 0.")] = 0.0,
 ) -> None:
     """Converts a calibration from and for other programs."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from tracker.inspection import findings, first_in_view, survey
 from tracker.jobs._persons import OpenedTrack, frames_in_view
 from tracker.tracking.cycle import Cycle
+from tracker.world import told_world
 
 
 def looked_at(opened: OpenedTrack, cycle: Cycle, stride: int) -> tuple[str, ...]:
@@ -17,6 +18,7 @@ def looked_at(opened: OpenedTrack, cycle: Cycle, stride: int) -> tuple[str, ...]
     """
     if opened.done:
         return ()
+    cycle.progress(told_world(opened.sequence.rig))
     cycle.progress("looking at the first frames")
     frames = frames_in_view(opened.sequence.frames, cycle)
     return findings(survey(frames, opened.scene, cycle.plates, stride))
