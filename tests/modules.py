@@ -25,7 +25,8 @@ LAYERS = (
     "estimation initialization",
     "tracking",
     "acquisition alignment recognition evaluation simulation inspection",
-    "jobs rig_check epipolar_picture export smoothed aligned batching run forecast draft footage viewing",
+    "jobs rig_check epipolar_picture export smoothed aligned batching run forecast draft draft_rig "
+    "draft_plates footage viewing",
     "cli commands __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import struct
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -17,9 +18,12 @@ from tracker.cli import app
 from tracker.draft import draft
 from tracker.errors import ConfigError, SequenceError
 from tracker.jobs import load_job
+from tracker.rig import Rig
 from tracker.rig_layouts import load_rig, save_rig
 from tracker.simulation.sequence import Recipe
 from tracker.simulation.sequence_files import write_sequence
+
+MEASURED = ("persons.0.stature_m=1.75",)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +58,9 @@ def test_views_cameras_and_plates_are_found(study, monkeypatch):
         "rig": "Calibration/Calib.toml",
         "background": "background/{view}_empty.png",
     }
-    job = load_job("track", study / "run.toml")
+    with pytest.raises(ConfigError, match="stands there until the person is measured: set the height with shoes"):
+        load_job("track", study / "run.toml")
+    job = load_job("track", study / "run.toml", MEASURED)
     sequence = job.open().sequence
     assert (job.name, sequence.n_frames, len(sequence.rig)) == (study.name, 3, 4)
     again = CliRunner().invoke(app, ["init", "videos"])
@@ -92,7 +98,7 @@ def test_what_is_written_for_fewer_views_than_cameras_can_be_opened(study):
     )
     (study / "run.toml").write_text(found.text)
     assert tomllib.loads(found.text)["reading"]["views"] == ["FRONT", "RIGHT", "LEFT"]
-    assert load_job("track", study / "run.toml").reading.open().rig.names == ("FRONT", "RIGHT", "LEFT")
+    assert load_job("track", study / "run.toml", MEASURED).reading.open().rig.names == ("FRONT", "RIGHT", "LEFT")
 
 
 @pytest.mark.parametrize("names", ["1234", "abcd"])
@@ -187,8 +193,112 @@ def test_numbered_images_are_found(pictures):
     assert reading == {"use": "images", "path": f"images/{pattern}", "rig": "rig.toml"}
     (folder / "run.toml").write_text(found.text)
     with pytest.raises(ConfigError, match='"fps" is missing'):
-        load_job("track", folder / "run.toml")
+        load_job("track", folder / "run.toml", MEASURED)
     (folder / "run.toml").write_text(found.text.replace("# fps", "fps"))
-    assert load_job("track", folder / "run.toml").open().sequence.n_frames == 3
+    assert load_job("track", folder / "run.toml", MEASURED).open().sequence.n_frames == 3
     (folder / "rig.toml").unlink()
     assert tomllib.loads(draft(folder / "images", folder / "a.toml").text)["reading"]["path"].count("{view}") >= 1
+
+
+def test_all_calibrations_and_plates_that_could_be_meant_are_told(study):
+    """First the calibration whose image sizes are those of the videos."""
+    rig = load_rig(study / "Calibration" / "Calib.toml")
+    large = Rig(tuple(replace(camera, size=(720, 576)) for camera in rig.cameras))
+    save_rig(large, study / "Calibration" / "A.toml")
+    shutil.copytree(study / "background", study / "plates_of_yesterday")
+    found = draft(study / "videos", study / "run.toml")
+    assert found.rig == study / "Calibration" / "Calib.toml"
+    rigs, plates = found.remarks
+    assert rigs.startswith("other calibrations there:")
+    assert "A.toml; --rig chooses one" in rigs
+    assert "other plates there" in plates
+    assert "plates_of_yesterday" in plates
+    assert '# rig = "Calibration/A.toml"   # is there, too' in found.text
+    assert "floor z = 0" in found.world
+
+
+@pytest.mark.parametrize(
+    ("names", "files", "guessed"),
+    [
+        (("cam_0", "cam_1", "cam_2", "cam_3"), ("camera-00", "camera-01", "camera-02", "camera-03"), False),
+        (("Front", "Left", "Right", "Back"), ("FRONT", "LEFT", "RIGHT", "BACK"), False),
+        (("c1", "c2", "c3", "c10"), ("GX9_a", "GX9_b", "GX9_c", "GX10_a"), True),
+    ],
+)
+def test_files_that_are_not_called_after_the_cameras_are_written_as_a_table(study, names, files, guessed):
+    views, path = ("FRONT", "LEFT", "RIGHT", "BACK"), study / "Calibration" / "Calib.toml"
+    rig = load_rig(path).select(views)
+    save_rig(Rig(tuple(replace(one, name=name) for one, name in zip(rig.cameras, names, strict=True))), path)
+    for view, file in zip(views, files, strict=True):
+        (study / "videos" / f"trial1_{view}.mp4").rename(study / "videos" / f"{file}.mp4")
+    found = draft(study / "videos", study / "run.toml")
+    line = next(line for line in found.remarks if "are not called after the cameras" in line)
+    assert ("GUESSED" in line, "GUESSED" in found.text) == (guessed, guessed)
+    assert tomllib.loads(found.text)["reading"]["path"] == {
+        name: f"videos/{file}.mp4" for name, file in zip(names, files, strict=True)
+    }
+    (study / "run.toml").write_text(found.text)
+    assert load_job("track", study / "run.toml", MEASURED).reading.open().rig.names == names
+
+
+def test_a_table_of_files_names_each_view_once(study):
+    found = draft(study / "videos", study / "run.toml")
+    (study / "run.toml").write_text(found.text)
+    files = [f"reading.path={{{pairs}}}" for pairs in ("FRONT='videos/trial1_FRONT.mp4'", "A='a', B='a'")]
+    for one, message in zip(files, ('no file of view "', 'no file of view "'), strict=True):
+        with pytest.raises(SequenceError, match=message):
+            load_job("track", study / "run.toml", [*MEASURED, one]).reading.open()
+    twice = ", ".join(f"{view} = 'videos/trial1_LEFT.mp4'" for view in ("FRONT", "LEFT", "RIGHT", "BACK"))
+    with pytest.raises(SequenceError, match=r"are both .*trial1_LEFT\.mp4"):
+        load_job("track", study / "run.toml", [*MEASURED, f"reading.path={{{twice}}}"]).reading.open()
+
+
+@pytest.mark.parametrize("place", ["beside", "among", "clips"])
+def test_plates_that_are_clips_or_lie_beside_the_videos_are_found(study, place):
+    folder = {"beside": study, "among": study / "videos", "clips": study / "background"}[place]
+    suffix = ".mp4" if place == "clips" else ".png"
+    for view in ("FRONT", "LEFT", "RIGHT", "BACK"):
+        if place == "clips":
+            shutil.copy(study / "videos" / f"trial1_{view}.mp4", folder / f"{view}_empty.mp4")
+            (folder / f"{view}_empty.png").unlink()
+        else:
+            (study / "background" / f"{view}_empty.png").rename(folder / f"{view}_empty.png")
+    found = draft(study / "videos", study / "run.toml")
+    assert found.plates == str(folder / ("{view}_empty" + suffix))
+    assert found.remarks == ()
+    assert len(found.footage) == 4
+
+
+def test_plates_of_another_size_are_said(study):
+    cv2.imwrite(str(study / "background" / "LEFT_empty.png"), np.zeros((24, 32, 3), dtype=np.uint8))
+    (line,) = draft(study / "videos", study / "run.toml").remarks
+    assert line.endswith("LEFT_empty.png: 32x24 px, but the images of LEFT have 360x288")
+
+
+@pytest.mark.parametrize("inner", ["{view}/trial.mp4", "{view}/InputMedia/trial/{view}.mp4", "cam_{view}/a.mp4"])
+def test_videos_in_a_folder_each_camera_are_found(study, inner):
+    for view in ("FRONT", "LEFT", "RIGHT", "BACK"):
+        path = study / "videos" / inner.format(view=view)
+        path.parent.mkdir(parents=True)
+        (study / "videos" / f"trial1_{view}.mp4").rename(path)
+    found = draft(study / "videos", study / "run.toml")
+    assert tomllib.loads(found.text)["reading"]["path"] == f"videos/{inner}"
+    assert found.remarks == ()
+    shutil.rmtree(study / "Calibration")
+    assert len(draft(study / "videos", study / "run.toml").footage) == 4
+
+
+def test_one_view_is_too_few(study):
+    for view in ("LEFT", "RIGHT", "BACK"):
+        (study / "videos" / f"trial1_{view}.mp4").unlink()
+    found = draft(study / "videos", study / "run.toml")
+    assert "one view: at least two are needed, for one does not tell how far away anybody is" in found.remarks
+    (study / "run.toml").write_text(found.text)
+    with pytest.raises(ConfigError, match="one view: at least two are needed"):
+        load_job("track", study / "run.toml", MEASURED).open()
+
+
+def test_a_world_whose_floor_is_elsewhere_is_told(study):
+    path = study / "Calibration" / "Calib.toml"
+    save_rig(load_rig(path).with_up("z", 2.4), path)
+    assert any("below the floor" in line for line in draft(study / "videos", study / "run.toml").remarks)

@@ -61,6 +61,9 @@ FilePath = Annotated[Path, pydantic.Field(strict=False), RelativePath()]
 """A path; a relative one starts at the configuration file's folder."""
 
 PathPattern = Annotated[str, RelativePath()]
+ViewPaths = PathPattern | dict[str, PathPattern]
+"""A path with `{view}`, or a table of paths, one a view, whose files are not called after the views."""
+
 PlatePattern = Annotated[str, PlateSource()]
 """A path with placeholders such as `{view}`; a relative one starts at the configuration file's folder."""
 

@@ -10,15 +10,14 @@ from pathlib import Path
 
 import tomli_w
 
+from tracker.draft_plates import found_plates
+from tracker.draft_rig import FoundRig, found_rigs, given_rig
 from tracker.errors import CalibrationError
-from tracker.footage import PICTURES, Footage, header, listed, pattern_of, sources, with_view
-from tracker.rig import Rig
-from tracker.rig_layouts import read_rig
+from tracker.footage import Footage, header, pattern_of, sources
+from tracker.subject import UNMEASURED
+from tracker.world import told_world, world_doubts
 
-_RIGS = {".toml", ".json", ".txt", ".xml", ".xcp"}
 _PLAIN = "images", "frames", "pictures", "raw"
-_PLATE_WORDS = "background", "plate", "empty", "bg"
-_CALIBRATION_WORDS = "calib", "rig", "camera", "intri"
 
 
 @dataclass(frozen=True)
@@ -29,6 +28,9 @@ class Draft:
     rig: Path | None
     plates: str
     """Pattern with `{view}`; empty where there are none."""
+
+    world: str
+    """Where the calibration has the floor; empty where there is none."""
 
     remarks: tuple[str, ...]
     """What is missing or does not fit, in one line each."""
@@ -41,7 +43,7 @@ def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
     """Finds videos, cameras and plates, and writes down a configuration of them.
 
     Args:
-        folder: of the videos or numbered images, one a view; or of a folder of images for each view.
+        folder: of the videos or numbered images, one a view; or of a folder of images, or of videos, for each view.
         target: where the configuration will lie; paths in it start there.
         rig: the calibration; None to look for one in the folder and beside it.
 
@@ -50,106 +52,72 @@ def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
         CalibrationError: the calibration that is given cannot be used, or nothing is called after its cameras.
     """
     there = sources(folder)
-    found, faults = ((rig, read_rig(rig).rig), []) if rig is not None else _found_rig(folder, there)
-    pattern, views = pattern_of(there, folder, found[1] if found else None)
+    rigs, faults = ([given_rig(rig, there, folder)], []) if rig is not None else found_rigs(folder, there)
+    found = rigs[0] if rigs else None
+    pattern, views = (found.pattern, found.views) if found else pattern_of(there, folder, None)
     if not views and found is not None:
-        cameras, files = ", ".join(found[1].names), ", ".join(path.name for path in there[:4])
+        cameras, files = ", ".join(found.rig.names), ", ".join(path.name for path in there[:4])
         raise CalibrationError(
-            f"{found[0]}: nothing in {folder} is called after one of its cameras ({cameras}): {files}; rename files "
-            "or cameras"
+            f"{found.path}: nothing in {folder} is called after one of its cameras ({cameras}): {files}; rename files "
+            "or cameras, or give a table, path = { camera = FILE, ... }"
         )
     footage = tuple(header(path, view) for view, path in sorted(views.items()))
-    plates, unplated = _found_plates(folder, [one.view for one in footage])
-    unused = sorted(set(there) - set(views.values()))
-    absent = sorted(set(found[1].names) - set(views)) if found else []
-    remarks = (*faults, *_remarks(footage, found, absent, unused, "{frame}" in str(pattern)), *_told(plates, unplated))
-    plates = None if unplated else plates
+    plates = found_plates(folder, footage)
+    remarks = (
+        *faults,
+        *_remarks(footage, found, sorted(set(there) - set(views.values()))),
+        *_others("calibrations", [one.path for one in rigs[1:]], "--rig"),
+        *plates.told(),
+    )
     start = target.resolve().parent
-    chosen = found[0] if found else None
-    near = {"path": pattern, "rig": chosen, "background": plates}
+    near = {"rig": found.path if found else None, "background": plates.pattern if plates.whole else None}
     told = {key: _relative(path, start) for key, path in near.items() if path is not None}
-    chosen_views = [name for name in found[1].names if name in views] if found and absent else []
-    text = _text(_name(folder.resolve()), told, chosen_views)
-    return Draft(footage, chosen, str(plates or ""), remarks, text)
+    if found and found.mapped:
+        path: str | dict[str, str] = {view: _relative(source, start) for view, source in views.items()}
+    else:
+        path = _relative(pattern, start)
+    absent = found is not None and set(found.rig.names) > set(views)
+    chosen_views = [name for name in found.rig.names if name in views] if found and absent else []
+    guessed = found is not None and found.guessed
+    others = [_relative(one.path, start) for one in rigs[1:]], [_relative(one, start) for one in plates.others]
+    text = _text(_name(folder.resolve()), (path, guessed), told, chosen_views, others)
+    world = told_world(found.rig) if found else ""
+    return Draft(footage, found.path if found else None, str(plates.pattern or ""), world, remarks, text)
 
 
-def _near(folder: Path, words: tuple[str, ...]) -> Iterator[Path]:
-    """The folder, the one it lies in, and folders in both that are called after what is looked for."""
-    for place in (folder, folder.resolve().parent):
-        yield place
-        yield from sorted(p for p in listed(place) if p.is_dir() and any(word in p.name.lower() for word in words))
+def _others(what: str, paths: list[Path], setting: str) -> Iterator[str]:
+    if paths:
+        yield f"other {what} there: {', '.join(map(str, paths))}; {setting} chooses one: make sure which is right"
 
 
-def _found_rig(folder: Path, there: list[Path]) -> tuple[tuple[Path, Rig] | None, list[str]]:
-    """The calibration near the recording whose cameras most of its views are called after.
-
-    If there is none, also why those that are called so are none.
-    """
-    best: tuple[int, Path, Rig] | None = None
-    faults: list[str] = []
-    for place in _near(folder, _CALIBRATION_WORDS):
-        for path in sorted(p for p in listed(place) if p.suffix.lower() in _RIGS):
-            try:
-                rig = read_rig(path).rig
-            except (CalibrationError, OSError, ValueError, KeyError) as error:
-                if any(word in path.stem.lower() for word in _CALIBRATION_WORDS):  # else something else
-                    faults.append(str(error) if str(path) in str(error) else f"{path}: {error}")
-                continue
-            n_named = len(pattern_of(there, folder, rig)[1])
-            if n_named and (best is None or n_named > best[0]):
-                best = n_named, path, rig
-    return (None, faults) if best is None else ((best[1], best[2]), [])
-
-
-def _found_plates(folder: Path, views: list[str]) -> tuple[Path | None, list[str]]:
-    """The pattern of pictures, one a view, in a folder called after plates; and views that lack one, fewest of all."""
-    best: tuple[Path | None, list[str]] = None, views
-    for place in _near(folder, _PLATE_WORDS):
-        if not any(word in place.name.lower() for word in _PLATE_WORDS):
-            continue
-        for path in sorted(p for p in listed(place) if p.suffix.lower() in PICTURES):
-            for stem in (stem for view in views for stem in with_view(path.stem, view)):
-                pattern = stem + path.suffix
-                lacking = [other for other in views if not (place / pattern.replace("{view}", other)).is_file()]
-                if len(lacking) < len(best[1]):
-                    best = place / pattern, lacking
-    return best
-
-
-def _told(plates: Path | None, lacking: list[str]) -> Iterator[str]:
-    if plates is None:
-        yield "no plates found: film the empty room for some seconds; else they are made of the recording"
-    elif lacking:
-        yield (
-            f"{plates} has no plate of {', '.join(lacking)}: add what is missing and set `background`, or leave these "
-            "views out with `views`; else plates are made of the recording"
-        )
-
-
-def _remarks(
-    footage: tuple[Footage, ...],
-    found: tuple[Path, Rig] | None,
-    absent: list[str],
-    unused: list[Path],
-    numbered: bool,
-) -> Iterator[str]:
+def _remarks(footage: tuple[Footage, ...], found: FoundRig | None, unused: list[Path]) -> Iterator[str]:
     if found is None:
         yield "no calibration found whose cameras the videos are called after: give it by --rig, or as `rig`"
     else:
-        sizes = {camera.name: camera.size for camera in found[1].cameras}
-        for one in footage:
-            if one.size != (size := sizes[one.view]):
-                yield f"{one.path.name}: {one.size[0]}x{one.size[1]} px, but calibrated at {size[0]}x{size[1]}"
-        if absent:
-            yield f"cameras without a recording: {', '.join(absent)}; `views` names those that are used"
+        yield from found.told
+        yield from world_doubts(found.rig)
+        yield from found.wrong_sizes(footage)
+        yield from _named(found)
     if unused:
         yield f"left out, for their names follow another pattern: {', '.join(path.name for path in unused)}"
     if len({round(one.fps, 2) for one in footage}) > 1:
         yield "the videos have different frame rates: " + ", ".join(f"{one.view} {one.fps:.4g}" for one in footage)
     if len({one.n_frames for one in footage}) > 1:
         yield "the views have different numbers of frames: `offsets` and `stop` make them fit"
-    if numbered:
+    if any("{frame}" in one.path.name for one in footage) or any("{frame}" in path.name for path in unused):
         yield "images do not tell how many there are a second: set `fps`"
+    if len(footage) == 1:
+        yield "one view: at least two are needed, for one does not tell how far away anybody is"
+
+
+def _named(found: FoundRig) -> Iterator[str]:
+    """What to know of the names of views and files."""
+    if absent := sorted(set(found.rig.names) - set(found.views)):
+        yield f"cameras without a recording: {', '.join(absent)}; `views` names those that are used"
+    if found.mapped:
+        pairs = ", ".join(f"{view} = {source.name}" for view, source in found.views.items())
+        how = "GUESSED by their order: check that each camera has its own" if found.guessed else "by their numbers"
+        yield f"the videos are not called after the cameras; {pairs}, {how}; [reading] path says it"
 
 
 def _relative(path: Path, start: Path) -> str:
@@ -162,29 +130,46 @@ def _name(folder: Path) -> str:
     return folder.parent.name if plain and folder.parent.name else folder.name
 
 
-def _text(name: str, paths: dict[str, str], views: list[str]) -> str:
-    """The configuration; `paths` by their keys, those that are missing become comments; views if not all are used."""
-    told = {key: tomli_w.dumps({key: path}).strip() for key, path in paths.items()}
+def _text(
+    name: str,
+    path: tuple[str | dict[str, str], bool],
+    near: dict[str, str],
+    views: list[str],
+    others: tuple[list[str], list[str]],
+) -> str:
+    """The configuration.
+
+    Args:
+        name: of the run.
+        path: of the recording, a pattern or a table; and whether the table is guessed.
+        near: other paths by their keys; those that are missing become comments.
+        views: if not all are used.
+        others: further calibrations, and plates.
+    """
+    told = {key: tomli_w.dumps({key: one}).strip() for key, one in near.items()}
     rig_line = told.get("rig", '# rig = "Calib.toml"                    # missing: the calibration of the cameras')
-    images = "{frame}" in paths["path"]
-    names = "the camera's name in the calibration"
+    images = "{frame}" in str(path[0])
     use = 'use = "images"' if images else 'use = "video"'
-    frame = " and {frame} the number of the image" if images else ""
     rate = "# fps = 25.0              # missing: images do not tell how many there are a second\n" if images else ""
-    chosen = f"views = {json.dumps(views, ensure_ascii=False)}\n" if views else ""
+    chosen = f"views = {_quoted(views)}\n" if views else ""
     plate_line = told.get("background", '# background = "background/{view}.png"  # clean plates; else of the recording')
+    rigs, plates = (
+        "".join(f"# {key} = {_quoted(one)}   # is there, too\n" for one in paths)
+        for key, paths in zip(("rig", "background"), others, strict=True)
+    )
     return f"""\
 # Written by `bodytrack init`. `bodytrack run THIS --dry-run` checks it; `bodytrack show jobs` lists what else there is.
 {tomli_w.dumps({"name": name}).strip()}
-# "human" bends its spine, "gavrila22" is rigid and quicker. The stature scales it: measure it, with shoes.
-persons = [{{ name = "person1", model = "human", stature_m = 1.75 }}]
+# "human" bends its spine, "gavrila22" is rigid and quicker. The stature scales it: measure the person, with shoes, and
+# write metres in place of "{UNMEASURED}", for instance stature_m = 1.75: no run begins before.
+persons = [{{ name = "person1", model = "human", stature_m = "{UNMEASURED}" }}]
 
 [reading]
 {use}
-{told["path"]}   # {{view}} is {names}{frame}
+{_path_lines(*path, images)}
 {rate}{rig_line}
-{chosen}{plate_line}
-# start = 0                 # first frame: one in which everybody stands apart, arms away from the body
+{rigs}{chosen}{plate_line}
+{plates}# start = 0                 # first frame: one in which everybody stands apart, arms away from the body
 # downscale = 2             # images are averaged until persons are some 300 px high, or enlarged (0.5); 1: as is
 
 # smoothing = "rts" above the first section takes away jitter at the end.
@@ -193,3 +178,16 @@ persons = [{{ name = "person1", model = "human", stature_m = 1.75 }}]
 overlay = true              # the model over all views; false saves time
 # trc = true                # or c3d, osim, mot, bvh, glb, wide_table, isb_angles; also later: `bodytrack export`
 """
+
+
+def _path_lines(path: str | dict[str, str], guessed: bool, images: bool) -> str:
+    if isinstance(path, str):
+        frame = " and {frame} the number of the image" if images else ""
+        return f"{tomli_w.dumps({'path': path}).strip()}   # {{view}} is the camera's name in the calibration{frame}"
+    pairs = ", ".join(f"{_quoted(view)} = {_quoted(file)}" for view, file in path.items())
+    how = "GUESSED by the order of their names: check that each camera has its own" if guessed else "by their numbers"
+    return f"# the file of each camera of the calibration, {how}\npath = {{ {pairs} }}"
+
+
+def _quoted(value: str | list[str]) -> str:
+    return json.dumps(value, ensure_ascii=False)

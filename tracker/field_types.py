@@ -34,10 +34,12 @@ def entries_of(kind: Any) -> Any:
 
 
 def named_of(kind: Any) -> Any:
-    """X of dict[str, X] where X is a component; None for other types."""
-    arguments = typing.get_args(kind)
-    found = typing.get_origin(kind) is dict and len(arguments) == 2 and component_stage(arguments[1]) is not None
-    return arguments[1] if found else None
+    """X of dict[str, X], also as one of several types, where X is a component or a path; None for other types."""
+    for option in options_of(kind):
+        inner = typing.get_args(option)[1:] if typing.get_origin(option) is dict else ()
+        if inner and (component_stage(inner[0]) is not None or path_mark(inner[0]) is not None):
+            return inner[0]
+    return None
 
 
 def options_of(kind: Any) -> tuple[Any, ...]:

@@ -25,7 +25,19 @@ _NUMBER = re.compile(r"(.*?)(\d+)(\D*)")
 """The last number in a name is that of the frame."""
 
 _FEWEST = 2
-"""Images that are a recording."""
+"""Images that are a recording, and folders of cameras."""
+
+PLATE_WORDS = "background", "backdrop", "plate", "empty", "bg"
+_BESIDE_WORDS = (*PLATE_WORDS, "calib", "charuco", "chess", "checker", "board", "intrinsic", "extrinsic")
+"""What files and folders beside a recording are called: the empty room, and what calibrates the cameras."""
+
+_CAMERA_WORDS = "cam", "camera", "view", "gopro", "webcam", "phone", "kinect"
+"""What folders of a camera each are called where they hold several videos."""
+
+_DEEPEST = 4
+"""Folders between that of a camera and its video: OpenCap has `Videos/Cam0/InputMedia/TRIAL/TRIAL.mov`."""
+
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+")
 
 
 @dataclass(frozen=True)
@@ -60,15 +72,46 @@ def listed(folder: Path) -> list[Path]:
 def sources(folder: Path) -> list[Path]:
     """The videos in a folder; where there are none, numbered images in it or in its folders, with `{frame}`.
 
+    Where there are none either, the videos in its folders, if these are one a camera. Plates and what calibrates the
+    cameras are left out, for their names, if anything else is there.
+
     Raises:
         SequenceError: there are none, or the folder cannot be read.
     """
-    found = _videos(folder) or _numbered(folder)
+    found = _videos(folder) or _numbered(folder) or _a_folder_each(folder)
     if not found:
         inner = next((path for path in sorted(listed(folder)) if path.is_dir() and _any(path)), None)
         expected = f"did you mean {inner}?" if inner else f"expected one a view, {' '.join(sorted(VIDEOS))}, or images"
         raise SequenceError(f"{folder}: no videos there; {expected}")
-    return found
+    return [path for path in found if not says(path.stem, _BESIDE_WORDS)] or found
+
+
+def says(name: str, words: tuple[str, ...]) -> bool:
+    """Whether one of the words is in a name, or begins a word of it; short ones only as a whole."""
+    there = [word.lower() for word in _WORD.findall(name)]
+    return any(one == word or (len(word) > _SHORT and one.startswith(word)) for one in there for word in words)
+
+
+_SHORT = 4
+"""Letters of words that begin others as well: `bg`, `view`, `cam`."""
+
+
+def _a_folder_each(folder: Path) -> list[Path]:
+    """The videos of folders that are one a camera: one in each, or several where the folders are called so."""
+    inner = [path for path in listed(folder) if path.is_dir() and not says(path.name, _BESIDE_WORDS)]
+    found = {path: videos for path in inner if (videos := _deep_videos(path))}
+    single = all(len(videos) == 1 for videos in found.values())
+    if len(found) < _FEWEST or not (single or all(says(path.name, _CAMERA_WORDS) for path in found)):
+        return []
+    return sorted(itertools.chain.from_iterable(found.values()))
+
+
+def _deep_videos(folder: Path, depth: int = _DEEPEST) -> list[Path]:
+    """The videos in a folder, or in the first folders below it that have some; plates and boards are none."""
+    if found := [path for path in _videos(folder) if not says(path.stem, _BESIDE_WORDS)]:
+        return found
+    inner = [path for path in listed(folder) if path.is_dir() and not path.is_symlink()] if depth else []
+    return [video for path in sorted(inner) for video in _deep_videos(path, depth - 1)]
 
 
 def _any(folder: Path) -> bool:
@@ -103,8 +146,8 @@ def pattern_of(found: list[Path], folder: Path, rig: Rig | None) -> tuple[Path, 
     """
     fitting: dict[Path, dict[str, Path]] = {}
     for source in found:
-        for name in [_own_name(source)] if rig is None else rig.names:
-            for pattern in _with_view(source, folder, name):
+        for name in [own_name(source, found)] if rig is None else rig.names:
+            for pattern in patterns(source, folder, name):
                 fitting.setdefault(pattern, {})[name] = source
     if not fitting:
         first = found[0]
@@ -113,13 +156,18 @@ def pattern_of(found: list[Path], folder: Path, rig: Rig | None) -> tuple[Path, 
     return max(fitting.items(), key=lambda item: len(item[1]))
 
 
-def _own_name(source: Path) -> str:
-    """What a view is called if no rig tells: its file, or the folder of its images."""
+def own_name(source: Path, found: list[Path]) -> str:
+    """What a view is called if no rig tells: its file, or its folder where that alone tells it from the others."""
     before, frame, _ = source.stem.partition(_FRAME)
-    return (before.rstrip("_-. ") or source.parent.name) if frame else source.stem
+    if frame:
+        return before.rstrip("_-. ") or source.parent.name
+    if len({path.parent for path in found}) == 1:
+        return source.stem
+    steps = zip(*(path.parts for path in found), strict=False)
+    return source.parts[next(k for k, names in enumerate(steps) if len(set(names)) > 1)]
 
 
-def _with_view(source: Path, folder: Path, name: str) -> Iterator[Path]:
+def patterns(source: Path, folder: Path, name: str) -> Iterator[Path]:
     """The paths with `{view}` for a name in the file's name, the folder's or both; none if it is in neither."""
     *folders, file = source.relative_to(folder).parts
     stem, frame, end = file.partition(_FRAME) if _FRAME in file else (source.stem, "", source.suffix)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import pydantic
 
@@ -14,7 +14,20 @@ from tracker.components import ModelFile, component
 from tracker.errors import ConfigError, ModelError
 from tracker.resources import model_path
 
-Stature = Annotated[float, pydantic.Field(ge=0.04, le=5)]
+UNMEASURED = "measure"
+"""In place of a stature, as `bodytrack init` writes it: no run begins with it."""
+
+
+def _measured(value: Any) -> Any:
+    if value == UNMEASURED:
+        raise ValueError(
+            f'"{UNMEASURED}" stands there until the person is measured: set the height with shoes, in metres, e.g. '
+            "stature_m = 1.75"
+        )
+    return value
+
+
+Stature = Annotated[float, pydantic.BeforeValidator(_measured), pydantic.Field(ge=0.04, le=5)]
 """Height that a model is scaled to, metres, from the smallest body that is tracked. More than this is feet or
 centimetres; a body that large has its size in its model file."""
 

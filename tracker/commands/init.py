@@ -33,10 +33,12 @@ def init(
     console.print(
         f"calibration: {found.rig or 'none'}; plates: {found.plates or 'none'}", highlight=False, soft_wrap=True
     )
+    if found.world:
+        console.print(found.world, highlight=False, soft_wrap=True)
     for remark in found.remarks:
         console.print(remark, style="yellow", highlight=False, soft_wrap=True)
     console.print(
-        f"{output} written: set the persons' stature, then `bodytrack run {output} --dry-run`",
+        f"{output} written: set stature_m, the person's height with shoes, then `bodytrack run {output} --dry-run`",
         highlight=False,
         soft_wrap=True,
     )

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from tracker.commands.terminal import ProgressBar, console
 
-_USUAL = "tracking", "calibration"
+if TYPE_CHECKING:
+    from tracker.kernels.ahead import Group
+
+_USUAL: tuple[Group, ...] = "tracking", "calibration"
 """What `run` and `calibrate` need."""
 
 

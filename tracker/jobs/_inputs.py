@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tracker.errors import ConfigError
-from tracker.field_types import entries_of, path_mark
+from tracker.field_types import entries_of, named_of, path_mark
 
 INPUTS = "inputs.json"
 """Fingerprints of what a result was made from, beside it."""
@@ -90,6 +90,9 @@ def _paths_in(value: Any, kind: Any) -> Iterator[str]:
     elif isinstance(value, tuple):
         for entry in value:
             yield from _paths_in(entry, entries_of(kind))
+    elif isinstance(value, dict):
+        for entry in value.values():
+            yield from _paths_in(entry, named_of(kind))
     elif isinstance(value, str | Path) and path_mark(kind) is not None:
         yield str(value)
 

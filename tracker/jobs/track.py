@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar
 import pydantic
 
 from tracker.components import ReadBy, component, find, standard
-from tracker.errors import name_fault
+from tracker.errors import ConfigError, name_fault
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence
 from tracker.initialization import Initialization
@@ -48,6 +48,9 @@ from tracker.tracking.two_passes import track_twice
 __all__ = ["OpenedTrack", "TrackJob", "TrackOutcome"]
 
 log = logging.getLogger("tracker")
+
+_FEWEST_VIEWS = 2
+"""A view alone tells nothing of depth."""
 
 
 @component
@@ -130,6 +133,8 @@ class TrackJob:
         """Opens the recording, reads the models and what an interrupted run has left; see `tracker.jobs.Job.open`."""
         models = {subject.name: description_of(subject, earlier) for subject in self.persons}
         sequence = opened_even(self.reading)
+        if len(sequence.rig) < _FEWEST_VIEWS:
+            raise ConfigError("one view: at least two are needed, for one does not tell how far away anybody is")
         if self.smoothing is not None:
             check_smoothing(self.smoothing, sequence.interval_s, self.recordings)
         bodies = [model.build() for model in models.values()]

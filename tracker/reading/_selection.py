@@ -67,15 +67,28 @@ def chosen_offsets(names: tuple[str, ...], offsets: dict[str, int]) -> tuple[int
     return tuple(offsets.get(name, 0) for name in names)
 
 
-def view_paths(pattern: str, names: tuple[str, ...]) -> tuple[Path, ...]:
-    """The path of every view.
+def view_paths(pattern: str | dict[str, str], names: tuple[str, ...]) -> tuple[Path, ...]:
+    """The path of every view, by a pattern with `{view}` or by a table.
 
     Raises:
-        SequenceError: the pattern gives all views the same path.
+        SequenceError: the pattern gives all views the same path, or the table two of them, or a view none.
     """
+    if isinstance(pattern, dict):
+        return _told_paths(pattern, names)
     if "{view}" not in pattern and len(names) > 1:
         raise SequenceError(f'"{pattern}": no {{view}} in it, so all {len(names)} views would show the same')
     return tuple(Path(pattern.replace("{view}", name)) for name in names)
+
+
+def _told_paths(table: dict[str, str], names: tuple[str, ...]) -> tuple[Path, ...]:
+    for name in names:
+        if name not in table:
+            raise SequenceError(f'[reading] path: no file of view "{name}"; {nearest(name, table)}')
+    paths = tuple(Path(table[name].replace("{view}", name)) for name in names)
+    for k, path in enumerate(paths):
+        if path in paths[:k]:
+            raise SequenceError(f'[reading] path: "{names[paths.index(path)]}" and "{names[k]}" are both {path}')
+    return paths
 
 
 def common_length(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pydantic
 
 from tracker.arrays import Image
-from tracker.components import FilePath, PathPattern, PlatePattern, component
+from tracker.components import FilePath, PathPattern, PlatePattern, ViewPaths, component
 from tracker.errors import SequenceError
 from tracker.reading._footage import LEAST_FPS, MOST_FPS, Footage, opened_views
 from tracker.reading._opening import opened, opened_uncalibrated
@@ -23,8 +23,9 @@ from tracker.reading.video import plate_of_clip
 class ImageReading:
     """Numbered images; `{view}` stands for the camera's name, `{frame}` for the number, with any leading zeros."""
 
-    path: PathPattern
-    """Image files, for instance `images/{view}/{frame}.png`; numbers need not start at 0."""
+    path: ViewPaths
+    """Image files, for instance `images/{view}/{frame}.png`; numbers need not start at 0. Or a table, one entry a view:
+    `{ left = "images/a/{frame}.png", ... }`."""
 
     rig: FilePath | None = None
     """Calibration: a file or folder in any layout that `bodytrack rig convert` reads; none in a calibration job."""

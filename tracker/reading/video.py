@@ -10,7 +10,7 @@ import numpy as np
 import pydantic
 
 from tracker.arrays import Image
-from tracker.components import FilePath, PathPattern, PlatePattern, component
+from tracker.components import FilePath, PathPattern, PlatePattern, ViewPaths, component
 from tracker.errors import SequenceError
 from tracker.reading._footage import LEAST_FPS, MOST_FPS, AbsentView, Footage, ImageStream, opened_views
 from tracker.reading._opening import opened, opened_uncalibrated
@@ -34,8 +34,9 @@ _APART_FRAMES = 0.5
 class VideoReading:
     """One video a view; `{view}` in a path stands for the camera's name in the rig."""
 
-    path: PathPattern
-    """Video files, for instance `videos/{view}.mp4`."""
+    path: ViewPaths
+    """Video files, for instance `videos/{view}.mp4`; or a table, one file a view: `{ left = "videos/GX01.mp4", ... }`.
+    """
 
     rig: FilePath | None = None
     """Calibration: a file or folder in any layout that `bodytrack rig convert` reads; none in a calibration job."""
