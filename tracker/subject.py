@@ -18,16 +18,7 @@ UNMEASURED = "measure"
 """In place of a stature, as `bodytrack init` writes it: no run begins with it."""
 
 
-def _measured(value: Any) -> Any:
-    if value == UNMEASURED:
-        raise ValueError(
-            f'"{UNMEASURED}" stands there until the person is measured: set the height with shoes, in metres, e.g. '
-            "stature_m = 1.75"
-        )
-    return value
-
-
-Stature = Annotated[float, pydantic.BeforeValidator(_measured), pydantic.Field(ge=0.04, le=5)]
+Stature = Annotated[float, pydantic.Field(ge=0.04, le=5)]
 """Height that a model is scaled to, metres, from the smallest body that is tracked. More than this is feet or
 centimetres; a body that large has its size in its model file."""
 
@@ -58,6 +49,16 @@ class Subject:
     """`recording`: lengths and shapes are fitted to the first frames before these are tracked; `model`: they are those
     of the model file. None: a model that is scaled by stature is fitted, for it is not yet that person's; one with a
     skin is not."""
+
+    @pydantic.field_validator("stature_m", mode="before")
+    @classmethod
+    def _is_measured(cls, value: Any) -> Any:
+        if value == UNMEASURED:
+            raise ValueError(
+                f'"{UNMEASURED}" stands there until the person is measured: set the height with shoes, in metres, e.g. '
+                "stature_m = 1.75"
+            )
+        return value
 
     @property
     def is_fitted(self) -> bool:
