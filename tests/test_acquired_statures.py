@@ -27,7 +27,7 @@ def test_what_a_person_carries_makes_nobody_taller() -> None:
     human = read_description(model_path("human"))
     space = space_of(with_carried(human, [POLE]), ShapePrior())
     n = len(space.names)
-    found = Fit(space, (), np.zeros(n), np.zeros(0), 1e-4 * np.eye(n), (no_rows(n),))
+    found = Fit(space, (), np.zeros(n), np.zeros(0), 1e-4 * np.eye(n), (no_rows(),))
     assert stature_of(found.body) > stature_of(human.build()) + 0.1
     assert model_of(found, "anna", "", ("pole",)).stature_m == pytest.approx(stature_of(human.build()))
 
@@ -56,7 +56,7 @@ def test_the_height_that_is_held_is_that_of_the_whole_body() -> None:
 def test_a_body_without_links_has_no_bones_to_measure() -> None:
     space = space_of(read_description(model_path("human")).model_copy(update={"links": ()}), ShapePrior())
     n = len(space.names)
-    assert bone_lengths(Fit(space, (), np.zeros(n), np.zeros(0), np.eye(n), (no_rows(n),))) == ()
+    assert bone_lengths(Fit(space, (), np.zeros(n), np.zeros(0), np.eye(n), (no_rows(),))) == ()
 
 
 def test_offsets_and_ways_of_a_scanned_person_are_of_its_size(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 from observations import bent
 
 from tracker.acquisition._anatomy import Anatomy
-from tracker.acquisition._residuals import motion
+from tracker.acquisition._residuals import asks_of, part_slopes
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace, space_of
 from tracker.body.files import read_description
 from tracker.geometry.superquadrics import shape_derivatives, surface
@@ -108,11 +108,14 @@ def test_motion_by_shape_and_pose_is_its_finite_difference(model: str) -> None:
         placed = made.world_from_part(pose)[parts]
         return np.einsum("nij,nj->ni", placed[:, :3, :3], np.array(local)) + placed[:, :3, 3]
 
-    bodies = body, of.neighbours(s), of.steps(s)
-    along = [motion(bodies, q, points(s, q), parts, np.tile(axis, (len(parts), 1))) for axis in np.eye(3)]
-    found = np.stack(along, axis=1)
+    by_part = part_slopes((body, of.neighbours(s), of.steps(s)), q)[parts]
+
+    def motion(directions: np.ndarray) -> np.ndarray:
+        return np.einsum("nk,nkj->nj", asks_of(body, q, points(s, q), parts, directions), by_part)
+
+    found = np.stack([motion(np.tile(axis, (len(parts), 1))) for axis in np.eye(3)], axis=1)
     slanted = rng.normal(size=(len(parts), 3))
-    slopes = motion(bodies, q, points(s, q), parts, slanted)
+    slopes = motion(slanted)
     np.testing.assert_allclose(slopes, (slanted[:, :, None] * found).sum(axis=1), atol=1e-9)
     step = 1e-5
     for k in rng.choice(len(s), 25, replace=False):

@@ -23,6 +23,10 @@ Bodies = tuple[BodyModel, Variants, Array]
 """A body, its neighbours in the shape space, and the (S,) steps to them."""
 
 
+# What a point asks of its part: the upper three rows of its placement, its shape, the twist of its segment.
+_PLACED, _FORMED, _CARRIED, _N_ASKED = slice(0, 12), slice(12, 19), slice(19, 25), 25
+
+
 @dataclass(frozen=True)
 class Rows:
     """N residuals with derivatives; a residual is metres in the image plane's direction at the model point."""
@@ -30,14 +34,14 @@ class Rows:
     residuals: Array
     """(N,) m, along the contour's normal: positive where the model is too large."""
 
-    jacobian: Array
-    """(N, S + dof)"""
+    asks: Array
+    """(N, 25) of their parts, see `asks_of`: times `part_slopes` the derivative by shape and pose."""
 
     lengths_m: Array
     """(N,) contour each stands for, metres."""
 
     parts: Integers
-    """(N,) part of the model point; -1 for a clicked joint."""
+    """(N,) part of the model point."""
 
     views: Integers
     inner: Mask
@@ -52,10 +56,10 @@ class Rows:
         return Rows(**{name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in fields})
 
 
-def no_rows(n_unknowns: int) -> Rows:
+def no_rows() -> Rows:
     """Rows of nothing."""
     none, whole = np.zeros(0), np.zeros(0, dtype=np.int64)
-    return Rows(none, np.zeros((0, n_unknowns)), none, whole, whole, np.zeros(0, dtype=np.bool_), none)
+    return Rows(none, np.zeros((0, _N_ASKED)), none, whole, whole, np.zeros(0, dtype=np.bool_), none)
 
 
 def look_rows(look: Look, bodies: Bodies, q: Array, synthesis: Synthesis, gate: tuple[float, float]) -> Rows:
@@ -70,7 +74,7 @@ def look_rows(look: Look, bodies: Bodies, q: Array, synthesis: Synthesis, gate: 
     """
     body = bodies[0]
     if look.outlines is None and look.edges is None:
-        return no_rows(len(bodies[2]) + body.dof)
+        return no_rows()
     scene = Scene((Person("subject", body, q),), look.rig)
     contours = synthesis.contours(scene)
     scale = pixels_per_metre(look.rig, contours)
@@ -122,7 +126,7 @@ def _matched(
     gap = ((sample[:, :2] - edges[scene, :2]) * sample[:, 2:4]).sum(axis=1)
     return Rows(
         residuals=gap / scale[views],
-        jacobian=motion(bodies, q, points, parts, across) / scale[views, None],
+        asks=asks_of(bodies[0], q, points, parts, across / scale[views, None]),
         lengths_m=np.where(pairs[:, 3] == 0, sample[:, 4], edges[scene, 4]) / scale[views],
         parts=parts,
         views=views,
@@ -148,39 +152,65 @@ def _across(rig: Rig, points: Array, views: Integers, normals: Array) -> Array:
     return across
 
 
-def motion(bodies: Bodies, q: Array, points: Array, parts: Integers, directions: Array) -> Array:
-    """(N, S + dof) how far surface points move in given directions with shape and pose.
+def asks_of(body: BodyModel, q: Array, points: Array, parts: Integers, directions: Array) -> Array:
+    """(N, 25) what surface points that are to move in given directions ask of their parts.
 
     A point of an occluding contour keeps its latitude and longitude: that the contour slides along the surface moves
-    its image along the contour only. Shapes and placements are differentiated by steps, points exactly.
+    its image along the contour only. It moves by the placement of its part on its segment (12 numbers), by the shape of
+    its part (7) and by the motion of the segment (6: a force and its moment). Sums over the points of a part are of 25
+    by 25 numbers then, whatever the number of unknowns; with a row of all unknowns a point they took half of a fit.
 
     Args:
-        bodies: the body and its neighbours.
+        body: the body.
         q: (dof,) pose.
         points: (N, 3) in the world, metres.
         parts: (N,) their parts.
         directions: (N, 3) of any length.
     """
-    body, neighbours, steps = bodies
     placed = body.world_from_part(q)
-    moved = np.moveaxis(neighbours.placements(q)[0] - placed, 0, -1) / steps
-    formed = np.moveaxis(neighbours.shapes - body.shapes, 0, -1) / steps
-    found = np.empty((len(points), len(steps) + body.dof))
-    # Products of matrices: the same as sums over (N, 3, S) took half of the time of a fit.
+    asks = np.empty((len(points), _N_ASKED))
     for p in np.unique(parts):
         rows = parts == p
         rotation, towards = placed[p, :3, :3], directions[rows]
         local = (points[rows] - placed[p, :3, 3]) @ rotation
         with_one = np.concatenate([local, np.ones((len(local), 1))], axis=1)
-        carried = (towards[:, :, None] * with_one[:, None, :]).reshape(len(local), 12)
-        grown = ((towards @ rotation)[:, None, :] @ shape_derivatives(body.shapes[p], local))[:, 0]
-        found[rows, : len(steps)] = carried @ moved[p, :3].reshape(12, -1) + grown @ formed[p]
-    turned = body.point_jacobian(q, points, body.part_parameters[parts])
-    found[:, len(steps) :] = (directions[:, None, :] @ turned)[:, 0]
-    return found
+        asks[rows, _PLACED] = (towards[:, :, None] * with_one[:, None, :]).reshape(len(local), 12)
+        asks[rows, _FORMED] = ((towards @ rotation)[:, None, :] @ shape_derivatives(body.shapes[p], local))[:, 0]
+    asks[:, _CARRIED] = np.concatenate([directions, np.cross(points, directions)], axis=1)
+    return asks
 
 
-def height_row(bodies: Bodies, stature_m: float, weight: float) -> Rows:
+def part_slopes(bodies: Bodies, q: Array) -> Array:
+    """(P, 25, S + dof) derivatives, by shape and pose, of what `asks_of` asks of each part.
+
+    Shapes and placements are differentiated by steps, motions exactly, by twists.
+
+    Args:
+        bodies: the body and its neighbours.
+        q: (dof,) pose.
+    """
+    body, neighbours, steps = bodies
+    n_parts, n_shape = len(body.parts), len(steps)
+    slopes = np.zeros((n_parts, _N_ASKED, n_shape + body.dof))
+    moved = np.moveaxis(neighbours.placements(q)[0] - body.world_from_part(q), 0, -1) / steps
+    slopes[:, _PLACED, :n_shape] = moved[:, :3].reshape(n_parts, 12, n_shape)
+    slopes[:, _FORMED, :n_shape] = np.moveaxis(neighbours.shapes - body.shapes, 0, -1) / steps
+    slopes[:, _CARRIED, n_shape:] = body.twists(q).T * body.moves[:, body.part_parameters].T[:, None, :]
+    return slopes
+
+
+@dataclass(frozen=True)
+class Direct:
+    """Residuals of the whole body: few, so with all their derivatives."""
+
+    residuals: Array
+    """(N,) m."""
+
+    jacobian: Array
+    """(N, S + dof)"""
+
+
+def height_row(bodies: Bodies, stature_m: float, weight: float) -> Direct:
     """The row that holds the body's height in the reference pose.
 
     Args:
@@ -194,18 +224,11 @@ def height_row(bodies: Bodies, stature_m: float, weight: float) -> Rows:
     shown = [int(np.argmax(high)), int(np.argmin(low))]
     tall = heights(body.shapes[shown], body.model_from_parts[shown])
     moved = heights(neighbours.shapes[:, shown], neighbours.model_from_parts[:, shown])
-    return Rows(
-        residuals=weight * np.array([float(tall) - stature_m]),
-        jacobian=weight * np.concatenate([(moved - tall) / steps, np.zeros(body.dof)])[None],
-        lengths_m=np.zeros(1),
-        parts=np.array([-1]),
-        views=np.array([0]),
-        inner=np.zeros(1, dtype=np.bool_),
-        weights=np.ones(1),
-    )
+    by_shape = (moved - tall) / steps
+    return Direct(weight * np.array([float(tall) - stature_m]), weight * np.append(by_shape, np.zeros(body.dof))[None])
 
 
-def mark_rows(look: Look, bodies: Bodies, q: Array, weight_m_per_px: float) -> Rows:
+def mark_rows(look: Look, bodies: Bodies, q: Array, weight_m_per_px: float) -> Direct:
     """Rows of the clicked joints: two each, along the axes of the image.
 
     Args:
@@ -219,20 +242,11 @@ def mark_rows(look: Look, bodies: Bodies, q: Array, weight_m_per_px: float) -> R
     moved = np.moveaxis(neighbours.placements(q)[1] - placed, 0, -1) / steps
     ends = np.array([mark.parameter for mark in body.landmarks], dtype=np.int64)
     turned = body.point_jacobian(q, placed, ends)
-    residuals, jacobian = [], []
+    residuals, jacobian = [np.zeros(0)], [np.zeros((0, len(steps) + body.dof))]
     for mark in look.marks:
         camera = look.rig.cameras[mark.view]
         slope = camera.project_jacobian(placed[mark.landmark])
         residuals.append(weight_m_per_px * (camera.project(placed[mark.landmark]) - mark.pixel))
         columns = np.concatenate([moved[mark.landmark], turned[mark.landmark]], axis=1)
         jacobian.append(weight_m_per_px * slope @ columns)
-    n = 2 * len(look.marks)
-    return Rows(
-        residuals=np.concatenate(residuals),
-        jacobian=np.concatenate(jacobian),
-        lengths_m=np.zeros(n),
-        parts=np.full(n, -1),
-        views=np.repeat([mark.view for mark in look.marks], 2),
-        inner=np.zeros(n, dtype=np.bool_),
-        weights=np.ones(n),
-    )
+    return Direct(np.concatenate(residuals), np.concatenate(jacobian))

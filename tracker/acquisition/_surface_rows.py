@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.acquisition._residuals import Bodies, Rows, motion
+from tracker.acquisition._residuals import Rows, asks_of
 from tracker.acquisition.clouds import Cloud
 from tracker.arrays import Array, Integers
+from tracker.body import BodyModel
 from tracker.geometry.superquadrics import signed_distance
 
 
@@ -38,7 +39,9 @@ def outside(placed: Array, shapes: Array, points: Array) -> tuple[Integers, Arra
     return part, feet, normals
 
 
-def surface_rows(cloud: Cloud, bodies: Bodies, q: Array, gate: tuple[float, float], noise: tuple[float, float]) -> Rows:
+def surface_rows(
+    cloud: Cloud, body: BodyModel, q: Array, gate: tuple[float, float], noise: tuple[float, float]
+) -> Rows:
     """Rows of the points of a cloud: the body's surface less the point, along the normal, metres.
 
     Each counts as the square that it stands for, in squares of the length over which the model departs from a body
@@ -46,12 +49,12 @@ def surface_rows(cloud: Cloud, bodies: Bodies, q: Array, gate: tuple[float, floa
 
     Args:
         cloud: the points.
-        bodies: the body and its neighbours in the shape space.
+        body: the body.
         q: (dof,) pose.
         gate: largest distance, metres, and largest angle between the normals, degrees.
         noise: standard deviation of the model from a body, metres, and the length over which it is alike, metres.
     """
-    body, gate_m, (noise_m, alike_m) = bodies[0], gate[0], noise
+    gate_m, (noise_m, alike_m) = gate[0], noise
     part, feet, normals = outside(body.world_from_part(q), body.shapes, cloud.points)
     residuals = ((feet - cloud.points) * normals).sum(axis=1)
     facing = np.abs((normals * cloud.normals).sum(axis=1)) >= np.cos(np.radians(gate[1]))
@@ -61,7 +64,7 @@ def surface_rows(cloud: Cloud, bodies: Bodies, q: Array, gate: tuple[float, floa
     worth = precise * (cloud.spacing_m / alike_m) ** 2
     return Rows(
         residuals=residuals,
-        jacobian=motion(bodies, q, feet, part, normals),
+        asks=asks_of(body, q, feet, part, normals),
         lengths_m=np.full(len(part), 2 * cloud.spacing_m**2 / alike_m),
         parts=part,
         views=np.full(len(part), -1),

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
-from scipy.optimize import lsq_linear
 
-from tracker.acquisition._residuals import Bodies, Rows, height_row, look_rows, mark_rows
+from tracker.acquisition._bounded_step import bounded_step
+from tracker.acquisition._residuals import Bodies, Direct, Rows, height_row, look_rows, mark_rows, part_slopes
 from tracker.acquisition._surface_rows import surface_rows
 from tracker.acquisition._tied import Tied, Tracks, tied
 from tracker.acquisition.fit_task import Task, free_at, pose_sigmas, prior_of, room_of, shape_sigmas
@@ -70,14 +69,10 @@ def fit(task: Task, shape: Array, poses: Array, free: Sequence[str] = ("pose", "
         steps = task.space.steps(shape)
         bodies = (body, neighbours, steps)
         rows = tuple(_rows(task, look, bodies, poses[look.columns], gate) for look in task.looks)
-        if task.stature_m is not None:
-            height = height_row(bodies, task.stature_m, settings.noise_m / settings.stature_sigma_m)
-            rows = (rows[0].joined(height), *rows[1:])
-        found = None if task.tracks is None else _tied(task, task.tracks, bodies, poses, gate)
-        matrix, vector, variance = _equations(task, rows, found, len(shape), len(poses))
+        matrix, vector, variance = _equations(task, rows, bodies, poses, gate)
         prior, pull = prior_of(task, (shape, poses - start, poses), (shape_sigmas(task.space, kind), sigmas))
         room = room_of(task, body, shape, poses)
-        step = _bounded(matrix + variance * prior, vector + variance * pull, room)
+        step = bounded_step(matrix + variance * prior, vector + variance * pull, *room)
         shape, poses = shape + step[: len(shape)], poses + step[len(shape) :]
     task.progress("fitting shape and pose", settings.iterations, settings.iterations)
     prior, _ = prior_of(task, (shape, poses - start, poses), (shape_sigmas(task.space, kinds[-1]), sigmas))
@@ -93,11 +88,18 @@ def _rows(task: Task, look: Look, bodies: Bodies, q: Array, gate_m: float) -> Ro
     rows = replace(rows, weights=weights)
     if look.cloud is not None:
         noise = task.settings.noise_m, task.settings.correlation_m
-        rows = rows.joined(surface_rows(look.cloud, bodies, q, (gate_m, task.settings.facing_deg), noise))
-    if look.marks:
-        # A click weighs as its standard deviation says, against that of a contour.
-        rows = rows.joined(mark_rows(look, bodies, q, task.settings.noise_m / task.settings.click_px))
+        rows = rows.joined(surface_rows(look.cloud, bodies[0], q, (gate_m, task.settings.facing_deg), noise))
     return rows
+
+
+def _direct(task: Task, k: int, bodies: Bodies, q: Array) -> Iterator[Direct]:
+    """Residuals of look k that are no contour's: clicked joints, and with the first one a height that was given."""
+    noise_m = task.settings.noise_m
+    if task.looks[k].marks:
+        # A click weighs as its standard deviation says, against that of a contour.
+        yield mark_rows(task.looks[k], bodies, q, noise_m / task.settings.click_px)
+    if k == 0 and task.stature_m is not None:
+        yield height_row(bodies, task.stature_m, noise_m / task.settings.stature_sigma_m)
 
 
 def _tied(task: Task, tracks: Tracks, bodies: Bodies, poses: Array, gate_m: float) -> Tied:
@@ -106,31 +108,38 @@ def _tied(task: Task, tracks: Tracks, bodies: Bodies, poses: Array, gate_m: floa
 
 
 def _equations(
-    task: Task, rows: Sequence[Rows], found: Tied | None, n_shape: int, n_pose: int
+    task: Task, rows: Sequence[Rows], bodies: Bodies, poses: Array, gate_m: float
 ) -> tuple[Array, Array, float]:
     """J^T W J, J^T W r and the variance of a residual, m^2."""
-    n = n_shape + n_pose
+    n_shape, n = len(bodies[2]), len(bodies[2]) + len(poses)
     matrix, vector, squares, total = np.zeros((n, n)), np.zeros(n), 0.0, 0.0
-    if found is not None:
+    if task.tracks is not None:
+        found = _tied(task, task.tracks, bodies, poses, gate_m)
         matrix, vector, squares, total = found.matrix, found.vector, found.squares, found.total
-    for look, one in zip(task.looks, rows, strict=True):
-        unknowns = np.concatenate([np.arange(n_shape), n_shape + look.columns])
-        weighted = one.jacobian * one.weights[:, None]
-        matrix[np.ix_(unknowns, unknowns)] += weighted.T @ one.jacobian
-        vector[unknowns] += weighted.T @ one.residuals
+    for k, (look, one) in enumerate(zip(task.looks, rows, strict=True)):
+        q = poses[look.columns]
+        own, pull = _summed(one, part_slopes(bodies, q))
         squares += float((one.weights * one.residuals**2).sum())
         total += float(one.weights.sum())
+        for direct in _direct(task, k, bodies, q):
+            own += direct.jacobian.T @ direct.jacobian
+            pull += direct.jacobian.T @ direct.residuals
+            squares += float((direct.residuals**2).sum())
+            total += len(direct.residuals)
+        unknowns = np.concatenate([np.arange(n_shape), n_shape + look.columns])
+        matrix[np.ix_(unknowns, unknowns)] += own
+        vector[unknowns] += pull
     return matrix, vector, max(task.settings.noise_m**2, squares / total if total else 0.0)
 
 
-def _bounded(matrix: Array, vector: Array, room: tuple[Array, Array]) -> Array:
-    """The step of least quadratic cost within bounds."""
-    scale = 1 / np.sqrt(np.diag(matrix))
-    upper = cholesky(matrix * np.outer(scale, scale))
-    target = -solve_triangular(upper, vector * scale, trans="T")
-    lower, higher = room[0] / scale, room[1] / scale
-    free = solve_triangular(upper, target)
-    if (free >= lower).all() and (free <= higher).all():
-        return np.asarray(free * scale, dtype=np.float64)
-    found = lsq_linear(upper, target, (lower, higher), method="bvls", max_iter=200)
-    return np.asarray(found.x * scale, dtype=np.float64)
+def _summed(rows: Rows, slopes: Array) -> tuple[Array, Array]:
+    """J^T W J and J^T W r of a look's rows; the sums over the points of a part come first."""
+    n = slopes.shape[-1]
+    matrix, vector = np.zeros((n, n)), np.zeros(n)
+    for p in np.unique(rows.parts):
+        mine = rows.parts == p
+        asks = rows.asks[mine]
+        weighted = asks * rows.weights[mine, None]
+        matrix += slopes[p].T @ (weighted.T @ asks) @ slopes[p]
+        vector += (rows.residuals[mine] @ weighted) @ slopes[p]
+    return matrix, vector

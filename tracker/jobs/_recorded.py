@@ -68,8 +68,7 @@ def recorded(
         try:
             progress("tracking", 0, context.n_frames)
             for n_frames, step in enumerate(steps, start=1):
-                for recorder in recorders:
-                    recorder.write(step)
+                _written(step, recorders)
                 folder.keep()
                 doubts = doubts.after(step)
                 _log_step(step)
@@ -101,6 +100,12 @@ def _tidied(folder: Path) -> Iterator[None]:
         yield
     finally:
         remove_unfinished(folder)
+
+
+def _written(step: Step, recorders: Iterable[Recorder]) -> None:
+    """Gives a frame to every recorder."""
+    for recorder in recorders:
+        recorder.write(step)
 
 
 def _finish(recorder: Recorder, files: list[Path]) -> None:

@@ -1,0 +1,85 @@
+"""`bodytrack` in a process that books its CPU seconds, of all threads, to the stages of a whole run.
+
+What a thread does beside the main one is booked to the stage that the main one is in.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import json
+import resource
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+STAGES = {
+    "tracker.jobs.track:TrackJob.open": "opening",
+    "tracker.jobs.track:looked_at": "opening",
+    "tracker.jobs.track:first_sought": "opening",
+    "tracker.acquisition.rounds:fit_to_views": "body, fit",
+    "tracker.acquisition.from_recording:things_of": "body, things",
+    "tracker.jobs.track:with_fitted_bodies": "body, tracked",
+    "tracker.tracking:_begun": "start",
+    "tracker.jobs._recorded:_written": "writing",
+    "tracker.jobs._recorded:_finish": "writing, end",
+}
+"""Function that the main thread calls -> stage; what it calls of these has its own. What is left is the pass."""
+
+FILE = "booked.json"
+
+
+class Book:
+    """CPU seconds by stage, and the largest memory."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = defaultdict(float)
+        self._open = ["pass"]
+        self._since = 0.0  # of the whole process: what was imported before counts as well
+
+    def turn(self) -> None:
+        """Books what was spent since the last turn to the stage that is open."""
+        now = time.process_time()
+        self.seconds[self._open[-1]] += now - self._since
+        self._since = now
+
+    def booked(self, function: Callable[..., Any], stage: str) -> Callable[..., Any]:
+        """The function, its time booked to a stage."""
+
+        @functools.wraps(function)
+        def call(*args: Any, **kwargs: Any) -> Any:
+            self.turn()
+            self._open.append(stage)
+            try:
+                return function(*args, **kwargs)
+            finally:
+                self.turn()
+                self._open.pop()
+
+        return call
+
+
+def main() -> None:
+    """Runs the command line given, and leaves `booked.json` in the folder it is run in."""
+    book = Book()
+    for place, stage in STAGES.items():
+        module, _, path = place.partition(":")
+        *owners, name = path.split(".")
+        owner: Any = functools.reduce(getattr, owners, importlib.import_module(module))
+        setattr(owner, name, book.booked(getattr(owner, name), stage))
+    book.seconds["importing"] += time.process_time()
+    book._since = time.process_time()
+    try:
+        importlib.import_module("tracker.__main__").main()
+    finally:
+        book.turn()
+        children = resource.getrusage(resource.RUSAGE_CHILDREN)
+        book.seconds["children"] = children.ru_utime + children.ru_stime
+        peak_gib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+        Path(FILE).write_text(json.dumps({"seconds": book.seconds, "peak_gib": peak_gib}), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
