@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 from importlib.metadata import version
 from types import FrameType
 from typing import Annotated
@@ -74,8 +75,17 @@ def main() -> None:
         raise SystemExit(code) from None
     except KeyboardInterrupt:
         Console(stderr=True).print("interrupted")
+        _leave_threads(130)
         raise SystemExit(130) from None
     raise SystemExit(code if isinstance(code, int) else 0)
+
+
+def _leave_threads(code: int) -> None:
+    """Ends the process if threads are at work still: Python would wait for them, and nobody for what they make."""
+    if threading.active_count() > 1:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
 
 
 def _split(arguments: list[str]) -> tuple[set[str], list[str]]:

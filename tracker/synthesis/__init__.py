@@ -100,8 +100,15 @@ def side_by_side(synthesis: Synthesis, do: Callable[[_One], _Made], of: Sequence
     """
     if not getattr(synthesis, "threads", False) or len(of) < 2:
         return [do(one) for one in of]
-    with ThreadPoolExecutor(len(of)) as pool:
-        return list(pool.map(do, of))
+    pool = ThreadPoolExecutor(len(of))
+    try:
+        made = list(pool.map(do, of))
+    except BaseException as error:
+        # Who interrupts does not wait for what is under way: a start searched in full went on after two Ctrl-C.
+        pool.shutdown(wait=isinstance(error, Exception), cancel_futures=True)
+        raise
+    pool.shutdown()
+    return made
 
 
 @dataclass(frozen=True)
