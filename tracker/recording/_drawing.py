@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -19,6 +21,8 @@ _ORANGE, _BLUE = (40, 140, 255), (220, 120, 60)
 _SUBPIXEL = 4
 _BETWEEN_PX = 4.0
 _LINE_PX = 30
+_SMALL = 0.5
+"""Of a picture's size: so small, its lines would be jagged."""
 _LEAST_CLOSE = 0.1
 """Share of a view that a close-up shows at the least: of somebody at its border there may be a single sample."""
 
@@ -36,7 +40,11 @@ def draw_step(step: Step, scene: Scene, width_px: int, stick_figure: bool = Fals
     Returns:
         BGR picture with even width and height.
     """
-    pictures = [_draw_view(step, scene, v, stick_figure) for v in range(len(scene.rig))]
+    sizes = [camera.size for camera in scene.rig.cameras]
+    cell = _cell_of(sizes, width_px)
+    # as large as it is shown, or as it is filmed where a part of it is shown
+    scales = [1.0 if close else min(cell[0] / width, cell[1] / height) for width, height in sizes]
+    pictures = [_draw_view(step, scene, v, stick_figure, scale) for v, scale in enumerate(scales)]
     if close:
         pictures = [_close_up(picture, step.fitted.of(v)) for v, picture in enumerate(pictures)]
     picture = tile(pictures, width_px, scene.rig.names)
@@ -64,11 +72,9 @@ def states_of(step: Step) -> list[str]:
 
 def tile(pictures: list[Image], width_px: int, names: tuple[str, ...] = ()) -> Image:
     """Pictures side by side, named: in one row where they are upright, in two columns otherwise."""
-    upright = pictures[0].shape[0] > pictures[0].shape[1]
-    columns = len(pictures) if upright or len(pictures) == 1 else 2
     names = names or ("",) * len(pictures)
-    cell_width = width_px // columns
-    cell_height = max(round(p.shape[0] * cell_width / p.shape[1]) for p in pictures)
+    sizes = [(picture.shape[1], picture.shape[0]) for picture in pictures]
+    columns, (cell_width, cell_height) = _n_columns(sizes), _cell_of(sizes, width_px)
     cells = [_fitted(p, cell_width, cell_height) for p in pictures]
     for cell, name in zip(cells, names, strict=True):
         _label(cell, name, (10, cell_height - 12), _WHITE)
@@ -78,26 +84,47 @@ def tile(pictures: list[Image], width_px: int, names: tuple[str, ...] = ()) -> I
     return np.ascontiguousarray(whole[: whole.shape[0] // 2 * 2, : whole.shape[1] // 2 * 2])
 
 
+def _n_columns(sizes: Sequence[tuple[int, int]]) -> int:
+    upright = sizes[0][1] > sizes[0][0]
+    return len(sizes) if upright or len(sizes) == 1 else 2
+
+
+def _cell_of(sizes: Sequence[tuple[int, int]], width_px: int) -> tuple[int, int]:
+    """Width and height that each of several pictures has in one of all, px."""
+    width = width_px // _n_columns(sizes)
+    return width, max(round(h * width / w) for w, h in sizes)
+
+
 def _fitted(picture: Image, width: int, height: int) -> Image:
     """A picture scaled into a cell, the rest black."""
     scale = min(width / picture.shape[1], height / picture.shape[0])
-    size = max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale))
+    shown = _scaled(picture, scale)
     cell = np.zeros((height, width, 3), dtype=np.uint8)
-    cell[: size[1], : size[0]] = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    cell[: shown.shape[0], : shown.shape[1]] = shown
     return cell
 
 
-def _draw_view(step: Step, scene: Scene, v: int, stick_figure: bool) -> Image:
+def _scaled(picture: Image, scale: float) -> Image:
+    """A copy; areas are averaged where it is small, which takes eight times as long as to interpolate."""
+    size = max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale))
+    if size == (picture.shape[1], picture.shape[0]):
+        return picture.copy()
+    way = cv2.INTER_AREA if scale < _SMALL else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(picture, size, interpolation=way), dtype=np.uint8)
+
+
+def _draw_view(step: Step, scene: Scene, v: int, stick_figure: bool, scale: float) -> Image:
     camera = scene.rig.cameras[v]
     image = step.frame.images[v]
     if image is None:
-        picture = np.full((camera.size[1], camera.size[0], 3), 60, dtype=np.uint8)
-        _label(picture, "no image", (20, camera.size[1] // 2), _GREY, 1.0)
+        picture = np.full((round(camera.size[1] * scale), round(camera.size[0] * scale), 3), 60, dtype=np.uint8)
+        _label(picture, "no image", (20, picture.shape[0] // 2), _GREY, 1.0)
     else:
-        picture = image.copy()
-    draw_contours(picture, step.fitted.of(v), doubted=doubted_parts(step), hidden=_hidden_parts(step, v))
+        picture = _scaled(image, scale)
+    doubted, hidden = doubted_parts(step), _hidden_parts(step, v)
+    draw_contours(picture, step.fitted.of(v), doubted=doubted, hidden=hidden, scale=scale)
     if stick_figure:
-        _draw_bones(picture, step, scene, v)
+        _draw_bones(picture, step, scene, v, scale)
     return picture
 
 
@@ -142,6 +169,7 @@ def draw_contours(
     colour: tuple[int, int, int] = _WHITE,
     doubted: Mask | None = None,
     hidden: Mask | None = None,
+    scale: float = 1.0,
 ) -> None:
     """Draws each sample as a short piece of its contour; edges between parts in grey (paper, section 5).
 
@@ -151,24 +179,25 @@ def draw_contours(
         colour: of the contours.
         doubted: (P,) parts drawn in orange.
         hidden: (P,) parts drawn in blue.
+        scale: of the picture, against the view that the contours are of.
     """
     nothing = np.zeros(len(contours.parts), dtype=np.bool_)
     unsure, unseen = (nothing if parts is None else parts[contours.parts] for parts in (doubted, hidden))
+    between = contours.between
     along = np.stack([-contours.normals[:, 1], contours.normals[:, 0]], axis=1)
-    half = np.where(contours.between, _BETWEEN_PX, contours.weights)[:, None] / 2
-    scale = 2**_SUBPIXEL
-    starts = np.round((contours.pixels - half * along) * scale).astype(int)
-    ends = np.round((contours.pixels + half * along) * scale).astype(int)
+    half = np.where(between, _BETWEEN_PX, contours.weights)[:, None] / 2
+    ends = np.stack([contours.pixels - half * along, contours.pixels + half * along], axis=1)
+    lines = np.round(((ends + 0.5) * scale - 0.5) * 2**_SUBPIXEL).astype(np.int32)
     thick = max(1, round(max(picture.shape[:2]) / 700))
-    states = contours.between.tolist(), unsure.tolist(), unseen.tolist()
-    for start, end, between, doubt, hides in zip(starts.tolist(), ends.tolist(), *states, strict=True):
-        shade = _GREY if between else _ORANGE if doubt else _BLUE if hides else colour
-        cv2.line(picture, tuple(start), tuple(end), shade, thick, cv2.LINE_AA, _SUBPIXEL)
+    outer = ~between & ~unsure
+    shades = ((_GREY, between), (_BLUE, outer & unseen), (colour, outer & ~unseen), (_ORANGE, ~between & unsure))
+    for shade, chosen in shades:
+        cv2.polylines(picture, list(lines[chosen]), False, shade, thick, cv2.LINE_AA, _SUBPIXEL)
 
 
-def _draw_bones(picture: Image, step: Step, scene: Scene, v: int) -> None:
+def _draw_bones(picture: Image, step: Step, scene: Scene, v: int, scale: float) -> None:
     for person in step.scene.persons:
-        pixels = scene.rig.cameras[v].project(person.body.landmarks_in_world(person.q))
+        pixels = scale * scene.rig.cameras[v].project(person.body.landmarks_in_world(person.q))
         names = person.body.landmark_names
         for one, other in person.body.links:
             ends = pixels[[names.index(one), names.index(other)]]

@@ -52,7 +52,7 @@ class Preview:
         if self._container is None or self._stream is None:
             self._container = av.open(self._buffer, "w", format="mp4")
             bits = 8 * _FRAME_BYTES * FPS
-            options = {"crf": str(_QUALITY), "maxrate": str(bits), "bufsize": str(2 * bits), "preset": "veryfast"}
+            options = {"crf": str(_QUALITY), "maxrate": str(bits), "bufsize": str(2 * bits), "preset": "superfast"}
             self._stream = self._container.add_stream(
                 "libx264", rate=FPS, options={**options, "g": str(_BETWEEN_KEYS), "bf": "0"}
             )

@@ -33,7 +33,7 @@ _LEAST_TICKS = 4
 class Overlay:
     """`overlay.mp4`, H.264, playable in browsers, also after a kill."""
 
-    width_px: int = pydantic.Field(default=1280, ge=160)
+    width_px: int = pydantic.Field(default=960, ge=160)
     """Width of the video with all views, px."""
 
     quality: int = pydantic.Field(default=23, ge=0, le=51)
@@ -77,7 +77,12 @@ class OverlayRecorder:
     def _open_stream(self, container: OutputContainer, width: int, height: int) -> VideoStream:
         rate = Fraction(1 / self._run.interval_s).limit_denominator(1001)
         # Without look-ahead every frame leaves the encoder at once, and a kill loses at most one fragment.
-        options = {"crf": str(self._settings.quality), "preset": "veryfast", "tune": "zerolatency", "g": str(_FRAGMENT)}
+        options = {
+            "crf": str(self._settings.quality),
+            "preset": "ultrafast",
+            "tune": "zerolatency",
+            "g": str(_FRAGMENT),
+        }
         stream = container.add_stream("libx264", rate=rate, options=options)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.codec_context.time_base = Fraction(1, self._ticks)
