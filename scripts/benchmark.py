@@ -28,6 +28,7 @@ from benchmarks import surfaces as measured_surfaces
 from benchmarks import tracking as cycle_times
 from benchmarks import twists as limb_twists
 from benchmarks import ways as pose_ways
+from benchmarks import whole_runs as booked_runs
 from benchmarks.scores import read_scores
 from benchmarks.start_scores import print_starts
 from rich.console import Console
@@ -60,6 +61,17 @@ def tracking(
 ) -> None:
     """Milliseconds a frame by stage, from video files on, beside the floor of decoding and edge detection."""
     cycle_times.compare(console, n_frames, quick)
+
+
+@app.command("whole_runs")
+def whole_runs(
+    only: Annotated[str, typer.Option(help="The recording in BODYTRACK_DATA.")] = "N-WalkCircle",
+    python_path: Annotated[Path, typer.Option(help="Checkout whose package is run.")] = ROOT,
+    quick: Quick = False,
+) -> None:
+    """CPU seconds of whole runs with defaults, by stage, beside decoding and one edge detection of the same images."""
+    data = os.environ.get("BODYTRACK_DATA")
+    booked_runs.compare(console, None if data is None else Path(data), only, python_path, quick)
 
 
 @app.command()

@@ -98,6 +98,7 @@ def smaller(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
         (("poses",), ("1 thread", "to rasterizing", "to pyrender", "2 threads", "cpu"), 2),
         (("skins",), ("rasterizing it", "contours of it, smooth", "contours of its superquadrics", "CPU ms a pose"), 5),
         (("tracking",), ("decode alone", "observation", "other", "floor", "ratio", "frames/s", "hinge RMS deg"), 4),
+        (("whole_runs",), ("opening", "body, fit", "writing", "floor", "times", "peak GiB"), 1),
         (("starts",), ("a loop", "threads", "wall s", "same pose", "yes", "still parts once", "rasterized"), 2),
         (("robustness", "--only", "missing"), ("lost", "longest loss", "joints 95 % mm", "verdict", "tracked"), 1),
         (("robustness", "--only", "start 5"), ("< 20 mm in 10 frames", "flagged lost", "silently wrong"), 1),

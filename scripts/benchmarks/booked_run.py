@@ -36,14 +36,19 @@ class Book:
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = defaultdict(float)
-        self._open = ["pass"]
-        self._since = 0.0  # of the whole process: what was imported before counts as well
+        self._open = ["importing"]
+        self._since = 0.0
 
     def turn(self) -> None:
         """Books what was spent since the last turn to the stage that is open."""
         now = time.process_time()
         self.seconds[self._open[-1]] += now - self._since
         self._since = now
+
+    def open(self, stage: str) -> None:
+        """Books what follows to another stage, where nothing else is booked."""
+        self.turn()
+        self._open = [stage]
 
     def booked(self, function: Callable[..., Any], stage: str) -> Callable[..., Any]:
         """The function, its time booked to a stage."""
@@ -68,9 +73,9 @@ def main() -> None:
         module, _, path = place.partition(":")
         *owners, name = path.split(".")
         owner: Any = functools.reduce(getattr, owners, importlib.import_module(module))
-        setattr(owner, name, book.booked(getattr(owner, name), stage))
-    book.seconds["importing"] += time.process_time()
-    book._since = time.process_time()
+        if hasattr(owner, name):  # a checkout of another day may lack it
+            setattr(owner, name, book.booked(getattr(owner, name), stage))
+    book.open("pass")
     try:
         importlib.import_module("tracker.__main__").main()
     finally:

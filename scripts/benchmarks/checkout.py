@@ -33,14 +33,22 @@ class Code:
         command = ["git", "-C", str(self.folder), "describe", "--always", "--abbrev=7", "--dirty=+", "--exclude=*"]
         return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
 
-    def run(self, arguments: list[str], folder: Path) -> str:
-        """Runs `bodytrack` with these arguments in a folder; what it complained about, empty if it succeeded."""
+    def run(self, arguments: list[str], folder: Path, module: str = "tracker") -> str:
+        """Runs `bodytrack` with these arguments in a folder; what it complained about, empty if it succeeded.
+
+        Args:
+            arguments: of the command line.
+            folder: where it is run.
+            module: the package, or one beside it that runs its command line.
+        """
         paths = [str(self.folder), str(SCRIPTS)]
         settings = {"PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        if data := os.environ.get("BODYTRACK_DATA"):
+            settings["BODYTRACK_DATA"] = str(Path(data).resolve())
         done = subprocess.run(
-            [sys.executable, "-m", "tracker", *arguments],
+            [sys.executable, "-m", module, *arguments],
             cwd=folder,  # python -m looks there first: no checkout may be there
-            env={**os.environ, **settings, "BODYTRACK_DATA": str(Path(os.environ["BODYTRACK_DATA"]).resolve())},
+            env={**os.environ, **settings},
             capture_output=True,
             text=True,
             check=False,
