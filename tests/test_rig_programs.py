@@ -292,6 +292,7 @@ OTHERS = {
     "trial.c3d": (b"\x02\x50", "movements"),
     "empty.toml": ("", "an empty file"),
     "left.yml": ("%YAML:1.0\n---\ncamera_matrix: 1\n", "one camera in OpenCV's YAML: give the folder"),
+    "dltcoefs.csv": ("1.5,2e-3\n" * 11, "DLT coefficients"),
     "frame_0.json": ('{"version": 1.3, "people": []}', "keypoints as OpenPose"),
 }
 

@@ -78,6 +78,15 @@ def test_the_unit_that_makes_a_room_is_named(tmp_path: Path, factor: float, word
     assert str(tmp_path / "rig.toml") in str(refusal.value)
 
 
+def test_metres_taken_for_millimetres_are_named(tmp_path: Path) -> None:
+    """Not told as two cameras at one place, nor read as a rig of millimetres."""
+    save_rig(stretched(sample_rig("A", "B", "C"), 0.001), tmp_path / "rig.qca.txt")
+    words = r"two cameras are 3\.0 mm apart.*in metres they are 3 m apart.*--units m`"
+    with pytest.raises(CalibrationError, match=words):
+        read_rig(tmp_path / "rig.qca.txt")
+    assert_equal(read_rig(tmp_path / "rig.qca.txt", units="m").rig, sample_rig("A", "B", "C"), 1e-9)
+
+
 def test_a_large_room_is_read_and_told(tmp_path: Path) -> None:
     save_rig(stretched(sample_rig("A", "B"), 100), tmp_path / "rig.toml")
     found = read_rig(tmp_path / "rig.toml")
@@ -101,6 +110,8 @@ def test_units_that_are_none(tmp_path: Path, told: dict[str, Any], words: str) -
 
 def test_units_may_be_written_out(tmp_path: Path) -> None:
     content = tables() | {"metadata": {"units": "Millimeters"}}
+    for key in ("cam_1", "cam_2"):
+        content[key]["translation"] = [1000 * value for value in content[key]["translation"]]
     assert read_rig(written(tmp_path, content, ".toml")).unit == "mm"
 
 

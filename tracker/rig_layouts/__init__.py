@@ -128,16 +128,19 @@ def read_rig(path: Path, size: tuple[int, int] | None = None, units: str | None 
         listing = layout.read(path, size)
         if not listing.cameras and listing.left_out:
             raise CalibrationError(f"no camera can be used; {'; '.join(_reasons(listing.left_out))}")
-        if listing.no_unit and units is None and scale == 1:
+        stated = units is not None or scale != 1
+        if listing.no_unit and not stated:
             raise CalibrationError(
                 f"{listing.no_unit}, or tell what its lengths are in metres: `bodytrack rig convert {path} rig.toml "
                 "--units m --scale METRES`"
             )
         unit = listing.unit if units is None else unit_of(units)
-        rig = Rig(in_metres(listing.cameras, unit, scale))
+        cameras = in_metres(listing.cameras, unit, scale)
+        far = unit_remarks(cameras, unit, path, stated) if cameras else ()
+        rig = Rig(cameras)
         for camera in rig.cameras:
             check_interior(camera)
-        remarks = *listing.remarks, *interior_remarks(rig.cameras), *unit_remarks(rig.cameras, unit, path)
+        remarks = *listing.remarks, *interior_remarks(rig.cameras), *far
     except CalibrationError as error:
         raise CalibrationError(f"{path}: {error}") from error
     except OSError as error:  # of a file that it names

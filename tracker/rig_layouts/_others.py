@@ -98,11 +98,17 @@ _OTHERS = (
     ),
 )
 
-_ONE_CAMERA = _Other(
-    "one camera in OpenCV's YAML: give the folder that has such a file a camera",
-    (r"\A%YAML", r"^(?:K|D|\w*[Mm]atrix\w*)\s*:"),
+_ALONE = (
+    _Other(
+        "one camera in OpenCV's YAML: give the folder that has such a file a camera",
+        (r"\A%YAML", r"^(?:K|D|\w*[Mm]atrix\w*)\s*:"),
+    ),
+    _Other(
+        f"DLT coefficients, eleven a camera, which tell no lens and no image size: {_ANEW}",
+        (r"\A(?:[-+.\deE]+(?:[,;\t ]+[-+.\deE]+)*\s*\n){10}[-+.\deE]+(?:[,;\t ]+[-+.\deE]+)*\s*\Z",),
+    ),
 )
-"""Of a file alone: a folder of these is the layout `opencv`."""
+"""Of a file alone: a folder of the first is the layout `opencv`."""
 
 
 def other_program(path: Path) -> str:
@@ -137,4 +143,4 @@ def _file(path: Path) -> str:
     if path.suffix.lower() in _ENDINGS and path.name != "cameraIntrinsicsExtrinsics.pickle":
         return _ENDINGS[path.suffix.lower()]
     look = lenient_text(path), xml_tag(path)
-    return next((other.told for other in (*_OTHERS, _ONE_CAMERA) if other.made(*look)), "")
+    return next((other.told for other in (*_OTHERS, *_ALONE) if other.made(*look)), "")

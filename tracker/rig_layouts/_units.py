@@ -22,6 +22,9 @@ _SPELT = {f"{prefix}{end}": unit for unit, prefix in (("m", ""), ("cm", "centi")
 FARTHEST_M, _FAR_M = 200.0, 30.0
 """A room is metres across: cameras hundreds of metres from one another are not believed, tens of metres are told."""
 
+_NEAR_M = 0.02
+"""Cameras all within that are not believed either, if another unit makes a room of them: lenses are as wide."""
+
 _ROOM_M = 0.5, 60.0
 """Distance of the two cameras of a room that are farthest from one another."""
 
@@ -64,33 +67,35 @@ def in_metres(cameras: Sequence[Camera], unit: str, scale: float = 1.0) -> tuple
     return tuple(moved)
 
 
-def unit_remarks(cameras: Sequence[Camera], unit: str, path: Path) -> tuple[str, ...]:
+def unit_remarks(cameras: Sequence[Camera], unit: str, path: Path, told: bool) -> tuple[str, ...]:
     """What to know where cameras stand tens of metres from one another.
 
     Args:
         cameras: with places in metres.
         unit: that the file was read in.
         path: of the file.
+        told: whether the user told the unit or the scale: who tells that cameras stand within millimetres is believed.
 
     Raises:
-        CalibrationError: they stand hundreds of metres from one another.
+        CalibrationError: they stand hundreds of metres from one another, or all within millimetres although another
+            unit makes a room of them.
     """
     centres = np.stack([camera.centre for camera in cameras])
     farthest = max(float(np.linalg.norm(centres - centre, axis=1).max()) for centre in centres)
-    if farthest <= _FAR_M:
+    if (told or farthest >= _NEAR_M) and farthest <= _FAR_M:
         return ()
-    others = {_WORDS[other]: farthest * METRES[other] / METRES[unit] for other in METRES if other != unit}
-    rooms = {word: wide for word, wide in others.items() if _ROOM_M[0] <= wide <= _ROOM_M[1]}
-    words = sorted(rooms, key=lambda word: abs(math.log(rooms[word] / _USUAL_M)))
-    told = f"two cameras are {farthest:.0f} m apart, expected a room"
-    if words:
-        short = next(short for short, word in _WORDS.items() if word == words[0])
-        told += (
-            f": in {' or in '.join(f'{word} they are {rooms[word]:.2g} m apart' for word in words)}: if the file is in "
-            f"{words[0]}, `bodytrack rig convert {path} rig.toml --units {short}` reads it so"
+    others = {other: farthest * METRES[other] / METRES[unit] for other in METRES if other != unit}
+    rooms = {other: wide for other, wide in others.items() if _ROOM_M[0] <= wide <= _ROOM_M[1]}
+    units = sorted(rooms, key=lambda other: abs(math.log(rooms[other] / _USUAL_M)))
+    apart = f"{farthest:.0f} m" if farthest > 1 else f"{1000 * farthest:.1f} mm"
+    line = f"two cameras are {apart} apart, expected a room: "
+    if units:
+        line += (
+            f"in {' or in '.join(f'{_WORDS[other]} they are {rooms[other]:.2g} m apart' for other in units)}: if the "
+            f"file is in {_WORDS[units[0]]}, `bodytrack rig convert {path} rig.toml --units {units[0]}` reads it so"
         )
     else:
-        told += f": if its lengths have another unit, `bodytrack rig convert {path} rig.toml --scale METRES` tells it"
-    if farthest > FARTHEST_M:
-        raise CalibrationError(told)
-    return (told,) if words else ()
+        line += f"if its lengths have another unit, `bodytrack rig convert {path} rig.toml --scale METRES` tells it"
+    if farthest > FARTHEST_M or (units and farthest < _NEAR_M):
+        raise CalibrationError(line)
+    return (line,) if units else ()
