@@ -165,5 +165,5 @@ def test_another_file_than_was_asked_for_is_told_for_what_it_is(
 
 def test_an_entry_that_is_there_twice_is_refused_in_json(tmp_path: Path) -> None:
     (tmp_path / "a.json").write_text('{"cameras": {"FRONT": 1, "LEFT": 2, "FRONT": 3}}')
-    with pytest.raises(ConfigError, match='not a JSON file: two entries are called "FRONT"'):
+    with pytest.raises(ConfigError, match=r'a\.json: two entries are called "FRONT", expected different names$'):
         json_of(tmp_path / "a.json", ConfigError)

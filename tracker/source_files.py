@@ -8,7 +8,7 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -86,25 +86,30 @@ def json_of(path: Path, fault: Fault) -> Any:
         TrackerError: of the kind asked for: it cannot be read, or is none.
     """
     try:
-        return json.loads(text_of(path, fault), object_pairs_hook=_each_once)
+        return json.loads(text_of(path, fault), object_pairs_hook=each_once(fault, f"{path}: "))
     except RecursionError as error:
         raise fault(f"{path}: not a JSON file: nested too deeply") from error
     except ValueError as error:
         raise fault(f"{path}: not a JSON file: {one_line(error)}") from error
 
 
-def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object of JSON: Python's reader would take the last of several entries of one name, and say nothing.
+def each_once(fault: Fault, where: str = "") -> Callable[[list[tuple[str, Any]]], dict[str, Any]]:
+    """Makes tables of JSON: Python's reader would take the last of several entries of one name, and say nothing.
 
-    Raises:
-        JSONDecodeError: an entry is there twice.
+    Args:
+        fault: what is raised where an entry is there twice.
+        where: the beginning of its message.
     """
-    table = dict(pairs)
-    if len(table) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise json.JSONDecodeError(f'two entries are called "{shortened(twice)}"', "", 0)
-    return table
+
+    def made(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        table = dict(pairs)
+        if len(table) < len(pairs):
+            names = [name for name, _ in pairs]
+            twice = next(name for name in names if names.count(name) > 1)
+            raise fault(f'{where}two entries are called "{shortened(twice)}", expected different names')
+        return table
+
+    return made
 
 
 def cells_of(path: Path, fault: Fault) -> list[list[str]]:

@@ -10,6 +10,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from tracker.errors import CalibrationError, shortened
+from tracker.source_files import each_once
 
 _LARGEST_BYTES = 2**20
 """A camera takes 0.3 to 1 kB in every layout: a thousand cameras fit."""
@@ -123,7 +124,7 @@ def json_content(path: Path) -> Any:
     """The content of a JSON file, whatever it is."""
     text = text_of(path)
     try:
-        return json.loads(text, object_pairs_hook=_once)
+        return json.loads(text, object_pairs_hook=each_once(CalibrationError))
     except RecursionError as error:
         raise CalibrationError("not a JSON file: nested too deeply") from error
     except ValueError as error:
@@ -136,16 +137,6 @@ def json_table(path: Path) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise CalibrationError("expected a table of cameras")
     return content
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A table of JSON, whose last entry of a name would replace the others."""
-    table = dict(pairs)
-    if len(table) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise CalibrationError(f'two entries are called "{shortened(twice)}", expected different names')
-    return table
 
 
 def line_fault(text: str, number: int) -> str:
