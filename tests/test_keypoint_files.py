@@ -219,6 +219,7 @@ ONE_JSON: dict[str, tuple[Any, bool]] = {
     "coco results": ([{"image_id": n, **ALPHAPOSE} for n in (2, 0, 2, 2)], True),
     "alphapose cmu": ({f"{n}.jpg": {"bodies": [{"joints": PERSON}] * (1 + n)} for n in (0, 2)}, True),
     "alphapose open": ({f"cam_{n:06d}.png": people(*[PERSON] * (1 + n)) for n in (0, 2)}, True),
+    "alphapose, poseflow": ({f"{n}.jpg": [{"keypoints": PERSON, "idx": 1}] * (1, 0, 3)[n] for n in range(3)}, True),
     "coco data set": (
         {
             "images": [{"id": 50 + n, "file_name": f"cam/{n:06d}.png"} for n in (0, 1, 2)],
@@ -246,6 +247,11 @@ def test_one_json_a_video_is_read(program: str, tmp_path: Path) -> None:
     assert source.named == named
     assert [len(source.at(n).found) for n in range(4)] == [1, 0, 3, 0]
     np.testing.assert_array_equal(source.at(2).found, [POINTS] * 3)
+
+
+def test_a_folder_that_holds_the_results_of_a_video_is_those(tmp_path: Path) -> None:
+    (tmp_path / "alphapose-results.json").write_text(json.dumps([{"image_id": "3.jpg", **ALPHAPOSE}]))
+    assert open_keypoints(tmp_path).numbers == (3,)
 
 
 def test_nobody_in_a_whole_video_is_a_file(tmp_path: Path) -> None:

@@ -124,7 +124,7 @@ MALFORMED = {
     "no numbers": ("a_0.json", '{"people": [{"pose_keypoints_2d": ["x", 1, 2]}]}', "no number"),
     "two thirds": ("a_0.json", '{"people": [{"pose_keypoints_2d": [1, 2, 0.5, 3]}]}', "expected x, y, confidence"),
     "layout": ("a_0.json", '{"people": [{"pose_keypoints_2d": [1, 2, 0.5]}]}', "17 (coco_17)"),
-    "number": ("a.json", "{}", "no number in the file's name"),
+    "number": ("a.json", "{}", "keypoints of no known form"),
     "empty": ("a.txt", "", "no .json file"),
 }
 
@@ -138,6 +138,13 @@ def test_a_malformed_folder_is_one_clear_line(name: str, tmp_path: Path) -> None
     assert told in str(caught.value)
     assert str(tmp_path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_file_without_a_number_among_others_is_one_clear_line(tmp_path: Path) -> None:
+    for name in ("a_0.json", "notes.json"):
+        (tmp_path / name).write_text("{}")
+    with pytest.raises(SequenceError, match=r"notes.json: no number in the file's name, expected e.g. "):
+        open_keypoints(tmp_path)
 
 
 TABLES = {

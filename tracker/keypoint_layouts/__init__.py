@@ -11,8 +11,9 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.errors import SequenceError
+from tracker.keypoint_layouts._numbers import last_number
 from tracker.keypoint_layouts.one_json import read_one_json
-from tracker.keypoint_layouts.openpose import files_of, persons_in
+from tracker.keypoint_layouts.openpose import files_of, json_files, persons_in
 from tracker.keypoint_layouts.orders import Order, order_of, order_told
 from tracker.keypoint_layouts.tables import read_table
 from tracker.keypoints import Detections
@@ -94,6 +95,8 @@ def open_keypoints(path: Path, names: tuple[str, ...] = (), layout: str | None =
     order = order_told(names, layout)
     if path.suffix.lower() == ".csv":
         return _table(path, order)
+    if path.is_dir() and len(alone := json_files(path)) == 1 and last_number(alone[0].stem) is None:
+        path = alone[0]  # AlphaPose's folder of a video holds alphapose-results.json
     if path.is_dir():
         files = files_of(path)
         source = KeypointSource(path, tuple(sorted(files)), lambda n: persons_in(files[n]) if n in files else [], True)

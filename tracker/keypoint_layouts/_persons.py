@@ -28,6 +28,11 @@ def tells_persons(content: Any) -> bool:
     return isinstance(content, dict) and any(key in content for key in _PEOPLE)
 
 
+def is_person(value: Any) -> bool:
+    """Whether this has keypoints of one person."""
+    return isinstance(value, dict) and any(key in value for key in _KEYPOINTS)
+
+
 def persons_of(content: Any, path: Path) -> list[Array]:
     """(K, 3) pixel and confidence of everybody of whom something was found; NaN for keypoints that were not found.
 
@@ -35,7 +40,7 @@ def persons_of(content: Any, path: Path) -> list[Array]:
         SequenceError: this is nothing that a detector is known to write.
     """
     if isinstance(content, dict):
-        if not tells_persons(content) and any(key in content for key in _KEYPOINTS):
+        if not tells_persons(content) and is_person(content):
             content = {"people": [content]}  # of one person
         if not tells_persons(content) and any(isinstance(value, list | dict) for value in content.values()):
             raise SequenceError(f"{path}: not as OpenPose writes it, {_EXPECTED}")

@@ -9,7 +9,7 @@ from typing import Any
 from tracker.arrays import Array
 from tracker.errors import SequenceError, shortened
 from tracker.keypoint_layouts._numbers import last_number
-from tracker.keypoint_layouts._persons import persons_of, tells_persons
+from tracker.keypoint_layouts._persons import is_person, persons_of, tells_persons
 from tracker.source_files import json_of
 
 _FRAME = ("frame_id", "frame_idx", "frame_index", "frame")
@@ -38,12 +38,17 @@ def read_one_json(path: Path) -> tuple[dict[int, list[Array]], bool]:
             return _grouped(_counted(content, path, first=0), path), False
     if isinstance(content, dict) and {"images", "annotations"} <= content.keys():
         return _grouped(_annotated(content["images"], content["annotations"], path), path), True
-    if isinstance(content, dict) and content and all(tells_persons(one) for one in content.values()):
+    if isinstance(content, dict) and content and all(map(_of_image, content.values())):
         return _grouped((_image(name, one, path) for name, one in content.items()), path), True
     if tells_persons(content):
         raise SequenceError(f"{path}: the persons of one image, expected the folder of such files, one a frame")
     keys = ", ".join(f'"{shortened(str(key))}"' for key in list(content)[:4]) if isinstance(content, dict) else "a list"
     raise SequenceError(f"{path}: keypoints of no known form ({keys}), {_EXPECTED}")
+
+
+def _of_image(value: Any) -> bool:
+    """Whether these are the persons of one image; a plain list in what AlphaPose's PoseFlow writes."""
+    return tells_persons(value) or (isinstance(value, list) and all(map(is_person, value)))
 
 
 _Entry = tuple[int, str, Any]

@@ -11,6 +11,11 @@ from tracker.keypoint_layouts._persons import persons_of
 from tracker.source_files import json_of, text_of
 
 
+def json_files(folder: Path) -> list[Path]:
+    """The JSON files of a folder in their order, without those that a system keeps beside them."""
+    return [path for path in sorted(folder.glob("*.json")) if not path.name.startswith(".")]
+
+
 def files_of(folder: Path) -> dict[int, Path]:
     """The files of a folder; the last number in a file's name is that of its frame.
 
@@ -18,9 +23,7 @@ def files_of(folder: Path) -> dict[int, Path]:
         SequenceError: there are none, or two of one number.
     """
     files: dict[int, Path] = {}
-    for path in sorted(folder.glob("*.json")):
-        if path.name.startswith("."):  # of the system, not of a detector
-            continue
+    for path in json_files(folder):
         number = last_number(path.stem)
         if number is None:
             raise SequenceError(f"{path}: no number in the file's name, expected e.g. {folder.name}_000000.json")
