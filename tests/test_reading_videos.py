@@ -26,8 +26,9 @@ from numbered_pictures import (
 
 from tracker.arrays import Image
 from tracker.errors import SequenceError
+from tracker.reading._rates import _apart
 from tracker.reading._timeline import Timeline, at_one_pace, timeline_of
-from tracker.reading.video import _apart, open_clip
+from tracker.reading.video import open_clip
 
 
 def truncate(path: Path, view: int, share: float) -> None:
@@ -264,6 +265,7 @@ def test_different_frame_rates_are_refused(copied: Path) -> None:
     write_video(copied / "north.mp4", pictures_of(1), fps=30)
     with pytest.raises(SequenceError, match=r"east 25\.00, north 30\.00, west 25\.00 fps"):
         videos(copied).open()
+    write_video(copied / "north.mp4", pictures_of(1))
     assert videos(copied, fps=50.0).open().fps == 50.0
     assert next(videos(copied, fps=50.0, start=10).open().frames()).time_s == pytest.approx(0.2)
 

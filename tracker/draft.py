@@ -100,9 +100,16 @@ def _remarks(footage: tuple[Footage, ...], found: FoundRig | None, unused: list[
         yield from _named(found)
     if unused:
         yield f"left out, for their names follow another pattern: {', '.join(path.name for path in unused)}"
-    if len({round(one.fps, 2) for one in footage}) > 1:
-        yield "the videos have different frame rates: " + ", ".join(f"{one.view} {one.fps:.4g}" for one in footage)
-    if len({one.n_frames for one in footage}) > 1:
+    different = len({round(one.fps, 2) for one in footage}) > 1
+    if different:
+        yield (
+            "the videos have different frame rates: "
+            + ", ".join(f"{one.view} {one.fps:.4g}" for one in footage)
+            + "; `bodytrack run THIS --dry-run` says which of them can be read together"
+        )
+    if not numbered and any(one.fps == 0 for one in footage):
+        yield "videos without a container have no clock: set `fps` to the frames a second that the cameras filmed at"
+    if len({one.n_frames for one in footage}) > 1 and not different:
         yield "the views have different numbers of frames: `offsets` and `stop` make them fit"
     if any("{frame}" in one.path.name for one in footage) or any("{frame}" in path.name for path in unused):
         yield "images do not tell how many there are a second: set `fps`"

@@ -12,12 +12,16 @@ from pathlib import Path
 
 import av
 from av.container import InputContainer
+from av.video.stream import VideoStream
 
 from tracker.errors import SequenceError
+from tracker.reading.film import film_of, has_clock
 from tracker.reading.images import intact_image
 from tracker.rig import Rig
 
-VIDEOS = {".mp4", ".avi", ".mov", ".mkv", ".m4v", ".mpg", ".mpeg", ".webm", ".mts"}
+VIDEOS = {".mp4", ".avi", ".mov", ".mkv", ".m4v", ".mpg", ".mpeg", ".webm", ".mts", ".m2ts", ".ts", ".wmv"}
+VIDEOS |= {".h264", ".264", ".h265", ".265", ".hevc", ".mjpeg", ".mjpg"}
+"""The latter without a container, as small computers write them."""
 PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"}
 
 _FRAME = "{frame}"
@@ -50,7 +54,7 @@ class Footage:
     view: str
     size: tuple[int, int]
     fps: float
-    """0 for images, which do not tell."""
+    """0 for images and for streams without a container, which do not tell."""
 
     n_frames: int
     """0 where the header does not tell."""
@@ -187,9 +191,9 @@ def with_view(text: str, name: str) -> list[str]:
     return [*single[:1], *([text.replace(name, "{view}")] if len(ends) > 1 else []), *single[1:]]
 
 
-def _shown_size(container: InputContainer) -> tuple[int, int]:
+def _shown_size(container: InputContainer, stream: VideoStream) -> tuple[int, int]:
     """Width and height of a video's images as they are shown: its metadata may turn them."""
-    stream, turned = container.streams.video[0], False
+    turned = False
     with contextlib.suppress(av.FFmpegError, StopIteration, ValueError):  # what cannot be decoded is said by a run
         turned = next(container.decode(stream)).rotation % 180 != 0
     return (stream.height, stream.width) if turned else (stream.width, stream.height)
@@ -209,8 +213,10 @@ def header(source: Path, view: str) -> Footage:
         return Footage(source, view, (width, height), 0.0, len(files))
     try:
         with av.open(str(source)) as container:
-            stream = container.streams.video[0]
-            rate = float(stream.average_rate or stream.guessed_rate or 0)
-            return Footage(source, view, _shown_size(container), rate, stream.frames)
+            stream = container.streams.video[film_of(container)[0]]
+            rate = float(stream.average_rate or stream.guessed_rate or 0) if has_clock(container) else 0.0
+            return Footage(source, view, _shown_size(container, stream), rate, stream.frames)
+    except SequenceError as error:
+        raise SequenceError(f"{source} {error}") from error
     except (av.FFmpegError, IndexError, OSError) as error:
         raise SequenceError(f"{source} is not a video that can be read: {error}") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,14 @@ from tracker.rig import Rig
 from tracker.rig_layouts import load_rig
 
 OnMissing = Literal["error", "skip"]
+
+_FEWEST_TELLING = 10
+"""Frames of the shortest view from which its length tells a rate."""
+
+_OF_A_FACTOR = 0.03
+"""By which lengths of one time at two rates are off a whole factor: cameras are not stopped in one frame."""
+
+log = logging.getLogger("tracker")
 
 
 @dataclass(frozen=True)
@@ -100,14 +109,30 @@ def common_length(
         SequenceError: the views have different numbers of frames, some too few, and none may be missing.
     """
     usable = [length - offset for length, offset in zip(lengths, offsets, strict=True)]
+    factor = _told_factor(names, usable)
     enough = stop is not None and stop <= min(usable)
     if on_missing == "error" and len(set(usable)) > 1 and not enough:
         table = ", ".join(f"{name} {length}" for name, length in zip(names, usable, strict=True))
         raise SequenceError(
             f"the views have different numbers of frames ({table}): give offsets or stop, or set "
-            'on_missing = "skip" to leave a view out of the frames it lacks'
+            'on_missing = "skip" to leave a view out of the frames it lacks' + (f"; but {factor}" if factor else "")
         )
+    if factor:
+        log.warning("%s", factor)
     return max(usable)
+
+
+def _told_factor(names: tuple[str, ...], lengths: list[int]) -> str:
+    """What is said of a view that has a whole share of the frames of others; empty if none has."""
+    shortest, longest = min(lengths), max(lengths)
+    times = round(longest / shortest) if shortest >= _FEWEST_TELLING else 1
+    if times < 2 or abs(longest / (times * shortest) - 1) > _OF_A_FACTOR:
+        return ""
+    return (
+        f"{names[lengths.index(shortest)]} has 1 frame for {times} of {names[lengths.index(longest)]}: if it filmed "
+        f"as long, at a lower rate, frames of one number are not of one moment; write 1 frame of every {times} "
+        "of the others to new files then"
+    )
 
 
 def selected(start: int, stop: int | None, stride: int, length: int) -> Selection:

@@ -32,6 +32,21 @@ class Timeline:
     images: tuple[tuple[int, float], ...] = ()
     """Time stamp and time, seconds, of every image of a video that is resampled; none of others."""
 
+    skipped: tuple[int, ...] = ()
+    """Time stamps of images that are left out, for others film at a lower rate."""
+
+    film: int = 0
+    """Which of the file's video streams it is."""
+
+    clock: bool = True
+    """Whether the file tells times at all; if not, `fps` is 0."""
+
+    hint_fps: float = 0.0
+    """Frames a second that the coded pictures themselves hint at, 0 for none: some cameras write another one."""
+
+    told: tuple[str, ...] = ()
+    """What the file tells of its pictures that nothing makes good."""
+
     def __len__(self) -> int:
         """Number of frames."""
         return len(self.stamps)
@@ -49,7 +64,23 @@ class Timeline:
     def _numbers(self) -> dict[int, int]:
         """Stamp of an image -> its position in the file."""
         told = (stamp for stamp in self.stamps if stamp is not None)
-        return {stamp: k for k, stamp in enumerate(sorted({*told, *(stamp for stamp, _ in self.images)}))}
+        return {
+            stamp: k for k, stamp in enumerate(sorted({*told, *(stamp for stamp, _ in self.images), *self.skipped}))
+        }
+
+    def at_pace(self, interval_s: float) -> Timeline:
+        """The same, resampled to an interval."""
+        found = _resampled(self.images, interval_s)
+        return replace(self, fps=found.fps, stamps=found.stamps, remark=found.remark)
+
+    def thinned(self, every: int) -> Timeline:
+        """The same with every so many frames, from the first one on."""
+        if every == 1:
+            return self
+        left_out = {stamp for stamp in self.stamps if stamp is not None} - set(self.stamps[::every])
+        return replace(
+            self, fps=self.fps / every, stamps=self.stamps[::every], skipped=(*self.skipped, *sorted(left_out))
+        )
 
     def numbered(self) -> Timeline:
         """The same for a decoder that gives no stamps: the first image's is 0, the next one's 1."""
@@ -65,10 +96,7 @@ def at_one_pace(timelines: Sequence[Timeline | None]) -> tuple[Timeline | None, 
     A pace of their own, the usual one of each, would let views of one recording drift apart.
     """
     told = sorted((one for one in timelines if one is not None and one.fps > 0), key=lambda one: bool(one.images))
-    return tuple(
-        one if one is None or not one.images else replace(_resampled(one.images, 1 / told[0].fps), timed=one.timed)
-        for one in timelines
-    )
+    return tuple(one if one is None or not one.images else one.at_pace(1 / told[0].fps) for one in timelines)
 
 
 def timeline_of(stamps: list[int | None], unit_s: float, told_fps: float) -> Timeline:
@@ -84,7 +112,8 @@ def timeline_of(stamps: list[int | None], unit_s: float, told_fps: float) -> Tim
     """
     known = [stamp for stamp in stamps if stamp is not None]
     if len(known) < len(stamps) or len(set(known)) < len(known) or len(known) < 2:
-        return Timeline(told_fps, tuple(range(len(stamps))), timed=False)
+        remark = "its time stamps are missing or repeat: its images are taken at the pace that its header tells"
+        return Timeline(told_fps, tuple(range(len(stamps))), timed=False, remark=remark if len(stamps) > 1 else "")
     ordered = sorted(known)
     times = unit_s * (np.array(ordered, dtype=np.float64) - ordered[0])
     usual_s = float(np.median(np.diff(times)))

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import av
 import numpy as np
+from av.container import InputContainer
 from av.video.reformatter import VideoReformatter
 
 from tracker.arrays import Image
 from tracker.errors import SequenceError
 from tracker.reading._footage import ImageStream
 from tracker.reading._timeline import Timeline, timeline_of
+from tracker.reading.film import film_of, has_clock, hinted_fps, told_of_pictures
 
 FAULTS = (av.FFmpegError, ValueError, OverflowError, MemoryError, EOFError)
 """What PyAV raises of damaged files."""
@@ -27,7 +31,7 @@ class VideoView(ImageStream):
 
     def __init__(self, path: Path, timeline: Timeline) -> None:
         self._path, self._timeline = path, timeline
-        self._frames = _decoded(path, timeline.timed)
+        self._frames = _decoded(path, timeline.film, timeline.timed)
         # A frame that converts itself makes the tables of the conversion anew: 0.4 ms of 2 for a view of 720x576.
         self._convert = VideoReformatter()
         self._stamp, self._image = -(2**63), None  # type: tuple[int, av.VideoFrame | None]
@@ -54,10 +58,10 @@ class VideoView(ImageStream):
         return _upright(self._image, self._convert, self._path)
 
 
-def _decoded(path: Path, timed: bool) -> Iterator[tuple[int, av.VideoFrame]]:
+def _decoded(path: Path, film: int, timed: bool) -> Iterator[tuple[int, av.VideoFrame]]:
     """Time stamps, or numbers where there are none, and images; without those that are damaged."""
     with av.open(str(path), metadata_errors="replace") as container:
-        stream, number, whole = container.streams.video[0], 0, True
+        stream, number, whole = container.streams.video[film], 0, True
         packets = container.demux(stream)
         while True:
             try:
@@ -91,13 +95,14 @@ def _upright(frame: av.VideoFrame, convert: VideoReformatter, path: Path) -> Ima
     return image if quarters % 4 == 0 else np.ascontiguousarray(np.rot90(image, quarters))
 
 
-def timeline(path: Path, name: str, whole: bool) -> Timeline:
+def timeline(path: Path, name: str, whole: bool, size: tuple[int, int] | None = None) -> Timeline:
     """The frames of a file; its packets are read, for headers may lie.
 
     Args:
         path: the file.
         name: of the view, for messages.
         whole: whether nothing may be missing.
+        size: width and height of its images as calibrated, px, by which one of several films is chosen; None for none.
 
     Raises:
         SequenceError: no such file, not a video, or, where nothing may be missing, a truncated one.
@@ -106,28 +111,50 @@ def timeline(path: Path, name: str, whole: bool) -> Timeline:
         raise SequenceError(f'view "{name}": no file {path}')
     try:
         with av.open(str(path), metadata_errors="replace") as container:
-            if not container.streams.video:
-                raise SequenceError(f'view "{name}": {path} has no video stream')
-            stream = container.streams.video[0]
-            told_fps, n_told = float(stream.average_rate or stream.guessed_rate or 0), stream.frames
-            # AVI keeps no time stamps, but places for frames, some of them empty
-            timed = "avi" not in container.format.name
-            packets = (packet for packet in container.demux(stream) if packet.size > 0)
-            held = [(packet.pts if timed else packet.dts, packet.is_discard) for packet in packets]
-            # what an edit list cuts off is still in the file, and counts in the header
-            stamps = [stamp for stamp, cut_off in held if not cut_off]
-            last = held[-1][0] if held and not timed else None
-            n_held = len(held) if last is None else max(len(held), last + 1)
-            unit_s = float(stream.time_base or 0)
+            found = _timeline(container, *film_of(container, size), whole)
+        with av.open(str(path), metadata_errors="replace") as container:
+            told = told_of_pictures(container, container.streams.video[found.film], found.fps)
+            return replace(found, told=(*found.told, *told))
+    except SequenceError as error:
+        raise SequenceError(f'view "{name}": {path} {error}') from error
     except FAULTS as error:
-        told = getattr(error, "strerror", None) or type(error).__name__
-        raise SequenceError(f'view "{name}": {path} is not a video that can be read: {told}') from error
+        told_fault = getattr(error, "strerror", None) or type(error).__name__
+        raise SequenceError(f'view "{name}": {path} is not a video that can be read: {told_fault}') from error
+
+
+def _timeline(container: InputContainer, film: int, remark: str, whole: bool) -> Timeline:
+    stream = container.streams.video[film]
+    told_fps, n_told = float(stream.average_rate or stream.guessed_rate or 0), stream.frames
+    # AVI keeps no time stamps, but places for frames, some of them empty
+    clock, timed = has_clock(container), "avi" not in container.format.name
+    packets = (packet for packet in container.demux(stream) if packet.size > 0)
+    held = [(packet.pts if timed else packet.dts, packet.is_discard, packet.dts) for packet in packets]
+    # what an edit list cuts off is still in the file, and counts in the header
+    stamps = [stamp for stamp, cut_off, _ in held if not cut_off]
+    last = held[-1][0] if held and not timed else None
+    n_held = len(held) if last is None else max(len(held), last + 1)
     if not stamps:
-        raise SequenceError(f'view "{name}": {path} holds no frame')
+        raise SequenceError("holds no frame")
     if whole and n_held < n_told:
         raise SequenceError(
-            f'view "{name}": {path} holds {n_held} of the {n_told} frames that its header tells: it is truncated; '
+            f"holds {n_held} of the {n_told} frames that its header tells: it is truncated; "
             'copy it anew, or set on_missing = "skip"'
         )
-    found = timeline_of(stamps, unit_s, told_fps)
+    told = (remark,) if remark else ()
+    if not clock:
+        numbers = tuple(range(len(stamps)))
+        return Timeline(0.0, numbers, timed=False, film=film, clock=False, hint_fps=hinted_fps(stream), told=told)
+    unit_s = float(stream.time_base or 0)
+    _check_order([at for _, _, at in held if at is not None], unit_s)
+    found = replace(timeline_of(stamps, unit_s, told_fps), film=film, told=told)
     return found if timed else found.numbered()
+
+
+def _check_order(stamps: list[int], unit_s: float) -> None:
+    """Refuses files whose decoding times run back: their images would be sorted into one another."""
+    for before, after in itertools.pairwise(stamps):
+        if after < before:
+            raise SequenceError(
+                f"has time stamps that run back, from {before * unit_s:.3f} to {after * unit_s:.3f} s: were files "
+                "joined byte by byte? Join them anew with a program that makes one clock of theirs"
+            )

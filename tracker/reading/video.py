@@ -15,19 +15,17 @@ from tracker.errors import SequenceError
 from tracker.reading._footage import LEAST_FPS, MOST_FPS, AbsentView, Footage, ImageStream, opened_views
 from tracker.reading._opening import opened, opened_uncalibrated
 from tracker.reading._pictures import Downscale
+from tracker.reading._rates import common_rate, told_of_rates
 from tracker.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
 from tracker.reading._sequence import OpenSequence
 from tracker.reading._streaming import OpenViews
-from tracker.reading._timeline import Timeline, at_one_pace
+from tracker.reading._timeline import at_one_pace
 from tracker.reading._video_view import VideoView, timeline
 
 log = logging.getLogger("tracker")
 
 # Frames of a background clip that its median is taken over.
 _PLATE_FRAMES = 25
-
-_APART_FRAMES = 0.5
-"""Of views by the end of a recording, from which it is said."""
 
 
 @component
@@ -45,7 +43,8 @@ class VideoReading:
     """Cameras to use, in this order; empty for all of the rig."""
 
     offsets: dict[str, int] = pydantic.Field(default_factory=dict)
-    """Frame of a view's file that belongs to frame 0, where it is not 0."""
+    """Frame of a view's file that belongs to frame 0, where it is not 0; of a view of which every second frame is
+    taken, see `fps`, counted in those that are."""
 
     background: PlatePattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most
@@ -66,7 +65,9 @@ class VideoReading:
     or zoomed a little, or the pictures were cut otherwise. The camera must not have been carried elsewhere."""
 
     fps: float | None = pydantic.Field(default=None, ge=LEAST_FPS, le=MOST_FPS, allow_inf_nan=False)
-    """Frames per second; None takes the files' own."""
+    """Frames per second; None takes the files' own. Streams without a container (`.h264`, `.mjpeg`) have none. Where
+    views film at different rates, the lowest one takes every second, third, ... frame of those of twice, three times
+    ... as many."""
 
     start: int = pydantic.Field(default=0, ge=0)
     """First frame."""
@@ -95,34 +96,37 @@ class VideoReading:
     def open(self) -> OpenSequence:
         """Opens all views; see `tracker.reading.Reading.open`."""
         rig = chosen_rig(self.rig, self.views)
-        return opened(self, self._footage(rig.names), rig)
+        return opened(self, self._footage(rig.names, {camera.name: camera.size for camera in rig.cameras}), rig)
 
     def open_uncalibrated(self) -> OpenViews:
         """Opens all views; see `tracker.reading.Reading.open_uncalibrated`."""
-        return opened_uncalibrated(self, self._footage(chosen_names(self.views)))
+        return opened_uncalibrated(self, self._footage(chosen_names(self.views), {}))
 
-    def _footage(self, names: tuple[str, ...]) -> Footage:
+    def _footage(self, names: tuple[str, ...], sizes: dict[str, tuple[int, int]]) -> Footage:
         paths = dict(zip(names, view_paths(self.path, names), strict=True))
         whole = self.on_missing == "error"
-        timelines = at_one_pace(opened_views(names, lambda name: timeline(paths[name], name, whole), self.on_missing))
-        known = [(name, one) for name, one in zip(names, timelines, strict=True) if one]
-        for name, one in known:
-            if one.remark:
-                log.warning('view "%s": %s: %s', name, paths[name], one.remark)
+        found = opened_views(names, lambda name: timeline(paths[name], name, whole, sizes.get(name)), self.on_missing)
+        paced = at_one_pace(found)
+        rates = {name: one for name, one in zip(names, paced, strict=True) if one}
+        fps, every = common_rate(rates, self.fps)
+        timelines = [None if one is None else one.thinned(every[name]) for name, one in zip(names, paced, strict=True)]
+        for name, one in rates.items():
+            for remark in (one.remark, *one.told):
+                if remark:
+                    log.warning('view "%s": %s: %s', name, paths[name], remark)
+        for word in told_of_rates({name: one.thinned(every[name]) for name, one in rates.items()}, fps, self.fps):
+            log.warning("%s", word)
 
         def views() -> tuple[ImageStream, ...]:
             files = zip(paths.values(), timelines, strict=True)
             return tuple(VideoView(path, one) if one else AbsentView() for path, one in files)
 
-        fps = self.fps or _common_fps([(name, one.fps) for name, one in known])
-        if self.fps is None and (apart := _apart([one for _, one in known])):
-            log.warning(apart)
         lengths, places = zip(*((len(one), one.positions) if one else (0, None) for one in timelines), strict=True)
         return Footage(names, fps, lengths, views, plate_of_clip, positions=places)
 
 
 def open_clip(path: Path, name: str) -> tuple[int, float, VideoView]:
-    """Number of frames, frames per second and decoder of one view's file.
+    """Number of frames, frames per second (0 where it has no clock) and decoder of one view's file.
 
     Args:
         path: the video.
@@ -133,28 +137,6 @@ def open_clip(path: Path, name: str) -> tuple[int, float, VideoView]:
     """
     found = timeline(path, name, whole=True)
     return len(found), found.fps, VideoView(path, found)
-
-
-def _common_fps(rates: list[tuple[str, float]]) -> float:
-    lowest, highest = min(rate for _, rate in rates), max(rate for _, rate in rates)
-    if highest - lowest > 0.01 * highest:
-        table = ", ".join(f"{name} {rate:.2f}" for name, rate in rates)
-        raise SequenceError(f"the views have different frame rates ({table} fps): give fps, or convert the files")
-    if highest <= 0:
-        raise SequenceError("the videos do not tell their frame rate: give fps")
-    return rates[0][1]
-
-
-def _apart(timelines: list[Timeline]) -> str:
-    """What is said of views whose frame rates hardly differ, but by frames at the end; empty if they do not."""
-    rates = [one.fps for one in timelines]
-    n_frames = max(map(len, timelines)) * (1 - min(rates) / max(rates)) if max(rates) > 0 else 0.0
-    if n_frames < _APART_FRAMES:
-        return ""
-    return (
-        f"the views have {min(rates):.3f} to {max(rates):.3f} frames a second and are paired by number: at the end "
-        f"they are {n_frames:.1f} frames apart, unless one clock has released them all (fps says that it has)"
-    )
 
 
 def plate_of_clip(path: Path) -> Image:
