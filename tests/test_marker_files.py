@@ -55,6 +55,8 @@ TRC_FORMS: dict[str, str | bytes] = {
     "names with one tab between": trc().replace("LSHO\t\t\tLELB\t\t\tLWRI\t\t", "LSHO\tLELB\tLWRI"),
     "axes that count from another number, as of a part of a file": trc().replace("X1\tY1\tZ1", "X9\tY9\tZ9"),
     "commas for tabs, as of a spreadsheet": trc().replace("\t", ","),
+    "cells in quotes, as of a spreadsheet": trc().replace("LSHO", '"LSHO"').replace("PathFile", " PathFile"),
+    "a script of MATLAB": trc().replace("Frame#", "#Frame"),
     "columns of spaces": re.sub("\t+", "   ", trc()),
     "a value of the header left empty in place": trc(values="100.00\t\t20\t3\tmm\t100.00\t1"),
     "fewer keys, as MOtoNMS writes them": trc(values="100.00\t20\t3\tmm\t100.00\t1").replace("CameraRate\t", ""),
@@ -106,6 +108,13 @@ def test_markers_without_a_name_are_left_out_and_counted(tmp_path, name):
     read = read_markers(written(tmp_path, trc(names=("LSHO", name, "LWRI"))))
     same(read, POINTS[:, [0, 2]], ("LSHO", "LWRI"))
     assert read.remarks == ("a.trc: 1 of 3 markers have no name, and are left out",)
+
+
+def test_names_that_pose2sim_did_not_add_are_left_out_and_counted(tmp_path):
+    """Its markers of the augmentation: 22 names, axes and columns of 65."""
+    read = read_markers(written(tmp_path, trc().replace("\t\t\tLELB\t\t\tLWRI", "")))
+    same(read, POINTS[:, :1], ("LSHO",))
+    assert read.remarks == ("a.trc: 2 of 3 markers have no name, and are left out",)
 
 
 @pytest.mark.parametrize(
@@ -357,6 +366,20 @@ def test_segments_that_ezc3d_writes_are_read(tmp_path):
         content.add_parameter("ROTATION", name, value)
     content.write(str(tmp_path / "a.c3d"))
     same(read_markers(tmp_path / "a.c3d"), np.concatenate([POINTS, POINTS[:, :2]], axis=1), (*NAMES, "a", "b"))
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning", "ignore::RuntimeWarning")  # of the library that writes it
+def test_c3d_of_pose2sim_is_read(tmp_path):
+    """Whole millimetres, as it has the package c3d write them."""
+    writer = c3d.Writer(point_rate=100, analog_rate=0, point_scale=1.0, point_units="mm", gen_scale=-1.0)
+    writer.set_point_labels(NAMES)
+    writer.set_screen_axis(X="+Z", Y="+Y")
+    for frame in POINTS_MM:
+        writer.add_frames([(np.hstack([np.round(frame), np.zeros((3, 2))]), np.array([]))])
+    writer.set_start_frame(0)
+    with (tmp_path / "a.c3d").open("wb") as opened:
+        writer.write(opened)
+    same(read_markers(tmp_path / "a.c3d"), np.round(POINTS_MM) / 1000)
 
 
 C3D_FAULTS: dict[str, tuple[dict[str, object], dict[str, float], str]] = {

@@ -58,9 +58,9 @@ def read_trc(path: Path, unit: str | None = None) -> Markers:
         SequenceError: the file is damaged, or its unit is unknown.
     """
     lines = _LINE_END.split(_text(path).rstrip(_FILE_END))
-    if lines[0].startswith("PathFileType,"):  # of a spreadsheet that put commas for tabs
+    if lines[0].lstrip().startswith("PathFileType,"):  # of a spreadsheet that put commas for tabs
         lines = [line.replace(",", "\t") for line in lines]
-    if not lines[0].startswith("PathFileType") or len(lines) <= _AXES:
+    if not lines[0].lstrip().startswith("PathFileType") or len(lines) <= _AXES:
         raise SequenceError(f"{path}: not a TRC file: expected PathFileType and five lines of header")
     names, rows = _names(path, lines), _rows(path, lines)
     header = _header(path, lines, len(rows), len(names))
@@ -84,7 +84,7 @@ def _text(path: Path) -> str:
 
 
 def _cells(line: str) -> list[str]:
-    return [cell.strip() for cell in (line.split("\t") if "\t" in line else line.split())]
+    return [cell.strip(' "') for cell in (line.split("\t") if "\t" in line else line.split())]
 
 
 def _header(path: Path, lines: list[str], n_rows: int, n_markers: int) -> dict[str, str]:
@@ -130,7 +130,7 @@ def _names(path: Path, lines: list[str]) -> list[str]:
     """Of the markers, in the order of the columns; empty for a column without a name."""
     cells = _cells(lines[_NAMES])
     head = [k for k, cell in enumerate(cells) if cell][:_FIRST_CELLS]
-    if [cells[k].lower().rstrip("#") for k in head] != ["frame", "time"]:
+    if [cells[k].lower().strip("#") for k in head] != ["frame", "time"]:
         told = shortened(lines[_NAMES].strip())
         raise SequenceError(f'{path}: line {_NAMES + 1} is "{told}", expected Frame#, Time and names of markers')
     axes = [_AXIS.sub(r"\1", cell).upper() for cell in _cells(lines[_AXES]) if cell]
