@@ -328,12 +328,15 @@ SEGMENTS = ("pelvis_4X4", "l_thigh_4X4", "l_shank_4X4")
 ROTATION = {"ROTATION:USED": 3, "ROTATION:RATIO": 1, "ROTATION:LABELS": SEGMENTS}
 
 
-@pytest.mark.parametrize("labels", [None, [""]])
-def test_origins_of_segments_stand_for_markers_as_of_theia(tmp_path, labels):
+@pytest.mark.parametrize(
+    ("labels", "left_out"), [(None, ""), ([""], ""), (None, "ROTATION:USED"), (None, "POINT:USED")]
+)
+def test_origins_of_segments_stand_for_markers_as_of_theia(tmp_path, labels, left_out):
     file = C3d()
     told = {"POINT:USED": 0, "POINT:RATE": 100.0, "POINT:FRAMES": 20, "POINT:UNITS": ["mm"], **ROTATION}
     if labels:
         told["POINT:LABELS"] = labels
+    told.pop(left_out, None)
     read = read_markers(written(tmp_path, file.written(told, b"", rotations=rotation_bytes(file, POINTS_MM))))
     same(read, names=SEGMENTS)
     assert [column(name, tmp_path, read) for name in ("pelvis", "l_thigh", "l_shank_4X4")] == [0, 1, 2]

@@ -107,7 +107,7 @@ class FollowJob:
     """Frames from one PLY cloud to the next; 0 for none."""
 
     c3d: bool = False
-    """Write `trajectories.c3d` beside `trajectories.trc`; needs the extra `export`."""
+    """Write `trajectories.c3d` beside `trajectories.trc`; needs the package ezc3d."""
 
     most_markers: int = pydantic.Field(default=500, ge=1)
     """TRC and C3D hold no more points, named ones first, then those seen in most frames: programs that read them have a

@@ -53,7 +53,7 @@ def origins_of(file: C3dFile, n_segments: int, n_frames: int, rate_hz: float) ->
         SequenceError: the file does not say where they are, or has fewer frames than it says.
     """
     own_rate_hz = file.value("ROTATION:RATE", file.value("ROTATION:RATIO", 1.0) * rate_hz)
-    block = file.count("ROTATION:DATA_START")
+    block = file.count("ROTATION:DATA_START", 0 if n_frames else file.data_block)
     if block < 2:
         raise SequenceError(f"{file.path}: ROTATION:DATA_START is missing: where do the rotations of segments begin?")
     start, n_bytes = (block - 1) * BLOCK_BYTES, 4 * _ROTATION_NUMBERS * n_segments
@@ -67,6 +67,11 @@ def origins_of(file: C3dFile, n_segments: int, n_frames: int, rate_hz: float) ->
     placed = numbers.reshape(told, n_segments, _ROTATION_NUMBERS)
     origins: Array = np.where((placed[..., -1] < 0)[..., None], np.nan, placed[..., _ORIGIN])
     return origins, own_rate_hz
+
+
+def n_segments_of(file: C3dFile) -> int:
+    """How many segments it has rotations of."""
+    return file.count("ROTATION:USED", len(file.texts("ROTATION:LABELS")))
 
 
 def first_frame(file: C3dFile) -> int:
@@ -137,5 +142,5 @@ def _data_start(file: C3dFile) -> int:
 
 def _data_end(file: C3dFile, start: int) -> int:
     """Of the points: the file's, or where rotations begin."""
-    rotations = (file.count("ROTATION:DATA_START") - 1) * BLOCK_BYTES if file.count("ROTATION:USED") else 0
+    rotations = (file.count("ROTATION:DATA_START") - 1) * BLOCK_BYTES if n_segments_of(file) else 0
     return max(min(rotations if rotations > start else len(file.content), len(file.content)), start)

@@ -10,7 +10,7 @@ import numpy as np
 from tracker.arrays import Array
 from tracker.errors import SequenceError, shortened
 from tracker.marker_layouts._c3d_file import C3dFile, is_c3d, open_c3d
-from tracker.marker_layouts._c3d_frames import first_frame, origins_of, points_of
+from tracker.marker_layouts._c3d_frames import first_frame, n_segments_of, origins_of, points_of
 from tracker.marker_layouts._units import metres_per_unit
 from tracker.markers import Markers, metres_in, without_gaps
 
@@ -34,7 +34,7 @@ def read_c3d(path: Path, unit: str | None = None) -> Markers:
     """
     file = open_c3d(path)
     rate_hz, remarks = _rate(file)
-    n_points, n_segments = file.count("POINT:USED", file.n_points), file.count("ROTATION:USED")
+    n_points, n_segments = file.count("POINT:USED", file.n_points), n_segments_of(file)
     if not n_points and not n_segments:
         held = ": analog signals alone" if file.count("ANALOG:USED", file.n_analog) else ""
         raise SequenceError(f"{path}: POINT:USED is 0: no markers in it{held}")

@@ -1,4 +1,4 @@
-"""Markers and segments for Visual3D, Mokka, MATLAB and others that read C3D; needs the extra `export`."""
+"""Markers and segments for Visual3D, Mokka, MATLAB and others that read C3D; needs the package ezc3d."""
 
 from __future__ import annotations
 
