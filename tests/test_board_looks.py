@@ -58,7 +58,8 @@ def mirrored(image: Image) -> Image:
         (chessboard(9, 6), Pattern(8, 6), "with columns = 9"),
         (chessboard(9, 6), Pattern(5, 3), "with columns = 9, rows = 6"),
         (255 - chessboard(9, 6), Pattern(9, 6), "with inverted = true"),
-        (np.full((300, 300), 90, np.uint8), CHARUCO, "blank or blurred"),
+        (charuco(5, 6), Pattern(5, 6), 'dictionary = "4x4_50", marker_m = the side'),
+        (np.full((300, 300), 90, np.uint8), CHARUCO, "^$"),
     ],
 )
 def test_another_board_is_named_as_a_configuration_names_it(board: Image, wanted: Pattern, words: str) -> None:
@@ -92,7 +93,9 @@ def test_markers_without_corners_are_told() -> None:
     markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     for k, (x, y) in enumerate([(20, 30), (210, 70), (380, 20), (60, 250), (330, 230)]):
         picture[y : y + 60, x : x + 60] = cv2.aruco.generateImageMarker(markers, k, 60)
-    assert "5 markers of 4x4_50 are seen in a picture, and no corners between them" in told_of([picture], CHARUCO)
+    assert "5 markers of 4x4_50 are seen in a picture, 0 to 4, and no corners" in told_of([picture], CHARUCO)
+    noise = np.random.default_rng(0).integers(0, 255, picture.shape).astype(np.uint8)
+    assert told_of([noise], CHARUCO) == ""
 
 
 def test_a_part_of_a_larger_chessboard_is_not_taken_for_one() -> None:
@@ -116,7 +119,7 @@ def test_the_pictures_tell_the_side_of_a_marker() -> None:
     search = BoardSearch(("left",), [Pattern(4, 3, 0.6, "4x4_50")], SQUARE_M, False)
     for k, picture in enumerate(pictures[:4]):
         search.look(0, k, picture)
-    with pytest.raises(CalibrationError, match=r"is 0\.60 of square_m, and in the pictures 0\.7.*marker_m = 0\.03"):
+    with pytest.raises(CalibrationError, match=r"is 0\.60 of square_m, and in the pictures 0\.7.*about 0\.03"):
         search.look(0, 4, pictures[4])
     assert len(search.seen) == 4
 
@@ -176,6 +179,15 @@ def test_a_legacy_board_is_found_by_itself(tmp_path: Path) -> None:
     job = load_calibration(path, "chessboard", ["calibration.legacy=false"])
     with pytest.raises(CalibrationError, match=r'view "left": the board is seen in 0 frames.*with legacy = true'):
         job.calibration.calibrate(job.open(), silent)
+
+
+def test_a_view_that_sees_nothing_beside_others_that_do_is_told() -> None:
+    search = BoardSearch(("left", "right"), [Pattern(6, 4)], SQUARE_M, False)
+    for frame in range(3):
+        search.look(0, frame, seen(chessboard(6, 4)))
+        search.look(1, frame, np.full((360, 480), 90, np.uint8))
+    with pytest.raises(CalibrationError, match=r'"right": the board is seen in 0 .*never whole before this camera'):
+        search.finish()
 
 
 def test_another_board_is_told_before_the_recording_has_ended(tmp_path: Path) -> None:

@@ -92,3 +92,8 @@ def test_lengths_that_are_no_metres_are_told_at_the_configuration(kind, table, w
     path.write_text(f'[reading]\nuse = "video"\npath = "{{view}}.mp4"\nviews = ["a", "b"]\n[calibration]\n{table}\n')
     with pytest.raises(ConfigError, match=words):
         load_calibration(path, kind)
+
+
+def test_a_focal_length_in_millimetres_is_told():
+    with pytest.raises(CalibrationError, match=r"focal_px = 8 .*at least 115 for 768x576 px.*sensor's width in mm"):
+        calibration(focal_px=8.0).calibrate_images(images_of(recorded(13, 8)))

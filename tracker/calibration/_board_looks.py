@@ -74,17 +74,19 @@ def _quoted(value: int | str) -> str:
 
 
 def told_of(pictures: Sequence[Image], wanted: Pattern) -> str:
-    """What pictures without the wanted board show instead; a question where that is nothing."""
+    """What pictures without the wanted board show instead; empty where that is nothing."""
     found = sighting(pictures, wanted)
     if found is not None:
         return found.told(wanted)
-    markers = max((len(numbers) for picture in pictures for numbers in _own_markers(picture, wanted)), default=0)
-    if markers >= _FEWEST_MARKERS:
-        return (
-            f"{markers} markers of {wanted.dictionary} are seen in a picture, and no corners between them, whatever "
-            "columns and rows are: is the board flat, large enough in the pictures, and a ChArUco board?"
-        )
-    return "are the images blank or blurred, or columns, rows and dictionary not those of the board?"
+    markers = [seen for picture in pictures for seen in _lonely_markers(plain_grey(picture))]
+    if not markers:
+        return ""
+    dictionary, numbers = max(markers, key=lambda seen: len(seen[1]))
+    return (
+        f"{len(numbers)} markers of {dictionary} are seen in a picture, {numbers.min()} to {numbers.max()}, and "
+        "no corners between them, whatever columns and rows are: a ChArUco board is needed, its markers numbered from "
+        "0, flat and large in the pictures"
+    )
 
 
 def sighting(pictures: Sequence[Image], wanted: Pattern) -> Sighting | None:
@@ -95,8 +97,7 @@ def sighting(pictures: Sequence[Image], wanted: Pattern) -> Sighting | None:
         wanted: the pattern of the configuration; what is nearer to it is preferred.
     """
     for picture in map(plain_grey, pictures):
-        tries = _chessboards, _charucos
-        for tried in tries if wanted.marker is None else tries[::-1]:
+        for tried in (_charucos, _chessboards):  # of a ChArUco board, a plain one is seen as well
             found = list(tried(picture, wanted))
             if found:
                 return max(found, key=lambda one: (one.n_corners, -_apart(one.pattern, wanted)))
@@ -163,20 +164,20 @@ def _markers(shown: Image, dictionary: str) -> tuple[Sequence[Array], Integers]:
     return corners, np.zeros(0, dtype=np.int32) if numbers is None else numbers
 
 
-def _own_markers(picture: Image, wanted: Pattern) -> Iterator[Integers]:
-    """Numbers of the wanted markers in a picture."""
-    if wanted.marker is not None:
-        grey = plain_grey(picture)
-        yield _markers(255 - grey if wanted.inverted else grey, wanted.dictionary)[1]
+def _lonely_markers(grey: Image) -> Iterator[tuple[str, Integers]]:
+    """Dictionaries and numbers of markers that a picture shows, of small dictionaries, which are not seen by chance."""
+    for shown, names in itertools.product((grey, 255 - grey), families().values()):
+        numbers = _markers(shown, names[0])[1]
+        if len(numbers) > _FEWEST_MARKERS:
+            yield names[0], numbers
 
 
 def _layouts(last: int, names: list[str], wanted: Pattern) -> Iterator[Pattern]:
     """Patterns that have a marker number `last`, of every width; the wanted number of rows where it has it."""
     marker = wanted.marker or _USUAL_MARKER
     for columns, legacy in itertools.product(_WIDTHS, (False, True)):
-        liked = [
-            r for r in (wanted.rows, wanted.columns) if r >= 3 and columns * r // 2 > last and not (legacy and r % 2)
-        ]
+        sides = wanted.size if columns == wanted.rows else wanted.size[::-1]
+        liked = [rows for rows in sides if columns * rows // 2 > last and not (legacy and rows % 2)]
         fewest = max(3, -(-2 * (last + 1) // columns))
         rows = liked[0] if liked else fewest + (fewest % 2 if legacy else 0)
         pattern = Pattern(columns, rows, marker, names[-1], legacy)

@@ -62,13 +62,17 @@ class BoardSearch:
 
     def finish(self) -> None:
         """Looks, where a view has shown too few boards, what it shows instead."""
+        counts = [sum(v == view for v, _ in self.seen) for view in range(len(self._names))]
         for view, name in enumerate(self._names):
-            n_boards = sum(v == view for v, _ in self.seen)
-            if n_boards < FEWEST_BOARDS:
-                raise CalibrationError(
-                    f'view "{name}": the board is seen in {n_boards} frames, expected at least {FEWEST_BOARDS}; '
-                    f"{told_of(self._kept[view], self.patterns[0])}"
-                )
+            if counts[view] >= FEWEST_BOARDS:
+                continue
+            question = "are its images blank or blurred, or was the board never whole before this camera?"
+            if max(counts) < FEWEST_BOARDS:
+                question = "are the images blank or blurred, or columns, rows and dictionary not those of the board?"
+            raise CalibrationError(
+                f'view "{name}": the board is seen in {counts[view]} frames, expected at least {FEWEST_BOARDS}; '
+                f"{told_of(self._kept[view], self.patterns[0]) or question}"
+            )
 
     def _found(self, image: Image) -> tuple[Integers, Array]:
         """Numbers and pixels of the corners by the pattern that sees most; its rivals are left out from then on."""
@@ -110,7 +114,7 @@ class BoardSearch:
         if len(self._shares) == _SHARES and abs(middle / told - 1) > _AT_ODDS:
             raise CalibrationError(
                 f"marker_m is {told:.2f} of square_m, and in the pictures {middle:.2f}: measure both again; if "
-                f"square_m = {self._square_m:g} is right, marker_m = {middle * self._square_m:.3g}"
+                f"square_m = {self._square_m:g} is right, marker_m is about {middle * self._square_m:.2g}"
             )
 
     def _keep(self, view: int, image: Image) -> None:

@@ -14,7 +14,7 @@ from tracker.calibration._advice import advice
 from tracker.calibration._bar_images import BarImages, measure_bar
 from tracker.calibration._bundle import Observations, State
 from tracker.calibration._calibrated import Calibrated, Measure
-from tracker.calibration._lengths import bar_fault
+from tracker.calibration._lengths import bar_fault, focal_fault
 from tracker.calibration._objects import Bars, transformed
 from tracker.calibration._self_calibration import chosen_unknowns, self_calibrated
 from tracker.calibration._start import bar_observations, start_values
@@ -165,6 +165,8 @@ class ReferenceBarCalibration:
                 raise CalibrationError(f'focal_px: none for view "{name}"; give one for every view, or none at all')
             if given is not None and not given > 0:
                 raise CalibrationError(f'focal_px = {given:g} for view "{name}", expected a positive number of px')
+            if given is not None and (fault := focal_fault(given, name, size)):
+                raise CalibrationError(fault)
             states.append(nominal_state(size, factor * (given if given is not None else size[0])))
         return np.stack(states)
 

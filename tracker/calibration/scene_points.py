@@ -14,6 +14,7 @@ from tracker.calibration._adjustment import Adjustment
 from tracker.calibration._advice import advice
 from tracker.calibration._bundle import Observations, State
 from tracker.calibration._calibrated import Calibrated, Measure
+from tracker.calibration._lengths import focal_fault
 from tracker.calibration._objects import MeasuredPoints
 from tracker.calibration._self_calibration import chosen_unknowns, self_calibrated
 from tracker.calibration._states import nominal_state, pinhole_of
@@ -81,6 +82,8 @@ class ScenePointsCalibration:
             raise CalibrationError(f"{self.points}: a point has no x, y or z")
         cameras = []
         for name, size, seen in zip(views.names, views.sizes, pixels, strict=True):
+            if fault := focal_fault(self.focal_px, name, size):
+                raise CalibrationError(fault)
             cameras.append(self._resected(name, nominal_state(size, self.focal_px), positions, seen))
         numbers, shown = np.nonzero(np.isfinite(pixels).all(axis=2).T)
         images = np.ascontiguousarray(np.swapaxes(pixels, 0, 1)[numbers, shown])

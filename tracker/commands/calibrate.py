@@ -41,6 +41,6 @@ def _calibrate(config: Path, kind: Kind, output: Path | None, overrides: list[st
 
     job = load_calibration(config, kind, overrides or [])
     outcome = done(job, output)
-    console.print(report_text(job.name, outcome.calibrated), highlight=False)
+    console.print(report_text(job.name, outcome.calibrated), highlight=False, soft_wrap=True)
     told = f"rig: {outcome.folder / 'rig.toml'}, report: {outcome.folder / 'report.html'}"
     console.print(told, highlight=False, soft_wrap=True)
