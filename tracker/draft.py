@@ -107,7 +107,7 @@ def _remarks(footage: tuple[Footage, ...], found: FoundRig | None, unused: list[
             + ", ".join(f"{one.view} {one.fps:.4g}" for one in footage)
             + "; `bodytrack run THIS --dry-run` says which of them can be read together"
         )
-    if not numbered and any(one.fps == 0 for one in footage):
+    if any(one.fps == 0 and "{frame}" not in one.path.name for one in footage):
         yield "videos without a container have no clock: set `fps` to the frames a second that the cameras filmed at"
     if len({one.n_frames for one in footage}) > 1 and not different:
         yield "the views have different numbers of frames: `offsets` and `stop` make them fit"
