@@ -69,8 +69,9 @@ def test_cameras_of_vicon(tmp_path: Path) -> None:
         assert_equal(found.rig, rig, 1e-9)
         assert "markers alone" in found.left_out["11"]
         assert "no <KeyFrame>" in found.left_out["12"]
-    (tmp_path / "markers.xcp").write_text(xcp(marker))
-    assert load_rig(tmp_path / "markers.xcp").names == ("11",)
+    markers = [vicon_camera(one, TYPE="DxCore41", DISPLAY_TYPE="T40-S") for one in sample_rig("11", "12").cameras]
+    (tmp_path / "markers.xcp").write_text(xcp(*markers))
+    assert load_rig(tmp_path / "markers.xcp").names == ("11", "12")
 
 
 def imaged_by_vicon(ideal: np.ndarray, centre: np.ndarray, radial: tuple[float, ...]) -> np.ndarray:
@@ -251,7 +252,7 @@ def test_lenses_without_a_pose_are_left_out_by_name_in_every_layout(tmp_path: Pa
         ("rig.toml", json.dumps({"cameras": entries()}), "json"),
         ("calibration.txt", QUALISYS, "qualisys"),
         ("calib", FREEMOCAP, "freemocap"),
-        ("rig.json", xcp(vicon_camera(sample_rig("1").cameras[0])), "vicon"),
+        ("rig.json", xcp(*(vicon_camera(one) for one in sample_rig("1", "2").cameras)), "vicon"),
         ("camera.calib", json.dumps(panoptic()), "panoptic"),
     ],
 )
@@ -325,6 +326,13 @@ def test_folders_of_other_programs_are_named(tmp_path: Path, names: tuple[str, .
         load_rig(tmp_path)
 
 
+def test_a_folder_is_read_although_another_file_lies_in_it(tmp_path: Path) -> None:
+    save_rig(sample_rig("A", "B"), tmp_path / "rig", "opencv")
+    for name in ("cameras.txt", "stereo.xml", "captury.calib"):
+        (tmp_path / "rig" / name).write_text(str(OTHERS[name][0]))
+    assert load_rig(tmp_path / "rig").names == ("A", "B")
+
+
 def test_a_reconstruction_of_colmap_in_its_folders(tmp_path: Path) -> None:
     (tmp_path / "sparse" / "0").mkdir(parents=True)
     for name in ("cameras.bin", "images.bin"):
@@ -335,9 +343,14 @@ def test_a_reconstruction_of_colmap_in_its_folders(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_has_a_calibration_names_it(tmp_path: Path) -> None:
-    save_rig(sample_rig("A"), tmp_path / "rig.toml")
+    save_rig(sample_rig("A", "B"), tmp_path / "rig.toml")
     (tmp_path / "run.toml").write_text(str(OTHERS["run.toml"][0]))
-    with pytest.raises(CalibrationError, match=r"a folder; name the calibration in it: rig\.toml$"):
+    with pytest.raises(CalibrationError, match=r": give the path of the calibration in this folder: rig\.toml$"):
+        load_rig(tmp_path)
+    (tmp_path / "cameras.xml").write_text(str(OTHERS["cameras.xml"][0]))
+    with pytest.raises(
+        CalibrationError, match=r"Metashape.*; or give the path of the calibration in this folder: rig\.toml$"
+    ):
         load_rig(tmp_path)
 
 

@@ -159,18 +159,17 @@ def _detected(path: Path) -> tuple[str, Layout]:
     if not path.exists():
         raise CalibrationError(f"{path}: no such file or folder")
     try:
-        if told := other_program(path):
-            raise CalibrationError(f"{path}: {told}")
-        use = next((use for use, layout in layouts.items() if layout.detects(path)), None)
+        other = other_program(path)
+        use = None if other else next((use for use, layout in layouts.items() if layout.detects(path)), None)
         if use is not None:
             return use, layouts[use]
-        files = sorted(path.iterdir()) if path.is_dir() else []
-        files = [p for p in files if not other_program(p)]
+        files = [p for p in sorted(path.iterdir()) if not other_program(p)] if path.is_dir() else []
         inside = [p.name for p in files if any(layout.detects(p) for layout in layouts.values())]
     except OSError as error:
         raise CalibrationError(f"{path}: {os_fault(error)}") from error
-    if inside:
-        raise CalibrationError(f"{path}: a folder; name the calibration in it: {', '.join(inside[:_NAMED])}")
+    if other or inside:
+        named = f"give the path of the calibration in this folder: {', '.join(inside[:_NAMED])}" if inside else ""
+        raise CalibrationError(f"{path}: {'; or '.join(line for line in (other, named) if line)}")
     shapes = "; ".join(layout.shape for layout in layouts.values())
     found = f" (XML of <{shortened(tag)}>)" if (tag := xml_tag(path)) else ""
     raise CalibrationError(f"{path}: not a calibration that is known{found}, expected {shapes}")

@@ -118,13 +118,16 @@ def other_program(path: Path) -> str:
     inside = path / "sparse" / "0" if (path / "sparse" / "0").is_dir() else path
     if (inside / "cameras.bin").is_file() and (inside / "images.bin").is_file():
         return f"COLMAP's reconstruction: {_NO_UNIT}"
-    files = [file for file in sorted(inside.iterdir())[:_MOST_FILES] if file.suffix.lower() in _IN_FOLDERS]
+    there = sorted(inside.iterdir())[:_MOST_FILES]
+    # where there is YAML it is the calibration, and the layout opencv would read it
+    kinds = next((kinds for kinds in _IN_FOLDERS if any(file.suffix.lower() in kinds for file in there)), ())
+    files = [file for file in there if file.suffix.lower() in kinds]
     looks = [(lenient_text(file), xml_tag(file)) for file in files]
     return next((other.told for other in _OTHERS for look in looks if other.made(*look)), "")
 
 
-_IN_FOLDERS = (".txt", ".yml", ".yaml", ".xml", ".calib")
-"""Files of which several, in a folder, make one calibration."""
+_IN_FOLDERS = (".yml", ".yaml"), (".txt", ".xml", ".calib")
+"""Files of which several, in a folder, make one calibration; the second where there is none of the first."""
 
 
 def _file(path: Path) -> str:
