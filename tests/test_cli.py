@@ -147,6 +147,33 @@ def test_a_name_that_the_terminal_cannot_show_is_written_out():
     assert (done.returncode, done.stdout, done.stderr) == (0, "Zo\\xeb \\u20ac\n", "")
 
 
+NOISE = """
+import logging, os, sys, warnings
+import numpy
+from tracker.cli import app, main
+
+@app.command()
+def noisy():
+    warnings.warn("a library's warning")
+    numpy.nanmean(numpy.array([numpy.nan]))
+    logging.getLogger("matplotlib").warning("a library's log")
+    os.write(2, b"compiled code\\n")
+    logging.getLogger("tracker").warning("rig.toml: a camera is left out")
+    print("a word", file=sys.stderr)
+
+main()
+"""
+
+
+def test_what_libraries_warn_of_does_not_reach_the_terminal():
+    command = [sys.executable, "-c", NOISE, "noisy"]
+    quiet = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert quiet.stderr.splitlines() == ["look: rig.toml: a camera is left out", "a word"]
+    shown = subprocess.run([*command, "--debug"], capture_output=True, text=True, check=True)
+    for noise in ("a library's warning", "RuntimeWarning", "a library's log", "compiled code"):
+        assert noise in shown.stderr, shown.stderr
+
+
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["calibrate", "--help"], ["--version"]])
 def test_what_the_command_line_is_like_is_told_without_loading_libraries(arguments):
     script = "import sys\nfrom tracker.cli import app\napp(standalone_mode=False)\nprint(*sys.modules, file=sys.stderr)"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -16,7 +17,7 @@ from tracker.doubts import Doubts
 from tracker.errors import ConfigError, TrackerError
 from tracker.forecast import Forecast, forecast
 from tracker.jobs import job_from, load_job
-from tracker.jobs.track import TrackJob
+from tracker.jobs.track import TrackJob, TrackOutcome
 from tracker.simulation.sequence import Recipe
 from tracker.simulation.sequence_files import write_sequence
 
@@ -107,3 +108,19 @@ def test_what_would_end_the_run_is_said(config, tmp_path):
     job = load_job("track", config, ["initialization.use=given", "initialization.poses=nowhere.csv"])
     with pytest.raises(TrackerError, match=r"nowhere\.csv"):
         forecast(job)
+
+
+@pytest.mark.parametrize("dry", [True, False])
+def test_where_nobody_is_found_nothing_is_estimated_and_the_code_says_so(config, monkeypatch, tmp_path, dry):
+    """The command ends with 2; one frame in which somebody was found is enough for an estimate."""
+    lost = Doubts(n_frames=5, lost=(0, 1, 2, 3, 4), why_unfound="no foreground")
+    monkeypatch.setattr("tracker.forecast.forecast", lambda job, progress: Forecast(5, 4, 1.0, 0.5, lost))
+    monkeypatch.setattr("tracker.commands.run.done", lambda *_: TrackOutcome(tmp_path, 5, lost))
+    told = CliRunner().invoke(app, ["run", str(config), *(["--dry-run"] if dry else [])])
+    assert told.exit_code == 2
+    assert "nobody was found: no foreground" in told.output
+    assert "take about" not in told.output
+    some = replace(lost, lost=(0, 1, 2, 3), found=frozenset({"person1"}))
+    monkeypatch.setattr("tracker.forecast.forecast", lambda job, progress: Forecast(5, 4, 1.0, 0.5, some))
+    monkeypatch.setattr("tracker.commands.run.done", lambda *_: TrackOutcome(tmp_path, 5, some))
+    assert CliRunner().invoke(app, ["run", str(config), *(["--dry-run"] if dry else [])]).exit_code == 0

@@ -30,7 +30,7 @@ from tracker.commands.show import show
 from tracker.commands.simulate import simulate
 from tracker.commands.smooth import smooth
 from tracker.commands.surface import measure
-from tracker.commands.terminal import console, print_any_sign, print_error
+from tracker.commands.terminal import console, print_any_sign, print_error, quiet_libraries
 from tracker.commands.view import view
 from tracker.commands.warmup import warmup
 from tracker.errors import ConfigError, TrackerError, os_fault
@@ -59,6 +59,8 @@ def main() -> None:
     """Entry point: every error is one line; exit code 2 for what a user can cause, 1 for what is our fault."""
     options, sys.argv[1:] = _split(sys.argv[1:])
     print_any_sign()
+    if _DEBUG not in options:
+        quiet_libraries()
     signal.signal(signal.SIGTERM, _interrupt)
     ask_before_plugins(_refuse_plugin if _NO_PLUGINS in options else _tell_plugin)
     try:

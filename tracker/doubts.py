@@ -147,6 +147,11 @@ class Doubts:
         return not (self.lost or self.doubtful or self.ambiguous or self.turned_round or self.unlikely)
 
     @property
+    def nobody(self) -> bool:
+        """Whether everybody is lost in every frame."""
+        return self.n_frames > 0 and not self.found
+
+    @property
     def unlikely(self) -> tuple[str, ...]:
         """Persons whose start pose is rather wrong than right, but for those whose given one is told to be so."""
         told = self.turned_round

@@ -40,7 +40,7 @@ def batch(
     states = {summary.state for summary in summaries}
     if states & {"interrupted", "waiting"}:
         raise typer.Exit(130)
-    if "failed" in states:
+    if "failed" in states or any(one.n_frames and one.n_lost == one.n_frames for one in summaries):
         raise typer.Exit(2)
 
 

@@ -38,8 +38,7 @@ def run(
         return
     outcome = done(job, output, resume)
     _print_tracked(outcome)
-    if outcome.interrupted:
-        raise typer.Exit(130)
+    _end_with(outcome)
 
 
 def demo(
@@ -55,8 +54,15 @@ def demo(
     _print_tracked(outcome.result)
     if outcome.evaluation is not None:
         print_evaluation(outcome.evaluation)
-    if outcome.result.interrupted:
+    _end_with(outcome.result)
+
+
+def _end_with(outcome: TrackOutcome) -> None:
+    """Ends with a code that says so where a run was interrupted, or found nobody in any frame."""
+    if outcome.interrupted:
         raise typer.Exit(130)
+    if outcome.doubts.nobody:
+        raise typer.Exit(2)
 
 
 def _print_forecast(job: TrackJob) -> None:
@@ -64,6 +70,10 @@ def _print_forecast(job: TrackJob) -> None:
 
     with ProgressBar() as progress:
         told = forecast(job, progress=progress)
+    if told.doubts.nobody:
+        _print_doubts(told.doubts)
+        console.print("how long all frames take is not told, for nobody was found; nothing was written")
+        raise typer.Exit(2)
     console.print(
         f"{told.n_views} views, {told.n_frames} frames; of the first ones: start {told.start_s:.1f} s, then "
         f"{1000 * told.frame_s:.0f} ms a frame",

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import io
+import logging
+import os
 import re
 import sys
+import warnings
 from collections.abc import Iterable
 from types import TracebackType
 
@@ -46,6 +49,34 @@ def print_any_sign() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+
+
+def quiet_libraries() -> None:
+    """Keeps off the terminal what libraries warn of: decoders of pictures in C, numpy, numba, matplotlib, FFmpeg.
+
+    What this program logs where no file takes it down is told in a line of its own. What is written by compiled code
+    to the descriptor of the standard error goes nowhere, only Python writes there from now on.
+    """
+    if not sys.warnoptions:  # whoever asks Python for warnings gets them
+        warnings.simplefilter("ignore")
+    logging.lastResort = _Remarks(logging.WARNING)
+    try:
+        ours = os.dup(2)
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 2)
+        os.close(nowhere)
+    except OSError:  # no standard error at all
+        return
+    kept = sys.stderr.encoding, sys.stderr.errors
+    sys.stderr = open(ours, "w", buffering=1, encoding=kept[0], errors=kept[1])  # noqa: PTH123, SIM115 - till the end
+
+
+class _Remarks(logging.Handler):
+    """Tells what this program logs, and nothing of libraries."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.name.partition(".")[0] == "tracker":
+            Console(stderr=True).print(marked("look", record.getMessage()), soft_wrap=True, highlight=False)
 
 
 _WIDE = 100
