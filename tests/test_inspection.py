@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from recordings import small_simulation
 
-from tracker.arrays import Array
+from tracker.arrays import Array, Image
 from tracker.camera import Camera
 from tracker.components import available, find
 from tracker.frame import Frame
-from tracker.inspection import Inspection, Survey, findings, survey
+from tracker.inspection import Inspection, Survey, findings, other_colours, survey
 from tracker.inspection._survey import N_FRAMES
 from tracker.plate import Plate
 from tracker.reading.video import VideoReading
@@ -283,3 +283,21 @@ def test_images_that_were_averaged_too_far(simulation: Simulation, frames: tuple
     rig = Rig(tuple(replace(camera, downscale=2) for camera in simulation.scene.rig.cameras))
     (line,) = told(frames, Scene(simulation.scene.persons, rig), simulation.plates)
     assert re.match(r"reading.downscale = 2 leaves persons 1\d\d px high .*; leave it out, or set it to 1$", line)
+
+
+@pytest.mark.parametrize("grey", ["images", "plates"])
+def test_plates_of_other_colours_than_the_images_are_named(
+    simulation: Simulation, frames: tuple[Frame, ...], grey: str
+) -> None:
+    def greyed(image: Image) -> Image:
+        return np.repeat(image.mean(axis=2, keepdims=True), 3, axis=2).astype(np.uint8)
+
+    shown, plates = frames[:3], simulation.plates
+    assert other_colours(survey(shown, simulation.scene, plates)) == ""
+    if grey == "images":
+        shown = tuple(replace(one, images=tuple(map(greyed, one.images))) for one in shown)
+    else:
+        plates = tuple(replace(one, picture=greyed(one.picture)) for one in plates)
+    fault = other_colours(survey(shown, simulation.scene, plates))
+    assert fault.startswith(f"the plates of {', '.join(simulation.scene.rig.names)} are")
+    assert "take plates with the cameras set as they recorded" in fault

@@ -11,9 +11,10 @@ from typing import Protocol, runtime_checkable
 
 from tracker.components import available, find
 from tracker.inspection._arrival import first_in_view
+from tracker.inspection._colours import other_colours
 from tracker.inspection._survey import Survey, survey
 
-__all__ = ["Inspection", "Survey", "findings", "first_in_view", "survey"]
+__all__ = ["Inspection", "Survey", "findings", "first_in_view", "other_colours", "survey"]
 
 
 @runtime_checkable

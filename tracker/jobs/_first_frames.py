@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from tracker.inspection import findings, first_in_view, survey
+from tracker.errors import SequenceError
+from tracker.inspection import findings, first_in_view, other_colours, survey
 from tracker.jobs._persons import OpenedTrack, frames_in_view
 from tracker.tracking.cycle import Cycle
 from tracker.world import told_world
@@ -15,13 +16,19 @@ def looked_at(opened: OpenedTrack, cycle: Cycle, stride: int) -> tuple[str, ...]
         opened: the recording and the persons.
         cycle: with the plates, and the frame from which on persons are looked for; told what takes long.
         stride: of the frames that are read, in frames of the recording.
+
+    Raises:
+        SequenceError: images are grey and plates are not, or the other way round.
     """
     if opened.done:
         return ()
     cycle.progress(told_world(opened.sequence.rig))
     cycle.progress("looking at the first frames")
     frames = frames_in_view(opened.sequence.frames, cycle)
-    return findings(survey(frames, opened.scene, cycle.plates, stride))
+    seen = survey(frames, opened.scene, cycle.plates, stride)
+    if fault := other_colours(seen):
+        raise SequenceError(fault)
+    return findings(seen)
 
 
 def first_sought(opened: OpenedTrack, cycle: Cycle, start: int, passes: int) -> int:
