@@ -21,8 +21,8 @@ def other_colours(seen: Survey) -> str:
         return ""
     kinds = "in colour, the images of the recording grey" if grey else "grey, the images of the recording in colour"
     return (
-        f"the plates of {', '.join(grey or coloured)} are {kinds}: take plates with the cameras set as they recorded, or "
-        "leave `background` out"
+        f"the plates of {', '.join(grey or coloured)} are {kinds}: take plates with the cameras set as they recorded, "
+        "or leave `background` out"
     )
 
 
