@@ -190,6 +190,16 @@ def test_a_view_that_sees_nothing_beside_others_that_do_is_told() -> None:
         search.finish()
 
 
+def test_a_checkered_floor_does_not_end_the_search() -> None:
+    """The board may come later; at the end the floor is told, for want of another."""
+    search = BoardSearch(("left",), [Pattern(9, 6)], SQUARE_M, False)
+    for frame in range(16):
+        search._keep(0, seen(chessboard(4, 4)) if frame % 4 == 3 else np.full((360, 480), 90, np.uint8))
+    search.after(16)
+    with pytest.raises(CalibrationError, match="with columns = 4, rows = 4"):
+        search.finish()
+
+
 def test_another_board_is_told_before_the_recording_has_ended(tmp_path: Path) -> None:
     board = chessboard(6, 4)
     path = recording(tmp_path, board, shown_about(board, 4), "columns = 7\nrows = 5\n")

@@ -30,6 +30,8 @@ _WIDTHS = range(3, 21)
 """Squares in a row that are tried."""
 _USUAL_MARKER = 0.75
 """Side of a marker in squares, where none is told: as most generators print them."""
+_NEAR = 2
+"""Columns and rows together by which a chessboard differs whose squares were counted, or half of them, for corners."""
 _LARGE_PX = 20.0
 """A marker's side from which on its share of a square is measured: to some per cent."""
 
@@ -41,6 +43,11 @@ class Sighting:
     pattern: Pattern
     n_corners: int
     mirrored: bool = False
+
+    def is_meant(self, wanted: Pattern) -> bool:
+        """Whether it can only be the wanted board: another chessboard may be the floor of the room, or its tiles."""
+        alike = (self.pattern.marker is None) == (wanted.marker is None)
+        return self.pattern.marker is not None or (alike and _apart(_as_wanted(self.pattern, wanted), wanted) <= _NEAR)
 
     def told(self, wanted: Pattern) -> str:
         """The lines of a configuration that differ from those of the pattern wanted, and what they see."""

@@ -57,7 +57,7 @@ class BoardSearch:
         if self.seen or n_frames not in _LOOKED_AGAIN:
             return
         found = sighting([picture for kept in self._kept for picture in kept[-_LOOKED_AT:]], self.patterns[0])
-        if found is not None:
+        if found is not None and found.is_meant(self.patterns[0]):
             raise CalibrationError(f"no view shows the board in {n_frames} frames; {found.told(self.patterns[0])}")
 
     def finish(self) -> None:
