@@ -74,4 +74,4 @@ def test_a_start_in_threads_is_that_of_a_loop(started, monkeypatch):
         assert one.sureness == pytest.approx(other.sureness, rel=SINGLE)
         for mine, its in zip(one.hypotheses[0], other.hypotheses[0], strict=True):
             assert_alike(mine.q, its.q, SINGLE)
-            assert (mine.distance_px, mine.left_over) == (its.distance_px, its.left_over)
+            assert (mine.distance_px, mine.left_over) == pytest.approx((its.distance_px, its.left_over), rel=SINGLE)
