@@ -108,6 +108,10 @@ def test_markers_without_a_name_are_left_out_and_counted(tmp_path, name):
     read = read_markers(written(tmp_path, trc(names=("LSHO", name, "LWRI"))))
     same(read, POINTS[:, [0, 2]], ("LSHO", "LWRI"))
     assert read.remarks == ("a.trc: 1 of 3 markers have no name, and are left out",)
+    with pytest.raises(
+        ConfigError, match=r'no marker "LELB"; .*; a\.trc: 1 of 3 markers have no name, and are left out'
+    ):
+        column("LELB", Path("set.toml"), read)
 
 
 def test_names_that_pose2sim_did_not_add_are_left_out_and_counted(tmp_path):

@@ -124,7 +124,8 @@ def column(name: str, path: Path, recording: Markers) -> int:
     if len(found) == 1:
         return found[0]
     if not found:
-        raise ConfigError(f'{path} [joints]: the recording has no marker "{name}"; {nearest(name, recording.names)}')
+        known = "; ".join([nearest(name, recording.names), *recording.remarks])
+        raise ConfigError(f'{path} [joints]: the recording has no marker "{name}"; {known}')
     owners = list(dict.fromkeys(recording.names[k] for k in found))
     if len(owners) < len(found):
         raise ConfigError(
