@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -87,7 +88,7 @@ def test_a_turning_contour_is_followed(closed):
 
 
 def test_trajectories_lead_where_edges_alone_are_out_of_reach():
-    speed = 2.5 * Snake().search_px
+    speed = 3.0 * Snake().search_px
     led, alone = course(speed, n_frames=7)[-1], course(speed, led=False, n_frames=7)[-1]
     assert np.median(np.abs(off(led.places, 6, speed))) < 0.3
     assert np.median(np.abs(off(alone.places, 6, speed))) > 5
@@ -143,6 +144,64 @@ def test_a_contour_whose_edges_vanish_is_doubtful_and_then_given_up():
     assert rows[0].startswith("frame,snake,view,node,x_px,y_px,edge_grey_px")
     assert {row.split(",")[-1].strip() for row in rows[1:] if row.startswith("3,")} == {"doubtful"}
     assert max(int(row.split(",")[0]) for row in rows[1:]) == 12
+
+
+def with_bar(k, x, grey=220):
+    """The ellipse turning in its place, and an upright bar that begins at column x."""
+    seen = image(k, 0.0)
+    seen[:, max(x, 0) : max(x + 12, 0)] = grey
+    return seen
+
+
+def behind_bar(places_of_bar, led):
+    """A snake behind a bar whose left edge is at these columns, frame by frame."""
+    nodes = [begun(Snake(), clicked(), with_bar(0, places_of_bar[0]))]
+    for k, x in enumerate(places_of_bar[1:], start=1):
+        points = (surface(k - 1, 0.0), surface(k, 0.0)) if led else (np.zeros((0, 2)), np.zeros((0, 2)))
+        nodes.append(advanced(Snake(), nodes[-1], *points, with_bar(k, x)))
+    return nodes
+
+
+def test_a_part_that_something_draws_away_is_told_point_by_point():
+    """A bar comes before an end of the contour and stays; nothing leads, and its edge takes nodes along."""
+    now = behind_bar([max(150 - 4 * k, 84) for k in range(25)], led=False)[-1]
+    gaps, statuses = np.abs(off(now.places, 24, 0.0)), np.array(now.statuses)
+    assert (gaps > 2).any(), "it would show nothing"
+    assert set(statuses[gaps > 2]) <= {"unsure", "led"}
+    assert (statuses == "followed").mean() > 0.7
+    assert np.median(gaps[statuses == "followed"]) < 0.3
+
+
+def test_a_contour_comes_through_behind_what_passes_where_points_lead():
+    nodes = behind_bar([150 - 6 * k for k in range(30)], led=True)
+    for k, now in enumerate(nodes):
+        gaps, followed = np.abs(off(now.places, k, 0.0)), np.array(now.statuses) == "followed"
+        assert gaps[followed].max() < 2
+        assert gaps.max() < 3
+    assert any("led" in now.statuses for now in nodes)
+    assert set(nodes[-1].statuses) == {"followed"}
+
+
+@pytest.mark.parametrize("limb", ["left", "right"])
+def test_who_tells_the_limbs_side_of_an_open_contour_has_its_edge_alone(limb):
+    """The ground beside an arc changes: nothing is wrong where the ellipse is the limb, and all where the ground is."""
+    arc = replace(clicked(closed=False), limb=limb)
+    nodes = begun(Snake(), arc, image(0, 0.0, noise=0.0))
+    changed = image(0, 0.0, noise=0.0)
+    changed[changed < 100] = 110
+    now = advanced(Snake(), nodes, np.zeros((0, 2)), np.zeros((0, 2)), changed)
+    inner = limb == "right"  # clicked clockwise in the image
+    assert (now.held.mean() > 0.9) == inner
+    untold = advanced(Snake(), begun(Snake(), clicked(False), image(0, 0.0)), *(np.zeros((0, 2)),) * 2, changed)
+    assert set(untold.statuses) <= {"unsure", "led"}
+
+
+def test_light_that_changes_slowly_takes_no_node_away():
+    nodes = begun(Snake(), clicked(), image(0, 0.0))
+    for k in range(1, 20):
+        brighter = np.uint8(np.clip(image(k, 0.0).astype(float) + 3 * k, 0, 255))
+        nodes = advanced(Snake(), nodes, surface(k - 1, 0.0), surface(k, 0.0), brighter)
+    assert set(nodes.statuses) == {"followed"}
 
 
 def test_an_image_that_is_missing_is_leapt_over():

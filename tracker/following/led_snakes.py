@@ -9,7 +9,7 @@ import numpy as np
 from tracker.arrays import Array, Image, Mask
 from tracker.errors import ConfigError
 from tracker.following.leading import led_nodes
-from tracker.following.snake_edges import drawn_to_edges, normals_of
+from tracker.following.snake_edges import drawn_to_edges, normals_of, remembered
 from tracker.following.snakes import Contour, Nodes, Snake
 
 # A snake that begins looks so many times; clicks lie some px beside the contour, and normals turn as it nears it.
@@ -37,12 +37,22 @@ def begun(snake: Snake, contour: Contour, image: Image) -> Nodes:
     for k in range(_FIRST_ROUNDS):
         nodes = drawn_to_edges(wide if k < _FIRST_ROUNDS // 2 else snake, nodes, image, rounds=1)
     nodes = replace(nodes, motion=np.zeros((n, 2)), shift_px=np.zeros(n))
+    nodes = remembered(snake, nodes, image, _limb_of(contour, nodes.places))
     if nodes.doubtful:
         raise ConfigError(
             f"{int(nodes.held.sum())} of {n} nodes lie on an edge of {snake.min_edge_grey:g} grey levels a px or more: "
             "click along a contour that is seen, more densely, or lower snake.min_edge_grey"
         )
     return nodes
+
+
+def _limb_of(contour: Contour, places: Array) -> tuple[int, ...]:
+    """Sides of the limb, 0 left, 1 right, as far as that is told."""
+    if contour.limb is not None and not contour.closed:
+        return (0,) if contour.limb == "left" else (1,)
+    after = np.roll(places, -1, axis=0)
+    turns_right = (places[:, 0] * after[:, 1] - after[:, 0] * places[:, 1]).sum() > 0
+    return (0, 1) if not contour.closed else (1,) if turns_right else (0,)
 
 
 def advanced(snake: Snake, nodes: Nodes, before: Array, now: Array, image: Image) -> Nodes:
@@ -55,11 +65,11 @@ def advanced(snake: Snake, nodes: Nodes, before: Array, now: Array, image: Image
         image: the next frame.
     """
     led, n_leading = led_nodes(nodes.places, nodes.closed, (before, now), snake.reach_px, nodes.motion)
-    found = drawn_to_edges(snake, replace(nodes, places=led), image, _ROUNDS)
+    found = drawn_to_edges(snake, replace(nodes, places=led, n_leading=n_leading), image, _ROUNDS)
     shift = np.linalg.norm(found.places - led, axis=1)
     spaced = evenly(found.places, nodes.closed, len(led))
     motion = _own_motion(found.places - nodes.places, normals_of(found.places, nodes.closed), found.held, nodes.closed)
-    return replace(found, places=spaced, n_leading=n_leading, shift_px=shift, motion=motion)
+    return replace(found, places=spaced, shift_px=shift, motion=motion)
 
 
 def _own_motion(moved: Array, normals: Array, held: Mask, closed: bool) -> Array:

@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from tracker.arrays import Array, Array32, Image, Integers
-from tracker.following.snakes import Nodes, Snake
+from tracker.following.snake_sides import FAR_PX, HALF_WAY, gaps_to_first, lit, own_share, sides_of
+from tracker.following.snakes import Nodes, Sides, Snake
 
 # A step along the normal of an edge that is as strong as usual outweighs the search reach only by this: a choice.
 _FAR = 0.25
@@ -18,10 +19,12 @@ _HOLDS = 0.25
 _TURNED = 0.5
 # Share of a usual strength that each frame adds.
 _LEARNT = 0.1
+# Of blue, green and red in a grey value (ITU-R BT.601).
+_GREY = np.array((0.114, 0.587, 0.299), dtype=np.float32)
 
 
 def drawn_to_edges(snake: Snake, nodes: Nodes, image: Image, rounds: int) -> Nodes:
-    """The same snake on the edges around.
+    """The same snake on the edges around that look as those of the first frame.
 
     Args:
         snake: how.
@@ -29,29 +32,50 @@ def drawn_to_edges(snake: Snake, nodes: Nodes, image: Image, rounds: int) -> Nod
         image: to look in.
         rounds: how often it looks, each time along the normals that it has then.
     """
-    smooth = cv2.GaussianBlur(_grey(image), (0, 0), snake.smoothing_px)
-    places, edges, usual = nodes.places, nodes.edges, nodes.usual
+    smooth = _smooth(snake, image)
+    places, edges, usual, alike, light = nodes.places, nodes.edges, nodes.usual, nodes.alike, None
     for _ in range(rounds):
         normals = normals_of(places, nodes.closed)
-        slopes = _slopes(smooth, places, normals, snake.search_px)
+        across = _across(smooth, places, normals, snake.search_px)
+        slopes = _slopes(across)
         strength = np.where(slopes * np.sign(nodes.edges)[:, None] < 0, _TURNED, 1.0) * np.abs(slopes)
         if not usual:
             usual = max(float(np.median(strength.max(axis=1))), snake.min_edge_grey)
-        best = _best(snake, strength / usual, nodes.closed)
+        looks = sides_of(across)
+        gaps = gaps_to_first(nodes.sides, looks)
+        best = _best(snake, strength * own_share(nodes.sides, gaps) / usual, nodes.closed)
         at, found = _refined(slopes, best)
+        rows = np.arange(len(best))
+        alike = gaps[rows, best] < HALF_WAY
         holds = np.abs(found) >= max(snake.min_edge_grey, _HOLDS * usual)
+        if nodes.sides is not None:
+            holds &= alike[:, list(nodes.sides.limb)].any(axis=1)
+            # where points lead, an edge that may be another one is not needed
+            holds &= (nodes.n_leading == 0) | ~nodes.sides.unsure(found, alike)
         weight = np.where(holds, np.minimum(np.abs(found) / usual, 1.0), 0.0)
         shifts = _relaxed(snake, weight, at - snake.search_px, nodes.closed)
         places = places + shifts[:, None] * normals
         edges = np.where(holds, found, 0.0)
+        light = looks[rows, best]
     held = edges != 0
     learnt = float(np.median(np.abs(edges[held]))) if held.any() else usual
-    return replace(nodes, places=places, edges=edges, usual=(1 - _LEARNT) * usual + _LEARNT * learnt)
+    usual = (1 - _LEARNT) * usual + _LEARNT * learnt
+    sides = nodes.sides if light is None else lit(nodes.sides, light, held[:, None] & alike)
+    return replace(nodes, places=places, edges=edges, usual=usual, alike=alike, sides=sides)
 
 
-def _grey(image: Image) -> Array32:
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    return np.asarray(grey, dtype=np.float32)
+def remembered(snake: Snake, nodes: Nodes, image: Image, limb: tuple[int, ...]) -> Nodes:
+    """A snake of the first frame that remembers how its sides look there; `limb` as in `Sides`."""
+    across = _across(_smooth(snake, image), nodes.places, normals_of(nodes.places, nodes.closed), snake.search_px)
+    first = sides_of(across)[:, snake.search_px]
+    sides = Sides(first, limb, np.zeros(first.shape[-1]))
+    return replace(nodes, sides=sides, alike=np.ones((len(first), 2), dtype=np.bool_))
+
+
+def _smooth(snake: Snake, image: Image) -> Array32:
+    """(H, W) or (H, W, 3) grey values or colours."""
+    smooth: Array32 = cv2.GaussianBlur(np.asarray(image, dtype=np.float32), (0, 0), snake.smoothing_px)
+    return smooth
 
 
 def normals_of(places: Array, closed: bool) -> Array:
@@ -62,12 +86,20 @@ def normals_of(places: Array, closed: bool) -> Array:
     return np.stack([tangents[:, 1], -tangents[:, 0]], axis=1)
 
 
-def _slopes(smooth: Array32, places: Array, normals: Array, reach: int) -> Array:
-    """(N, 2 reach + 1) derivatives of the grey values along the normals, a px apart."""
-    offsets = np.arange(-reach - 1, reach + 2)
+def _across(smooth: Array32, places: Array, normals: Array, reach: int) -> Array32:
+    """(N, 2 (reach + FAR_PX) + 1, C) grey values or colours along the normals, a px apart."""
+    offsets = np.arange(-reach - FAR_PX, reach + FAR_PX + 1)
     at = (places[:, None] + offsets[:, None] * normals[:, None]).astype(np.float32)
-    grey = cv2.remap(smooth, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(0.5 * (grey[:, 2:] - grey[:, :-2]), dtype=np.float64)
+    seen = cv2.remap(smooth, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    across: Array32 = seen.reshape(*at.shape[:2], -1)
+    return across
+
+
+def _slopes(across: Array32) -> Array:
+    """(N, 2 reach + 1) derivatives of the grey values."""
+    grey = across @ _GREY if across.shape[-1] == 3 else across[..., 0]
+    inner = grey[:, FAR_PX - 1 : grey.shape[1] - FAR_PX + 1]
+    return np.asarray(0.5 * (inner[:, 2:] - inner[:, :-2]), dtype=np.float64)
 
 
 def _best(snake: Snake, strength: Array, closed: bool) -> Integers:

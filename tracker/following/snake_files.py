@@ -76,7 +76,7 @@ class FollowedSnake:
 
     @property
     def warning(self) -> str | None:
-        """What to say of a snake that is doubtful."""
+        """What to say of a snake that is doubtful, as a whole or in a part."""
         doubtful = [frame for frame, nodes in zip(self.frames, self.nodes, strict=True) if nodes.doubtful]
         if self.lost_in is not None:
             return (
@@ -84,6 +84,12 @@ class FollowedSnake:
             )
         if doubtful:
             return f"snake {self.name}: doubtful in {len(doubtful)} frames, the first one {doubtful[0]}"
+        unsure = [frame for frame, nodes in zip(self.frames, self.nodes, strict=True) if "unsure" in nodes.statuses]
+        if unsure:
+            return (
+                f"snake {self.name}: in {len(unsure)} frames, the first one {unsure[0]}, a part of it may lie on "
+                "another edge: `status` in snakes.csv says which"
+            )
         return None
 
 
@@ -104,10 +110,10 @@ def snakes_csv(snakes: Sequence[FollowedSnake], views: tuple[str, ...]) -> Itera
     for snake in snakes:
         for frame, nodes in zip(snake.frames, snake.nodes, strict=True):
             lead = f"{frame},{quoted(snake.name)},{quoted(views[snake.view])}"
-            status = "doubtful" if nodes.doubtful else "followed"
+            statuses = nodes.statuses
             for k, (x, y) in enumerate(nodes.places):
                 edge = f"{abs(nodes.edges[k]):.2f}" if nodes.held[k] else ""
-                row = f"{lead},{k},{x:.3f},{y:.3f},{edge},{nodes.shift_px[k]:.3f},{nodes.n_leading[k]},{status}\n"
+                row = f"{lead},{k},{x:.3f},{y:.3f},{edge},{nodes.shift_px[k]:.3f},{nodes.n_leading[k]},{statuses[k]}\n"
                 yield row
 
 
@@ -118,7 +124,7 @@ def sheet_frames(frames: Sequence[int]) -> tuple[int, ...]:
 
 
 def drawn(snakes: Sequence[FollowedSnake], image: Image, view: int, frame: int) -> Image:
-    """A view with the snakes in it: green where an edge holds them, red elsewhere; yellow lines join them."""
+    """A view with the snakes in it: green on their edges, orange where unsure, red elsewhere; lines join them."""
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     canvas: Image = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
     for snake in snakes:
@@ -126,8 +132,9 @@ def drawn(snakes: Sequence[FollowedSnake], image: Image, view: int, frame: int) 
             nodes = snake.nodes[snake.frames.index(frame)]
             places = np.round(8 * np.clip(nodes.places, -1e4, 1e4)).astype(np.int32)
             cv2.polylines(canvas, [places], nodes.closed, (0, 220, 255), 1, cv2.LINE_AA, shift=3)
-            for (x, y), held in zip(places.tolist(), nodes.held, strict=True):
-                cv2.circle(canvas, (x, y), 12, (60, 220, 60) if held else (40, 40, 255), -1, cv2.LINE_AA, shift=3)
+            for (x, y), status, held in zip(places.tolist(), nodes.statuses, nodes.held, strict=True):
+                colour = (40, 40, 255) if not held else (0, 140, 255) if status == "unsure" else (60, 220, 60)
+                cv2.circle(canvas, (x, y), 12, colour, -1, cv2.LINE_AA, shift=3)
     return canvas
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
+import numpy as np
 import pydantic
 
 from tracker.arrays import Array, Integers, Mask
@@ -28,6 +30,10 @@ class Contour:
 
     closed: bool = True
     """Whether the last point is joined to the first one; false for the outline of a limb that ends at the body."""
+
+    limb: Literal["left", "right"] | None = None
+    """On which side of an open contour the limb lies, as seen from the first point to the last; None if that is not
+    told. The limb of a closed one is within it."""
 
     @pydantic.field_validator("points", mode="before")
     @classmethod
@@ -72,6 +78,31 @@ class Snake:
 
 
 @dataclass(frozen=True)
+class Sides:
+    """How both sides of a contour look: as they did where it began, apart from the light."""
+
+    first: Array
+    """(N, 2, C) mean grey values or colours to the left and the right of each node in the first frame."""
+
+    limb: tuple[int, ...]
+    """Which of them are the limb's, 0 left, 1 right: those that have to look as in the first frame. Both where nobody
+    has told: then one at least has to."""
+
+    light: Array
+    """(C,) by how much all of them are brighter now."""
+
+    def unsure(self, edges: Array, alike: Mask) -> Mask:
+        """(N,) which edges (N,) may be others' that a limb's side is (N, 2) alike at.
+
+        Beside the limb is something else, and the edge is turned, dark for bright, as where something passes before the
+        limb; or one side looks otherwise, and nobody has told which is the limb's.
+        """
+        turned = (self.first[:, 0] - self.first[:, 1]).mean(axis=-1) * edges < 0
+        unsure: Mask = ~alike[:, list(self.limb)].all(axis=1) | (turned & ~alike.all(axis=1))
+        return unsure
+
+
+@dataclass(frozen=True)
 class Nodes:
     """A snake in a frame: N nodes."""
 
@@ -96,11 +127,31 @@ class Nodes:
     motion: Array
     """(N, 2) of each node since the frame before, px."""
 
+    sides: Sides | None = None
+    """What an edge has to look like; None in the first frame."""
+
+    alike: Mask = field(default_factory=lambda: np.zeros((0, 2), dtype=np.bool_))
+    """(N, 2) whether the left and the right side of each node look as in the first frame."""
+
     @property
     def held(self) -> Mask:
         """(N,) nodes that an edge holds; the others go with their neighbours."""
         held: Mask = self.edges != 0
         return held
+
+    @property
+    def statuses(self) -> tuple[str, ...]:
+        """(N,) what is known of each node.
+
+        `followed`: it lies on an edge that looks as its own did; `unsure`: that may be another one, see `Sides.unsure`;
+        `led`: no edge of the limb is near, it goes with its neighbours and the points around; `doubtful`: most nodes of
+        the frame lie on no edge.
+        """
+        if self.doubtful:
+            return ("doubtful",) * len(self.places)
+        unsure = False if self.sides is None else self.sides.unsure(self.edges, self.alike)
+        chosen = np.where(~self.held, "led", np.where(unsure, "unsure", "followed"))
+        return tuple(chosen.tolist())
 
     @property
     def doubtful(self) -> bool:
