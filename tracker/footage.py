@@ -15,7 +15,7 @@ from av.container import InputContainer
 from av.video.stream import VideoStream
 
 from tracker.errors import SequenceError
-from tracker.reading.film import film_of, has_clock
+from tracker.film import film_of, has_clock
 from tracker.reading.images import intact_image
 from tracker.rig import Rig
 

@@ -14,9 +14,9 @@ from av.video.reformatter import VideoReformatter
 
 from tracker.arrays import Image
 from tracker.errors import SequenceError
+from tracker.film import film_of, has_clock, hinted_fps, told_of_pictures
 from tracker.reading._footage import ImageStream
 from tracker.reading._timeline import Timeline, timeline_of
-from tracker.reading.film import film_of, has_clock, hinted_fps, told_of_pictures
 
 FAULTS = (av.FFmpegError, ValueError, OverflowError, MemoryError, EOFError)
 """What PyAV raises of damaged files."""
