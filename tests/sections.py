@@ -22,7 +22,8 @@ def minimal(stage: str, use: str) -> dict[str, Any]:
     for name, field in find(stage, use).__pydantic_fields__.items():
         if field.is_required():
             values = {str: "absent/{view}/{frame}.png", Path: "absent.toml", float: 25.0, int: 25}
-            table[name] = values[types[name]]
+            values[str | dict[str, str]] = values[str]
+            table[name] = 0.25 if name.endswith("_m") else values[types[name]]
     return table | GIVEN.get((stage, use), {})
 
 
