@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, small_simulation
@@ -15,7 +18,7 @@ from test_from_recording import QUICK
 from tracker.acquisition.beside import CELL_M, Surroundings, shown_in, sight_of, surroundings
 from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.acquisition.from_recording import fit_bodies
-from tracker.acquisition.moving_along import most_moving
+from tracker.acquisition.moving_along import How, most_moving
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.acquisition.things import Thing, _around, carried_of, entry_of, things_of, told_of_things, tracked_with
 from tracker.analysis.contours import ContourAnalysis
@@ -23,6 +26,7 @@ from tracker.body.description import BodyDescription
 from tracker.body.files import read_description, save_description
 from tracker.carried import Carried, with_carried
 from tracker.config import build_class
+from tracker.frame import Frame
 from tracker.jobs._persons import _told
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
@@ -117,6 +121,53 @@ def test_who_carries_two_things_has_both(tmp_path: Path, general: BodyDescriptio
 
 def test_who_carries_nothing_has_nothing(tmp_path: Path, general: BodyDescription) -> None:
     assert found_in(filmed(tmp_path, general), general) == ()
+
+
+def beside_chair(simulation: Simulation, low: Sequence[float], high: Sequence[float]) -> Iterator[Frame]:
+    """The frames with an upright box behind the persons that no plate shows, from one corner to the other, metres."""
+    corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
+    for frame in simulation.frames():
+        models = CpuSynthesis().silhouettes(
+            simulation.scene.with_poses(tuple(poses[frame.index] for poses in simulation.poses))
+        )
+        images = []
+        for camera, image, model in zip(simulation.scene.rig.cameras, frame.images, models, strict=True):
+            assert image is not None
+            mask = np.zeros(image.shape[:2], dtype=np.uint8)
+            cv2.fillConvexPoly(mask, cv2.convexHull(camera.project(corners).astype(np.int32)), 1)
+            images.append(np.where(((mask > 0) & ~model)[..., None], np.uint8((70, 105, 140)), image))
+        yield replace(frame, images=tuple(images))
+
+
+def found_beside(simulation: Simulation, general: BodyDescription) -> tuple[Thing, ...]:
+    """What is found of somebody behind whom a chair stands."""
+    x, y, _ = general.build().landmarks_in_world(simulation.poses[0][0]).mean(axis=0)
+    frames = list(beside_chair(simulation, (x - 0.5, y - 0.25, 0.0), (x - 0.25, y + 0.25, 0.9)))
+    steps = there(frames, untold(simulation, general), cycle_for(simulation, TrueStart(simulation)))[0]
+    return things_of(seen_in(steps), 0, general, watching(simulation))
+
+
+def test_a_chair_that_no_plate_shows_stands_and_the_ball_is_carried(
+    with_ball: Simulation, general: BodyDescription
+) -> None:
+    found = found_beside(with_ball, general)
+    assert [one.how for one in found if one.how is not How.CARRIED] == [How.STANDS]
+    (ball,) = carried_of(found)
+    assert np.linalg.norm(middle(general, ball) - middle(general, BALL)) < 2 * CELL_M
+    told, carried = _told("anna", found, True)
+    assert "something stands beside anna, " in told
+    assert "cm large, that the plates do not show: film plates with it" in told
+    assert "right_wrist" in carried
+    size = max(map(float, re.findall(r"\d+", told)))
+    assert size == pytest.approx(90, abs=25)
+
+
+def test_a_chair_behind_who_hardly_moves_is_in_doubt(general: BodyDescription) -> None:
+    still = small_simulation("two_elbow_rotation", n_frames=8, model="gavrila22", fps=15.0, seconds=8 / 15)
+    found = found_beside(still, general)
+    assert {one.how for one in found} == {How.DOUBT}
+    assert carried_of(found) == ()
+    assert all("nothing moves enough to tell" in told for told in _told("anna", found, True))
 
 
 def test_what_is_told_is_not_found_again(

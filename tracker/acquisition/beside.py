@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.arrays import Array, Integers, Mask
@@ -62,6 +63,20 @@ class Surroundings:
     views: tuple[View, ...]
     beside: Array
     """(N, 3) middles of cells that two views show beside the persons and none as empty, metres."""
+
+    standing: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    """(M, 3) those of furniture that is known, metres."""
+
+    def without(self, points: Array) -> Surroundings:
+        """The same with known furniture in the cells at points (N, 3)."""
+        known = replace(self, standing=np.concatenate([self.standing, points]))
+        return replace(known, beside=self.beside[~known.stands_at(self.beside)])
+
+    def stands_at(self, points: Array) -> Mask:
+        """(N,) which of points (N, 3) are in or beside cells of known furniture."""
+        gaps = np.asarray(cKDTree(self.standing).query(points)[0])
+        stands: Mask = gaps < 2 * CELL_M
+        return stands
 
     @property
     def tells(self) -> bool:

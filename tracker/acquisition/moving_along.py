@@ -1,9 +1,10 @@
-"""What moves with a segment of a body over several frames, and no part of the body explains: cells of space."""
+"""What moves with a segment of a body over several frames, or stands, and no part of it explains: cells of space."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
 from scipy import ndimage
@@ -31,18 +32,45 @@ _WHOLE_EMPTY, _WHOLE_BESIDE, _FURTHER_M = 0.35, 0.3, 0.3
 how far it reaches beyond them: of a rucksack what lies against the back."""
 
 
+_TOLD_M = 3**0.5 * CELL_M
+"""A segment that moves by less may have a thing in the same cells all along: the diagonal of a cell."""
+
+_KNEES = 0.33
+"""Height above the lowest landmark at which nothing stands on the floor, of a person's; knees are at 0.29."""
+
+_WORLD = -1
+"""What hangs on no parameter stands."""
+
+
+class How(Enum):
+    """How cells came to be beside a body in most frames."""
+
+    CARRIED = "carried"
+    STANDS = "stands"
+    """Where they are in the world explains at least as much as where they are on the segment: furniture."""
+
+    DOUBT = "doubt"
+    """The same, and the segment moves too little to tell."""
+
+
 @dataclass(frozen=True)
 class Moving:
-    """Cells that move with what hangs on a parameter of a body."""
+    """Cells that move with what hangs on a parameter of a body, or stand in the world."""
 
     end: int
-    """The parameter."""
+    """The parameter; -1 of what stands."""
 
     points: Array
     """(N, 3) where the cells are in the reference pose, metres."""
 
     shares: Array
     """(N,) of the frames in which two views show each beside the persons."""
+
+    how: How = How.CARRIED
+
+    def in_world(self, frame: Surroundings) -> Array:
+        """(N, 3) where the cells are in a frame, metres."""
+        return _placed(frame, self.end, self.points)
 
     @property
     def n_shown(self) -> float:
@@ -55,10 +83,11 @@ class Moving:
 
 
 def most_moving(frames: Sequence[Surroundings], body: BodyModel) -> Moving | None:
-    """The cells that move with one of the segments, of several the one with most; None where none do.
+    """The cells that move with one of the segments, of several the one with most, or stand there; None where none do.
 
     Who does not turn the head wears a rucksack on the neck as well: of segments with nearly as many cells it is the one
-    nearest to them.
+    nearest to them. A chair moves with who sits still on it: what the world explains as well
+    as the segment does, stands.
 
     Args:
         frames: what is around one person, whose poses differ.
@@ -74,15 +103,53 @@ def most_moving(frames: Sequence[Surroundings], body: BodyModel) -> Moving | Non
         return None
     most = max(one.n_shown for one in found)
     likely = [one for one in found if one.n_shown >= _NEARLY * most]
-    return _whole(frames, min(likely, key=lambda one: one.gap_m(marks[ends == one.end])))
+    core = min(likely, key=lambda one: one.gap_m(marks[ends == one.end]))
+    places = np.array([core.in_world(one) for one in frames])
+    standing = _standing(frames, places.reshape(-1, 3))
+    moved_m = np.linalg.norm(places - places.mean(axis=0), axis=-1).mean(axis=1).max()
+    if standing.n_shown >= core.n_shown and moved_m >= _TOLD_M:
+        return replace(_whole(frames, standing), how=How.STANDS)
+    thing = _whole(frames, core)
+    if standing.n_shown < core.n_shown or _hangs(frames, thing, body):
+        return thing
+    return replace(thing, how=How.DOUBT)
+
+
+def _hangs(frames: Sequence[Surroundings], thing: Moving, body: BodyModel) -> bool:
+    """Whether a thing is above the knees in all frames: a rucksack is, and furniture reaches the floor."""
+    ends = np.array([mark.parameter for mark in body.landmarks])
+    marks = np.array([mark.point for mark in body.landmarks])
+    floor = min(
+        float(_placed(one, int(end), marks[ends == end])[:, 2].min()) for one in frames for end in np.unique(ends)
+    )
+    low = min(float(thing.in_world(one)[:, 2].min()) for one in frames)
+    return low - floor > _KNEES * float(body.extents_m.max())
+
+
+def _standing(frames: Sequence[Surroundings], places: Array) -> Moving:
+    """The cells beside a person that stand in the world where cells on a segment come to, at places (N, 3)."""
+    low, high = places.min(axis=0) - CELL_M, places.max(axis=0) + CELL_M
+    points = np.unique(np.round(np.concatenate([one.beside for one in frames]) / CELL_M), axis=0) * CELL_M
+    return _sure(frames, _WORLD, points[((points >= low) & (points <= high)).all(axis=1)])
 
 
 def _moving(frames: Sequence[Surroundings], end: int, marks: Array) -> Moving:
     """The cells that move with what hangs on a parameter, near its landmarks (N, 3) in the reference pose."""
-    points = _candidates(frames, end, marks)
+    return _sure(frames, end, _candidates(frames, end, marks))
+
+
+def _sure(frames: Sequence[Surroundings], end: int, points: Array) -> Moving:
+    """Those of points (N, 3) in the reference pose that are beside the persons in enough frames."""
     empty, _, apart = _shares(frames, end, points)
     sure = (empty <= _MOST_EMPTY) & (apart >= _LEAST_APART)
     return Moving(end, points[sure], apart[sure])
+
+
+def _placed(frame: Surroundings, end: int, points: Array) -> Array:
+    """Points (N, 3) of the reference pose in the world of a frame."""
+    motion = frame.world_from_reference[end]
+    placed: Array = points @ motion[:3, :3].T + motion[:3, 3]
+    return placed
 
 
 def _whole(frames: Sequence[Surroundings], core: Moving) -> Moving:
@@ -103,8 +170,9 @@ def _shares(frames: Sequence[Surroundings], end: int, points: Array) -> tuple[Ar
     """Of the frames in which each of points (N, 3) is empty, is beside the persons in a view, and in two."""
     n = np.zeros((3, len(points)))
     for one in frames:
-        motion = one.world_from_reference[end]
-        empty, n_apart = shown_in(one.views, points @ motion[:3, :3].T + motion[:3, 3])
+        placed = _placed(one, end, points)
+        empty, n_apart = shown_in(one.views, placed)
+        n_apart[one.stands_at(placed)] = 0
         n += empty, ~empty & (n_apart >= 1), ~empty & (n_apart >= 2)
     empty_in, beside_in, apart_in = n / max(len(frames), 1)
     return empty_in, beside_in, apart_in

@@ -10,7 +10,7 @@ import numpy as np
 
 from tracker.acquisition.beside import CELL_M, sight_of, surroundings
 from tracker.acquisition.calibrated_views import Seen, Watching
-from tracker.acquisition.moving_along import Moving, most_moving
+from tracker.acquisition.moving_along import How, Moving, most_moving
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.body.description import BodyDescription
@@ -48,9 +48,14 @@ class Thing:
     hides: str = ""
     """The same where it came to lie in it while it was tracked: of four skirts, two were found beside the legs."""
 
+    how: How = How.CARRIED
+    """Furniture, and what may be, is told and is no part of anybody."""
+
 
 def things_of(seen: Sequence[Seen], person: int, description: BodyDescription, watching: Watching) -> tuple[Thing, ...]:
     """What a person carries, as far as it stands out beside the body and moves with one of its segments.
+
+    Furniture that no plate shows is among it, and is told as such.
 
     Args:
         seen: frames in which the person is, at different poses.
@@ -59,27 +64,39 @@ def things_of(seen: Sequence[Seen], person: int, description: BodyDescription, w
         watching: the cameras, and what is known of their views.
     """
     found: list[Thing] = []
+    known: list[Array] = []
     seen = seen[:: -(-len(seen) // _N_FRAMES) or 1]
     sights = [sight_of(one, watching) for one in seen]
     poses = np.array([one.scene.persons[person].q for one in seen])
     taken = {part.name for part in description.parts}
     free = (name for n in itertools.count(1) if (name := f"carried_{n}") not in taken)
     while len(found) < _MOST_THINGS:
-        body = with_carried(description, [one.carried for one in found]).build()
+        body = with_carried(description, _laden(found)).build()
         scenes = (_with_body(one.scene, person, body) for one in seen)
         around = [surroundings(s, scene, person, watching.synthesis) for s, scene in zip(sights, scenes, strict=True)]
+        for points in known:
+            around = [one.without(points) for one in around]
         moving = most_moving(around, body)
         if moving is None:
             break
-        carried = _carried(moving, body, next(free))
-        laden = with_carried(description, [*(one.carried for one in found), carried]).build()
-        found.append(Thing(carried, _around(laden, poses)))
+        if moving.how is How.CARRIED:
+            carried = _carried(moving, body, next(free))
+            laden = with_carried(description, [*_laden(found), carried]).build()
+            found.append(Thing(carried, _around(laden, poses)))
+            continue
+        known.append(moving.in_world(around[0]))
+        one = _upright(moving.points) if moving.how is How.STANDS else _carried(moving, body, next(free))
+        found.append(Thing(one, how=moving.how))
     return tuple(found)
 
 
 def carried_of(things: Sequence[Thing]) -> tuple[Carried, ...]:
     """Those that may be tracked as parts of the body."""
-    return tuple(one.carried for one in things if not one.around)
+    return tuple(one.carried for one in things if not one.around and one.how is How.CARRIED)
+
+
+def _laden(things: Sequence[Thing]) -> list[Carried]:
+    return [one.carried for one in things if one.how is How.CARRIED]
 
 
 def tracked_with(things: Sequence[Thing], body: BodyModel, poses: Array) -> tuple[Thing, ...]:
@@ -134,6 +151,12 @@ def _carried(moving: Moving, body: BodyModel, name: str) -> Carried:
     )
 
 
+def _upright(points: Array) -> Carried:
+    """What stands, by its size alone: nobody carries it."""
+    wide, deep, high = np.ptp(points, axis=0) + CELL_M
+    return Carried(name="furniture", by="", start=(0, 0, 0), end=(0, 0, high), radii=(wide / 2, deep / 2))
+
+
 def _vector(values: Array) -> Vector:
     x, y, z = (round(float(value), 3) for value in values)
     return x, y, z
@@ -148,6 +171,26 @@ def told_of_things(name: str, things: Sequence[Thing]) -> str:
     """
     places = " and ".join(map(_place, things))
     return f"{name}: something that is no part of the body moves along, {places}"
+
+
+def told_of_furniture(name: str, things: Sequence[Thing]) -> tuple[str, ...]:
+    """What is said of what stands beside a person, and of what may be.
+
+    Args:
+        name: the person's.
+        things: what was found.
+    """
+    film = "that the plates do not show: film plates with it"
+    told = []
+    for one in things:
+        if one.how is How.STANDS:
+            told.append(f"something stands beside {name}, {_size_cm(one.carried)} cm large, {film}")
+        if one.how is How.DOUBT:
+            told.append(
+                f"something is beside {name}, {_size_cm(one.carried)} cm large, {film} if it is furniture; nothing "
+                f"moves enough to tell. If {name} carries it, tell of it: {entry_of([one.carried])}"
+            )
+    return tuple(told)
 
 
 def entry_of(things: Sequence[Carried]) -> str:

@@ -11,9 +11,10 @@ from pathlib import Path
 
 from tracker.acquisition.calibrated_views import ViewSettings
 from tracker.acquisition.from_recording import fit_bodies
+from tracker.acquisition.moving_along import How
 from tracker.acquisition.result import model_of
 from tracker.acquisition.shape_space import space_of
-from tracker.acquisition.things import Thing, carried_of, entry_of, told_of_things
+from tracker.acquisition.things import Thing, carried_of, entry_of, told_of_furniture, told_of_things
 from tracker.body.description import BodyDescription
 from tracker.body.files import read_description, save_description
 from tracker.estimate import Estimate
@@ -132,8 +133,10 @@ def _unlike(person: Subject, fitted_m: float) -> Iterator[str]:
 
 def _told(name: str, things: Sequence[Thing], is_fitted: bool) -> Iterator[str]:
     """What is said of things that nobody told of: of those that are tracked as carried, and of all others."""
-    carried = [one for one in things if is_fitted and not one.around]
-    others = [one for one in things if one not in carried]
+    yield from told_of_furniture(name, things)
+    moving = [one for one in things if one.how is How.CARRIED]
+    carried = [one for one in moving if is_fitted and not one.around]
+    others = [one for one in moving if one not in carried]
     if carried:
         tell = f"set carries = []; else tell its true size: {entry_of(carried_of(carried))}"
         unseen = ", and what it hides nobody sees: look at the overlay" if any(one.hides for one in carried) else ""

@@ -22,9 +22,10 @@ from tracker.acquisition.calibrated_views import (
 )
 from tracker.acquisition.figures import Panel
 from tracker.acquisition.fitting import Fit
+from tracker.acquisition.moving_along import How
 from tracker.acquisition.rounds import best_seen
 from tracker.acquisition.shape_space import space_of
-from tracker.acquisition.things import Thing, carried_of, entry_of, things_of, told_of_things
+from tracker.acquisition.things import Thing, carried_of, entry_of, things_of, told_of_furniture, told_of_things
 from tracker.arrays import Array
 from tracker.body.files import read_description, save_description
 from tracker.components import component
@@ -139,6 +140,10 @@ def _told(steps: Iterator[Step], n_frames: int, progress: Progress) -> Iterator[
 
 def _tell_of_things(name: str, things: Sequence[Thing], progress: Progress) -> None:
     """A model is of the body alone: what is carried is for the user to tell."""
+    for told in told_of_furniture(name, things):
+        log.warning("%s", told)
+        progress(f"input: {told}")
+    things = [one for one in things if one.how is How.CARRIED]
     if things:
         carried = carried_of(things)
         tell = f"; tell of it: {entry_of(carried)}" if carried else ""
