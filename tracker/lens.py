@@ -27,6 +27,10 @@ _HALVINGS, _MARGIN = 40, 1.1
 """Of an interval as long as the lens reaches, for a start; and by how much decentring may image farther, a factor."""
 
 
+_NO_TERM = 1e-100
+"""A coefficient so small is none: roots are found by dividing by the leading one, which would overflow."""
+
+
 @dataclass(frozen=True)
 class Lens:
     """Radial and decentring distortion of the plane z = 1, the radial one a quotient of polynomials for wide lenses."""
@@ -50,7 +54,7 @@ class Lens:
         """
         over, under = self._radial
         slope = over * under + Polynomial([0, 2]) * (over.deriv() * under - over * under.deriv())
-        roots = np.concatenate([slope.trim().roots(), under.trim().roots()])
+        roots = np.concatenate([one.trim(_NO_TERM).roots() for one in (slope, under)])
         squares = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
         return float(np.sqrt(squares.min())) if len(squares) else np.inf
 
