@@ -17,6 +17,7 @@ from tracker.components import available, find
 from tracker.frame import Frame
 from tracker.inspection import Inspection, Survey, findings, other_colours, survey
 from tracker.inspection._survey import N_FRAMES
+from tracker.inspection.timing import _surely_late
 from tracker.plate import Plate
 from tracker.reading.video import VideoReading
 from tracker.rig import Rig
@@ -33,9 +34,9 @@ def simulation() -> Simulation:
     return replace(walking, poses=(along_an_arc(walking.poses[0]),))
 
 
-def along_an_arc(poses: Array, first_deg: float = 20.0) -> Array:
+def along_an_arc(poses: Array, first_deg: float = 20.0, turn_rad: float = np.pi) -> Array:
     there = np.array(poses)
-    angles = np.radians(first_deg) + np.linspace(0, np.pi, len(there))
+    angles = np.radians(first_deg) + np.linspace(0, turn_rad, len(there))
     there[:, 0] += 0.8 * np.cos(angles)
     there[:, 1] += 0.8 * np.sin(angles)
     return there
@@ -158,15 +159,51 @@ def test_a_black_plate(simulation: Simulation, frames: tuple[Frame, ...]) -> Non
     assert any("grey levels all over" in line and simulation.scene.rig.names[1] in line for line in lines)
 
 
+@pytest.fixture(scope="module")
+def longer() -> Simulation:
+    """The same person for as long as is looked at, and at the same speed."""
+    walking = small_simulation("walking_on_the_spot", n_frames=N_FRAMES)
+    return replace(walking, poses=(along_an_arc(walking.poses[0], turn_rad=np.pi * N_FRAMES / 70),))
+
+
 @pytest.mark.parametrize("by", [LATE, -LATE])
-def test_a_view_out_of_step(by: int, simulation: Simulation, frames: tuple[Frame, ...]) -> None:
+def test_a_view_out_of_step(by: int, longer: Simulation) -> None:
+    frames = tuple(longer.frames())
     shown = late(frames, 2, by) if by > 0 else late(frames[::-1], 2, -by)[::-1]
-    name = simulation.scene.rig.names[2]
-    (line,) = told(shown, simulation.scene, simulation.plates)
+    name = longer.scene.rig.names[2]
+    (line,) = told(shown, longer.scene, longer.plates)
     assert f'view "{name}" looks' in line
     proposed = int(line.partition(f"{name} = ")[2].partition(" ")[0])
     # images come late: the frame is found `by` images later than where it is looked for
     assert abs(proposed - by) <= 1
+
+
+def test_a_delay_that_one_half_alone_tells_is_none() -> None:
+    """Three views in step were told to be 11 images late, and to be in step to 1 ms when they had been tracked."""
+    delays = np.abs(np.arange(-15, 16))
+    in_step, others = np.full((3, 3, 31, 3), 10.0), ~np.eye(3, dtype=np.bool_)
+    late_by_8 = np.array(in_step)
+    for v in (1, 2):
+        shape = 2.0 + np.minimum(np.abs(np.arange(-15, 16) - 8), 8)
+        late_by_8[0, v], late_by_8[v, 0] = shape[:, None], shape[::-1, None]
+    late_by_8[1, 2] = late_by_8[2, 1] = (2.0 + np.minimum(delays, 8))[:, None]
+    assert _surely_late(np.where(others[..., None, None], late_by_8, np.nan), 1.3, 0.5) == (0, 8)
+    half = np.array(late_by_8)
+    half[0, 1:, :, 2], half[1:, 0, :, 2] = (shape[::-1],) * 2, (shape,) * 2
+    assert _surely_late(half, 1.3, 0.5) is None
+    elsewhen = np.array(late_by_8)
+    elsewhen[0, 1:, 3, 0] = elsewhen[1:, 0, -4, 0] = 2.0
+    assert _surely_late(elsewhen, 1.3, 0.5) is None
+    assert _surely_late(in_step, 1.3, 0.5) is None
+    assert _surely_late(np.full_like(in_step, np.nan), 1.3, 0.5) is None
+
+
+def test_two_views_never_tell_a_delay(longer: Simulation) -> None:
+    """Of who walks along the line of two opposite cameras they show the same at any time."""
+    pair = longer.scene.rig.select(longer.scene.rig.names[:2])
+    shown = [replace(frame, images=frame.images[:2]) for frame in late(tuple(longer.frames()), 0, LATE)]
+    lines = told(shown, Scene(longer.scene.persons, pair), longer.plates[:2])
+    assert not any("offsets" in line for line in lines)
 
 
 def test_another_stature(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
@@ -225,6 +262,18 @@ def test_no_more_frames_are_read_than_are_looked_at(simulation: Simulation, fram
 
     seen: Survey = survey(endless(), simulation.scene, simulation.plates)
     assert asked == N_FRAMES == len(seen.foregrounds)
+
+
+@pytest.mark.parametrize("views", [("RIGHT", "BACK", "LEFT"), ("FRONT", "RIGHT", "LEFT")])
+def test_three_rendered_views_in_step_are_not_late(
+    views: tuple[str, ...], data: Callable[[str], Path], simulation: Simulation
+) -> None:
+    """The first three were told to be 10 images late."""
+    folder = data("room/T-Punch-light")
+    rig = folder / "calibration.json"
+    sequence = VideoReading(path=str(folder / "{view}.mp4"), rig=rig, views=views, background="none").open()
+    lines = told(sequence.frames(), Scene(simulation.scene.persons, sequence.rig), sequence.plates)
+    assert not any("offsets" in line for line in lines)
 
 
 @pytest.mark.parametrize("name", ["D-TwoElbowRot", "N-WalkCircle"])
