@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import html
 import json
+import re
 import shutil
 from dataclasses import replace
 from types import SimpleNamespace
@@ -318,6 +319,7 @@ def test_views_in_step_are_said_to_be_so():
     assert told_of_views(steps, simulation.scene, 1 / FPS, lambda line, *_: told.append(line)) == ()
     assert len(told) == 1
     assert "views: in step to" in told[0]
+    assert re.search(r"in \d+ frames from \d+ to 2\d: of others", told[0]), "a delay that grows shows later"
 
 
 def test_a_run_whose_bodies_are_not_fitted_is_asked_at_its_end(run_out_of_step, tmp_path):

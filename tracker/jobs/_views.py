@@ -56,13 +56,15 @@ class Tracks:
 def _told(
     frames: Sequence[Tracked], images: Iterable[Frame], scene: Scene, interval_s: float, progress: Progress
 ) -> tuple[str, ...]:
-    found = align(moments_of(scene, frames, chosen_moments(scene, frames), images), interval_s)
+    moments = moments_of(scene, frames, chosen_moments(scene, frames), images)
+    found = align(moments, interval_s)
     if found is None:
         return ()
     if not found.findings():
         beside_ms = 1000 * interval_s * float(abs(found.late_frames).max())
+        first, last = moments[0].frame.index, moments[-1].frame.index
         progress(
             f"views: in step to {beside_ms:.0f} ms, cameras as calibrated to {found.turned_px.max():.1f} px, by the "
-            f"persons in {found.n_moments} frames"
+            f"persons in {found.n_moments} frames from {first} to {last}: of others that says nothing"
         )
     return found.findings()
