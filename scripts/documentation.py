@@ -1,4 +1,4 @@
-"""The page of every setting, made of the components' fields and docstrings as the site is built: a hook of MkDocs."""
+"""The pages of every setting and of the Python interface, made of the code as the site is built: a hook of MkDocs."""
 
 from __future__ import annotations
 
@@ -7,34 +7,27 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from tracker.components import available, find, stages
+import tracker
+from tracker.body import BodyModel
+from tracker.camera import Camera
+from tracker.components import available, contract, find, stages
 from tracker.config import component_name
+from tracker.errors import TrackerError
+from tracker.estimate import Estimate
 from tracker.field_types import component_stage
-
-PAGE = "configuration.md"
-
-_HEAD = """\
-# Every setting
-
-This page is made of the components' fields when the site is built; `bodytrack show STAGE` tells the same in a terminal.
-
-A configuration is a TOML file: the sections of its job, each of which chooses a component by `use` and sets its fields.
-Whatever is left out has the default below. Relative paths start at the file's folder; `${NAME}` is an environment
-variable. `--set section.key=value` overrides one value, `--set persons.0.model=human` one of a list.
-"""
+from tracker.rig import Rig
+from tracker.trajectory import Step
 
 
-def on_files(files: Any, config: Any) -> Any:
-    """Adds the page; called by MkDocs."""
-    from mkdocs.structure.files import File
-
-    files.append(File.generated(config, PAGE, content=configuration_page()))
-    return files
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """Adds to two pages what the code says; called by MkDocs."""
+    made = {"configuration.md": configuration_tables, "reference.md": reference_entries}.get(page.file.src_uri)
+    return f"{markdown}\n{made()}" if made else markdown
 
 
-def configuration_page() -> str:
-    """The page, Markdown."""
-    parts = [_HEAD, "## Jobs\n"]
+def configuration_tables() -> str:
+    """Every component with its fields, Markdown."""
+    parts = ["## Jobs\n"]
     for use in available("jobs"):
         parts += _component(find("jobs", use), f"`{use}`")
     for stage in stages():
@@ -42,6 +35,20 @@ def configuration_page() -> str:
         for use in available(stage):
             parts += _component(find(stage, use), f'{stage}: `use = "{use}"`')
     return "\n".join(parts)
+
+
+def reference_entries() -> str:
+    """Where mkdocstrings puts the documentation of a name, a line each."""
+    offered = (getattr(tracker, name) for name in dir(tracker))
+    public = [one for one in offered if getattr(one, "__module__", "").startswith("tracker.")]
+    parts = ["## What `tracker` offers\n", *map(_entry, public)]
+    parts += ["## What results are made of\n", *map(_entry, (Rig, Camera, BodyModel, Step, Estimate, TrackerError))]
+    parts += ["## Contracts of components\n", *(_entry(contract(stage)) for stage in stages())]
+    return "\n".join(parts)
+
+
+def _entry(public: Any) -> str:
+    return f"::: {public.__module__}.{public.__qualname__}\n"
 
 
 def _component(cls: Any, title: str) -> Iterator[str]:

@@ -9,13 +9,16 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer.main
+from modules import imported, modules_of_the_project
 
-from scripts.documentation import configuration_page
+import tracker
+from scripts.documentation import configuration_tables, reference_entries
 from tracker.body.description import BodyDescription
 from tracker.cli import app
 from tracker.commands.export import FORMATS
@@ -36,12 +39,15 @@ def blocks(page: str, language: str) -> list[str]:
 
 
 def test_the_site_is_built(tmp_path):
+    pytest.importorskip("mkdocstrings", reason="pip install mkdocstrings-python, of the extra [docs]")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]
     environment = os.environ | {"NO_MKDOCS_2_WARNING": "1", "PYTHONPATH": str(ROOT)}
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False, env=environment)
     assert done.returncode == 0, done.stderr
     pages = {path.stem for path in (tmp_path / "site").glob("*.html")} - {"404"}
-    assert pages == {name.removesuffix(".md") for name in PAGES} | {"configuration"}
+    assert pages == {name.removesuffix(".md") for name in PAGES}
+    assert "<td><code>search_below</code></td>" in (tmp_path / "site" / "configuration.html").read_text()
+    assert 'id="tracker.result.load_result"' in (tmp_path / "site" / "reference.html").read_text()
     assert (tmp_path / "site" / "first_steps.ipynb").is_file()
     start = (tmp_path / "site" / "index.html").read_text()
     assert not re.findall(r'<(?:link|script)[^>]*(?:href|src)="https?://', start)  # asks nobody else for anything
@@ -49,7 +55,40 @@ def test_the_site_is_built(tmp_path):
 
 def test_every_page_is_in_the_contents():
     nav = (ROOT / "mkdocs.yml").read_text().partition("nav:")[2]
-    assert set(re.findall(r"(\w+\.md)", nav)) == set(PAGES) | {"configuration.md"}
+    assert set(re.findall(r"(\w+\.md)", nav)) == set(PAGES)
+
+
+def required(names: list[str]) -> set[str]:
+    """Distributions that requirements name, those of extras of the project among them."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    found = set()
+    for name in names:
+        if extras := re.match(r"bodytrack\[([\w,]+)\]", name):
+            found |= required([one for key in extras[1].split(",") for one in project["optional-dependencies"][key]])
+        else:
+            found.add(re.match(r"[\w.-]+", name)[0].lower().replace("_", "-"))
+    return found
+
+
+def test_the_site_needs_no_extra_but_docs():
+    """It imports every component to make the page of every setting."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    there = required([*project["dependencies"], "bodytrack[docs]"]) | {"pydantic-core"}  # pydantic's own
+    modules = modules_of_the_project()
+    package = [module for module in modules.values() if module.name.startswith("tracker.")]
+    names = {target.partition(".")[0] for module in package for target, _ in imported(module, modules)}
+    distributions = packages_distributions()
+    owners = {name: distributions[name] for name in names - {"tracker"} - set(sys.stdlib_module_names)}
+    assert len(owners) > 8
+    assert [name for name, who in owners.items() if not {one.lower().replace("_", "-") for one in who} & there] == []
+
+
+def test_the_reference_has_every_public_name():
+    entries = re.findall(r"^::: ([\w.]+)$", reference_entries(), flags=re.MULTILINE)
+    public = {name for name in dir(tracker) if getattr(getattr(tracker, name), "__module__", "").startswith("tracker.")}
+    assert len(public) >= 5
+    assert public <= {entry.rpartition(".")[2] for entry in entries}
+    assert len(entries) == len(set(entries))
 
 
 def settings_of(cls: Any, where: str = "") -> Iterator[tuple[str, str]]:
@@ -64,7 +103,7 @@ def settings_of(cls: Any, where: str = "") -> Iterator[tuple[str, str]]:
 
 
 def test_every_setting_is_told():
-    page = configuration_page()
+    page = configuration_tables()
     for stage in ("jobs", *stages()):
         for use in available(stage):
             section = re.split(r"\n### ", page.partition(f"## {'Jobs' if stage == 'jobs' else stage}\n")[2])
