@@ -14,6 +14,8 @@ def halton(n: int, n_dimensions: int) -> Array:
 
     Coordinate d of point i is the radical inverse of i in base p, the d-th prime: the digits of i mirrored at the
     point, ``sum_k a_k p^(-k - 1)`` for ``i = sum_k a_k p^k``. The first point is the origin.
+
+    `scipy.stats.qmc.Halton` gives the same points; scipy.stats takes 0.2 to 0.5 s to import, at the start of every run.
     """
     columns = [_radical_inverses(n, base) for base in _primes(n_dimensions)]
     return np.stack(columns, axis=1) if columns else np.empty((n, 0))
