@@ -1,0 +1,12 @@
+# A run on a mounted folder:
+#   docker build -t bodytrack .
+#   docker run --rm -v "$PWD:/data" -u "$(id -u):$(id -g)" bodytrack run run.toml
+FROM python:3.11-slim
+COPY . /src
+# numba keeps compiled kernels here; whoever the container runs as may add to them
+ENV NUMBA_CACHE_DIR=/var/cache/bodytrack MPLCONFIGDIR=/tmp/matplotlib HOME=/tmp
+RUN pip install --no-cache-dir "/src[export]" && rm -rf /src \
+    && bodytrack warmup && chmod -R a+rwX /var/cache/bodytrack
+WORKDIR /data
+ENTRYPOINT ["bodytrack"]
+CMD ["--help"]
