@@ -13,6 +13,7 @@ from tracker.errors import nearest
         ("chamfr", "chamfer"),
         ("initialisation", "initialization"),
         ("strat", "start"),
+        ("hunam", "human"),
         ("rg", "rig"),
         ("lost", "lost_below"),
         ("csv", "csv_table"),

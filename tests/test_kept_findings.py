@@ -27,6 +27,7 @@ def told(folder: Path) -> dict[str, object]:
 
 def test_a_resumed_run_tells_what_it_has_found_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tracker.jobs._first_frames.survey", lambda *_: None)
+    monkeypatch.setattr("tracker.jobs._first_frames.other_colours", lambda _: "")
     monkeypatch.setattr("tracker.jobs._first_frames.findings", lambda _: (EXCHANGED,))
     late = "view BACK is late"  # told again at every end
     monkeypatch.setattr("tracker.jobs._views.Tracks.told", lambda *_: (late,))

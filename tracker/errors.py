@@ -75,10 +75,12 @@ def nearest(name: str, options: Iterable[str]) -> str:
 
 
 def _alike(one: str, other: str) -> bool:
-    """Whether one name may be meant by another: one begins with the other, or few letters are wrong."""
+    """Whether one name may be meant by another: one begins with the other, or few letters are wrong, or their order."""
     if min(len(one), len(other)) >= _BEGINNING and (one.startswith(other) or other.startswith(one)):
         return True
     longest = max(len(one), len(other))
+    if longest >= _BEGINNING and sorted(one) == sorted(other):
+        return True
     return longest > 1 and _n_typos(one, other) <= max(1, longest // _LETTERS_A_TYPO)
 
 
