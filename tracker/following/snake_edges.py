@@ -67,7 +67,8 @@ def drawn_to_edges(snake: Snake, nodes: Nodes, image: Image, rounds: int) -> Nod
 def remembered(snake: Snake, nodes: Nodes, image: Image, limb: tuple[int, ...]) -> Nodes:
     """A snake of the first frame that remembers how its sides look there; `limb` as in `Sides`."""
     across = _across(_smooth(snake, image), nodes.places, normals_of(nodes.places, nodes.closed), snake.search_px)
-    first = sides_of(across)[:, snake.search_px]
+    # a node on no edge has background on both sides, and would take any of that for its limb later
+    first = np.where(nodes.held[:, None, None], sides_of(across)[:, snake.search_px], np.nan)
     sides = Sides(first, limb, np.zeros(first.shape[-1]))
     return replace(nodes, sides=sides, alike=np.ones((len(first), 2), dtype=np.bool_))
 

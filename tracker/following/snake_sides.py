@@ -35,11 +35,11 @@ def gaps_to_first(sides: Sides | None, looks: Array) -> Array:
         return np.zeros(looks.shape[:3])
     first, n = sides.first, len(looks)
     contrasts = _distance(first[:, 0], first[:, 1])
-    contrasts = np.maximum(contrasts, max(float(np.median(contrasts)), _LEAST_GREY))
+    contrasts = np.fmax(contrasts, np.fmax(np.nanmedian(contrasts), _LEAST_GREY))
     gaps = np.full(looks.shape[:3], np.inf)
     for slid in range(-_SLID, _SLID + 1):
         known = first[np.clip(np.arange(n) + slid, 0, n - 1)]
-        gaps = np.minimum(gaps, _distance(looks - sides.light, known[:, None]))
+        gaps = np.fmin(gaps, _distance(looks - sides.light, known[:, None]))
     return np.asarray(gaps / contrasts[:, None, None])
 
 
@@ -54,8 +54,8 @@ def lit(sides: Sides | None, looks: Array, alike: Mask) -> Sides | None:
     """Sides in the light of a frame in which they look so (N, 2, C), some of them (N, 2) as in the first frame."""
     if sides is None:
         return None
-    own = alike & np.isin((0, 1), sides.limb)
-    return replace(sides, light=np.median((looks - sides.first)[own], axis=0)) if own.any() else sides
+    own = alike & np.isin((0, 1), sides.limb) & np.isfinite(sides.first).all(axis=-1)
+    return replace(sides, light=np.nanmedian((looks - sides.first)[own], axis=0)) if own.any() else sides
 
 
 def _distance(one: Array, other: Array) -> Array:

@@ -82,7 +82,8 @@ class Sides:
     """How both sides of a contour look: as they did where it began, apart from the light."""
 
     first: Array
-    """(N, 2, C) mean grey values or colours to the left and the right of each node in the first frame."""
+    """(N, 2, C) mean grey values or colours to the left and the right of each node in the first frame; NaN of those
+    that lay on no edge then."""
 
     limb: tuple[int, ...]
     """Which of them are the limb's, 0 left, 1 right: those that have to look as in the first frame. Both where nobody
@@ -144,19 +145,28 @@ class Nodes:
         """(N,) what is known of each node.
 
         `followed`: it lies on an edge that looks as its own did; `unsure`: that may be another one, see `Sides.unsure`;
-        `led`: no edge of the limb is near, it goes with its neighbours and the points around; `doubtful`: most nodes of
-        the frame lie on no edge.
+        `led`: no edge of the limb is near, it goes with its neighbours and the points around; `doubtful`: fewer
+        than half of the frame's nodes are followed.
         """
         if self.doubtful:
             return ("doubtful",) * len(self.places)
-        unsure = False if self.sides is None else self.sides.unsure(self.edges, self.alike)
-        chosen = np.where(~self.held, "led", np.where(unsure, "unsure", "followed"))
-        return tuple(chosen.tolist())
+        return tuple(np.where(~self.held, "led", np.where(self.followed, "followed", "unsure")).tolist())
+
+    @property
+    def followed(self) -> Mask:
+        """(N,) nodes that lie on an edge that looks as their own did."""
+        if self.sides is None:
+            return self.held
+        followed: Mask = self.held & ~self.sides.unsure(self.edges, self.alike)
+        return followed
 
     @property
     def doubtful(self) -> bool:
-        """Whether fewer than half of the nodes lie on an edge."""
-        return bool(self.held.mean() < _DOUBT)
+        """Whether fewer than half of the nodes are followed.
+
+        Of a lost arm a third stayed on edges of the background that look like its own, to the end of the recording.
+        """
+        return bool(self.followed.mean() < _DOUBT)
 
 
 def snake_faults(contours: Mapping[str, Contour], views: tuple[str, ...]) -> str | None:
