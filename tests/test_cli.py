@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from tracker.cli import app
+from tracker.cli import _told, app
+from tracker.errors import TrackerError
 from tracker.simulation.sequence import Recipe
 from tracker.simulation.sequence_files import write_sequence
 
@@ -19,6 +20,13 @@ def bodytrack(*arguments: object, folder: Path | None = None) -> subprocess.Comp
     # without -P Python would find modules of the folder, which it does not for the script `bodytrack`
     command = [sys.executable, "-P", "-m", "tracker", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)
+
+
+def told(*arguments: object) -> tuple[str, int]:
+    """What the command tells of a mistake and its exit code, in this process, which has imported what it needs."""
+    error = CliRunner().invoke(app, list(map(str, arguments))).exception
+    assert isinstance(error, TrackerError)
+    return _told(error)
 
 
 @pytest.fixture(scope="module")
@@ -30,12 +38,14 @@ def sequence(tmp_path_factory):
 
 def test_a_run_can_be_tracked_and_evaluated(sequence, tmp_path):
     given = ["--set", "initialization.use=given", "--set", f"initialization.poses={sequence / 'truth_poses.csv'}"]
-    given += ["--set", "reading.downscale=1"]
+    # that runs leave the others out of these, whole ones show elsewhere
+    given += ["--set", "reading.downscale=1", "--set", "evidence=contours", "--set", "inspection=false"]
+    given += [word for one in ("report", "plots", "overlay") for word in ("--set", f"recordings.{one}=false")]
     done = bodytrack("run", sequence / "config.toml", "--output", tmp_path / "out", "--frames", "1:4", *given)
     assert done.returncode == 0, done.stderr
     assert "tracked 3 frames" in done.stdout
     assert "no frame of 3 lost, doubtful or with an ambiguous limb" in done.stdout
-    # what follows goes on in this process, which has imported what it needs
+    # what follows goes on in this process
     evaluated = CliRunner().invoke(app, ["evaluate", str(tmp_path / "out"), "--truth", str(sequence)])
     assert evaluated.exit_code == 0, evaluated.output
     assert "joint distance, mean" in evaluated.stdout
@@ -43,24 +53,33 @@ def test_a_run_can_be_tracked_and_evaluated(sequence, tmp_path):
     exported = CliRunner().invoke(app, ["export", str(tmp_path / "out"), "--to", "trc", "bvh", "--y-up"])
     assert exported.exit_code == 0, exported.output
     assert exported.stdout.split() == [str(tmp_path / "out" / f"person1.{kind}") for kind in ("bvh", "trc")]
-    again = bodytrack("run", sequence / "config.toml", "--output", tmp_path / "out")
-    assert again.returncode == 2
-    assert "not empty" in again.stderr
+    again, code = told("run", sequence / "config.toml", "--output", tmp_path / "out")
+    assert code == 2
+    assert "not empty" in again
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["run", "nowhere.toml"], "cannot read the configuration"),
         (["show", "simlarity"], 'did you mean "similarity"'),
         (["evaluate", ".", "--truth", "."], "no joints.csv there"),
         (["demo", "--movement", "hop", "--output", "out"], 'no movement "hop"'),
     ],
 )
-def test_a_mistake_is_one_line_and_leaves_nothing(arguments, message, tmp_path):
-    done = bodytrack(*arguments, folder=tmp_path)
-    assert done.returncode == 2
-    assert message in done.stderr
+def test_a_mistake_is_one_line_and_leaves_nothing(arguments, message, tmp_path, monkeypatch):
+    """Of these the command prints the text and ends with the code, as of the configuration below."""
+    monkeypatch.chdir(tmp_path)
+    text, code = told(*arguments)
+    assert code == 2
+    assert message in text
+    assert len(text.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_configuration_is_one_line_and_leaves_nothing(tmp_path):
+    done = bodytrack("run", "nowhere.toml", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "cannot read the configuration" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 
@@ -85,17 +104,6 @@ def test_no_arguments_show_the_help(tmp_path):
     done = bodytrack(folder=tmp_path)
     assert done.returncode == 2
     assert "calibrate" in done.stdout + done.stderr
-
-
-def test_debug_shows_the_traceback(tmp_path):
-    done = bodytrack("--debug", "run", "nowhere.toml", folder=tmp_path)
-    assert done.returncode != 0
-    assert "Traceback" in done.stderr
-
-
-def test_debug_may_stand_anywhere(tmp_path):
-    done = bodytrack("run", "nowhere.toml", "--debug", folder=tmp_path)
-    assert "Traceback" in done.stderr
 
 
 BORDER = """
@@ -127,6 +135,14 @@ def test_whatever_escapes_is_one_line(error, code, words):
     assert len(done.stderr.splitlines()) == 1
     shown = subprocess.run([*command, "--debug"], capture_output=True, text=True, check=False)
     assert "Traceback" in shown.stderr
+
+
+@pytest.mark.parametrize("arguments", [["--debug", "fails"], ["fails", "--debug"]])
+def test_debug_shows_the_traceback_and_may_stand_anywhere(arguments):
+    script = BORDER.format(error="__import__('tracker.errors').errors.ConfigError('no such file')")
+    done = subprocess.run([sys.executable, "-c", script, *arguments], capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "Traceback" in done.stderr
 
 
 def test_code_from_outside_is_told_first_and_can_be_forbidden(sequence, tmp_path):
