@@ -167,15 +167,14 @@ def asks_of(body: BodyModel, q: Array, points: Array, parts: Integers, direction
         parts: (N,) their parts.
         directions: (N, 3) of any length.
     """
-    placed = body.world_from_part(q)
+    placed = body.world_from_part(q)[parts]
+    rotations = placed[:, :3, :3]
+    local = np.einsum("ni,nij->nj", points - placed[:, :3, 3], rotations)
+    with_one = np.concatenate([local, np.ones((len(local), 1))], axis=1)
     asks = np.empty((len(points), _N_ASKED))
-    for p in np.unique(parts):
-        rows = parts == p
-        rotation, towards = placed[p, :3, :3], directions[rows]
-        local = (points[rows] - placed[p, :3, 3]) @ rotation
-        with_one = np.concatenate([local, np.ones((len(local), 1))], axis=1)
-        asks[rows, _PLACED] = (towards[:, :, None] * with_one[:, None, :]).reshape(len(local), 12)
-        asks[rows, _FORMED] = ((towards @ rotation)[:, None, :] @ shape_derivatives(body.shapes[p], local))[:, 0]
+    asks[:, _PLACED] = (directions[:, :, None] * with_one[:, None, :]).reshape(len(local), 12)
+    formed = shape_derivatives(body.shapes[parts].T, local)
+    asks[:, _FORMED] = np.einsum("ni,nij,njk->nk", directions, rotations, formed, optimize=True)
     asks[:, _CARRIED] = np.concatenate([directions, np.cross(points, directions)], axis=1)
     return asks
 

@@ -110,7 +110,7 @@ def shape_derivatives(shape: Array, points: Array) -> Array:
     """How surface points of fixed latitude and longitude move with the shape.
 
     Args:
-        shape: (7,) packed superquadric.
+        shape: (7,) packed superquadric, or (7, ...) one for each point.
         points: (..., 3) on the surface, in the part's frame, metres.
 
     Returns:

@@ -35,7 +35,7 @@ class TimingInspection:
 
     It is told where both halves of the frames tell the same, and no other time or view would do as well. Of 148 threes
     and fours of views of eleven recordings in step, with plates and without, none is told to be late; by distances of
-    the whole alone nine were, by up to 12 frames,. Two views never tell: of who walks along
+    the whole alone nine were, by up to 12 frames. Two views never tell: of who walks along
     their line they show the same at any time.
     """
 
