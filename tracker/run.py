@@ -54,8 +54,8 @@ class Run:
         """
         self.compile_kernels()
         opened, cycle = self.job.fitted(self.opened, self.job.cycle(self.opened))
-        sequence, way = opened.sequence, track if self.job.passes == 1 else track_twice
-        return way(sequence.frames(), opened.scene, cycle, {}, sequence.frames)
+        way = track if self.job.passes == 1 else track_twice
+        return way(opened.frames(), opened.scene, cycle, {}, opened.frames)
 
     def compile_kernels(self, progress: Progress = silent) -> None:
         """Compiles what tracking needs and is not kept on disk yet: a minute once, which an iteration does unasked."""

@@ -24,7 +24,7 @@ def looked_at(opened: OpenedTrack, cycle: Cycle, stride: int) -> tuple[str, ...]
         return ()
     cycle.progress(told_world(opened.sequence.rig))
     cycle.progress("looking at the first frames")
-    frames = frames_in_view(opened.sequence.frames, cycle)
+    frames = frames_in_view(opened.frames, cycle)
     seen = survey(frames, opened.scene, cycle.plates, stride)
     if fault := other_colours(seen):
         raise SequenceError(fault)
@@ -42,7 +42,7 @@ def first_sought(opened: OpenedTrack, cycle: Cycle, start: int, passes: int) -> 
     """
     n_persons = len(opened.scene.persons)
     for n in dict.fromkeys((n_persons, 1)):  # those who are never seen apart may be in view all the same
-        found = first_in_view(opened.sequence.frames(), cycle.plates, n, cycle.progress)
+        found = first_in_view(opened.frames(), cycle.plates, n, cycle.progress)
         if found is not None:
             break
     if found is None:

@@ -55,6 +55,9 @@ class OpenedTrack:
     models: Mapping[str, BodyDescription]
     """The model of each person, scaled or fitted."""
 
+    frames: Reopen
+    """Opens the frames of the recording, from the first one on."""
+
     done: OpenJournal | None = None
     """Frames of an interrupted run."""
 
@@ -97,7 +100,7 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     if not spaces:
         return opened, cycle
     sequence, models = opened.sequence, dict(opened.models)
-    reopen = partial(frames_in_view, sequence.frames, cycle)
+    reopen = partial(frames_in_view, opened.frames, cycle)
     untold = [k for k in spaces if persons[k].carries is None]
     found = fit_bodies(spaces, opened.scene, cycle, reopen, sequence.n_frames, settings, untold)
     for k, words in found.told.items():

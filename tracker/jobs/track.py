@@ -16,6 +16,7 @@ from tracker.components import ReadBy, component, find, standard
 from tracker.errors import ConfigError, name_fault
 from tracker.estimation import Estimation
 from tracker.evidence import Evidence
+from tracker.first_frames import FirstFrames
 from tracker.initialization import Initialization
 from tracker.jobs import ResultFolder
 from tracker.jobs._delivered import delivered, opened_even, sized
@@ -32,7 +33,7 @@ from tracker.loss import LossRule
 from tracker.plate import Plate
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
-from tracker.reading import Reading
+from tracker.reading import Reading, Sequence
 from tracker.recording import DEFAULTS, Recording, chosen_recordings, described_recordings
 from tracker.recording.journal import Expected, OpenJournal, as_kept, open_journal
 from tracker.scene import Person, Scene
@@ -43,7 +44,9 @@ from tracker.tracking import track
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.found_before import knowing
 from tracker.tracking.recorded_plates import behind_who_stays, without_persons
+from tracker.tracking.rehearsal import Reopen
 from tracker.tracking.two_passes import track_twice
+from tracker.tracking.windows import held_at_most
 
 __all__ = ["OpenedTrack", "TrackJob", "TrackOutcome"]
 
@@ -144,8 +147,16 @@ class TrackJob:
         self.evidence.check(scene)
         self.initialization.check(scene, sequence.known)
         if earlier is None:
-            return OpenedTrack(sequence, scene, models)
-        return OpenedTrack(sequence, scene, models, self._earlier(earlier, scene), known_before(earlier, scene))
+            return OpenedTrack(sequence, scene, models, self._frames(sequence))
+        kept = self._earlier(earlier, scene), known_before(earlier, scene)
+        return OpenedTrack(sequence, scene, models, self._frames(sequence), *kept)
+
+    def _frames(self, sequence: Sequence) -> Reopen:
+        """Opens the recording; its first frames are decoded once if several look at them."""
+        if not (self.inspection or self.passes > 1 or any(one.is_fitted for one in self.persons)):
+            return sequence.frames
+        n_bytes = sum(3 * width * height for width, height in (camera.size for camera in sequence.rig.cameras))
+        return FirstFrames(sequence.frames, held_at_most(n_bytes))
 
     def _earlier(self, folder: Path, scene: Scene) -> OpenJournal:
         """What an interrupted run has left; what is cut off is logged."""
@@ -170,7 +181,7 @@ class TrackJob:
         names = {field.name for field in dataclasses.fields(self)} & {field.name for field in dataclasses.fields(Cycle)}
         parts = {name: getattr(self, name) for name in names}
         cycle = Cycle(**parts, plates=sequence.plates, backdrops=backdrops, progress=progress)
-        cycle = without_persons(cycle, opened.scene, sequence.frames)
+        cycle = without_persons(cycle, opened.scene, opened.frames)
         return replace(cycle, nobody_before=self._first_in_view(opened, cycle))
 
     def _first_in_view(self, opened: OpenedTrack, cycle: Cycle) -> int:
@@ -195,7 +206,7 @@ class TrackJob:
         if unplated and self.evidence.takes_part_plates():
             # of an interrupted run, too, as they were before bodies were fitted
             told = {k: subject.description().build() for k, subject in enumerate(self.persons) if opened.done}
-            cycle = behind_who_stays(cycle, opened.scene.with_bodies(told), sequence.frames)
+            cycle = behind_who_stays(cycle, opened.scene.with_bodies(told), opened.frames)
         if not opened.done:
             opened, cycle = with_fitted_bodies(opened, self.persons, cycle)
         elif opened.known:
@@ -221,7 +232,7 @@ class TrackJob:
         save_inputs(opened, folder.path)
         context = run_context(self, opened, folder, choices, findings)
         way = track if self.passes == 1 else track_twice
-        steps = way(sequence.frames(), opened.scene, cycle, opened.done or {}, sequence.frames)
+        steps = way(opened.frames(), opened.scene, cycle, opened.done or {}, opened.frames)
         tracked = Tracks()
 
         def conclude() -> None:

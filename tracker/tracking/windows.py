@@ -66,7 +66,11 @@ class Pass:
 
 def length_of_windows(first: Frame) -> int:
     """Frames that may be held at a time, of images like these."""
-    n_bytes = sum(image.nbytes for image in first.images if image is not None)
+    return held_at_most(sum(image.nbytes for image in first.images if image is not None))
+
+
+def held_at_most(n_bytes: int) -> int:
+    """Frames that may be held at a time, of images of so many bytes together."""
     return min(_MOST_BYTES // max(n_bytes, 1) * _BEYOND // (_BEYOND + 1), _LONGEST)
 
 
