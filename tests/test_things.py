@@ -170,6 +170,17 @@ def test_a_chair_behind_who_hardly_moves_is_in_doubt(general: BodyDescription) -
     assert all("nothing moves enough to tell" in told for told in _told("anna", found, True))
 
 
+def test_what_is_as_near_as_a_glove_is_the_persons_own(tmp_path: Path, general: BodyDescription) -> None:
+    """A racket is not: what is carried reaches farther from the body than what a body has that its model has not."""
+    glove = Carried(name="glove", by="right_wrist", start=(0.0, 0.0, 0.04), end=(0.0, 0.0, -0.12), radii=(0.11, 0.11))
+    found = found_in(filmed(tmp_path, general, glove), general)
+    assert {one.how for one in found} == {How.OWN}
+    assert carried_of(found) == ()
+    told = " ".join(_told("anna", found, True))
+    assert "so near to anna that it is taken for a shoe, hair or clothes" in told
+    assert "tell of it: carries = [" in told
+
+
 def test_what_is_told_is_not_found_again(
     with_ball: Simulation, ball_steps: list[Step], general: BodyDescription
 ) -> None:

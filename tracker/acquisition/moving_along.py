@@ -9,6 +9,7 @@ from enum import Enum
 import numpy as np
 from scipy import ndimage
 
+from tracker.acquisition._surface_rows import outside
 from tracker.acquisition.beside import CELL_M, Surroundings, shown_in
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
@@ -32,6 +33,10 @@ _WHOLE_EMPTY, _WHOLE_BESIDE, _FURTHER_M = 0.35, 0.3, 0.3
 how far it reaches beyond them: of a rucksack what lies against the back."""
 
 
+_LEAST_REACH_M = 0.13
+"""How far from a body's surface things reach at the least, metres. A shoe reached 0.10 m beside the toes of a body scaled
+to a wrong stature (N-WalkCircle); a ball in a hand 0.16, sticks and rucksacks 0.21 to 0.34."""
+
 _TOLD_M = 3**0.5 * CELL_M
 """A segment that moves by less may have a thing in the same cells all along: the diagonal of a cell."""
 
@@ -51,6 +56,9 @@ class How(Enum):
 
     DOUBT = "doubt"
     """The same, and the segment moves too little to tell."""
+
+    OWN = "own"
+    """So near to the body that it is the person's: shoes, hair, wide clothes."""
 
 
 @dataclass(frozen=True)
@@ -110,9 +118,15 @@ def most_moving(frames: Sequence[Surroundings], body: BodyModel) -> Moving | Non
     if standing.n_shown >= core.n_shown and moved_m >= _TOLD_M:
         return replace(_whole(frames, standing), how=How.STANDS)
     thing = _whole(frames, core)
-    if standing.n_shown < core.n_shown or _hangs(frames, thing, body):
-        return thing
-    return replace(thing, how=How.DOUBT)
+    if standing.n_shown >= core.n_shown and not _hangs(frames, thing, body):
+        return replace(thing, how=How.DOUBT)
+    return replace(thing, how=How.CARRIED if reach_m(thing, body) >= _LEAST_REACH_M else How.OWN)
+
+
+def reach_m(thing: Moving, body: BodyModel) -> float:
+    """How far the cells of a thing reach from the body's surface, in the reference pose, metres."""
+    _, feet, _ = outside(body.model_from_parts, body.shapes, thing.points)
+    return float(np.linalg.norm(feet - thing.points, axis=1).max())
 
 
 def _hangs(frames: Sequence[Surroundings], thing: Moving, body: BodyModel) -> bool:

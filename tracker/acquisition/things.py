@@ -49,7 +49,7 @@ class Thing:
     """The same where it came to lie in it while it was tracked: of four skirts, two were found beside the legs."""
 
     how: How = How.CARRIED
-    """Furniture, and what may be, is told and is no part of anybody."""
+    """Furniture, what may be, and what is the person's own, are told and are no part of anybody."""
 
 
 def things_of(seen: Sequence[Seen], person: int, description: BodyDescription, watching: Watching) -> tuple[Thing, ...]:
@@ -84,7 +84,8 @@ def things_of(seen: Sequence[Seen], person: int, description: BodyDescription, w
             laden = with_carried(description, [*_laden(found), carried]).build()
             found.append(Thing(carried, _around(laden, poses)))
             continue
-        known.append(moving.in_world(around[0]))
+        if moving.how is not How.OWN:
+            known.append(moving.in_world(around[0]))
         one = _upright(moving.points) if moving.how is How.STANDS else _carried(moving, body, next(free))
         found.append(Thing(one, how=moving.how))
     return tuple(found)
@@ -96,7 +97,8 @@ def carried_of(things: Sequence[Thing]) -> tuple[Carried, ...]:
 
 
 def _laden(things: Sequence[Thing]) -> list[Carried]:
-    return [one.carried for one in things if one.how is How.CARRIED]
+    """What moves with the body: it is not found again."""
+    return [one.carried for one in things if one.how in (How.CARRIED, How.OWN)]
 
 
 def tracked_with(things: Sequence[Thing], body: BodyModel, poses: Array) -> tuple[Thing, ...]:
@@ -189,6 +191,12 @@ def told_of_furniture(name: str, things: Sequence[Thing]) -> tuple[str, ...]:
             told.append(
                 f"something is beside {name}, {_size_cm(one.carried)} cm large, {film} if it is furniture; nothing "
                 f"moves enough to tell. If {name} carries it, tell of it: {entry_of([one.carried])}"
+            )
+        if one.how is How.OWN:
+            told.append(
+                f"something moves along with the segment of {one.carried.by}, {_size_cm(one.carried)} cm large, so near "
+                f"to {name} that it is taken for a shoe, hair or clothes. If {name} carries it, tell of it: "
+                f"{entry_of([one.carried])}"
             )
     return tuple(told)
 
