@@ -194,8 +194,8 @@ def told_of_furniture(name: str, things: Sequence[Thing]) -> tuple[str, ...]:
             )
         if one.how is How.OWN:
             told.append(
-                f"something moves along with the segment of {one.carried.by}, {_size_cm(one.carried)} cm large, so near "
-                f"to {name} that it is taken for a shoe, hair or clothes. If {name} carries it, tell of it: "
+                f"something moves along with the segment of {one.carried.by}, {_size_cm(one.carried)} cm large, so "
+                f"near to {name} that it is taken for a shoe, hair or clothes. If {name} carries it, tell of it: "
                 f"{entry_of([one.carried])}"
             )
     return tuple(told)
