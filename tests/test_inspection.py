@@ -25,13 +25,20 @@ from tracker.scene import Scene
 from tracker.simulation.sequence import Simulation
 
 LATE = 6
+N_HALF = 70
 
 
 @pytest.fixture(scope="module")
-def simulation() -> Simulation:
-    """A person who walks half a circle, off the middle of the rig."""
-    walking = small_simulation("walking_on_the_spot", n_frames=70)
-    return replace(walking, poses=(along_an_arc(walking.poses[0]),))
+def longer() -> Simulation:
+    """A person who walks along an arc, off the middle of the rig, for as long as is looked at."""
+    walking = small_simulation("walking_on_the_spot", n_frames=N_FRAMES)
+    return replace(walking, poses=(along_an_arc(walking.poses[0], turn_rad=np.pi * N_FRAMES / N_HALF),))
+
+
+@pytest.fixture(scope="module")
+def simulation(longer: Simulation) -> Simulation:
+    """The same for half a circle."""
+    return replace(longer, recipe=replace(longer.recipe, seconds=N_HALF / 25), poses=(longer.poses[0][:N_HALF],))
 
 
 def along_an_arc(poses: Array, first_deg: float = 20.0, turn_rad: float = np.pi) -> Array:
@@ -43,8 +50,9 @@ def along_an_arc(poses: Array, first_deg: float = 20.0, turn_rad: float = np.pi)
 
 
 @pytest.fixture(scope="module")
-def frames(simulation: Simulation) -> tuple[Frame, ...]:
-    return tuple(simulation.frames())
+def frames(longer: Simulation) -> tuple[Frame, ...]:
+    """Those of `simulation`; the pictures of both are drawn once."""
+    return tuple(longer.frames())[:N_HALF]
 
 
 def told(frames: Iterable[Frame], scene: Scene, plates: tuple[Plate | None, ...]) -> tuple[str, ...]:
@@ -159,13 +167,6 @@ def test_a_black_plate(simulation: Simulation, frames: tuple[Frame, ...]) -> Non
     assert any("grey levels all over" in line and simulation.scene.rig.names[1] in line for line in lines)
 
 
-@pytest.fixture(scope="module")
-def longer() -> Simulation:
-    """The same person for as long as is looked at, and at the same speed."""
-    walking = small_simulation("walking_on_the_spot", n_frames=N_FRAMES)
-    return replace(walking, poses=(along_an_arc(walking.poses[0], turn_rad=np.pi * N_FRAMES / 70),))
-
-
 @pytest.mark.parametrize("by", [LATE, -LATE])
 def test_a_view_out_of_step(by: int, longer: Simulation) -> None:
     frames = tuple(longer.frames())
@@ -236,7 +237,9 @@ def test_more_bodies_than_persons() -> None:
 
 def test_somebody_in_a_plate(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
     """The plate is an image of the recording, taken where its person has not been again."""
-    then = next(replace(simulation, poses=(simulation.poses[0][::-1],)).frames())
+    # where they are last, alone: to draw the frames before takes longer than the look
+    alone = replace(simulation.recipe, seconds=1 / 25)
+    then = next(replace(simulation, recipe=alone, poses=(simulation.poses[0][-1:],)).frames())
     plates = (Plate(then.images[0]), *simulation.plates[1:])  # type: ignore[arg-type]
     lines = told(frames[:40], simulation.scene, plates)
     assert any(f'plate of view "{simulation.scene.rig.names[0]}" shows something' in line for line in lines)
