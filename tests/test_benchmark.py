@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
+from itertools import islice
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -76,6 +77,22 @@ class Here:
 
 def smaller(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Makes benchmarks do less of the same than their --quick does."""
+    # a start is not asked for limbs elsewhere, which takes longer than the rest of it
+    monkeypatch.setattr("tracker.tracking.cycle_turn.in_likeliest_places", lambda objective, estimate, *_: estimate)
+    if name == "tracking":
+        tracking = importlib.import_module("benchmarks.tracking")
+        refined = {"estimation": TwistIcpEstimation()}
+        usual, floor = tracking.default_cycle, tracking._floor
+        monkeypatch.setattr(tracking, "default_cycle", lambda *asked: replace(usual(*asked), **refined))
+        monkeypatch.setattr(tracking, "_floor", lambda *asked: floor(*asked, repeats=1))
+    if name == "whole_runs":
+        runs = importlib.import_module("benchmarks.whole_runs")
+        monkeypatch.setattr(runs, "_simulated", lambda folder, n_frames, made=runs._simulated: made(folder, 2))
+    if name == "recognition":
+        recognition = importlib.import_module("benchmarks.recognition")
+        chained, performers = recognition._print_ends, recognition.performers
+        monkeypatch.setattr(recognition, "performers", lambda *asked: islice(performers(*asked), 0, 40, 5))
+        monkeypatch.setattr(recognition, "_print_ends", lambda *asked: chained(*asked[:-1], 1))
     if name == "poses":
         poses = importlib.import_module("benchmarks.poses")
         monkeypatch.setattr(poses, "_situation", lambda size, n_poses, made=poses._situation: made(size, 2))
@@ -133,6 +150,7 @@ def test_recognition_prints_its_columns(
     data: Callable[[str], Path], benchmark_here: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("BODYTRACK_DATA", str(data("motions").parent))
+    smaller("recognition", monkeypatch)
     printed = benchmark_here("recognition")
     for word in ("nobody of whom is in the", "walk", "taken for", "nothing known", "true joints"):
         assert word in printed

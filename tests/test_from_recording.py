@@ -340,7 +340,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> TrackJob:
     """Four frames, of whose person the stature alone is told."""
     folder = tmp_path_factory.mktemp("run") / "sequence"
     config = write_sequence(Recipe("arm_swing", seconds=0.16, size=(320, 256)), folder)
-    start = ["initialization.use=given", "initialization.poses=truth_poses.csv", "passes=1"]
+    start = ["initialization.use=given", "initialization.poses=truth_poses.csv", "passes=1", "inspection=false"]
+    start += ["evidence=contours", "estimation.use=twist_icp"]
     outputs = "recordings=[{use='csv_table'},{use='journal'},{use='run_json'}]"
     return load_job("track", config, [*start, outputs, "persons.0.stature_m=1.78", "persons.0.carries=[]"])
 

@@ -111,6 +111,9 @@ class Film:
         fixed = {"shape": "model"} if quick else {}
         persons = [{"name": k, "model": "human", "stature_m": m, **fixed} for k, m in self.recording.statures_m.items()]
         config = {"name": self.recording.name, "persons": persons, "reading": reading}
+        if quick:
+            config |= {"recordings": {"report": False, "plots": False}, "evidence": "contours"}
+            config |= {"estimation": {"use": "twist_icp"}, "loss": {"rehearse": 0}}
         (folder / "config.toml").write_text(tomli_w.dumps(config), encoding="utf-8")
         before_s, begin = self.floor_s(), time.perf_counter()
         failed = code.run(["run", "config.toml", "--output", "result"], folder, "benchmarks.booked_run")
