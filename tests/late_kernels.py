@@ -31,12 +31,13 @@ def signatures() -> set[tuple[str, str]]:
 
 
 def track(folder: Path) -> None:
-    """A few frames, bootstrapped by plates, by all kinds of evidence."""
+    """A few frames, bootstrapped by plates, the body fitted; then by the other kind of evidence from a given start."""
     config = write_sequence(Recipe("arm_swing", seconds=0.12, size=(240, 192)), folder / "sequence")
     # Plots and the report, which take a third of the time, run no kernels of their own.
     some = "recordings=[{use='csv_table'},{use='overlay'}]", "reading.downscale=1"
-    for evidence in ("auto", "regions"):
-        result = execute(load_job("track", config, [f"evidence.use={evidence}", *some]), folder / evidence)
+    given = "initialization.use=given", "initialization.poses=truth_poses.csv", "persons.0.shape=model", "passes=1"
+    for evidence, changes in {"auto": (), "regions": given}.items():
+        result = execute(load_job("track", config, [f"evidence.use={evidence}", *some, *changes]), folder / evidence)
         assert result.n_frames == 3
 
 

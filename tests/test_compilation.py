@@ -35,10 +35,16 @@ def outer(x):
 """
 
 ASK = """
-import logging
+import importlib, logging, pathlib, sys
 logging.basicConfig(level=logging.INFO)
-from tracker.kernels.outer import outer
-print(outer(1.0), sum(outer.stats.cache_hits.values()), outer.stats.cache_path)
+inner, *sources = sys.argv[1:]
+for source in sources:
+    pathlib.Path(inner).write_text(source)
+    for name in [name for name in sys.modules if name.split(".")[0] == "tracker"]:
+        del sys.modules[name]
+    importlib.invalidate_caches()
+    outer = importlib.import_module("tracker.kernels.outer").outer
+    print(outer(1.0), sum(outer.stats.cache_hits.values()), outer.stats.cache_path)
 """
 
 
@@ -54,15 +60,18 @@ class Copy:
         (self.kernels / "outer.py").write_text(OUTER)
         self.environment = {"HOME": str(folder / "home"), "PYTHONDONTWRITEBYTECODE": "1"}
 
-    def ask(self, shift: int) -> tuple[float, int, Path, str]:
-        """What `outer(1)` is, how often its code was found on disk, where that lies, and what was logged."""
-        (self.kernels / "inner.py").write_text(INNER.format(constant=f"SHIFT = {shift}"))
+    def ask(self, *shifts: int) -> tuple[list[tuple[float, int, Path]], str]:
+        """With each source what `outer(1)` is, how often its code was found on disk, where that lies; what was logged.
+
+        One process imports the package anew with each: a new kernel knows nothing but what is on disk.
+        """
+        sources = [INNER.format(constant=f"SHIFT = {shift}") for shift in shifts]
         kept = {key: value for key, value in os.environ.items() if not key.startswith(("NUMBA_", "XDG_", "HOME"))}
         environment = {**kept, **self.environment, "PYTHONPATH": str(self.kernels.parents[1])}
-        command = [sys.executable, "-c", ASK]
+        command = [sys.executable, "-c", ASK, str(self.kernels / "inner.py"), *sources]
         done = subprocess.run(command, env=environment, cwd=self.folder, capture_output=True, text=True, check=True)
-        value, hits, path = done.stdout.split()
-        return float(value), int(hits), Path(path), done.stderr
+        rows = [line.split() for line in done.stdout.splitlines()]
+        return [(float(value), int(hits), Path(path)) for value, hits, path in rows], done.stderr
 
     def refuse(self) -> None:
         """Makes the installation one that cannot be written, even by root."""
@@ -81,17 +90,18 @@ def test_code_of_other_sources_is_never_run_and_never_deleted(copy, place):
         copy.environment["NUMBA_CACHE_DIR"] = str(home)
     if place == "user":
         copy.refuse()
-    first, _, path, logged = copy.ask(shift=1)
-    assert (first, path.is_relative_to(home)) == (20.0, True)
+    (first, other, again), logged = copy.ask(1, 2, 1)
+    value, hits, path = first
+    assert (value, hits, path.is_relative_to(home)) == (20.0, 0, True)
     assert ("cannot be written" in logged) == (place == "user")
-    assert copy.ask(shift=2)[0] == 30.0
-    assert copy.ask(shift=1)[:3] == (20.0, 1, path)
+    assert other[:2] == (30.0, 0)
+    assert again == (20.0, 1, path)
 
 
 def test_without_a_folder_kernels_run_all_the_same_and_it_is_said(copy):
     copy.refuse()
     (copy.folder / "home").touch()
-    value, hits, _, logged = copy.ask(shift=1)
+    ((value, hits, _),), logged = copy.ask(1)
     assert (value, hits) == (20.0, 0)
     assert "WARNING" in logged
     assert "set NUMBA_CACHE_DIR" in logged
