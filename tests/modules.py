@@ -50,6 +50,16 @@ class Module:
         """Its syntax tree."""
         return ast.parse(self.source)
 
+    @functools.cached_property
+    def nodes(self) -> tuple[ast.AST, ...]:
+        """All nodes of it, which many laws look through."""
+        return tuple(ast.walk(self.tree))
+
+    @functools.cached_property
+    def imports(self) -> tuple[ast.Import | ast.ImportFrom, ...]:
+        """Those that import something."""
+        return tuple(node for node in self.nodes if isinstance(node, ast.Import | ast.ImportFrom))
+
     @property
     def folder(self) -> str:
         """The package it lies in; a package lies in itself."""
@@ -84,10 +94,10 @@ def modules_of_the_project() -> Modules:
 
 def imported(module: Module, modules: Modules) -> Iterator[tuple[str, str]]:
     """Modules that one imports anywhere, type checking and functions included, each with the name taken from it."""
-    for node in ast.walk(module.tree):
+    for node in module.imports:
         if isinstance(node, ast.Import):
             yield from ((alias.name, "") for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
+        else:
             source = _absolute(node, module)
             for alias in node.names:
                 inner = f"{source}.{alias.name}"

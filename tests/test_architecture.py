@@ -89,10 +89,10 @@ def hidden_imports(modules: Modules) -> list[str]:
     for module in modules.values():
         if module.layer == COMMAND_LINE:
             continue
-        tree = module.tree
-        top = {id(node) for node in tree.body}
-        nodes = (node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom))
-        faults += [f"{module.name}:{node.lineno}: import below the top" for node in nodes if id(node) not in top]
+        top = {id(node) for node in module.tree.body}
+        faults += [
+            f"{module.name}:{node.lineno}: import below the top" for node in module.imports if id(node) not in top
+        ]
     return faults
 
 
@@ -123,7 +123,7 @@ def oversize(modules: Modules) -> list[str]:
         n_lines = module.source.count("\n")
         if n_lines > MAX_FILE_LINES:
             faults.append(f"{module.name}: {n_lines} lines, at most {MAX_FILE_LINES}")
-        for node in ast.walk(module.tree):
+        for node in module.nodes:
             if isinstance(node, Function) and (n_lines := _body_lines(node)) > MAX_FUNCTION_LINES:
                 faults.append(f"{module.name}.{node.name}: {n_lines} lines, at most {MAX_FUNCTION_LINES}")
     return faults
@@ -140,7 +140,7 @@ def printing_or_exiting(modules: Modules) -> list[str]:
     for module in modules.values():
         if module.layer == COMMAND_LINE:
             continue
-        for node in ast.walk(module.tree):
+        for node in module.nodes:
             if isinstance(node, ast.Call) and ast.unparse(node.func) in _TALKING:
                 faults.append(f"{module.name}:{node.lineno}: {ast.unparse(node.func)}()")
             if isinstance(node, ast.Raise) and node.exc and "SystemExit" in ast.unparse(node.exc):
@@ -158,15 +158,14 @@ def foreign_errors(modules: Modules) -> list[str]:
     """
     faults = []
     for module in modules.values():
-        tree = module.tree
         validating = {
             id(node)
-            for function in ast.walk(tree)
+            for function in module.nodes
             if isinstance(function, Function)
             and (function.name == "__getattr__" or "validator" in "".join(map(ast.unparse, function.decorator_list)))
             for node in ast.walk(function)
         }
-        for node in ast.walk(tree):
+        for node in module.nodes:
             if isinstance(node, ast.Raise) and id(node) not in validating and _builtin_error(node):
                 faults.append(f"{module.name}:{node.lineno}: {ast.unparse(node)}, expected one of tracker.errors")
     return faults
@@ -189,7 +188,7 @@ def poor_files(modules: Modules) -> list[str]:
         if not ast.get_docstring(module.tree):
             faults.append(f"{module.name}: no docstring")
         lazy = any(isinstance(node, ast.ImportFrom) and node.module == "__future__" for node in module.tree.body)
-        annotates = any(isinstance(node, ast.AnnAssign | Function | ast.ClassDef) for node in ast.walk(module.tree))
+        annotates = any(isinstance(node, ast.AnnAssign | Function | ast.ClassDef) for node in module.nodes)
         if annotates and not lazy:
             faults.append(f"{module.name}: no `from __future__ import annotations`")
         if module.name.rpartition(".")[2].strip("_") in VAGUE_NAMES:
@@ -204,11 +203,10 @@ def unlike_kernels(modules: Modules) -> list[str]:
     """Compiled functions are plain ones of a module, and all are compiled in one way."""
     faults = []
     for module in modules.values():
-        tree = module.tree
-        top = {id(node) for node in tree.body}
+        top = {id(node) for node in module.tree.body}
         faults += [
             f"{module.name}.{node.name}: a compiled closure is never kept on disk"
-            for node in ast.walk(tree)
+            for node in module.nodes
             if isinstance(node, Function) and _compiled(node) and id(node) not in top
         ]
         ways = {name for target, name in imported(module, modules) if target == "numba"} & _WAYS_TO_COMPILE
@@ -245,16 +243,16 @@ def compiled_late(modules: Modules) -> list[str]:
 
 def stray_optional_imports(modules: Modules) -> list[str]:
     """Optional libraries are imported by components only, which load when a configuration names them."""
-    faults = []
+    faults, optional = [], {name: _optional(module, modules) for name, module in modules.items()}
     for module in modules.values():
-        libraries = _optional(module, modules)
+        libraries = optional[module.name]
         component = module.name.count(".") >= 2 and not module.package
         if libraries and not (component and module.layer not in (None, 0)):
             faults.append(f"{module.name} imports {', '.join(sorted(libraries))}")
         for target, _ in imported(module, modules):
             if target in modules and module.folder != modules[target].folder:
-                theirs = _optional(modules[target], modules)
-                faults += [f"{module.name} imports {target} and so {library}" for library in sorted(theirs)]
+                so = sorted(optional[target])
+                faults += [f"{module.name} imports {target} and so {library}" for library in so]
     return faults
 
 
