@@ -45,7 +45,7 @@ def test_the_site_is_built(tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("NO_MKDOCS_2_WARNING", "1")
     mkdocs = importlib.import_module("mkdocs.__main__").cli
-    done = CliRunner().invoke(mkdocs, ["build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")])
+    done = CliRunner().invoke(mkdocs, ["build", "--strict", "--site-dir", str(tmp_path / "site")])
     assert done.exit_code == 0, done.output
     pages = {path.stem for path in (tmp_path / "site").glob("*.html")} - {"404"}
     assert pages == {name.removesuffix(".md") for name in PAGES}
