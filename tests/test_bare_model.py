@@ -32,6 +32,8 @@ from tracker.simulation.sequence_files import write_sequence
 
 BARE = ("name", "segments", "parts")
 
+TABLES = "recordings=['csv_table','journal','run_json']"
+
 
 def written(folder: Path, *kept: str, **changes: Any) -> Path:
     """The 22-parameter body with some sections of its file, and others in place of them."""
@@ -63,7 +65,7 @@ def test_joints_and_free_ends_are_the_landmarks_of_a_file_without_any(tmp_path: 
 def test_a_person_of_segments_and_parts_is_found_tracked_and_evaluated(tmp_path: Path) -> None:
     recipe = Recipe("sway", model=str(written(tmp_path, *BARE)), seconds=3 / 25, size=SMALL)
     config = write_sequence(recipe, tmp_path / "filmed")
-    result = execute(load_job("track", config), tmp_path / "result").folder
+    result = execute(load_job("track", config, [TABLES]), tmp_path / "result").folder
     told = CliRunner().invoke(app, ["evaluate", str(result), "--truth", str(config.parent)])
     assert told.exit_code == 0, told.output
     (median,) = (line for line in told.output.splitlines() if "joint distance, median" in line)

@@ -21,7 +21,13 @@ from tracker.jobs.track import TrackJob, TrackOutcome
 from tracker.simulation.sequence import Recipe
 from tracker.simulation.sequence_files import write_sequence
 
-GIVEN = ["initialization.use=given", "initialization.poses=truth_poses.csv", "reading.stride=2", "smoothing=rts"]
+START = [
+    "initialization.use=given",
+    "initialization.poses=truth_poses.csv",
+    "evidence=contours",
+    "estimation=twist_icp",
+]
+GIVEN = [*START, "reading.stride=2", "smoothing=rts"]
 JOURNAL = 'recordings=["journal","run_json"]'
 """Where it is not a matter of what the recordings take."""
 
@@ -62,7 +68,7 @@ def test_frames_in_which_nobody_is_in_view_are_left_out(config, monkeypatch):
 
 def test_frames_far_apart_need_none_behind_the_last(config):
     """Frames 0, 3, 6, 9 of ten: what is read ends at the last of them."""
-    told = forecast(load_job("track", config, [*GIVEN[:2], "reading.stride=3", JOURNAL]))
+    told = forecast(load_job("track", config, [*START, "reading.stride=3", JOURNAL]))
     assert (told.n_frames, told.doubts.n_frames) == (4, 4)
 
 
@@ -72,7 +78,7 @@ def test_still_pictures_are_a_single_frame(config, tmp_path):
             image = next(opened.decode(video=0)).to_ndarray(format="bgr24")
         cv2.imwrite(str(tmp_path / f"{video.stem}.png"), image)
     stills = {"use": "stills", "path": str(tmp_path / "{view}.png"), "rig": str(config.parent / "rig.toml")}
-    table = read_config(config, [*GIVEN[:2], JOURNAL]) | {
+    table = read_config(config, [*START, JOURNAL]) | {
         "reading": stills | {"background": str(config.parent / "background" / "{view}.png")}
     }
     told = forecast(job_from("track", table, "stills.toml", config.parent, "stills"))
@@ -95,7 +101,7 @@ def test_who_is_scaled_is_said_to_be_fitted_and_is_not_for_the_forecast(config):
 
 
 def test_the_command_says_how_long_it_takes(config):
-    overrides = [word for one in GIVEN for word in ("--set", one)]
+    overrides = [word for one in (*GIVEN, JOURNAL) for word in ("--set", one)]
     told = CliRunner().invoke(app, ["run", str(config), "--dry-run", *overrides])
     assert told.exit_code == 0, told.output
     assert "4 views, 5 frames" in told.output

@@ -112,7 +112,7 @@ class Markers(Evidence):
 
 @pytest.fixture(scope="module")
 def simulation() -> Simulation:
-    return small_simulation(n_frames=6)
+    return small_simulation(n_frames=4)
 
 
 @pytest.fixture(scope="module")

@@ -51,8 +51,8 @@ def test_rough_recordings_are_smoothed_where_plates_tell(tmp_path: Path) -> None
     """What is compressed coarsely has no noise from frame to frame."""
     recipe = Recipe("arm_swing", seconds=0.12, size=(720, 576), constant_rate_factor=33)
     write_sequence(recipe, tmp_path / "coarse")
-    coarse = replace(recording(tmp_path / "other", 3.0), path=str(tmp_path / "coarse" / "{view}.mp4"))
-    coarse = replace(coarse, rig=tmp_path / "coarse" / "rig.toml", background=None)
+    path = str(tmp_path / "coarse" / "{view}.mp4")
+    coarse = VideoReading(path=path, rig=tmp_path / "coarse" / "rig.toml", downscale=1)
     assert job(coarse).open().sequence.smoothing_px == 0  # type: ignore[attr-defined]
     plated = replace(coarse, background=str(tmp_path / "coarse" / "background" / "{view}.png"))
     assert job(plated).open().sequence.smoothing_px == 1  # type: ignore[attr-defined]
