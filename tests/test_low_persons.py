@@ -113,7 +113,9 @@ def test_somebody_who_lies_is_found_on_edges_alone(name: str) -> None:
     simulation = simulated(LOW[name], 0.7)
     (frame,), body = simulation.frames(), simulation.scene.persons[0].body
     auto = AutoInitialization(stance=StanceInitialization(farthest_m=6.0))
-    cycle = cycle_for(simulation, auto, evidence=find("evidence", "together")(), plates=(None,) * 4)
+    cycle = cycle_for(
+        simulation, auto, evidence=find("evidence", "together")(), plates=(None,) * 4, estimation=TwistIcpEstimation()
+    )
     start = cycle.initialization.start(frame, simulation.scene.with_poses((body.rest(),)), cycle.stages)
     marks = body.landmarks_in_world(np.array([one.q for one in start.hypotheses[0]]))
     errors = np.linalg.norm(marks - body.landmarks_in_world(simulation.poses[0][0]), axis=2).mean(axis=1)
