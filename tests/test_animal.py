@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +11,6 @@ import pytest
 from recordings import cycle_for, joint_errors_mm, small_simulation
 from typer.testing import CliRunner
 
-import tracker
 from tracker.body.files import load_body
 from tracker.cli import app
 from tracker.initialization._persons import Found
@@ -22,6 +19,8 @@ from tracker.initialization._torso_axis import TorsoAxis
 from tracker.jobs import execute, load_job
 from tracker.resources import model_path
 from tracker.scene import Person
+from tracker.simulation.sequence import Recipe
+from tracker.simulation.sequence_files import write_sequence
 
 SIZE, PIXEL_MM = (540, 432), 8.3
 """Pictures with lower legs nine pixels wide, and a pixel at the animal; in smaller ones blur joins a leg's edges."""
@@ -29,17 +28,12 @@ SIZE, PIXEL_MM = (540, 432), 8.3
 HINGE_DEG = 2 * np.degrees(PIXEL_MM * np.sqrt(1 / 12) * np.sqrt(1 + 4 + 1) / 300)
 """Three joints, each uniformly off within a pixel, at both ends of two bones of 0.3 m: twice the RMS."""
 
-ROOT = Path(tracker.__file__).resolve().parents[1]
-
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of a trot, written by the script."""
+    """Folder of a trot."""
     folder = tmp_path_factory.mktemp("animal") / "trot"
-    size = [str(n) for n in SIZE]
-    options = ["--model", "quadruped", "--seconds", "0.24", "--size", *size, "--output", str(folder)]
-    script = [sys.executable, str(ROOT / "scripts" / "simulate_sequence.py"), *options]
-    subprocess.run(script, check=True, capture_output=True, cwd=folder.parent)
+    write_sequence(Recipe(model="quadruped", seconds=0.24, size=SIZE), folder)
     return folder
 
 
@@ -48,7 +42,9 @@ def test_an_animal_needs_no_setting_outside_its_file(recording: Path, tmp_path: 
 
     An error that is uniform within a pixel in each of three directions has an RMS of sqrt(3 / 12) pixels.
     """
-    result = execute(load_job("track", recording / "config.toml"), tmp_path / "result").folder
+    result = execute(
+        load_job("track", recording / "config.toml", ["recordings.overlay=false"]), tmp_path / "result"
+    ).folder
     with (result / "poses.csv").open() as file:
         statuses = [row["status"] for row in csv.DictReader(file)]
     assert statuses == ["bootstrapped", *["tracked"] * 5]

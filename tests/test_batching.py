@@ -35,7 +35,13 @@ GIVEN = [
     "initialization.poses=truth_poses.csv",
     "recordings=[{use='csv_table'},{use='journal'},{use='run_json'}]",
     "reading.downscale=1",
+    "evidence=contours",
+    "estimation=twist_icp",
+    "persons.0.shape=model",
+    "persons.0.carries=[]",
+    "passes=1",
 ]
+"""How persons are tracked is not the matter here; of one pass, each frame is written at once."""
 
 
 @pytest.fixture(scope="module")
@@ -218,14 +224,14 @@ def test_what_is_our_fault_is_told_in_one_line(tmp_path, monkeypatch):
 def test_ctrl_c_leaves_usable_results_and_says_what_waits(sequence, tmp_path):
     """Sent to the first process alone, as a terminal would not: it passes it on and waits."""
     long = tmp_path / "long"
-    config = write_sequence(Recipe("arm_swing", seconds=2, size=(360, 288)), long)
+    config = write_sequence(Recipe("arm_swing", seconds=1.6, size=(240, 192)), long)
     names = []
     for name in ("anna", "bert", "cleo"):
         text = [line for line in config.read_text().splitlines() if not line.startswith("name")]
         (long / f"{name}.toml").write_text("\n".join([f'name = "{name}"', *text]))
         names.append(str(long / f"{name}.toml"))
-    # with two passes the frames of a window come together
-    overrides = [word for override in (*GIVEN, "passes=1") for word in ("--set", override)]
+    # a search in each frame, so that the last one is far when the signal comes
+    overrides = [word for override in (*GIVEN, "estimation=hybrid") for word in ("--set", override)]
     command = [sys.executable, "-m", "tracker", "batch", *names, "--jobs", "1", "--output", str(tmp_path / "out")]
     process = subprocess.Popen(
         [*command, *overrides],
@@ -250,7 +256,7 @@ def test_ctrl_c_leaves_usable_results_and_says_what_waits(sequence, tmp_path):
         "bert": "waiting",
         "cleo": "waiting",
     }
-    assert 0 < len(tracker.load_result(tmp_path / "out" / "anna").frames) < 50
+    assert 0 < len(tracker.load_result(tmp_path / "out" / "anna").frames) < 40
 
 
 def test_the_command_tells_a_row_a_recording(configs, tmp_path, monkeypatch):

@@ -15,6 +15,7 @@ from tracker.inspection import findings, first_in_view, survey
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
+from tracker.simulation.sequence import Simulation
 from tracker.synthesis.cpu import CpuSynthesis
 
 
@@ -25,6 +26,12 @@ def masked() -> Frame:
     (frame,) = simulation.frames()
     scene = simulation.scene.with_poses((simulation.poses[0][0],))
     return replace(frame, masks=CpuSynthesis().silhouettes(scene))
+
+
+@pytest.fixture(scope="module")
+def walk() -> Simulation:
+    """Two seconds of somebody who walks."""
+    return small_simulation("walking_on_the_spot", n_frames=50)
 
 
 @pytest.mark.parametrize("image_is_there", [True, False])
@@ -48,21 +55,19 @@ def test_who_walks_in_is_waited_for_though_the_first_frame_lacks_a_mask(masked: 
     assert first_in_view([replace(frame, masks=()) for frame in frames], (None,) * 4) is None
 
 
-def test_masks_tell_as_plates_do_that_the_model_has_another_size() -> None:
-    simulation = small_simulation("walking_on_the_spot", n_frames=50)
+def test_masks_tell_as_plates_do_that_the_model_has_another_size(walk: Simulation) -> None:
     small = load_body(model_path("gavrila22"), 0.55)
-    scene = Scene((Person("one", small, small.rest()),), simulation.scene.rig)
+    scene = Scene((Person("one", small, small.rest()),), walk.scene.rig)
     frames = []
-    for frame in simulation.frames():
-        here = simulation.scene.with_poses((simulation.poses[0][frame.index],))
+    for frame in walk.frames():
+        here = walk.scene.with_poses((walk.poses[0][frame.index],))
         frames.append(replace(frame, masks=CpuSynthesis().silhouettes(here)))
     for some in ([replace(frame, masks=()) for frame in frames], frames):
-        plates = (None,) * 4 if some is frames else simulation.plates
+        plates = (None,) * 4 if some is frames else walk.plates
         assert any("a taller person" in told for told in findings(survey(some, scene, plates)))
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_view_that_is_missing_throughout_is_looked_at_in_silence() -> None:
-    simulation = small_simulation("walking_on_the_spot", n_frames=50)
-    frames = [replace(frame, images=(*frame.images[:3], None)) for frame in simulation.frames()]
-    findings(survey(frames, simulation.scene, simulation.plates))
+def test_a_view_that_is_missing_throughout_is_looked_at_in_silence(walk: Simulation) -> None:
+    frames = [replace(frame, images=(*frame.images[:3], None)) for frame in walk.frames()]
+    findings(survey(frames, walk.scene, walk.plates))
