@@ -74,10 +74,10 @@ def tracked(simulation, off_s=0.0, lost=()):
 
 
 @functools.cache
-def usually_aligned(delays_s=(0.0, 0.0, 0.0, 0.0)):
+def usually_aligned(*delays_s):
     """What the true poses of the moment in the middle tell of such views, once for all tests."""
-    simulation, images = recorded(delays_s)
-    return aligned(simulation, images, tracked(simulation, float(np.mean(delays_s))))
+    simulation, images = recorded(*delays_s)
+    return aligned(simulation, images, tracked(simulation, float(np.mean(delays_s or 0.0))))
 
 
 def aligned(simulation, images, frames, rig=None):
@@ -345,7 +345,7 @@ def test_a_run_whose_bodies_are_not_fitted_is_asked_at_its_end(run_out_of_step, 
     folder, _ = run_out_of_step
     outputs = "recordings=[{use='csv_table'},{use='report'},{use='run_json'}]"
     recording = folder.parent / "recording" / "config.toml"
-    ran(recording, tmp_path / "result", "persons.0.shape=model", outputs)
+    ran(recording, tmp_path / "result", "persons.0.shape=model", "reading.downscale=1", outputs)
     told = [
         line for line in json.loads((tmp_path / "result" / "run.json").read_text())["findings"] if "of step" in line
     ]
