@@ -24,7 +24,7 @@ from tracker.initialization import Backdrops, Stages
 from tracker.initialization._foregrounds import foregrounds, outlined, segmented
 from tracker.initialization._hypotheses import least_left
 from tracker.initialization.auto import AutoInitialization
-from tracker.initialization.pca import _likeliest_fault, _stand_out
+from tracker.initialization.pca import PcaInitialization, _likeliest_fault, _stand_out
 from tracker.initialization.stance import StanceInitialization
 from tracker.outlines import outline_observation
 from tracker.plate import Plate
@@ -41,6 +41,7 @@ from tracker.tracking.found_before import StartedBefore
 from tracker.tracking.recorded_plates import without_persons
 
 BOX = slice(60, 200), slice(140, 180)
+QUICK = PcaInitialization(turn_step_deg=45.0, hypotheses=2, finalists=2)
 
 
 @pytest.fixture(scope="module")
@@ -227,7 +228,9 @@ def test_who_stands_out_but_for_the_unknown_is_found_without_plates(simulation: 
     plates = showing(simulation, trunk, unknown=True)
     assert all(plate.unknown is not None for plate in plates)
     stages = stages_of(simulation, lambda: plates)
-    start = AutoInitialization(stance=Asked()).start(next(iter(simulation.frames())), simulation.scene, stages)
+    start = AutoInitialization(pca=QUICK, stance=Asked()).start(
+        next(iter(simulation.frames())), simulation.scene, stages
+    )
     # seen from the front and from behind arms look alike: the next frames decide
     assert min(joint_errors_mm(simulation, 0, 0, one.q).mean() for one in start.hypotheses[0]) < 30
 
@@ -251,7 +254,7 @@ def test_of_two_starts_that_which_leaves_less_is_taken_with_the_hypotheses_of_bo
 def test_who_is_in_the_backdrops_is_looked_for_on_edges(simulation: Simulation, shown: Callable[[Mask], Mask]) -> None:
     plates = showing(simulation, shown, unknown=False)
     with pytest.raises(InitializationError, match=r"^asked$"):
-        AutoInitialization(stance=Asked()).start(
+        AutoInitialization(pca=QUICK, stance=Asked()).start(
             next(iter(simulation.frames())), simulation.scene, stages_of(simulation, lambda: plates)
         )
 
@@ -260,7 +263,7 @@ def test_no_backdrops_leave_the_edges(simulation: Simulation) -> None:
     frame = next(iter(simulation.frames()))
     for known in ((), (None,) * 4, (simulation.plates[0], None, None, None)):
         with pytest.raises(InitializationError, match=r"^asked$"):
-            AutoInitialization(stance=Asked()).start(
+            AutoInitialization(pca=QUICK, stance=Asked()).start(
                 frame, simulation.scene, stages_of(simulation, lambda known=known: known)
             )
 

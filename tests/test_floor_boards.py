@@ -31,11 +31,14 @@ def board_in(camera: Camera, columns: int, rows: int) -> Image:
     return np.asarray(cv2.warpPerspective(board, moved, camera.size, borderValue=200, flags=cv2.INTER_AREA), np.uint8)
 
 
-def opposite(columns: int, rows: int, folder: Path) -> Rig:
-    """Two cameras on both sides of a board, with their pictures of it."""
+def opposite(columns: int, rows: int, folder: Path, smaller: int = 1) -> Rig:
+    """Three cameras around a board, with their pictures of it, so many times smaller than 1280x720."""
     middle = np.array([columns * SQUARE_M / 2, -rows * SQUARE_M / 2, 0])
     places = {"near": (0.4, -3.0, 2.0), "beside": (3.0, -0.5, 2.0), "far": (0.4, 2.5, 2.0)}
-    cameras = [Camera.looking_at(name, (1280, 720), 1500, at, middle) for name, at in places.items()]
+    cameras = [
+        Camera.looking_at(name, (1280 // smaller, 720 // smaller), 1500 / smaller, at, middle)
+        for name, at in places.items()
+    ]
     for camera in cameras:
         cv2.imwrite(str(folder / f"{camera.name}.png"), board_in(camera, columns, rows))
     return Rig(tuple(cameras))
@@ -62,7 +65,7 @@ def test_a_board_that_is_another_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_floor_board_counted_in_squares_is_told(tmp_path: Path) -> None:
-    rig = opposite(9, 6, tmp_path)
+    rig = opposite(9, 6, tmp_path, smaller=2)
     frame = WorldFrame(board=str(tmp_path / "{view}.png"), board_columns=10, board_rows=7, board_square_m=SQUARE_M)
     with pytest.raises(CalibrationError, match=r"of 10x7 inner corners.*board_columns = 9, board_rows = 6 is seen$"):
         frame.placed(rig, None, np.zeros(3))

@@ -37,6 +37,9 @@ from tracker.simulation.sequence_files import write_sequence
 from tracker.synthesis.cpu import CpuSynthesis
 
 RIG = four_views()
+NEAR_M = 6.0
+"""Floor that is searched: cameras stand 5 m away at the most, and floor far behind them takes most of the time."""
+
 PLATE = Plate(np.zeros((8, 8, 3), np.uint8))
 
 
@@ -193,7 +196,8 @@ def test_a_standing_person_is_found_on_edges_alone(body: BodyModel, arms_deg: fl
     scene = Scene((Person("one", body, q),), RIG)
     stages = Stages(CpuSynthesis(), ContourEvidence(), HybridEstimation(), (None,) * 4)
     standing = body.start.stances_deg[:3]
-    start = StanceInitialization(stances_deg=standing, hypotheses=3).start(drawn(scene), scene, stages)
+    search = StanceInitialization(stances_deg=standing, hypotheses=3, farthest_m=NEAR_M)
+    start = search.start(drawn(scene), scene, stages)
     off = body.landmarks_in_world(np.array([one.q for one in start.hypotheses[0]])) - body.landmarks_in_world(q)
     assert np.linalg.norm(off, axis=2).mean(axis=1).min() < 0.03
 
@@ -209,7 +213,7 @@ def test_someone_crouching_in_a_cluttered_room_is_found() -> None:
     simulation = replace(simulation, recipe=recipe, poses=(simulation.poses[0][30:],))
     deepest = next(simulation.frames())
     crouching = simulation.scene.persons[0].body.start.stances_deg[6:8]
-    initialization = StanceInitialization(stances_deg=crouching, hypotheses=2)
+    initialization = StanceInitialization(stances_deg=crouching, hypotheses=2, farthest_m=NEAR_M)
     start = initialization.start(deepest, simulation.scene, without_plates(simulation))
     errors = [joint_errors_mm(simulation, 0, 0, one.q).mean() for one in start.hypotheses[0]]
     assert min(errors) < 30
@@ -223,7 +227,8 @@ def test_an_empty_room_is_empty() -> None:
     simulation = small_simulation(n_frames=1)
     empty = Frame(0, 0.0, tuple(plate.picture for plate in simulation.plates))
     scene = simulation.scene
-    search = StanceInitialization(stances_deg=scene.persons[0].body.start.stances_deg[:3], hypotheses=2)
+    stances = scene.persons[0].body.start.stances_deg[:3]
+    search = StanceInitialization(stances_deg=stances, hypotheses=2, farthest_m=NEAR_M)
     with pytest.raises(InitializationError, match=r"frame 0: .* expected at least 0.16"):
         search.start(empty, scene, without_plates(simulation))
 

@@ -113,6 +113,7 @@ class Film:
         config = {"name": self.recording.name, "persons": persons, "reading": reading}
         if quick:
             config |= {"recordings": {"report": False, "plots": False}, "evidence": "contours"}
+            config |= {"initialization": {"use": "pca", "hypotheses": 1, "turn_step_deg": 90.0}}
             config |= {"estimation": {"use": "twist_icp"}, "loss": {"rehearse": 0}}
         (folder / "config.toml").write_text(tomli_w.dumps(config), encoding="utf-8")
         before_s, begin = self.floor_s(), time.perf_counter()
