@@ -22,6 +22,8 @@ STAGES = {
     "tracker.acquisition.rounds:fit_to_views": "body, fit",
     "tracker.acquisition.from_recording:things_of": "body, things",
     "tracker.jobs.track:with_fitted_bodies": "body, tracked",
+    "tracker.jobs.track:without_persons": "start",
+    "tracker.jobs.track:behind_who_stays": "start",
     "tracker.tracking:_begun": "start",
     "tracker.jobs._recorded:_written": "writing",
     "tracker.jobs._recorded:_finish": "writing, end",
