@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -49,6 +49,14 @@ def truth(body: BodyModel) -> Scene:
 def observation(truth: Scene) -> Observation:
     """The contours of `truth` as edges."""
     return ideal(truth)
+
+
+@pytest.fixture(scope="module")
+def limbs_stay() -> Iterator[None]:
+    """Limbs are not looked for elsewhere when persons are found: before true starts that takes most of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tracker.tracking.cycle_turn.in_likeliest_places", lambda objective, estimate, *_: estimate)
+        yield
 
 
 @pytest.fixture(scope="module", params=["gavrila22", "human", "quadruped"])

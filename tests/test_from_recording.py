@@ -38,15 +38,17 @@ from tracker.scene import Person, Scene
 from tracker.simulation.sequence import Recipe, Simulation
 from tracker.simulation.sequence_files import write_sequence
 from tracker.start import Start
-from tracker.subject import Subject
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.found_before import StartedBefore, knowing
+from tracker.tracking.other_places import in_likeliest_places
 from tracker.tracking.windows import back, there
 from tracker.trajectory import Step
 
 QUICK = ViewSettings(frames=4, rounds=1, fit=FitSettings(iterations=6, pose_deg=8.0, pose_m=0.05, rigid_share=0.2))
 N_FRAMES = 8
+
+pytestmark = pytest.mark.usefixtures("limbs_stay")
 
 
 @pytest.fixture(scope="module")
@@ -301,7 +303,8 @@ def test_the_run_starts_where_the_way_back_has_ended(
     assert not np.array_equal(found.fits[0].body.shapes, way_back[0].scene.persons[0].body.shapes)
 
 
-def test_what_is_known_of_a_frame_is_taken_where_it_explains_more(filmed: Simulation) -> None:
+def test_what_is_known_is_taken_where_it_explains_more(filmed: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tracker.tracking.cycle_turn.in_likeliest_places", in_likeliest_places)
     cycle = cycle_for(filmed, TrueStart(filmed, off_deg=0.0, off_m=0.0), estimation=ArmUp())
     steps, _ = there(list(filmed.frames()), filmed.scene, cycle)
     true = {k: (replace(steps[k].estimates[0], q=filmed.poses[0][k]),) for k in range(N_FRAMES)}
@@ -320,19 +323,6 @@ class ArmUp:
         q = candidates[0].copy()
         q[objective.body.index("left_arm_abduction")] += 0.5
         return objective.estimate(q, np.zeros((len(q), len(q))), 1)
-
-
-@pytest.mark.parametrize(
-    ("subject", "expected"),
-    [
-        (Subject(), False),
-        (Subject(stature_m=1.8), True),
-        (Subject(stature_m=1.8, shape="model"), False),
-        (Subject(shape="recording"), True),
-    ],
-)
-def test_scaled_models_are_fitted_unless_told_otherwise(subject: Subject, expected: bool) -> None:
-    assert subject.is_fitted is expected
 
 
 @pytest.fixture(scope="module")

@@ -213,7 +213,7 @@ def test_someone_crouching_in_a_cluttered_room_is_found() -> None:
     simulation = replace(simulation, recipe=recipe, poses=(simulation.poses[0][30:],))
     deepest = next(simulation.frames())
     crouching = simulation.scene.persons[0].body.start.stances_deg[6:8]
-    initialization = StanceInitialization(stances_deg=crouching, hypotheses=2, farthest_m=NEAR_M)
+    initialization = StanceInitialization(stances_deg=crouching, hypotheses=2)
     start = initialization.start(deepest, simulation.scene, without_plates(simulation))
     errors = [joint_errors_mm(simulation, 0, 0, one.q).mean() for one in start.hypotheses[0]]
     assert min(errors) < 30
@@ -227,8 +227,7 @@ def test_an_empty_room_is_empty() -> None:
     simulation = small_simulation(n_frames=1)
     empty = Frame(0, 0.0, tuple(plate.picture for plate in simulation.plates))
     scene = simulation.scene
-    stances = scene.persons[0].body.start.stances_deg[:3]
-    search = StanceInitialization(stances_deg=stances, hypotheses=2, farthest_m=NEAR_M)
+    search = StanceInitialization(stances_deg=scene.persons[0].body.start.stances_deg[:3], hypotheses=2)
     with pytest.raises(InitializationError, match=r"frame 0: .* expected at least 0.16"):
         search.start(empty, scene, without_plates(simulation))
 

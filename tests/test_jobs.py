@@ -206,3 +206,16 @@ def test_the_files_of_a_skin_are_inputs_as_the_model_is(tmp_path: Path) -> None:
     assert {name for name, print_ in fingerprints(subject, ()).items() if print_ != first[name]} == {
         str(tmp_path / "scan.ply")
     }
+
+
+@pytest.mark.parametrize(
+    ("subject", "expected"),
+    [
+        (Subject(), False),
+        (Subject(stature_m=1.8), True),
+        (Subject(stature_m=1.8, shape="model"), False),
+        (Subject(shape="recording"), True),
+    ],
+)
+def test_scaled_models_are_fitted_unless_told_otherwise(subject: Subject, expected: bool) -> None:
+    assert subject.is_fitted is expected
