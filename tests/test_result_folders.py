@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import textwrap
-import time
 from pathlib import Path
 
 import numpy as np
@@ -24,29 +22,34 @@ from tracker.progress import silent, within
 # Result folders
 
 
+RACE = """
+import multiprocessing, sys, time
+from pathlib import Path
+from tracker.jobs._folder import result_folder
+
+def job(k, begin):
+    begin.wait()
+    with result_folder("same", None) as folder:
+        (folder.path / "mine.txt").write_text(str(k))
+        time.sleep(0.2)
+        Path(f"told_{k}").write_text(str(folder.path))
+
+time.strftime = lambda text: "2026-11-21_12-00-00"
+context = multiprocessing.get_context("fork")
+begin = context.Barrier(4)
+jobs = [context.Process(target=job, args=(k, begin)) for k in range(4)]
+for one in jobs:
+    one.start()
+for one in jobs:
+    one.join()
+sys.exit(max(abs(one.exitcode) for one in jobs))
+"""
+
+
 def test_two_jobs_of_the_same_second_get_two_folders(tmp_path: Path) -> None:
-    """Eight processes that begin at one moment, with the clock standing still."""
-    script = textwrap.dedent(
-        """
-        import sys, time
-        from pathlib import Path
-        from tracker.jobs._folder import result_folder
-        time.strftime = lambda text: "2026-11-21_12-00-00"
-        while time.time() < float(sys.argv[1]):
-            pass
-        with result_folder("same", None) as folder:
-            (folder.path / "mine.txt").write_text(sys.argv[2])
-            time.sleep(0.2)
-            print(folder.path, end="")
-        """
-    )
-    begin = str(time.time() + 4)
-    processes = [
-        subprocess.Popen([sys.executable, "-c", script, begin, str(k)], cwd=tmp_path, stdout=subprocess.PIPE, text=True)
-        for k in range(4)
-    ]
-    folders = [tmp_path / process.communicate()[0] for process in processes]
-    assert [process.returncode for process in processes] == [0] * 4
+    """Four processes that begin at one moment, with the clock standing still; one loads the program for all."""
+    subprocess.run([sys.executable, "-c", RACE], cwd=tmp_path, check=True)
+    folders = [tmp_path / (tmp_path / f"told_{k}").read_text() for k in range(4)]
     assert len(set(folders)) == 4
     assert [(folder / "mine.txt").read_text() for folder in folders] == [str(k) for k in range(4)]
     latest = tmp_path / "results" / "same" / "latest"
