@@ -12,6 +12,7 @@ from rounding import SINGLE, assert_alike
 
 from tracker.estimation.best_first import BestFirstEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.initialization._scattering import ROUNDS
 from tracker.initialization.pca import PcaInitialization
 from tracker.initialization.stance import StanceInitialization
 from tracker.start import Start
@@ -62,6 +63,7 @@ def on_edges(in_threads: bool, monkeypatch: pytest.MonkeyPatch) -> tuple[Start]:
     """A start without plates, limbs looked for anew."""
     monkeypatch.setattr(CpuSynthesis, "threads", in_threads)
     monkeypatch.setattr("tracker.initialization._limbs_anew._LEFT_OVER", 0.0)
+    monkeypatch.setattr("tracker.initialization.stance.ROUNDS", ROUNDS[-1:])
     simulation = small_simulation("two_elbow_rotation", n_frames=1)
     stages = replace(cycle_for(simulation, estimation=TwistIcpEstimation()).stages, plates=(None,) * 4)
     initialization = StanceInitialization(hypotheses=2, finalists=2, step_m=0.6, farthest_m=6.0, least_score=1e-3)
