@@ -35,6 +35,8 @@ from tracker.tracking.recorded_plates import behind_who_stays
 from tracker.tracking.windows import there
 from tracker.trajectory import Step
 
+pytestmark = pytest.mark.usefixtures("limbs_stay")
+
 
 @pytest.fixture(scope="module")
 def simulation() -> Simulation:
@@ -139,8 +141,6 @@ def test_a_run_says_what_it_knows_of_who_stays_and_resumes_with_the_same(
     """Resumed with a body that is fitted already, it makes the same of the backdrops as before the fit."""
     once = ViewSettings(rounds=1)
     monkeypatch.setattr("tracker.jobs._persons.ViewSettings", lambda: once)
-    # the start is the true one: limbs are not looked for elsewhere, which takes longer than all frames
-    monkeypatch.setattr("tracker.tracking.cycle_turn.in_likeliest_places", lambda objective, estimate, *_: estimate)
     said: list[str] = []
     unplated = replace(unplated, persons=tuple(replace(one, shape=shape) for one in unplated.persons))
     whole = execute(unplated, tmp_path / "whole", progress=lambda what, *_: said.append(what))

@@ -19,6 +19,7 @@ from recordings import TrueStart, cycle_for, small_simulation
 from rig_samples import FISHEYE
 
 from tracker.estimate import Status
+from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.recording import RunContext
 from tracker.recording._motion import Motions
 from tracker.recording._preview import Preview, windows_of
@@ -28,10 +29,16 @@ from tracker.tracking import track
 
 
 @pytest.fixture(scope="module")
-def recorded():
+def recorded(limbs_stay):
     """Eight frames of a simulated recording; the third lost, an arm ambiguous in the fifth, the head in the sixth."""
     simulation = small_simulation(n_frames=8)
-    steps = list(track(simulation.frames(), simulation.scene, cycle_for(simulation, TrueStart(simulation))))
+    steps = list(
+        track(
+            simulation.frames(),
+            simulation.scene,
+            cycle_for(simulation, TrueStart(simulation), estimation=TwistIcpEstimation()),
+        )
+    )
     steps[2] = replace(steps[2], estimates=(replace(steps[2].estimates[0], status=Status.LOST),))
     steps[4] = replace(steps[4], estimates=(replace(steps[4].estimates[0], ambiguous=("left_arm",)),))
     steps[5] = replace(steps[5], estimates=(replace(steps[5].estimates[0], ambiguous=("head",)),))
