@@ -128,17 +128,17 @@ def test_an_open_shutter_gathers_what_happens_meanwhile():
     """The frames of eight cameras in a row, each an eighth of the exposure long, add up to the picture."""
     still = {"noise_grey": 0.0, "blur_px": 0.0, "size": (320, 256), "movement": "arm_swing"}
     fast = simulate(Recipe(seconds=0.8, fps=400.0, **still))
-    every = fast.poses[0][::16]
-    exposed = Simulation(Recipe(seconds=0.8, fps=25.0, exposure_s=0.04, **still), fast.scene, (every,), fast.plates)
+    every = fast.poses[0][::16][7:10]
+    exposed = Simulation(Recipe(seconds=0.12, fps=25.0, exposure_s=0.04, **still), fast.scene, (every,), fast.plates)
     found = list(exposed.frames())
     # poses go evenly from one frame to the next
-    moments = 8 + (np.arange(8) + 0.5) / 8 - 0.5
+    moments = 1 + (np.arange(8) + 0.5) / 8 - 0.5
     between = np.array([np.interp(moments, np.arange(len(every)), values) for values in every.T]).T
     many = Simulation(Recipe(seconds=8 / 400, fps=400.0, **still), fast.scene, (between,), fast.plates)
     wanted = np.mean([frame.images for frame in many.frames()], axis=0)
-    assert np.abs(np.array(found[8].images) - wanted).max() <= 0.5
+    assert np.abs(np.array(found[1].images) - wanted).max() <= 0.5
     sharp = Simulation(replace(exposed.recipe, exposure_s=0.0), fast.scene, (every,), fast.plates)
-    assert np.abs(np.array(found[8].images) - np.array(list(sharp.frames())[8].images, dtype=float)).max() > 50
+    assert np.abs(np.array(found[1].images) - np.array(list(sharp.frames())[1].images, dtype=float)).max() > 50
 
 
 def test_a_view_that_is_a_frame_late_shows_the_next_one():
