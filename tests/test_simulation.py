@@ -174,7 +174,7 @@ def test_half_the_light_is_half_as_bright_and_as_noisy():
 
 
 def test_clothes_of_one_colour_have_no_seams():
-    person = simulate(Recipe(seconds=0.04)).scene.persons[0]
+    person = simulate(Recipe(seconds=0.04, size=(32, 24))).scene.persons[0]
     worn = [{tuple(np.round(colour / colour.max(), 1)) for colour in mesh_of(person, k).colours} for k in (0, 2)]
     # skin, hair, and what is worn
     assert len(worn[0]) > len(worn[1]) == 3
