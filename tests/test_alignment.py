@@ -340,6 +340,17 @@ def test_views_in_step_are_said_to_be_so():
     assert re.search(r"in \d+ frames from \d+ to 2\d: of others", told[0]), "a delay that grows shows later"
 
 
+def test_views_are_not_called_in_step_where_a_part_of_the_run_tells_nothing():
+    """A delay that grows is small where poses fit at all."""
+    simulation, images = recorded()
+    frames, told = tracked(simulation, lost={*range(6), *range(18, 30)}), []
+    steps = [SimpleNamespace(frame=frame, estimates=one.estimates) for frame, one in zip(images, frames, strict=True)]
+    assert told_of_views(steps, simulation.scene, 1 / FPS, lambda line, *_: told.append(line)) == ()
+    assert len(told) == 1
+    assert "in step to" not in told[0]
+    assert "whether they are in step could not be told" in told[0]
+
+
 def test_a_run_whose_bodies_are_not_fitted_is_asked_at_its_end(run_out_of_step, tmp_path):
     """Also then its files say so."""
     folder, _ = run_out_of_step
