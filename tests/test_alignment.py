@@ -69,7 +69,7 @@ def poses_at(late_s, n_frames=30):
 def tracked(simulation, off_s=0.0, lost=()):
     """The true poses, or those of a time so much later, as a run would have found them."""
     body, times = simulation.scene.persons[0].body, simulation.recipe.times
-    estimates = [estimate_of(q, len(body.parts), t in lost) for t, q in enumerate(poses_at(off_s))]
+    estimates = [estimate_of(q, len(body.parts), t in lost) for t, q in enumerate(poses_at(off_s, len(times)))]
     return [Tracked(t, float(times[t]), (one,)) for t, one in enumerate(estimates)]
 
 
@@ -100,29 +100,29 @@ def test_delays_by_parts_of_a_frame_are_found():
 @pytest.mark.parametrize("view", [0, 2])
 def test_a_view_that_repeats_a_frame_is_told_and_brought_in_step(view):
     """Of the first view, by which delays are counted, as of any other one."""
-    simulation, images = recorded()
+    simulation, images = recorded(n_frames=40)
     repeats = tuple(
-        replace(frame, images=tuple(images[t - (v == view and t >= 15)].images[v] for v in range(4)))
+        replace(frame, images=tuple(images[t - (v == view and t >= 20)].images[v] for v in range(4)))
         for t, frame in enumerate(images)
     )
     found = aligned(simulation, repeats, tracked(simulation))
     last, first = found.change.between
-    assert last < 15 <= first
+    assert last < 20 <= first
     steps = np.delete(found.change.steps_s, view)
-    # the first view's is found 0.245 of a frame short, and by rounding alone 0.02 of a frame elsewhere
-    assert found.change.steps_s[view] == pytest.approx(-1 / FPS, abs=0.3 / FPS)
+    # the first view's is found 0.21 of a frame short; of 30 frames 0.245, which rounding alone moves by 0.02
+    assert found.change.steps_s[view] == pytest.approx(-1 / FPS, abs=0.25 / FPS)
     assert steps == pytest.approx(np.zeros(3), abs=0.05 / FPS)
     assert found.late
     assert len(found.findings()) == 1
     assert found.findings()[0].startswith(f"{found.rig.names[view]} runs ")
     assert " earlier from some frame between " in found.findings()[0]
     assert found.delays_at(0) is found.change.before_s
-    assert found.delays_at(29) is found.change.after_s
+    assert found.delays_at(39) is found.change.after_s
     told = described(found)
     step_ms = [one["late_after_ms"] - one["late_before_ms"] for one in told.values()]
     assert step_ms == pytest.approx(1000 * found.change.steps_s, abs=1e-5)
     # of all that are not at an end or between, where delays are neither those before nor those after, every third one
-    body, inner = simulation.scene.persons[0].body, [*range(2, last), *range(first + 1, 28)][::3]
+    body, inner = simulation.scene.persons[0].body, [*range(2, last), *range(first + 1, 38)][::4]
     poses = dict(in_step(simulation.scene, tracked(simulation), found, [repeats[t] for t in inner]))
     marks = body.landmarks_in_world(np.array([poses[t][0].q for t in inner]))
     off_m = np.linalg.norm(marks - body.landmarks_in_world(simulation.poses[0][inner]), axis=2)
