@@ -348,7 +348,7 @@ def test_views_are_not_called_in_step_where_a_part_of_the_run_tells_nothing():
     assert told_of_views(steps, simulation.scene, 1 / FPS, lambda line, *_: told.append(line)) == ()
     assert len(told) == 1
     assert "in step to" not in told[0]
-    assert "whether they are in step could not be told" in told[0]
+    assert "alone: too few to tell whether views are in step all along" in told[0]
 
 
 def test_a_run_whose_bodies_are_not_fitted_is_asked_at_its_end(run_out_of_step, tmp_path):

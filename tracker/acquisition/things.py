@@ -175,8 +175,8 @@ def told_of_things(name: str, things: Sequence[Thing]) -> str:
     return f"{name}: something that is no part of the body moves along, {places}"
 
 
-def told_of_furniture(name: str, things: Sequence[Thing]) -> tuple[str, ...]:
-    """What is said of what stands beside a person, and of what may be.
+def told_of_uncarried(name: str, things: Sequence[Thing]) -> tuple[str, ...]:
+    """What is said of what is beside a person and not carried: furniture, what may be, and what is the person's own.
 
     Args:
         name: the person's.

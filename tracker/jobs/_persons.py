@@ -14,7 +14,7 @@ from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.moving_along import How
 from tracker.acquisition.result import model_of
 from tracker.acquisition.shape_space import space_of
-from tracker.acquisition.things import Thing, carried_of, entry_of, told_of_furniture, told_of_things
+from tracker.acquisition.things import Thing, carried_of, entry_of, told_of_things, told_of_uncarried
 from tracker.body.description import BodyDescription
 from tracker.body.files import read_description, save_description
 from tracker.estimate import Estimate
@@ -136,7 +136,7 @@ def _unlike(person: Subject, fitted_m: float) -> Iterator[str]:
 
 def _told(name: str, things: Sequence[Thing], is_fitted: bool) -> Iterator[str]:
     """What is said of things that nobody told of: of those that are tracked as carried, and of all others."""
-    yield from told_of_furniture(name, things)
+    yield from told_of_uncarried(name, things)
     moving = [one for one in things if one.how is How.CARRIED]
     carried = [one for one in moving if is_fitted and not one.around]
     others = [one for one in moving if one not in carried]

@@ -67,11 +67,12 @@ def _told(
     if not found.findings():
         beside_ms = 1000 * interval_s * float(abs(found.late_frames).max())
         first, last = moments[0].frame.index, moments[-1].frame.index
-        compared = f"by the persons in {found.n_moments} frames from {first} to {last}: of others that says nothing"
         turned = f"cameras as calibrated to {found.turned_px.max():.1f} px"
         if last - first < _COVERED * (frames[-1].index - frames[0].index):
             # a delay that grows shows where poses fit at all: 17 of 50 frames of a view at double speed, to 8 ms
-            progress(f"views: {turned}; whether they are in step could not be told, {compared}")
+            told = f"persons move enough, without doubt, in {found.n_moments} frames from {first} to {last} alone"
+            progress(f"views: {turned}; {told}: too few to tell whether views are in step all along")
         else:
-            progress(f"views: in step to {beside_ms:.0f} ms, {turned}, {compared}")
+            told = f"by the persons in {found.n_moments} frames from {first} to {last}: of others that says nothing"
+            progress(f"views: in step to {beside_ms:.0f} ms, {turned}, {told}")
     return found.findings()

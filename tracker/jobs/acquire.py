@@ -25,7 +25,7 @@ from tracker.acquisition.fitting import Fit
 from tracker.acquisition.moving_along import How
 from tracker.acquisition.rounds import best_seen
 from tracker.acquisition.shape_space import space_of
-from tracker.acquisition.things import Thing, carried_of, entry_of, things_of, told_of_furniture, told_of_things
+from tracker.acquisition.things import Thing, carried_of, entry_of, things_of, told_of_things, told_of_uncarried
 from tracker.arrays import Array
 from tracker.body.files import read_description, save_description
 from tracker.components import component
@@ -140,7 +140,7 @@ def _told(steps: Iterator[Step], n_frames: int, progress: Progress) -> Iterator[
 
 def _tell_of_things(name: str, things: Sequence[Thing], progress: Progress) -> None:
     """A model is of the body alone: what is carried is for the user to tell."""
-    for told in told_of_furniture(name, things):
+    for told in told_of_uncarried(name, things):
         log.warning("%s", told)
         progress(f"input: {told}")
     things = [one for one in things if one.how is How.CARRIED]
