@@ -20,8 +20,11 @@ _LINES = {"x": ":", "y": "-.", "z": "-"}
 _LEAST_DEG, _LEAST_M = 30.0, 0.2
 """Least range that a panel of parameters shows."""
 
-_BELOW = 0.5
-"""Inches below and above the panels: numbers and a title."""
+_WIDE, _BELOW = 9.0, 0.5
+"""Inches: a figure's width, and what is below and above the panels for numbers and a title."""
+
+_SIGN, _MOST_SIGNS = 0.075, 16
+"""Inches that a sign of a name in a legend takes, and how many of them there is room for."""
 
 _USUAL_PX = 10.0
 """Range of the distances that is shown even if all are smaller: those of two runs compare at a glance."""
@@ -62,15 +65,22 @@ def parameter_figure(series: Series, person: int) -> Figure:
     return figure
 
 
-def _stacked(panel_inches: float, n_panels: int) -> tuple[Figure, list[Axes]]:
+def _stacked(panel_inches: float, n_panels: int, names: Iterable[str] = ()) -> tuple[Figure, list[Axes]]:
     """A figure of panels one above the other, with room for labels and, at the right, for a second axis and legends.
 
     Margins are fixed: to find them by drawing everything twice took a third of a figure's time.
+
+    Args:
+        panel_inches: height of each.
+        n_panels: their number.
+        names: in the legends, for which a figure is wider where they are long.
     """
-    height = panel_inches * n_panels
-    figure = Figure(figsize=(9, height))
+    height, longest = panel_inches * n_panels, max(map(len, names), default=0)
+    width = _WIDE + _SIGN * max(0, longest - _MOST_SIGNS)
+    figure = Figure(figsize=(width, height))
     axes = figure.subplots(n_panels, 1, sharex=True, squeeze=False)[:, 0]
-    figure.subplots_adjust(0.09, _BELOW / height, 0.8, 1 - _BELOW / height, hspace=0.12)
+    left, right = 0.09 * _WIDE / width, 0.8 * _WIDE / width
+    figure.subplots_adjust(left, _BELOW / height, right, 1 - _BELOW / height, hspace=0.12)
     return figure, list(axes)
 
 
@@ -111,7 +121,8 @@ def distance_figure(series: Series) -> Figure:
     """The distance that poses are ranked by, explained share and silhouette overlap against time."""
     overlaps = np.array(series.overlaps)
     n_panels = 3 if np.isfinite(overlaps).any() else 2
-    figure, axes = _stacked(2.2, n_panels)
+    names = [*(person.name for person in series.scene.persons), *series.scene.rig.names]
+    figure, axes = _stacked(2.2, n_panels, names)
     for k, person in enumerate(series.scene.persons):
         axes[0].plot(series.times_s, np.array(series.distances)[:, k], lw=1, label=person.name)
         axes[1].plot(series.times_s, 100 * np.array(series.explained)[:, k], lw=1, label=person.name)
