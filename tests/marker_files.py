@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
+
+from tracker.markers import Markers
 
 KEYS = ("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataRate", "OrigDataStartFrame")
 NAMES = ("LSHO", "LELB", "LWRI")
@@ -122,3 +125,21 @@ def rotation_bytes(file: C3d, origins: np.ndarray, reliability: float = 1.0) -> 
     placed = np.zeros((*origins.shape[:2], 17))
     placed[..., [0, 5, 10, 15]], placed[..., 12:15], placed[..., 16] = 1.0, origins, reliability
     return file.floats(placed)
+
+
+TIMES_S = np.arange(20) / 100
+
+
+POINTS = POINTS_MM / 1000
+
+
+def written(folder: Path, content: str | bytes, name: str = "a.trc") -> Path:
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def same(read: Markers, points: np.ndarray = POINTS, names: tuple[str, ...] = NAMES) -> None:
+    assert read.names == names
+    np.testing.assert_allclose(read.times_s, TIMES_S[: len(points)], atol=1e-9)
+    np.testing.assert_allclose(read.points, points, atol=2e-7)

@@ -96,7 +96,6 @@ def frame(simulation: Simulation) -> Frame:
 
 @pytest.fixture(scope="module")
 def cycle(simulation: Simulation) -> Cycle:
-    """The components around the one under test."""
     return cycle_for(simulation)
 
 

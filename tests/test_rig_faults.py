@@ -108,7 +108,9 @@ def test_stated_units_are_honoured(tmp_path: Path) -> None:
         other[key]["translation"] = [100 * value for value in other[key]["translation"]]
     north = load_rig(written(tmp_path, other, ".toml")).cameras[0]
     np.testing.assert_allclose(north.centre, (5, 0, 0), atol=1e-12)
-    assert_refused(written(tmp_path, {"units": "inch", "cameras": content}, ".json"), "valid: cm, m, mm", '"inch"')
+    assert_refused(
+        written(tmp_path, {"units": "parsec", "cameras": content}, ".json"), "valid: cm, dm, ft, in, m, mm", '"parsec"'
+    )
 
 
 def test_two_cameras_at_one_place(tmp_path: Path) -> None:

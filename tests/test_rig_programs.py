@@ -393,8 +393,7 @@ def test_cases_that_are_named(data: Callable[[str], Path], case: str, words: str
 
 
 def test_a_case_in_millimetres_is_read_as_told(data: Callable[[str], Path], tmp_path: Path) -> None:
-    source = str(data(f"{CASES}/17-freemocap-2/no_metadata_mm.toml"))
-    target = tmp_path / "rig.toml"
+    source, target = str(data(f"{CASES}/17-freemocap-2/no_metadata_mm.toml")), tmp_path / "rig.toml"
     told = CliRunner().invoke(app, ["rig", "convert", source, str(target), "--units", "mm"])
     assert told.exit_code == 0, told.output
     one, other = load_rig(target).cameras

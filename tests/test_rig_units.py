@@ -97,7 +97,7 @@ def test_a_large_room_is_read_and_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("told", "words"),
     [
-        ({"units": "inch"}, 'units = "inch": valid: cm, m, mm'),
+        ({"units": "parsec"}, 'units = "parsec": valid: cm, dm, ft, in, m, mm'),
         ({"scale": 0.0}, "scale = 0: expected a factor above 0"),
         ({"scale": float("nan")}, "scale = nan: expected a factor"),
     ],

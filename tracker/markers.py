@@ -62,22 +62,3 @@ def without_gaps(points: Array) -> Array:
 
 _ENDLESS = 1e20
 """In any unit: NDI's systems (Optotrak, Polaris) write -3.697314e28 for what they do not see."""
-
-METRES_PER_UNIT = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
-"""Units of length that marker files name, by their signs."""
-
-_WORDS = {
-    "m": ("meter", "meters", "metre", "metres"),
-    "dm": ("decimeter", "decimeters", "decimetre", "decimetres"),
-    "cm": ("centimeter", "centimeters", "centimetre", "centimetres"),
-    "mm": ("millimeter", "millimeters", "millimetre", "millimetres"),
-    "in": ("inch", "inches"),
-    "ft": ("foot", "feet"),
-}
-_SIGN_OF = {word: sign for sign, words in _WORDS.items() for word in (sign, *words)}
-
-
-def metres_in(unit: str) -> float | None:
-    """Metres in a unit of length, as programs write it (`mm`, `[mm]`, `Millimetres`); None where it is none."""
-    sign = _SIGN_OF.get(unit.strip(" \t\0[]().").lower())
-    return None if sign is None else METRES_PER_UNIT[sign]

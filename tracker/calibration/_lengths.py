@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-_UNITS = {"mm": 0.001, "cm": 0.01, "inches": 0.0254}
-"""Units in which people measure boards and bars, metres each."""
+from tracker.lengths import METRES_PER_UNIT
+
+_UNITS = {"mm": "mm", "cm": "cm", "in": "inches"}
+"""Units in which people measure boards and bars, and how they call them."""
 
 _SHORTEST = 0.15
 """Focal length as a share of an image's longer side below which no pinhole lens is: 147 degrees wide."""
@@ -35,9 +37,9 @@ def _fault(length_m: float, usual_m: tuple[float, float], most_m: float, thing: 
     if length_m <= most_m:
         return None
     offers = [
-        f"{length_m * unit:.6g} if {length_m:g} {name} are meant"
-        for name, unit in _UNITS.items()
-        if usual_m[0] <= length_m * unit <= usual_m[1]
+        f"{length_m * METRES_PER_UNIT[unit]:.6g} if {length_m:g} {name} are meant"
+        for unit, name in _UNITS.items()
+        if usual_m[0] <= length_m * METRES_PER_UNIT[unit] <= usual_m[1]
     ]
     expected = f"expected metres, {most_m:g} at most"
     return f"{thing} is not {length_m:g} m long, {': '.join(filter(None, [expected, ', '.join(offers)]))}"

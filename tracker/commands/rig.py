@@ -23,7 +23,7 @@ LAYOUTS += "qualisys, vicon"
 
 Size = Annotated[str | None, typer.Option(help="Image size WxH, where the calibration does not tell it.")]
 Units = Annotated[
-    str | None, typer.Option(help="Unit of the calibration's lengths, m, cm or mm, if not as its file says.")
+    str | None, typer.Option(help="Unit of the calibration's lengths (m, cm, mm, in, ft), if not as its file says.")
 ]
 Scale = Annotated[float, typer.Option(help="Factor for its lengths besides, where they have no unit.")]
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from tracker.errors import SequenceError, nearest, shortened
-from tracker.markers import METRES_PER_UNIT, Markers, metres_in
+from tracker.lengths import METRES_PER_UNIT, metres_in
+from tracker.markers import Markers
 
 
 def metres_per_unit(path: Path, entry: str, found: str, told: str | None) -> float:

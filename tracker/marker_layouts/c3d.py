@@ -9,10 +9,11 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.errors import SequenceError, shortened
+from tracker.lengths import metres_in
 from tracker.marker_layouts._c3d_file import C3dFile, is_c3d, open_c3d
 from tracker.marker_layouts._c3d_frames import first_frame, n_segments_of, origins_of, points_of
 from tracker.marker_layouts._units import metres_per_unit
-from tracker.markers import Markers, metres_in, without_gaps
+from tracker.markers import Markers, without_gaps
 
 __all__ = ["is_c3d", "read_c3d"]
 

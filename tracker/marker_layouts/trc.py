@@ -11,8 +11,9 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.errors import SequenceError, shortened
+from tracker.lengths import metres_in
 from tracker.marker_layouts._units import metres_per_unit
-from tracker.markers import Markers, metres_in, without_gaps
+from tracker.markers import Markers, without_gaps
 from tracker.source_files import content_of, is_gap
 
 # Lines of the format: kind, keys, their values, names of the markers, axes; the table begins after them.

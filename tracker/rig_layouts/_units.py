@@ -11,13 +11,10 @@ import numpy as np
 
 from tracker.camera import Camera
 from tracker.errors import CalibrationError, nearest
+from tracker.lengths import METRES_PER_UNIT, unit_sign
 
-METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-"""Units a file or a user may state."""
-
-_WORDS = {"m": "metres", "cm": "centimetres", "mm": "millimetres"}
-_SPELT = {f"{prefix}{end}": unit for unit, prefix in (("m", ""), ("cm", "centi"), ("mm", "milli")) for end in (
-    "metre", "metres", "meter", "meters")}  # fmt: skip
+_GUESSED = {"m": "metres", "cm": "centimetres", "mm": "millimetres"}
+"""Units that a file without a word for them may be in."""
 
 FARTHEST_M, _FAR_M = 200.0, 30.0
 """A room is metres across: cameras hundreds of metres from one another are not believed, tens of metres are told."""
@@ -33,15 +30,14 @@ _USUAL_M = 4.0
 
 
 def unit_of(word: object) -> str:
-    """The unit of a word such as `mm` or `millimeters`.
+    """The sign of the unit that a word tells, such as `mm` or `millimeters`.
 
     Raises:
         CalibrationError: it is none.
     """
-    told = str(word).strip().lower()
-    unit = _SPELT.get(told, told)
-    if not isinstance(word, str) or unit not in METRES:
-        raise CalibrationError(f'units = "{word}": {nearest(str(word), METRES)}')
+    unit = unit_sign(word) if isinstance(word, str) else None
+    if unit is None:
+        raise CalibrationError(f'units = "{word}": {nearest(str(word), METRES_PER_UNIT)}')
     return unit
 
 
@@ -50,7 +46,7 @@ def in_metres(cameras: Sequence[Camera], unit: str, scale: float = 1.0) -> tuple
 
     Args:
         cameras: their places in a unit.
-        unit: of `METRES`.
+        unit: sign of it, see `tracker.lengths`.
         scale: by which lengths are multiplied besides.
 
     Raises:
@@ -58,7 +54,7 @@ def in_metres(cameras: Sequence[Camera], unit: str, scale: float = 1.0) -> tuple
     """
     if not (math.isfinite(scale) and scale > 0):
         raise CalibrationError(f"scale = {scale:g}: expected a factor above 0, by which lengths are multiplied")
-    factor = scale * METRES[unit]
+    factor = scale * METRES_PER_UNIT[unit]
     moved = []
     for camera in cameras:
         motion = np.array(camera.camera_from_world)
@@ -84,15 +80,16 @@ def unit_remarks(cameras: Sequence[Camera], unit: str, path: Path, told: bool) -
     farthest = max(float(np.linalg.norm(centres - centre, axis=1).max()) for centre in centres)
     if (told or farthest >= _NEAR_M) and farthest <= _FAR_M:
         return ()
-    others = {other: farthest * METRES[other] / METRES[unit] for other in METRES if other != unit}
+    metres = METRES_PER_UNIT
+    others = {other: farthest * metres[other] / metres[unit] for other in _GUESSED if other != unit}
     rooms = {other: wide for other, wide in others.items() if _ROOM_M[0] <= wide <= _ROOM_M[1]}
     units = sorted(rooms, key=lambda other: abs(math.log(rooms[other] / _USUAL_M)))
     apart = f"{farthest:.0f} m" if farthest > 1 else f"{1000 * farthest:.1f} mm"
     line = f"two cameras are {apart} apart, expected a room: "
     if units:
         line += (
-            f"in {' or in '.join(f'{_WORDS[other]} they are {rooms[other]:.2g} m apart' for other in units)}: if the "
-            f"file is in {_WORDS[units[0]]}, `bodytrack rig convert {path} rig.toml --units {units[0]}` reads it so"
+            f"in {' or in '.join(f'{_GUESSED[other]} they are {rooms[other]:.2g} m apart' for other in units)}: if the "
+            f"file is in {_GUESSED[units[0]]}, `bodytrack rig convert {path} rig.toml --units {units[0]}` reads it so"
         )
     else:
         line += f"if its lengths have another unit, `bodytrack rig convert {path} rig.toml --scale METRES` tells it"
