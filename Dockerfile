@@ -5,7 +5,9 @@ FROM python:3.11-slim
 COPY . /src
 # numba keeps compiled kernels here; whoever the container runs as may add to them
 ENV NUMBA_CACHE_DIR=/var/cache/bodytrack MPLCONFIGDIR=/tmp/matplotlib HOME=/tmp
-RUN pip install --no-cache-dir "/src[export]" && rm -rf /src \
+RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends g++ libc6-dev \
+    && pip install --no-cache-dir "/src[export]" && rm -rf /src /var/lib/apt/lists/* \
+    && apt-get purge -y -qq --auto-remove g++ libc6-dev \
     && bodytrack warmup && chmod -R a+rwX /var/cache/bodytrack
 WORKDIR /data
 ENTRYPOINT ["bodytrack"]

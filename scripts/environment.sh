@@ -28,8 +28,16 @@ find_python() {
     fail "no Python 3.11 or newer found; install one, e.g. apt-get install python3 (Debian 12, Ubuntu 24.04 or newer)"
 }
 
+# The package has a part in C++ (native/), which pip builds.
+find_compiler() {
+    command -v "${CXX:-c++}" >/dev/null 2>&1 && return
+    say "installing g++, which the package is built with"
+    apt_install g++ libc6-dev || fail "no C++ compiler found: apt-get install g++ (Debian, Ubuntu), xcode-select --install (macOS)"
+}
+
 make_environment() {
     python=$(find_python) || exit 2
+    find_compiler
     if [ ! -x .venv/bin/python ] || ! .venv/bin/python -m pip --version >/dev/null 2>&1; then
         say "making .venv with $python"
         rm -rf .venv

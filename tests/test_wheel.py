@@ -39,7 +39,8 @@ def test_all_files_of_the_package_and_all_models_are_in_it(wheel):
     assert models - inside == set()
     assert any(name.startswith("tracker/_models/movements/walk/") and name.endswith(".csv") for name in models)
     others = {name for name in inside - package - models if ".dist-info/" not in name}
-    assert {name for name in others if Path(name).suffix not in (*DATA, ".py")} == set()
+    assert [name.partition(".")[0] for name in others if Path(name).suffix in (".so", ".pyd")] == ["tracker/_native"]
+    assert {name for name in others if Path(name).suffix not in (*DATA, ".py", ".so", ".pyd")} == set()
     assert not any(name.startswith(("tests/", "scripts/", "configs/")) for name in inside)
 
 

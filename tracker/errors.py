@@ -21,6 +21,10 @@ _LONGEST = 2000
 """Characters of a message; the longest of ours has 700."""
 
 
+class InstallationError(TrackerError):
+    """The compiled part of the package is missing, cannot be loaded, or is of other sources than the rest."""
+
+
 class ConfigError(TrackerError):
     """A configuration file, an override or a component's parameters are wrong."""
 

@@ -1,1 +1,12 @@
-"""Compiled inner loops; each has a plain twin that the tests hold it against."""
+"""Compiled inner loops; each has a plain twin that the tests hold it against.
+
+Those of the extension `tracker._native` lie in native/, in the same folders; files here name and explain them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tracker.native_sources import load_extension
+
+load_extension(Path(__file__).parents[2])

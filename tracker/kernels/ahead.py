@@ -7,22 +7,21 @@ from pathlib import Path
 from typing import Literal
 
 from tracker.kernels.calls.evidence import motion_calls, region_calls
-from tracker.kernels.calls.measuring import calibration_calls, matching_calls, recognition_calls
+from tracker.kernels.calls.measuring import calibration_calls, matching_calls
 from tracker.kernels.calls.tracking import skin_calls, tracking_calls
 from tracker.kernels.compilation import forget_others
 from tracker.progress import Progress, silent
 
-Group = Literal["tracking", "matching", "calibration", "recognition"]
+Group = Literal["tracking", "matching", "calibration"]
 """What kernels are for; a run compiles those that it needs."""
 
-GROUPS: tuple[Group, ...] = "tracking", "matching", "calibration", "recognition"
+GROUPS: tuple[Group, ...] = "tracking", "matching", "calibration"
 
 
 _CALLS = {
     "tracking": lambda: [*tracking_calls(), *region_calls(), *motion_calls(), *skin_calls()],
     "matching": matching_calls,
     "calibration": calibration_calls,
-    "recognition": recognition_calls,
 }
 
 

@@ -1,11 +1,10 @@
-"""The kernels of what is measured or recognized without tracking: matching, calibration, movements."""
+"""The kernels of what is measured without tracking: matching, calibration."""
 
 from __future__ import annotations
 
 from tracker.kernels.adjustment.bundle import reduce_normal, residuals_of
 from tracker.kernels.adjustment.ray_intersection import intersect_rays
 from tracker.kernels.calls import B1, F4, F8, I8, Call, frozen, own
-from tracker.kernels.movements.warping import direction_gaps, warp_sequence
 from tracker.kernels.patches.bending import bending_shifts
 from tracker.kernels.patches.growth import grow, push_all
 from tracker.kernels.patches.keys import cut_keys, key_side, match_keys
@@ -48,13 +47,4 @@ def calibration_calls() -> list[Call]:
     return [
         (residuals_of, (own(F8, 1, bundle_camera.N_COLUMNS), bars[0], images_of, images_of[2])),
         (reduce_normal, (own(F8, 1, bundle_camera.N_COLUMNS), bars, images_of, 0.0, reduced)),
-    ]
-
-
-def recognition_calls() -> list[Call]:
-    """As `tracking_calls`, for movements."""
-    known = frozen(I8, 1), frozen(B1, 0), frozen(I8, 0)
-    return [
-        (direction_gaps, (frozen(F4, 0, 1, 3), frozen(F4, 0, 1, 3), own(F4, 0, 0))),
-        (warp_sequence, (own(F4, 0, 0), *known, 1.0, 1.0, own(I8, 1, 2))),
     ]

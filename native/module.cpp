@@ -1,0 +1,31 @@
+// The module: refuses machines that it was not built for, then binds one folder after the other.
+#include <nanobind/nanobind.h>
+
+namespace nb = nanobind;
+
+namespace bodytrack {
+
+void bind_movements(nb::module_ &module);
+
+namespace {
+
+bool machine_will_do() {
+#if (defined(__x86_64__) || defined(_M_X64)) && defined(__GNUC__)
+    __builtin_cpu_init();
+    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2");
+#else
+    return true;
+#endif
+}
+
+}  // namespace
+
+}  // namespace bodytrack
+
+NB_MODULE(_native, module) {
+    if (!bodytrack::machine_will_do())
+        throw nb::import_error("this processor has no AVX2, FMA and BMI2 (x86-64-v3: Intel from 2013, AMD from 2015), "
+                               "which bodytrack needs; run it on a newer machine");
+    module.attr("SOURCES") = BODYTRACK_SOURCES;
+    bodytrack::bind_movements(module);
+}
