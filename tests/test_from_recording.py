@@ -40,7 +40,7 @@ from tracker.simulation.sequence_files import write_sequence
 from tracker.start import Start
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.cycle import Cycle, State
-from tracker.tracking.found_before import StartedBefore, knowing
+from tracker.tracking.found_before import StartedBefore, gone_again, knowing
 from tracker.tracking.other_places import in_likeliest_places
 from tracker.tracking.windows import back, there
 from tracker.trajectory import Step
@@ -281,26 +281,33 @@ def test_edges_alone_make_no_body(filmed: Simulation, as_general: Scene, general
     assert found.told == {0: "as the model has them: no background is known in 2 views"}
 
 
-def test_the_run_starts_where_the_way_back_has_ended(
+def test_the_run_starts_with_the_poses_that_bodies_were_fitted_at(
     filmed: Simulation, as_general: Scene, general: BodyDescription, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cycle = refining(filmed, TrueStart(filmed))
-    ends: list[list[Step]] = []
-
-    def spied(first: list[Step], cycle: Cycle, state: State) -> list[Step]:
-        assert not np.array_equal(first[0].scene.persons[0].body.shapes, as_general.persons[0].body.shapes)
-        ends.append(back(first, cycle, state))
-        return ends[-1]
-
-    monkeypatch.setattr(from_recording, "back", spied)
-    spaces, twice = {0: space_of(general, ShapePrior())}, replace(QUICK, rounds=2)
-    found = fit_bodies(spaces, as_general, cycle, filmed.frames, N_FRAMES, twice)
-    (way_back,) = ends
+    monkeypatch.setattr(from_recording, "back", None)  # nobody is in doubt, nor carries anything
+    found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     first = next(iter(filmed.frames()))
     known = {step.frame.index: step.estimates for step in found.steps}
     start = knowing(cycle, known, found.start).initialization.start(first, as_general, cycle.stages)
-    np.testing.assert_array_equal(start.poses[0], way_back[0].estimates[0].q)
-    assert not np.array_equal(found.fits[0].body.shapes, way_back[0].scene.persons[0].body.shapes)
+    np.testing.assert_array_equal(start.poses[0], found.steps[0].estimates[0].q)
+    assert not np.array_equal(found.fits[0].body.shapes, as_general.persons[0].body.shapes)
+
+
+def test_the_way_found_before_is_gone_again_beside_itself(filmed: Simulation) -> None:
+    """By what another body's joints lie beside; not where somebody is elsewhere by now, or was in doubt."""
+    cycle, person = refining(filmed, TrueStart(filmed)), filmed.scene.persons[0]
+    steps, _ = there(list(filmed.frames()), filmed.scene, cycle)
+    known = {10 * k: step.estimates for k, step in enumerate(steps)}  # frames of a run may be strides apart
+    (one, other), beside = (steps[k].estimates[0].q for k in (1, 2)), np.full(person.body.dof, 0.01)
+
+    def again(q: np.ndarray, known: dict[int, tuple[Estimate, ...]], index: int) -> tuple[np.ndarray | None, ...]:
+        return gone_again(filmed.scene.with_pose(0, q), replace(cycle, known=known), index)
+
+    np.testing.assert_allclose(again(one + beside, known, 20)[0], person.body.clamped(other + beside), atol=1e-12)
+    assert again(one + beside, known, 25) == ()
+    assert again(one + 30 * beside, known, 20) == (None,)
+    assert again(one, {**known, 20: (replace(steps[2].estimates[0], doubtful=True),)}, 20) == (None,)
 
 
 def test_what_is_known_is_taken_where_it_explains_more(filmed: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:

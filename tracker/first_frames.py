@@ -8,8 +8,9 @@ from itertools import chain, islice
 
 from tracker.frame import Frame
 
-_LEFT_BEHIND = 2
-"""The frames are forgotten once somebody has read so many times as many: the tracking is past them then."""
+_LEFT_BEHIND = 1.25
+"""The frames are forgotten once somebody has read more than so many times as many: the tracking is past its first
+window then, and what is tracked on from it (`tracker.tracking.windows`)."""
 
 
 class FirstFrames:
@@ -41,7 +42,7 @@ class FirstFrames:
         for frame in self._after(k):
             yield frame
             k += 1
-            if k == _LEFT_BEHIND * self._n_kept:
+            if k == int(_LEFT_BEHIND * self._n_kept) + 1:
                 self._forget()
 
     def _kept_at(self, k: int) -> Frame | None:

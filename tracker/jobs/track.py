@@ -95,10 +95,9 @@ class TrackJob:
     """When a person counts as lost."""
 
     passes: int = pydantic.Field(default=2, ge=1, le=2)
-    """2: a window of up to 100 frames in which there is doubt, or in which somebody is found, is tracked back again,
-    with the poses found on the way there as candidates; its frames are written when both ways are done. Frames that
-    bodies were fitted to were tracked back by then, and are again where there is doubt. 1: every frame is written at
-    once."""
+    """2: a window of up to 100 frames in which there is doubt is tracked back again, with the poses found on the way
+    there as candidates, and so are the first 40 frames of a window in which somebody is found; its frames are written
+    when both ways are done. 1: every frame is written at once."""
 
     inspection: bool = True
     """Look at the first frames for input that can hardly be right: exchanged or mirrored videos, views out of step,

@@ -20,6 +20,7 @@ from tracker.tracking.bootstrapping import bootstrap, unfound
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.cycle_turn import advance
 from tracker.tracking.easier_start import LedBack, led_back
+from tracker.tracking.found_before import gone_again
 from tracker.tracking.outcome import covered_px
 from tracker.tracking.rehearsal import Reopen, rehearsed
 from tracker.trajectory import Replay, Step
@@ -110,7 +111,11 @@ def tracked(
     if back is not None and sight.frame.index in back.replays:
         replay = back.replays[sight.frame.index]
         return replayed(sight.frame, scene, cycle, replay, back.start_in(sight.frame)), back
-    step = begun or advance(sight, scene, cycle, state, clock, cycle.known.get(sight.frame.index, ()))
+    if begun is not None:
+        step = begun
+    else:
+        known = cycle.known.get(sight.frame.index, ())
+        step = advance(sight, scene, cycle, state, clock, known, gone_again(scene, cycle, sight.frame.index))
     if back is not None and step.start is None:
         step = replace(step, start=back.start_in(sight.frame))
     return step, back

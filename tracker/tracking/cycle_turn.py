@@ -16,7 +16,7 @@ from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.evidence import Observed
 from tracker.in_space import judged_in_space
-from tracker.loss import LossRule, Troubles, is_looked_about, is_out_of_sight, judged, sought_anew
+from tracker.loss import LossRule, Troubles, doubted, is_looked_about, is_out_of_sight, judged, sought_anew
 from tracker.objective import Objective
 from tracker.part_colours import PartColours, part_colours
 from tracker.scene import Scene
@@ -41,6 +41,7 @@ def advance(
     state: State,
     clock: Clock | None = None,
     rivals: Sequence[Estimate] = (),
+    again: Sequence[Array | None] = (),
 ) -> Step:
     """One frame: predict, expect, observe, estimate; lost persons are looked for anew.
 
@@ -51,6 +52,8 @@ def advance(
         state: histories up to the frame before.
         clock: with the time spent on the frame before.
         rivals: for each person what was found in another way in this frame; empty for nothing.
+        again: for each person the pose (dof,) that nothing but a refinement is tried from, unless doubt comes of it;
+            None and empty for none.
     """
     clock = clock or Clock()
     with clock("prediction"):
@@ -71,10 +74,14 @@ def advance(
             objective = objective_of(current, k, cycle, observed, state.histories[k])
             nearby = is_out_of_sight(state.troubles[k], cycle.loss)
             objective = replace(objective, nearby=nearby, colours=colours)
-            estimate = cycle.estimation.estimate(objective, poses)
-            if rivals and not rivals[k].lost:
-                estimate = weighed(objective, estimate, rivals[k])
-            estimates.append(_looked_about(objective, estimate, state.troubles[k], cycle.loss))
+            rival = rivals[k] if rivals and not rivals[k].lost else None
+            found = _refined(objective, again[k] if again else None, cycle)
+            if found is None:
+                estimate = cycle.estimation.estimate(objective, poses)
+                if rival is not None:
+                    estimate = weighed(objective, estimate, rival)
+                found = _looked_about(objective, estimate, state.troubles[k], cycle.loss)
+            estimates.append(found)
             current = current.with_pose(k, estimates[k].q)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     start = None
@@ -91,6 +98,14 @@ def advance(
             current, estimates, start = _recover(sight, current, cycle, state, estimates, sought)
     step = finished(sight, current, cycle.synthesis, tuple(estimates), clock, cycle.loss.least_views)
     return replace(step, start=start)
+
+
+def _refined(objective: Objective, q: Array | None, cycle: Cycle) -> Estimate | None:
+    """The estimate from a pose that was found before; None without one, and where it is in doubt."""
+    if q is None:
+        return None
+    estimate = judged_by(objective, cycle.estimation.estimate(objective, q[None]), cycle.loss)
+    return None if estimate.lost or doubted(estimate) else estimate
 
 
 def settled(

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from tracker.arrays import Array
 from tracker.estimate import Estimate
 from tracker.frame import Frame
 from tracker.initialization import Initialization, Stages
+from tracker.limbs import are_apart
 from tracker.loss import doubted
 from tracker.plate import Plate
 from tracker.scene import Scene
@@ -39,6 +41,28 @@ def knowing(
     # However sure: the way back has come to these poses.
     settled = replace(cycle.loss, rehearse=0, look_ahead_s=(), look_on_s=())
     return replace(cycle, initialization=StartedBefore(found, first, ever), loss=settled)
+
+
+def gone_again(scene: Scene, cycle: Cycle, index: int) -> tuple[Array | None, ...]:
+    """For each person the pose (dof,) that the way found before leads to from where she is; None where none does.
+
+    What lies between the two ways in the frame before, another body's joints, lies between them here.
+
+    Args:
+        scene: the persons in the frame before.
+        cycle: knows what was found.
+        index: number of the frame.
+    """
+    here = cycle.known.get(index, ())
+    if not here:
+        return ()
+    before = cycle.known.get(max((k for k in cycle.known if k < index), default=index), here)
+    poses: list[Array | None] = []
+    for k, person in enumerate(scene.persons):
+        sure = not (here[k].lost or doubted(here[k]) or before[k].lost)
+        near = sure and not are_apart(person.body, person.q, before[k].q)
+        poses.append(person.body.clamped(person.q + here[k].q - before[k].q) if near else None)
+    return tuple(poses)
 
 
 def start_of(steps: Iterable[Step]) -> Start | None:

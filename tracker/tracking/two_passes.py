@@ -51,12 +51,19 @@ def track_twice(
         if any(number not in done for number in waiting):
             replays = {**before_all(steps, at, waiting[0], cycle, reopen), **done}
             provisional |= cycle.leaving()
-        together = itertools.chain(steps_of(replays, waiting, scene, cycle, reopen), steps)
+        together = itertools.chain(steps_of(replays, waiting, scene, cycle, reopen), _given_away(steps))
         for n_left, step in zip(range(len(waiting) + len(steps) - 1, -1, -1), together, strict=True):
             yield replace(step, ready=n_left, provisional=provisional)
         if provisional:
             return
         waiting = []
+
+
+def _given_away(steps: list[Step]) -> Iterator[Step]:
+    """The steps, each no longer held once it is taken: their images are much of what a run holds."""
+    steps.reverse()
+    while steps:
+        yield steps.pop()
 
 
 def _window_tracked(

@@ -1,8 +1,9 @@
 """Windows of a recording, tracked forwards and then back, the poses of both weighed frame by frame.
 
-Windows with doubt in them are, and those in which somebody is found: what is wrong from the start on nothing need tell.
-There the first pass stays as it is where the way back ends in the same places. The errors of the two directions hardly
-coincide: a limb is lost on the way into its hiding, not on the way out of it. See `tracker.tracking.rivals`.
+Windows with doubt in them are, and the first frames of somebody who is found: what is wrong from the start on nothing
+need tell. There the first pass stays as it is where the way back ends in the same places. The errors of the two
+directions hardly coincide: a limb is lost on the way into its hiding, not on the way out of it. See
+`tracker.tracking.rivals`.
 """
 
 from __future__ import annotations
@@ -43,6 +44,10 @@ _MOST_BYTES = 2**30
 
 _BEYOND = 4
 """A window is tracked on for one in so many of its frames, so that the way back has found itself when it enters."""
+
+_FIRST = 40
+"""Frames from a start on that are tracked back where nothing else asks for it: an arm of DO-Two took 28 to creep into
+place."""
 
 _ALIKE = 0.5
 """Share of the distance from which on joints are elsewhere (`tracker.limbs.apart_m`: 14 cm of a person), up to which
@@ -128,10 +133,11 @@ def both_ways(
     if not reached.state.nobody_found and any(_in_doubt(step, cycle.loss) for step in with_jumps(first)):
         more, onwards = _forwards(beyond, reached, cycle, reopen)
         again = back([*first, *more], cycle, onwards.state)[: len(first)]
-    elif not reached.state.nobody_found and any(_begins(step, cycle) for step in first):
+    elif not reached.state.nobody_found and (begun := [n for n, step in enumerate(first) if step.start is not None]):
         # nor need a limb jump: with an acquired model an arm of DO-Two, before another body from the start on, crept
-        # into place by frame 28; the way back has it right at once. Of fitted bodies there was a way back already.
-        again = back(first, cycle, reached.state)
+        # into place by frame 28; the way back has it right at once
+        n_back = begun[0] + _FIRST
+        again = [*back(first[:n_back], cycle, reached.state), *first[n_back:]]
         again = None if cycle.leaving() or _alike(first, again) else again
     if cycle.leaving():
         return [replace(step, provisional=True) for step in first], reached
@@ -190,16 +196,6 @@ def _alike(steps: Sequence[Step], others: Sequence[Step]) -> bool:
         for step, rival in zip(steps, others, strict=True)
         for person, one, other in zip(step.scene.persons, step.estimates, rival.estimates, strict=True)
     )
-
-
-def _begins(step: Step, cycle: Cycle) -> bool:
-    """Whether somebody is found in a frame that no way back has come to before."""
-    return step.start is not None and not _begun_before(step, cycle)
-
-
-def _begun_before(step: Step, cycle: Cycle) -> bool:
-    """Whether a way back has come to a frame."""
-    return step.frame.index in cycle.known
 
 
 def _gone_through(window: Sequence[Frame], cycle: Cycle) -> bool:
