@@ -57,6 +57,7 @@ def track_twice(
         if provisional:
             return
         waiting = []
+        del window, beyond, together  # or their images would be held while those of the next window are decoded
 
 
 def _given_away(steps: list[Step]) -> Iterator[Step]:
