@@ -44,7 +44,7 @@ def build(*, sanitize: bool = False) -> Path:
         "BODYTRACK_SANITIZE": "ON" if sanitize else "OFF",
     }
     _run([*configuring, *(f"-D{name}={value}" for name, value in settings.items())])
-    _run([cmake, "--build", folder])
+    _run([cmake, "--build", folder, "--", "-k", "0"])
     (built,) = (file for pattern in ("_native*.so", "_native*.pyd") for file in folder.glob(pattern))
     return built
 

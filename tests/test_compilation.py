@@ -16,7 +16,7 @@ from tracker.cli import app
 from tracker.components import find
 from tracker.kernels import ahead
 from tracker.kernels.compilation import sources_of
-from tracker.kernels.contours.scoring import score_poses
+from tracker.kernels.skins.tracing import trace_skins
 
 INNER = """
 from tracker.kernels.compilation import compiled
@@ -108,17 +108,15 @@ def test_without_a_folder_kernels_run_all_the_same_and_it_is_said(copy):
 
 
 def test_a_kernel_is_made_of_all_that_it_imports_by_whatever_way():
-    scoring = set(sources_of("tracker.kernels.contours.scoring"))
-    assert {
-        f"tracker.kernels.{name}" for name in ("contours.scoring", "contours.occlusion", "projection", "bits")
-    } <= scoring
-    assert "tracker.kernels.adjustment.bundle" not in scoring
+    tracing = set(sources_of("tracker.kernels.skins.tracing"))
+    assert {f"tracker.kernels.{name}" for name in ("skins.tracing", "skins.mesh", "projection", "lens")} <= tracing
+    assert "tracker.kernels.adjustment.bundle" not in tracing
 
 
 def test_outdated_code_is_deleted_when_asked(tmp_path, monkeypatch):
     monkeypatch.setattr("tracker.kernels.compilation.code_folder", lambda: tmp_path)
-    current = tmp_path / Path(score_poses.stats.cache_path).parent.name
-    other, foreign = tmp_path / "occlusion-0123456789abcdef", tmp_path / "notes"
+    current = tmp_path / Path(trace_skins.stats.cache_path).parent.name
+    other, foreign = tmp_path / "visibility-0123456789abcdef", tmp_path / "notes"
     for folder in (current, other, foreign):
         folder.mkdir()
         (folder / "code.nbc").write_bytes(b"1234")

@@ -6,11 +6,7 @@ from tracker.kernels.body.keypoints import Detected, Matches, match_keypoints
 from tracker.kernels.body.kinematics import chain_transforms, twists_in_world
 from tracker.kernels.body.self_collision import sum_collisions
 from tracker.kernels.calls import B1, F4, F8, I2, I4, I8, U1, Call, frozen, own, seen_body
-from tracker.kernels.contours.chamfer import directed_distances
-from tracker.kernels.contours.oriented_matching import match_oriented, normal_equations
-from tracker.kernels.contours.scoring import moving_parts, score_poses, trace_still
-from tracker.kernels.contours.shares import edge_shares
-from tracker.kernels.contours.tracing import trace_contours
+from tracker.kernels.contours.scoring import moving_parts
 from tracker.kernels.images.acceptance import expected_distances, marked
 from tracker.kernels.images.changes import large_regions, mark_changes, median_level
 from tracker.kernels.images.distance_images import chamfer_distances
@@ -34,31 +30,21 @@ def tracking_calls() -> list[Call]:
     """The kernels of the tracking with arguments of the types used; read-only arrays are types of their own."""
     chain = frozen(B1, 1), frozen(F8, 1, 3), frozen(F8, 1, 3), frozen(I8, 1)
     model, rig = seen_body()
-    samples = own(F4, 0, 1, 1, 5), own(F4, 0, 1, 1, 3), own(I8, 0, 1, 1), own(B1, 0, 1, 1), own(I8, 0, 1)
-    images, scene = (frozen(F4, 0), frozen(I8, 1, 5)), (frozen(F4, 0, 5), frozen(I8, 2))
-    first_pose = own(F4, 0, 1, 5), own(I8, 0, 1), own(I8, 0)
-    pairs = own(I8, 0, 4), own(F4, 1, 1, 5), own(F4, 1, 1, 3), own(I8, 1, 1), own(I8, 1)
     slopes, found = (own(I2, 1, 1), own(I2, 1, 1)), (own(F4, 0, 2), own(F4, 0, 2), own(I8, 0))
     lens, lenses = frozen(F8, camera.N_COLUMNS), own(F8, 1, camera.N_COLUMNS)
     seen = own(U1, 1 + 2 * MARGIN, 1 + 2 * MARGIN, 3)
     grey, depths = own(U1, 1, 1), own(F4, 1, 1)
     spots, weighted = frozen(F4, 1, 9 * 16, 3), (frozen(I8, 1, 3), frozen(F4, 0, 2))
-    still, asked = (own(B1, 0), own(F8, 1, 2)), (own(F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02))
-    standing = own(F4, 1, 0, 13), own(I8, 1)
+    still = own(B1, 0), own(F8, 1, 2)
     traced = (own(F4, 1, 5), own(F4, 1, 3), own(I8, 1), own(B1, 1))
     detected = Detected(frozen(F8, 0, 1, 3), frozen(I8, 2), frozen(I8, 1), frozen(I8, 1))
     matches = Matches(own(F8, 0, 1, 1, 2), own(F8, 0, 1, 1), own(F8, 0, 1, 1), own(F8, 0, 1, 1))
     return [
         (chain_transforms, (own(F8, 0, 1), *chain)),
         (twists_in_world, (own(F8, 0, 2, 4, 4), *chain)),
-        (trace_contours, (own(F8, 0, 1, 4, 4), *model, *rig, (8.0, 0.02), True, *samples)),
         (moving_parts, (own(F8, 1, 1, 4, 4),)),
-        (trace_still, (own(F8, 1, 1, 4, 4), own(B1, 1), *model, *rig, (8.0, 0.02))),
-        (score_poses, (*asked, *images, *scene, (40.0, False), own(B1, 1), standing)),
         (match_keypoints, (own(F8, 0, 1, 3), rig[0], detected, 0, (0.1, 0.1), matches)),
         (sum_collisions, (own(F8, 0, 1, 4, 4), model[0], frozen(I8, 0, 2))),
-        (directed_distances, (samples[0], samples[4], *images, *scene, 40.0, False)),
-        (edge_shares, (*first_pose, *images, *scene, frozen(F4, 0), (5.0, 10.0), own(F8, 4, 2, 1))),
         (strongest_slopes, (own(U1, 2, 2, 3), own(I2, 2, 2), own(I2, 2, 2))),
         (trace_segments, (own(U1, 3, 3), slopes, (4, 0.3, 8), grey, found)),
         (expected_distances, (found[0], found[0], own(F4, 0, 4), 20.0, 56.0)),
@@ -74,8 +60,6 @@ def tracking_calls() -> list[Call]:
         (relight, (own(U1, 1, 1, 3), own(F4, 1, 1, 3), 1.0, (0, 0, 1), own(U1, 1, 1, 3))),
         (relight, (frozen(U1, 1, 1, 3), own(F4, 1, 1, 3), 1.0, (0, 0, 1), own(U1, 1, 1, 3))),
         (large_regions, (own(I4, 1, 1), 1, 0.02, own(B1, 1, 1))),
-        (match_oriented, (own(F4, 1, 1, 5), own(I8, 1), *scene, (30.0, 0.8), own(I8, 0, 4))),
-        (normal_equations, (*pairs, scene[0], rig[0], own(F8, 1, 6), frozen(B1, 1, 2), 16.0, 1.0)),
         (fill_parts, (own(F8, 1, 4, 4), frozen(F4, 1, 17 * 32, 7), (9, 16), lens, own(B1, 1, 1))),
         (cover_still, (own(F8, 1, 1, 4, 4), own(B1, 1), spots, (9, 16), lenses, *weighted)),
         (covered_sums, (own(F8, 0, 1, 4, 4), own(B1, 1), spots, (9, 16), lenses, *weighted, still)),

@@ -11,12 +11,11 @@ from __future__ import annotations
 
 import numpy as np
 
+import tracker._native as native
 from tracker.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.compilation import compiled
 from tracker.kernels.contours.occlusion import cover, neighbours
 from tracker.kernels.contours.pieces import find_pieces
-from tracker.kernels.contours.solids import place_solids, view_solids
-from tracker.kernels.projection import project_point
 from tracker.kernels.rows import crossing, sample, solid, spot
 from tracker.kernels.rows.workspace import ROW
 
@@ -179,7 +178,6 @@ def tracing_workspace(n_parts: int, layout: tuple[int, int]) -> Tracing:
     )
 
 
-@compiled
 def trace_contours(
     placements: Array,
     shapes: Array,
@@ -216,35 +214,20 @@ def trace_contours(
     Returns:
         Most samples traced in a view; with M there may be more. Of these `exact` may place some outside of the image.
     """
-    solids = np.zeros((len(shapes), solid.N_COLUMNS), dtype=np.float32)
-    work = tracing_workspace(len(shapes), layout)
-    traced = np.zeros((parts.shape[2], sample.N_COLUMNS), dtype=np.float32)
-    lenses = cameras.astype(np.float32)
-    everything, most = np.ones(len(shapes), dtype=np.bool_), 0
-    masks = everything, everything
-    for b in range(len(placements)):
-        place_solids(placements, b, shapes, bounds, solids)
-        for v in range(len(cameras)):
-            view_solids(shapes, bounds, cameras[v], spacing[1], solids)
-            size = sizes[v, 0], sizes[v, 1]
-            n_traced = trace_view(grids, planes, layout, bounds, solids, lenses[v], size, spacing, masks, work, traced)
-            most, n = max(most, n_traced), 0
-            for i in range(n_traced):
-                x, y = float(traced[i, sample.U]), float(traced[i, sample.V])
-                if exact:
-                    x, y, depth = project_point(
-                        cameras[v], traced[i, sample.X], traced[i, sample.Y], traced[i, sample.Z]
-                    )
-                    if depth <= 0.0:
-                        continue
-                if x < -0.5 or y < -0.5 or x > size[0] - 0.5 or y > size[1] - 0.5:
-                    continue
-                positions[b, v, n, 0], positions[b, v, n, 1] = x, y
-                for k in range(3):
-                    positions[b, v, n, 2 + k] = traced[i, sample.NU + k]
-                    points[b, v, n, k] = traced[i, sample.X + k]
-                parts[b, v, n] = int(traced[i, sample.PART])
-                between[b, v, n] = traced[i, sample.BETWEEN] > 0.0
-                n += 1
-            counts[b, v] = n
-    return most
+    return native.trace_contours(
+        placements,
+        shapes,
+        grids,
+        planes,
+        layout,
+        bounds,
+        cameras,
+        sizes,
+        spacing,
+        exact,
+        positions,
+        points,
+        parts,
+        between,
+        counts,
+    )
