@@ -1,4 +1,4 @@
-"""Text files that users bring, as TOML, JSON and CSV: a damaged one is one sentence, and takes bounded time."""
+"""Text files that users bring, as TOML, JSON, XML and CSV: a damaged one is one sentence, and takes bounded time."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 from tracker.errors import TrackerError, nearest, shortened
 
@@ -91,6 +92,26 @@ def json_of(path: Path, fault: Fault) -> Any:
         raise fault(f"{path}: not a JSON file: nested too deeply") from error
     except ValueError as error:
         raise fault(f"{path}: not a JSON file: {one_line(error)}") from error
+
+
+def xml_of(path: Path, fault: Fault, what: str = "the file") -> ElementTree.Element:
+    """The outermost element of an XML file.
+
+    Raises:
+        TrackerError: of the kind asked for: it cannot be read, is none, or has a document type, which could name other
+            files.
+    """
+    content = content_of(path, fault, what, _LARGEST_XML_BYTES)
+    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+        raise fault(f"{path}: a document type in it, which {what} does not need: remove it")
+    try:
+        return ElementTree.fromstring(content)
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # also of an alphabet that nobody knows
+        raise fault(f"{path}: not an XML file: {one_line(error)}") from error
+
+
+_LARGEST_XML_BYTES = 2**26
+"""Of an XML file: OpenSim's models with muscles have a few million."""
 
 
 def each_once(fault: Fault, where: str = "") -> Callable[[list[tuple[str, Any]]], dict[str, Any]]:

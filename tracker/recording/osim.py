@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.components import component
-from tracker.files import write_whole
 from tracker.recording import RunContext
 from tracker.recording._motion import Y_UP, Motion, MotionRecorder, euler_angles, markers_of
 from tracker.recording._names import exported_name
+from tracker.recording._xml import Node, child, write_xml
 from tracker.segments import Part, Segment
 
 _DENSITY_KG_M3 = 1000.0
@@ -23,8 +22,6 @@ _DENSITY_KG_M3 = 1000.0
 
 _FREE = 99999.9
 """OpenSim's own range of a coordinate without limits."""
-
-Node = ElementTree.Element
 
 
 @component
@@ -45,22 +42,20 @@ def _written(motion: Motion, folder: Path) -> Path:
     path = folder / f"{motion.name}.osim"
     document = Node("OpenSimDocument", {"Version": "40500"})
     document.append(_model(motion.body, exported_name(motion.name)))
-    ElementTree.indent(document)
-    text = ElementTree.tostring(document, encoding="unicode")
-    write_whole(path, f'<?xml version="1.0" encoding="UTF-8" ?>\n{text}\n')
+    write_xml(path, document)
     return path
 
 
 def _model(body: BodyModel, name: str) -> Node:
     model = Node("Model", {"name": name})
-    _child(model, "Ground", name="ground")
-    _child(model, "credits", "bodytrack; masses are placeholders")
-    _child(model, "length_units", "meters")
-    _child(model, "force_units", "N")
-    _child(model, "gravity", "0 -9.80665 0")
-    bodies = _child(_child(model, "BodySet", name="bodyset"), "objects")
-    joints = _child(_child(model, "JointSet", name="jointset"), "objects")
-    markers = _child(_child(model, "MarkerSet", name="markerset"), "objects")
+    child(model, "Ground", name="ground")
+    child(model, "credits", "bodytrack; masses are placeholders")
+    child(model, "length_units", "meters")
+    child(model, "force_units", "N")
+    child(model, "gravity", "0 -9.80665 0")
+    bodies = child(child(model, "BodySet", name="bodyset"), "objects")
+    joints = child(child(model, "JointSet", name="jointset"), "objects")
+    markers = child(child(model, "MarkerSet", name="markerset"), "objects")
     for segment in body.segments:
         names = _body_names(body, segment)
         for name in names[:-1]:
@@ -70,17 +65,11 @@ def _model(body: BodyModel, name: str) -> Node:
             joints.append(joint)
     origins = {segment.name: segment.joint for segment in body.segments}
     for mark in markers_of(body):
-        marker = _child(markers, "Marker", name=exported_name(mark.name))
-        _child(marker, "socket_parent_frame", f"/bodyset/{exported_name(mark.segment)}")
-        _child(marker, "location", _numbers(mark.point - origins[mark.segment]))
-        _child(marker, "fixed", "true")
+        marker = child(markers, "Marker", name=exported_name(mark.name))
+        child(marker, "socket_parent_frame", f"/bodyset/{exported_name(mark.segment)}")
+        child(marker, "location", _numbers(mark.point - origins[mark.segment]))
+        child(marker, "fixed", "true")
     return model
-
-
-def _child(parent: Node, tag: str, text: str = "", **attributes: str) -> Node:
-    node = ElementTree.SubElement(parent, tag, attributes)
-    node.text = text or None
-    return node
 
 
 def _numbers(values: Sequence[float] | Array) -> str:
@@ -89,19 +78,19 @@ def _numbers(values: Sequence[float] | Array) -> str:
 
 def _body(segment: Segment, parts: Sequence[Part]) -> Node:
     body = Node("Body", {"name": exported_name(segment.name)})
-    frames = _child(body, "components")
+    frames = child(body, "components")
     for part in parts:
         placed = part.model_from_part
         frame = _frame(f"{exported_name(part.name)}_frame", "..", placed[:3, 3] - segment.joint, placed[:3, :3])
-        shape = _child(_child(frame, "attached_geometry"), "Ellipsoid", name=exported_name(part.name))
-        _child(shape, "socket_frame", "..")
-        _child(shape, "radii", _numbers(part.shape.size))
-        _child(_child(shape, "Appearance"), "color", "0.85 0.75 0.65")
+        shape = child(child(frame, "attached_geometry"), "Ellipsoid", name=exported_name(part.name))
+        child(shape, "socket_frame", "..")
+        child(shape, "radii", _numbers(part.shape.size))
+        child(child(shape, "Appearance"), "color", "0.85 0.75 0.65")
         frames.append(frame)
     mass, centre, inertia = _mass(segment, parts)
-    _child(body, "mass", f"{mass:.6g}")
-    _child(body, "mass_center", _numbers(centre))
-    _child(body, "inertia", _numbers(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
+    child(body, "mass", f"{mass:.6g}")
+    child(body, "mass_center", _numbers(centre))
+    child(body, "inertia", _numbers(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
     return body
 
 
@@ -123,9 +112,9 @@ def _mass(segment: Segment, parts: Sequence[Part]) -> tuple[float, Array, Array]
 
 def _frame(name: str, parent: str, translation: Array, rotation: Array) -> Node:
     frame = Node("PhysicalOffsetFrame", {"name": name})
-    _child(frame, "socket_parent", parent)
-    _child(frame, "translation", _numbers(translation))
-    _child(frame, "orientation", _numbers(euler_angles(rotation, "XYZ")))
+    child(frame, "socket_parent", parent)
+    child(frame, "translation", _numbers(translation))
+    child(frame, "orientation", _numbers(euler_angles(rotation, "XYZ")))
     return frame
 
 
@@ -162,12 +151,12 @@ def _joints(body: BodyModel, segment: Segment, names: Sequence[str]) -> Iterator
         )
     for name, own in zip(names, _pieces(body, segment), strict=True):
         joint = Node("CustomJoint", {"name": f"{name}_joint"})
-        _child(joint, "socket_parent_frame", "parent_offset")
-        _child(joint, "socket_child_frame", "child_offset")
-        coordinates = _child(joint, "coordinates")
+        child(joint, "socket_parent_frame", "parent_offset")
+        child(joint, "socket_child_frame", "child_offset")
+        coordinates = child(joint, "coordinates")
         for k in own:
             coordinates.append(_coordinate(body, k))
-        frames = _child(joint, "frames")
+        frames = child(joint, "frames")
         frames.extend([before, _frame("child_offset", f"/bodyset/{name}", np.zeros(3), np.eye(3))])
         joint.append(_transform(body, own))
         yield joint
@@ -177,10 +166,10 @@ def _joints(body: BodyModel, segment: Segment, names: Sequence[str]) -> Iterator
 def _coordinate(body: BodyModel, k: int) -> Node:
     low, high = np.clip(body.limits[k], -_FREE, _FREE)
     coordinate = Node("Coordinate", {"name": exported_name(body.names[k])})
-    _child(coordinate, "default_value", "0")
-    _child(coordinate, "range", _numbers([low, high]))
-    _child(coordinate, "clamped", "false")
-    _child(coordinate, "locked", "false")
+    child(coordinate, "default_value", "0")
+    child(coordinate, "range", _numbers([low, high]))
+    child(coordinate, "clamped", "false")
+    child(coordinate, "locked", "false")
     return coordinate
 
 
@@ -191,12 +180,12 @@ def _transform(body: BodyModel, parameters: Sequence[int]) -> Node:
         own = [k for k in parameters if body.rotates[k] == rotates]
         axes = _completed([body.parameters[k].axis for k in own])
         for i, axis in enumerate(axes):
-            entry = _child(transform, "TransformAxis", name=f"{kind}{i + 1}")
+            entry = child(transform, "TransformAxis", name=f"{kind}{i + 1}")
             if i < len(own):
-                _child(entry, "coordinates", exported_name(body.names[own[i]]))
-            _child(entry, "axis", _numbers(axis))
-            function = _child(entry, "LinearFunction" if i < len(own) else "Constant", name="function")
-            _child(function, *(("coefficients", "1 0") if i < len(own) else ("value", "0")))
+                child(entry, "coordinates", exported_name(body.names[own[i]]))
+            child(entry, "axis", _numbers(axis))
+            function = child(entry, "LinearFunction" if i < len(own) else "Constant", name="function")
+            child(function, *(("coefficients", "1 0") if i < len(own) else ("value", "0")))
     return transform
 
 

@@ -11,6 +11,7 @@ from tracker.files import write_whole
 from tracker.recording import RunContext
 from tracker.recording._motion import Y_UP, Motion, MotionRecorder, markers_of
 from tracker.recording._names import exported_name
+from tracker.recording._trc_text import trc_text
 
 
 @component
@@ -38,18 +39,5 @@ def _content(name: str, motion: Motion, y_up: bool) -> bytes:
     points = np.where(motion.lost[:, None, None], np.nan, motion.points(motion.q, markers))
     if y_up:
         points = points @ Y_UP.T
-    rate, n_frames = f"{1 / motion.interval_s:.6g}", str(len(points))
-    numbers = range(1, len(markers) + 1)
-    lines = [
-        f"PathFileType\t4\t(X/Y/Z)\t{name}",
-        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
-        "\t".join([rate, rate, n_frames, str(len(markers)), "m", rate, "1", n_frames]),
-        "Frame#\tTime\t" + "\t\t\t".join(exported_name(marker.name) for marker in markers) + "\t\t",
-        "\t\t" + "\t".join(f"{axis}{k}" for k in numbers for axis in "XYZ"),
-        "",
-    ]
-    for k, (time_s, row) in enumerate(zip(motion.times_s, points.reshape(len(points), -1), strict=True), start=1):
-        # An empty cell breaks OpenSim.
-        cells = ("NaN" if np.isnan(value) else f"{value:.6f}" for value in row)
-        lines.append(f"{k}\t{time_s:.6f}\t" + "\t".join(cells))
-    return ("\n".join(lines) + "\n").encode()
+    names = [exported_name(marker.name) for marker in markers]
+    return trc_text(name, names, motion.times_s, motion.interval_s, points)
