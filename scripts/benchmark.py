@@ -14,6 +14,7 @@ from benchmarks import acquisition as acquired_models
 from benchmarks import calibration as bar_calibration
 from benchmarks import follow as followed_points
 from benchmarks import lsm as patch_matching
+from benchmarks import opensim_models as moved_models
 from benchmarks import poses as pose_rates
 from benchmarks import recognition as known_movements
 from benchmarks import recordings as tracked_recordings
@@ -111,6 +112,19 @@ def recordings(
         only, tuple(models.split(",")), acquired, not without_plates, starts, settings, quick, keypoints
     )
     tracked_recordings.compare(console, plan, python_path, output)
+
+
+@app.command("opensim")
+def opensim_models(
+    results: Annotated[list[Path], typer.Argument(help="Result folders of runs.")],
+    model: Annotated[list[str], typer.Option(help="As of `bodytrack export --to opensim`; repeatable.")],
+) -> None:
+    """OpenSim's models moved as the persons of finished runs: distances of markers, flexions less ours."""
+    try:
+        moved_models.compare(console, results, model)
+    except TrackerError as error:
+        print_error(error)
+        raise typer.Exit(2) from None
 
 
 @app.command()

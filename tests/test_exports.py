@@ -98,7 +98,7 @@ def test_uneven_frames_are_put_on_even_times():
     np.testing.assert_allclose(uneven.q[2], (1 - share) * motion.q[2] + share * motion.q[3], atol=1e-12)
 
 
-@pytest.mark.parametrize("use", FORMATS)
+@pytest.mark.parametrize("use", [use for use in FORMATS if use != "opensim"])  # which needs a model of OpenSim's
 def test_a_finished_result_is_exported_as_while_tracking(movement, tmp_path, use):
     if use == "isb_angles" and movement.scene.persons[0].body.name == "quadruped":
         pytest.skip("the standard is for persons")

@@ -22,6 +22,9 @@ Stature = Annotated[float, pydantic.Field(ge=0.04, le=5)]
 """Height that a model is scaled to, metres, from the smallest body that is tracked. More than this is feet or
 centimetres; a body that large has its size in its model file."""
 
+Mass = Annotated[float, pydantic.Field(gt=0, le=500)]
+"""Of a person, kg; more than this are grams or pounds."""
+
 
 @component
 class Subject:
@@ -35,6 +38,9 @@ class Subject:
 
     stature_m: Stature | None = None
     """Height the model is scaled to, metres; None leaves it as it is."""
+
+    mass_kg: Mass | None = None
+    """Of the person; only the recording `opensim` hands it on, to scale the masses of a model by it."""
 
     at: tuple[float, float] | None = None
     """Where the person is at the start, x and y in metres, roughly: of several bodies before plates, or several persons

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from tracker.commands.terminal import console
+from tracker.errors import ConfigError
 
 # Written out, for the folders' imports take longer than `--help` should; a test compares.
-FORMATS = ("bvh", "c3d", "glb", "isb_angles", "mot", "osim", "trc", "wide_table")
+FORMATS = ("bvh", "c3d", "glb", "isb_angles", "mot", "opensim", "osim", "trc", "wide_table")
 """Recordings that need poses and times only."""
 
 
@@ -22,19 +23,55 @@ def export(
     y_up: Annotated[
         bool, typer.Option("--y-up", help="Turn TRC and C3D to y up; BVH, GLB, MOT and OSIM always are, tables never.")
     ] = False,
+    model: Annotated[
+        str | None, typer.Option(help="Of opensim: rajagopal, laiuhlrich, pose2sim, or an .osim file of yours.")
+    ] = None,
+    mass_kg: Annotated[
+        list[str] | None, typer.Option("--mass-kg", help="Of opensim: the person's, or NAME=MASS; repeatable.")
+    ] = None,
 ) -> None:
     """Writes a finished result for other programs: `bodytrack export RESULT --to trc c3d`."""
-    from tracker.components import find
-    from tracker.errors import ConfigError, nearest
+    from tracker.config import build
+    from tracker.errors import nearest
     from tracker.export import export as export_result
+    from tracker.source_files import json_of
 
-    formats = [*(to or ()), *(more or ())]
+    formats = list(dict.fromkeys([*(to or ()), *(more or ())]))
     if not formats:
         raise ConfigError(f"--to: expected one or more of {', '.join(FORMATS)}")
     for name in formats:
         if name not in FORMATS:
             raise ConfigError(f"--to {name}: no such format; {nearest(name, FORMATS)}")
-    kinds = [find("recording", name) for name in dict.fromkeys(formats)]
-    recordings = [kind(y_up=True) if y_up and "y_up" in kind.__dataclass_fields__ else kind() for kind in kinds]
+    if ("opensim" in formats) != (model is not None) or (mass_kg and model is None):
+        raise ConfigError(
+            "--model: expected with --to opensim, and with it alone: rajagopal, or an .osim file of yours"
+        )
+    fields = {"opensim": {"model": model, **_masses(mass_kg)}}
+    if y_up:
+        fields |= {name: {"y_up": True} for name in ("trc", "c3d")}
+    recordings = [build("recording", {"use": name, **fields.get(name, {})}, f"--to {name}", Path()) for name in formats]
     for file in export_result(result, recordings, output):
         console.print(str(file), highlight=False, soft_wrap=True)
+        if file.suffix == ".json":
+            console.print(_fit(json_of(file, ConfigError)), highlight=False)
+
+
+def _fit(outcome: dict[str, Any]) -> str:
+    """How well OpenSim's model moves as the person did."""
+    flexions = outcome["opensim_less_ours_deg"].values()
+    worst = f"; flexions differ by {max(one['rms'] for one in flexions):.1f} deg RMS after offsets" if flexions else ""
+    return f"markers {outcome['marker_rms_mm']:.1f} mm RMS in {outcome['frames']} frames{worst}"
+
+
+def _masses(told: list[str] | None) -> dict[str, Any]:
+    """The field that masses make, kg: one, or one a person."""
+    found = {}
+    for text in told or ():
+        name, _, number = text.rpartition("=")
+        try:
+            found[name] = float(number)
+        except ValueError:
+            raise ConfigError(f"--mass-kg {text}: expected kilograms, as 72, or anna=72") from None
+    if not found:
+        return {}
+    return {"mass_kg": found[""] if set(found) == {""} else found}
