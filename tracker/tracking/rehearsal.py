@@ -28,7 +28,10 @@ from tracker.trajectory import Step
 _LEAST_GAP_S = 0.03
 # So many frames in which all hypotheses are doubtful end a rehearsal: every limb of theirs is searched for in each. It
 # took 97 of the 123 s of D-TwoElbowRot's first start without plates, to choose among three that are all wrong.
-_TOLD_AFTER = 4
+_HOPELESS_AFTER = 4
+# So many frames tell who is beaten, and end a rehearsal where the best one is sure. In six of eight
+# starts (seven recordings) the best one was sure by then; it was the best one after ten frames as well, and right.
+_TOLD_AFTER = 3
 # Who left so many times as much over in as many frames is not followed any farther, for a fifth less decides. Of eight
 # starts of six recordings twelve were met by it, 0.18 to 0.6 m off.
 _BEATEN = 1.5
@@ -53,16 +56,12 @@ def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Re
         cycle: the components; its loss rule says in how many frames, and who is uncertain.
         reopen: opens the sequence anew.
     """
-    known = all(
-        frame.mask(v) is not None or (plate is not None and plate.unknown is None)
-        for v, plate in enumerate(cycle.plates)
-    )
+    known = _all_known(frame, cycle)
     for k, sure in enumerate(start.sureness):
         if cycle.loss.rehearse == 0 or sure >= cycle.loss.sure or len(start.hypotheses[k]) < 2:
             continue
-        cycle.progress(f"bootstrapping: {scene.persons[k].name} in the next {cycle.loss.rehearse} frames")
         ranking = _ranked(start, k, frame, scene, cycle, _following(frame, reopen, cycle.loss.rehearse))
-        found = sureness(ranking) * (1.0 if known else limbs_shown(ranking[0]))
+        found = _sureness(ranking, known)
         pose = next((one.q for one in ranking if one.given), ranking[0].q)
         start = replace(
             start,
@@ -71,6 +70,19 @@ def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Re
             sureness=_with(start.sureness, k, found),
         )
     return start
+
+
+def _all_known(frame: Frame, cycle: Cycle) -> bool:
+    """Whether plates or masks tell everywhere where persons are."""
+    return all(
+        frame.mask(v) is not None or (plate is not None and plate.unknown is None)
+        for v, plate in enumerate(cycle.plates)
+    )
+
+
+def _sureness(ranking: tuple[Hypothesis, ...], known: bool) -> float:
+    """Sureness of the first hypothesis; where plates do not tell where limbs are, that of its worst limb as well."""
+    return sureness(ranking) * (1.0 if known else limbs_shown(ranking[0]))
 
 
 @dataclass(frozen=True)
@@ -101,9 +113,12 @@ def _ranked(
     def begun(one: Hypothesis) -> _Trial:
         return _begun(one, start, k, frame, scene, cycle)
 
-    body, beaten = scene.persons[k].body, list[_Trial]()
+    person, known, beaten = scene.persons[k], _all_known(frame, cycle), list[_Trial]()
+    body = person.body
     trials = side_by_side(cycle.synthesis, begun, start.hypotheses[k])
-    for later in following:
+    for n, later in enumerate(following, start=1):
+        followed = f"{len(trials)} poses of {person.name} followed into frame {later.index}"
+        cycle.progress(f"start: {followed}, {n} of {cycle.loss.rehearse} at most")
 
         def continued(trial: _Trial, later: Frame = later) -> _Trial:
             return _continued(trial, k, Sight(later, cycle.plates), cycle)
@@ -112,6 +127,9 @@ def _ranked(
         beaten += [trial for trial in trials if _beaten(trial, trials[0])]
         trials = [trial for trial in trials if not _beaten(trial, trials[0])]
         if len(trials) == 1 or all(_hopeless(trial, held) for trial in trials):
+            break
+        so_far = _in_order(*([_on_average(trial, body) for trial in those] for those in (trials, beaten)))
+        if n >= _TOLD_AFTER and _sureness(so_far, known) >= held.sure:
             break
     return _in_order(*([_on_average(trial, body) for trial in those] for those in (trials, beaten)))
 
@@ -143,8 +161,8 @@ def _beaten(trial: _Trial, best: _Trial) -> bool:
 
 def _hopeless(trial: _Trial, rule: LossRule) -> bool:
     """Whether a hypothesis was doubtful in all of the last frames, but the first one, in which no colours are known."""
-    last = trial.found[1:][-_TOLD_AFTER:]
-    return len(last) == _TOLD_AFTER and all(one.account.left_over > rule.doubtful_above for one in last)
+    last = trial.found[1:][-_HOPELESS_AFTER:]
+    return len(last) == _HOPELESS_AFTER and all(one.account.left_over > rule.doubtful_above for one in last)
 
 
 def _on_average(trial: _Trial, body: BodyModel) -> Hypothesis:
