@@ -53,6 +53,10 @@ class InitializationError(TrackerError):
     """No start pose could be found in the first frames."""
 
 
+class GivenUpError(TrackerError):
+    """Nobody was found in the time that may be spent on it; unlike an `InitializationError` no other frame is tried."""
+
+
 class BackdropError(InitializationError):
     """Who is looked for is in the very plates of what the recording shows most of the time, and does not stand out."""
 

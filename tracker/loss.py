@@ -67,6 +67,10 @@ class LossRule:
     start_within: int = pydantic.Field(default=25, ge=1)
     """Frames, from the first one on that shows somebody, in which the first initialization must succeed."""
 
+    start_within_s: float = pydantic.Field(default=600.0, gt=0)
+    """Processor time that it may take in all of them, seconds: then the run ends and says what kept everybody from
+    being found. Starts of six recordings without plates, which succeed, take 9 to 120 s."""
+
     rehearse: int = pydantic.Field(default=10, ge=0)
     """Frames into which the likeliest start poses of an uncertain person are tracked before one is chosen, 0 for none.
     They are at least 0.03 s apart."""

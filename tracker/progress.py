@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Protocol
 
 WARNING = "input: "
@@ -29,6 +30,33 @@ def within(progress: Progress, label: str) -> Progress:
         progress(f"{label}: {what}", done, total, detail)
 
     return labelled
+
+
+class Tally:
+    """Counts pieces of work as they are begun, by whatever thread, and tells `pose 5 of 12`."""
+
+    def __init__(self, progress: Progress, piece: str, total: int = 0) -> None:
+        """Nothing is begun.
+
+        Args:
+            progress: told of each piece.
+            piece: what is counted.
+            total: how many there are, as far as is known.
+        """
+        self._progress, self._piece, self._total = progress, piece, total
+        self._begun, self._lock = 0, threading.Lock()
+
+    def expect(self, n: int) -> None:
+        """There are n more."""
+        with self._lock:
+            self._total += n
+
+    def begin(self) -> None:
+        """One more is begun."""
+        with self._lock:
+            self._begun += 1
+            told = f"{self._piece} {self._begun} of {max(self._begun, self._total)}"
+        self._progress(told)
 
 
 def silent(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:

@@ -12,6 +12,7 @@ from tracker.clock import Clock
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.evidence import Observed
+from tracker.frame import Frame
 from tracker.limbs import are_apart
 from tracker.part_colours import part_colours
 from tracker.scene import Scene
@@ -41,13 +42,14 @@ def bootstrap(
 
     Raises:
         InitializationError: nothing was found and `give_up` is set.
+        GivenUpError: nothing was found in the time that may be spent.
     """
     clock = Clock()
     start: Start | None = None
     why = ""
     with clock("initialization"):
         try:
-            start = cycle.initialization.start(sight.frame, scene, cycle.stages)
+            start = first_start(sight.frame, scene, cycle)
             start = start if choose is None else choose(start)
             scene = scene.with_poses(start.poses)
         except InitializationError as error:
@@ -68,6 +70,31 @@ def bootstrap(
             'size, or give a pose with initialization = { use = "given", poses = "start.csv" }'
         )
     return replace(finished(sight, scene, cycle.synthesis, estimates, clock, cycle.loss.least_views), start=start)
+
+
+def first_start(frame: Frame, scene: Scene, cycle: Cycle) -> Start:
+    """The start of a run in a frame; who was looked for in vain in the same frame before is not looked for again.
+
+    Args:
+        frame: the images.
+        scene: the persons and the rig.
+        cycle: the components; its loss rule says what all such searches of a run may cost.
+
+    Raises:
+        InitializationError: nobody was found.
+        GivenUpError: the time that may be spent is over.
+    """
+    stages, patience = cycle.stages, cycle.patience
+    asked = (*(person.body for person in scene.persons), *stages.plates, cycle.initialization)
+    if why := patience.why_not(frame.index, asked):
+        raise InitializationError(why)
+    with patience.spending(cycle.loss.start_within_s, cycle.progress) as watched:
+        watched(f"start: frame {frame.index}, {' and '.join(person.name for person in scene.persons)} looked for")
+        try:
+            return cycle.initialization.start(frame, scene, replace(stages, progress=watched))
+        except InitializationError as error:
+            patience.in_vain(frame.index, asked, str(error))
+            raise
 
 
 def unfound(sight: Sight, scene: Scene, cycle: Cycle, clock: Clock | None = None) -> Step:

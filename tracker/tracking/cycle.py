@@ -12,6 +12,7 @@ from tracker.estimation import Estimation
 from tracker.evidence import Evidence, Memory
 from tracker.initialization import Backdrops, Initialization, Stages, no_backdrops
 from tracker.loss import LossRule, Troubles, trusted_parts
+from tracker.patience import Patience
 from tracker.plate import Plate
 from tracker.prediction import Prediction
 from tracker.progress import Progress, silent
@@ -42,6 +43,9 @@ class Cycle:
     progress: Progress = silent
     leaving: Callable[[], bool] = _never
     """Whether what takes several frames is to be ended."""
+
+    patience: Patience = field(default_factory=Patience)
+    """What looking for the first pose has cost so far, here and in other cycles of the run."""
 
     nobody_before: int = 0
     """Number of the first frame in which somebody is looked for."""

@@ -18,6 +18,7 @@ from tracker.scene import Scene
 from tracker.sight import LEAST_COVERED, Sight
 from tracker.start import Start
 from tracker.tracking import Looking, tracked
+from tracker.tracking.bootstrapping import first_start
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.found_before import StartedBefore, knowing
 from tracker.tracking.rehearsal import Reopen
@@ -47,7 +48,7 @@ def without_persons(cycle: Cycle, scene: Scene, frames: Callable[[], Iterator[Fr
     if frame is None:
         return cycle
     try:
-        start = cycle.initialization.start(frame, scene, cycle.stages)
+        start = first_start(frame, scene, cycle)
     except BackdropError as fault:
         log.info("plates of the recording's own are not used: %s", fault)
     except InitializationError:
