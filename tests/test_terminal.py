@@ -63,6 +63,19 @@ def test_a_warning_is_a_line_of_its_own_beside_a_bar_too():
     assert shown.file.getvalue().splitlines() == ["input: nobody moves [in any view]"]
 
 
+def test_what_is_not_counted_has_no_number_of_how_many():
+    """A user saw a start at "0/?" for 25 minutes; it tells its own numbers."""
+    shown = Console(width=120, file=io.StringIO(), force_terminal=True, color_system=None)
+    bar = ProgressBar(shown)
+    for n in (1, 2):
+        bar(f"start: pose {n} of 12")
+    with shown.capture() as capture:
+        for part in bar._bar.get_renderables():
+            shown.print(Group(part))
+    assert "start: pose 2 of 12" in capture.get()
+    assert "?" not in capture.get()
+
+
 def test_what_was_told_with_other_numbers_moves_along_in_the_last_line():
     """Of a hundred frames no hundred lines, among which a warning would be lost."""
     shown = Console(width=80, file=io.StringIO())

@@ -108,6 +108,14 @@ class _Bars(Progress):
 _DETAIL = TextColumn("{task.fields[detail]}", markup=False, table_column=Column(no_wrap=True, ratio=1))
 
 
+class _Count(MofNCompleteColumn):
+    """How many of how many; nothing where nothing is counted."""
+
+    def render(self, task: Task) -> Text:
+        """The two numbers."""
+        return Text() if task.total is None else super().render(task)
+
+
 _NUMBER = re.compile(r"\d+")
 
 
@@ -123,7 +131,7 @@ class ProgressBar:
         self._bar = _Bars(
             TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True)),
             BarColumn(bar_width=20),
-            MofNCompleteColumn(),
+            _Count(),
             _DETAIL,
             TimeElapsedColumn(),
             console=shown_on,

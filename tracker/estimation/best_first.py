@@ -52,11 +52,18 @@ class BestFirstEstimation:
         distances = objective(starts)
         q, n_evaluations = starts[int(np.argmin(distances))], len(starts)
         for level in range(self.halvings + 1):
-            for group in self.decomposition or objective.body.coarse_groups:
-                q, n = self.search_group(objective, q, objective.body.group(group), 0.5**level)
-                n_evaluations += n
+            q, n = self.search_level(objective, q, level)
+            n_evaluations += n
         unknown = np.full((objective.body.dof, objective.body.dof), np.nan)
         return objective.estimate(q, unknown, n_evaluations)
+
+    def search_level(self, objective: Objective, q: Array, level: int) -> tuple[Array, int]:
+        """Searches all groups around a pose (dof,) after so many halvings: the best pose and the number evaluated."""
+        n_evaluations = 0
+        for group in self.decomposition or objective.body.coarse_groups:
+            q, n = self.search_group(objective, q, objective.body.group(group), 0.5**level)
+            n_evaluations += n
+        return q, n_evaluations
 
     def search_group(self, objective: Objective, q: Array, columns: Integers, scale: float = 1.0) -> tuple[Array, int]:
         """Best-first search of some parameters, the others held; see `search_from`.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
 
 from tracker.comparison import Comparison
@@ -13,7 +13,7 @@ from tracker.evidence import GUESSED, Evidence
 from tracker.frame import Frame
 from tracker.objective import Objective
 from tracker.plate import Plate
-from tracker.progress import Progress, silent
+from tracker.progress import Progress, Tally, silent
 from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.start import Start
@@ -42,11 +42,18 @@ class Stages:
     progress: Progress = silent
     """Told what the search is doing."""
 
+    tally: Tally = field(default_factory=lambda: Tally(silent, "pose"))
+    """Counts what the search is trying."""
+
     held: tuple[int, ...] = ()
     """Persons who are not looked for: their poses in the scene hold."""
 
     seen_before: bool = False
     """Whether the poses of the others are where they were seen last; else they do not matter."""
+
+    def counting(self, piece: str, total: int = 0) -> Stages:
+        """The same with a new tally of pieces of work, of which so many are known."""
+        return replace(self, tally=Tally(self.progress, piece, total))
 
     def objective(self, frame: Frame, scene: Scene, person: int, expected: Contours | None = None) -> Objective:
         """The objective of a person's pose in a frame, looked at everywhere or near expected contours."""

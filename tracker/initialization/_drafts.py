@@ -35,6 +35,12 @@ class Draft:
         """Numbers of the persons who are looked for."""
         return [k for k, ranking in enumerate(self.hypotheses) if ranking]
 
+    @property
+    def n_hypotheses(self) -> int:
+        """Poses that are estimated when the draft is settled."""
+        n = sum(map(len, self.hypotheses))
+        return n if len(self.sought) == 1 else 2 * n
+
     def settled(self, stages: Stages, n: int) -> Start:
         """The best n hypotheses estimated and ranked again with everyone in the scene, who hide and are hidden."""
         scene, hypotheses = self.scene, list(self.hypotheses)
@@ -44,7 +50,10 @@ class Draft:
         # The first of several persons is judged again when the others are where they belong.
         for k in self.sought if len(self.sought) == 1 else self.sought * 2:
             objective = objective.about(scene, k)
-            estimates = [stages.estimation.estimate(objective, one.q[None]) for one in hypotheses[k]]
+            estimates = []
+            for one in hypotheses[k]:
+                stages.tally.begin()
+                estimates.append(stages.estimation.estimate(objective, one.q[None]))
             every = ranked(objective.body, [hypothesis(objective.body, one) for one in estimates])
             hypotheses[k] = finalists(every, n)
             scene = scene.with_pose(k, hypotheses[k][0].q)

@@ -103,6 +103,7 @@ def _but_one(found: Array) -> Array:
 def refined_on_edges(frame: Frame, scene: Scene, stages: Stages, q: Array) -> Hypothesis:
     """What the run's estimation makes of a pose (dof,) of the scene's last person, from the edges near it."""
     k = len(scene.persons) - 1
+    stages.tally.begin()
     for _ in range(_TIMES):
         objective = stages.objective(frame, scene, k, stages.synthesis.contours(scene, k, q[None]))
         estimate = stages.estimation.estimate(objective, q[None])

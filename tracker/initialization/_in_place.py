@@ -15,6 +15,7 @@ from tracker.geometry.halton import halton
 from tracker.initialization import Stages
 from tracker.initialization._hypotheses import different, finalists, hypothesis, ranked, with_held
 from tracker.initialization._person_sized import person_sized
+from tracker.progress import Tally
 from tracker.scene import Scene
 from tracker.start import Hypothesis, Start, sureness
 
@@ -44,12 +45,14 @@ class InPlace:
     def _search(self, frame: Frame, scene: Scene, stages: Stages) -> tuple[Hypothesis, ...]:
         """Hypotheses of the scene's last person, the best first."""
         body, k = scene.persons[-1].body, len(scene.persons) - 1
-        stages.progress("bootstrapping: a body that stays in its place, in poses all over its limits")
-        objective, poses = stages.objective(frame, scene, k), _everywhere(body)
+        poses = _everywhere(body)
+        stages.progress(f"start: {len(poses)} poses of {scene.persons[-1].name}, in its place")
+        objective = stages.objective(frame, scene, k)
         distances = np.concatenate([objective(poses[i : i + _BATCH]) for i in range(0, len(poses), _BATCH)])
         apart_m = _APART * float(body.extents_m.max())
-        refined = []
+        tally, refined = Tally(stages.progress, "start: pose", _REFINED), []
         for q in different(body, poses[np.argsort(distances, kind="stable")], _REFINED, apart_m):
+            tally.begin()
             searched = self.fine.estimate(objective, q[None])
             refined.append(hypothesis(body, self.refinement.estimate(objective, searched.q[None])))
         best = ranked(body, refined)[:_FINALISTS]

@@ -41,10 +41,9 @@ def limbs_anew(frame: Frame, scene: Scene, stages: Stages, clues: Clues, best: H
     # A head that is left over tells of who is turned round: looked for as well, it made up for a man 320 mm off, who
     # left less over then than he does who faces the right way with an arm in the wrong place (DO-Two).
     limbs = {group: share for group, share in best.limbs_left_over.items() if group in body.limbs}
-    for group, left_over in sorted(limbs.items(), key=lambda pair: -pair[1]):
-        if left_over < _LEFT_OVER:
-            break
-        stages.progress(f"bootstrapping: {group.replace('_', ' ')} looked for anew")
+    left = sorted((group for group, share in limbs.items() if share >= _LEFT_OVER), key=lambda group: -limbs[group])
+    for n, group in enumerate(left, start=1):
+        stages = stages.counting(f"start: {group.replace('_', ' ')}, limb {n} of {len(left)}, pose", _REFINED)
         tried = _elsewhere(body, group, best.q)
         tried = tried[np.argsort(-clues.scores(scene, tried), kind="stable")]
         again = all_refined_on_edges(frame, scene, stages, different(body, tried, _REFINED, _APART_M))

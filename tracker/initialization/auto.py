@@ -88,7 +88,7 @@ class AutoInitialization:
         Raises:
             InitializationError: it is no person, or only a part of one.
         """
-        stages.progress("bootstrapping: what the views show most of the time")
+        stages.progress("start: what the views show most of the time")
         made = stages.backdrops() or stages.plates
         known = tuple(plate or one for plate, one in zip(stages.plates, made, strict=True))
         if sum(plate is not None for plate in known) < max(2, 1 + sum(plate is not None for plate in stages.plates)):

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import islice
+from typing import TypeVar
 
+import numpy as np
 import pydantic
 
 from tracker.arrays import Array, Mask
@@ -35,6 +38,7 @@ from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes
 from tracker.limbs import turned_round
 from tracker.objective import Objective
 from tracker.plate import Plate
+from tracker.progress import Tally
 from tracker.rig import Rig
 from tracker.scene import Scene
 from tracker.sight import Sight
@@ -50,6 +54,14 @@ _MOST_LEFT_OVER = 0.5
 # background: 0.65 to 1 in frames 0, 25 and 50 of eight recordings; 0.45 in two of R-UpperBody, who is in such plates
 # herself. Searched from there, which took 18 s, she ended 150 m away.
 _LEAST_COVERED = 0.5
+
+# How many times as far off as the best one a pose may be after the first steps of the fine search. In nine foregrounds
+# of N-WalkCircle, balancing and T-Punch-light poses that ended nearest to the truth were 1.08 times as far at most;
+# of R-Turn's 28 hypotheses 20 are given up.
+_BEHIND = 1.15
+
+_One = TypeVar("_One")
+_Made = TypeVar("_Made")
 
 
 @component
@@ -107,57 +119,62 @@ class PcaInitialization:
     @person_sized
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
-        stages.progress("bootstrapping: torso axis from the foreground")
+        stages.progress(f"start: what stands out in {sum(plate is not None for plate in stages.plates)} views")
         masks = foregrounds(frame, stages.plates)
         _enough(masks, frame, scene)
         if not any(plate is not None and plate.unknown is not None for plate in stages.plates):
-            return self._settled(self._drafts(frame, scene, stages, masks), stages)
+            stages = stages.counting("start: pose")
+            found = self._drafts(frame, scene, stages, self._ways(masks, scene, stages))
+            return self._settled(found, stages.counting("start: finalist", sum(one.n_hypotheses for one in found)))
+        stages = stages.counting("start: pose")
         drawn = segmented(frame, stages.plates)
-        tried = (frame, drawn), (frame, masks), (outlined(frame, stages.plates, drawn), drawn)
+        ways = side_by_side(stages.synthesis, _or_fault(lambda masks: self._ways(masks, scene, stages)), (drawn, masks))
+        tried = (frame, ways[0]), (frame, ways[1]), (outlined(frame, stages.plates, drawn), ways[0])
 
-        def drafted(one: tuple[Frame, tuple[Mask | None, ...]]) -> list[Draft] | InitializationError:
-            try:
-                return self._drafts(one[0], scene, stages, one[1])
-            except InitializationError as fault:
-                return fault
+        def drafted(one: tuple[Frame, list[list[Found]] | InitializationError]) -> list[Draft]:
+            if isinstance(one[1], InitializationError):
+                raise one[1]
+            return self._drafts(one[0], scene, stages, one[1])
 
-        outcomes = side_by_side(stages.synthesis, drafted, tried)
+        outcomes = side_by_side(stages.synthesis, _or_fault(drafted), tried)
         drafts = likeliest_of([one for one in outcomes if isinstance(one, list)], 2 * self.finalists)
         if not drafts:
             raise _likeliest_fault([one for one in reversed(outcomes) if isinstance(one, InitializationError)])
+        stages = stages.counting("start: finalist", sum(draft.n_hypotheses for ways in drafts for draft in ways))
         starts = side_by_side(stages.synthesis, lambda ways: self._settled(ways, stages), drafts)
         return least_left(starts, scene, self.finalists)
 
-    def _drafts(self, frame: Frame, scene: Scene, stages: Stages, masks: tuple[Mask | None, ...]) -> list[Draft]:
-        """What each way to find the persons in the foregrounds (H, W) of all views comes to."""
-        sought = [k for k in range(len(scene.persons)) if k not in stages.held]
-        persons = tuple(scene.persons[k] for k in sought)
+    def _ways(self, masks: tuple[Mask | None, ...], scene: Scene, stages: Stages) -> list[list[Found]]:
+        """The ways to find the persons sought in the foregrounds (H, W) of all views."""
+        persons = tuple(person for k, person in enumerate(scene.persons) if k not in stages.held)
         if stages.seen_before:
             persons = tuple(replace(person, at=None) for person in persons)
         found = ways_to_find(masks, scene.rig, persons, tuple(scene.persons[k] for k in stages.held))
         # who is looked for again is looked for often
-        ways = list(islice(found, 1 if stages.seen_before else None))
+        return list(islice(found, 1 if stages.seen_before else None))
+
+    def _drafts(self, frame: Frame, scene: Scene, stages: Stages, ways: list[list[Found]]) -> list[Draft]:
+        """What each way to find the persons comes to."""
+
+        def drafted(way: list[Found]) -> Draft:
+            return self._draft(way, frame, scene, stages)
+
         if len(ways) == 1:
-            return [self._draft(ways[0], sought, frame, scene, stages)]
-        drafts, faults = [], []
-        for way in ways:
-            try:
-                drafts.append(self._draft(way, sought, frame, scene, stages))
-            except InitializationError as fault:
-                faults.append(fault)
-        if not drafts:
-            none = InitializationError(f"frame {frame.index}: {len(ways)} bodies stand out, and none is like a person")
-            raise _likeliest_fault([none, *faults])
-        return drafts
+            return [drafted(ways[0])]
+        found = [_or_fault(drafted)(way) for way in ways]
+        if drafts := [one for one in found if isinstance(one, Draft)]:
+            return drafts
+        none = InitializationError(f"frame {frame.index}: {len(ways)} bodies stand out, and none is like a person")
+        raise _likeliest_fault([none, *(one for one in found if isinstance(one, InitializationError))])
 
     def _settled(self, ways: list[Draft], stages: Stages) -> Start:
         """The start that ways to find the persons in one foreground come to, by the run's own estimation."""
-        stages.progress("bootstrapping: the best hypotheses, everyone in the scene")
         starts = [draft.settled(stages, self.finalists) for draft in ways]
         return starts[0] if len(ways) == 1 else likeliest(starts, ways[0].scene, self.finalists, bodies=True)
 
-    def _draft(self, found: list[Found], sought: list[int], frame: Frame, scene: Scene, stages: Stages) -> Draft:
+    def _draft(self, found: list[Found], frame: Frame, scene: Scene, stages: Stages) -> Draft:
         """Hypotheses of the persons sought, who are those found, each searched for before the next."""
+        sought = [k for k in range(len(scene.persons)) if k not in stages.held]
         persons = tuple(scene.persons[k] for k in sought)
         evidence: list[tuple[AxisFit | None, ...]] = [()] * len(scene.persons)
         hypotheses: list[tuple[Hypothesis, ...]] = [()] * len(scene.persons)
@@ -193,7 +210,6 @@ class PcaInitialization:
         body = scene.persons[-1].body
         near = cleared(frame, scene, stages, [found], range(len(scene.persons) - 1))
         objective = stages.objective(near, scene, len(scene.persons) - 1)
-        stages.progress("bootstrapping: coarse search of the turn and the limbs")
         points = without_legs(found, body, scene.rig).points
         coarse = self._coarse(objective)
         tried = coarse.along(axes, points)
@@ -202,12 +218,8 @@ class PcaInitialization:
             tried += coarse.low(axes, points)
         if any(plate is not None and plate.unknown is not None for plate in stages.plates):
             _stand_out(frame, scene, stages, tried)
-        refined = []
-        for n, q in enumerate(tried, start=1):
-            stages.progress(f"bootstrapping: hypothesis {n} of {len(tried)}")
-            refined.append(self._refined(objective, q))
-        stages.progress("bootstrapping: the best hypothesis turned round")
-        refined.append(self._refined(objective, turned_round(body, ranked(body, refined)[0].q)))
+        refined = self._all_refined(objective, tried, stages.tally)
+        refined += self._all_refined(objective, [turned_round(body, ranked(body, refined)[0].q)], stages.tally)
         return finalists(ranked(body, refined), _MORE_OF_LOW * self.finalists if low else self.finalists)
 
     def _coarse(self, objective: Objective) -> CoarseSearch:
@@ -215,10 +227,26 @@ class PcaInitialization:
         values = objective.body.start.coarse_deg if self.coarse_deg is None else self.coarse_deg
         return CoarseSearch(objective, values, self.turn_step_deg, self.hypotheses, self.apart_deg)
 
-    def _refined(self, objective: Objective, q: Array) -> Hypothesis:
-        """What the fine search and the refinement make of a pose."""
-        searched = self.fine.estimate(objective, q[None])
-        return hypothesis(objective.body, self.refinement.estimate(objective, searched.q[None]))
+    def _all_refined(self, objective: Objective, poses: list[Array], tally: Tally) -> list[Hypothesis]:
+        """What the fine search and the refinement make of poses (dof,), but of those that the best one leads clearly.
+
+        Each is searched with the first steps before any is with finer ones.
+        """
+        tally.expect(2 * len(poses))
+        begun = []
+        for q in poses:
+            tally.begin()
+            begun.append(self.fine.search_level(objective, q, 0)[0])
+        distances = objective(np.array(begun))
+        near = [q for q, distance in zip(begun, distances, strict=True) if distance <= _BEHIND * distances.min()]
+        tally.expect(len(near) - len(poses))
+        refined = []
+        for q in near:
+            tally.begin()
+            for level in range(1, self.fine.halvings + 1):
+                q, _ = self.fine.search_level(objective, q, level)
+            refined.append(hypothesis(objective.body, self.refinement.estimate(objective, q[None])))
+        return refined
 
 
 def _stand_out(frame: Frame, scene: Scene, stages: Stages, poses: list[Array]) -> None:
@@ -234,6 +262,18 @@ def _stand_out(frame: Frame, scene: Scene, stages: Stages, poses: list[Array]) -
             f"frame {frame.index}: at most {covered:.0%} of {alone.persons[0].name} would stand out, expected at least "
             f"{_LEAST_COVERED:.0%}"
         )
+
+
+def _or_fault(find: Callable[[_One], _Made]) -> Callable[[_One], _Made | InitializationError]:
+    """The same, but that it returns why nobody was found."""
+
+    def tried(one: _One) -> _Made | InitializationError:
+        try:
+            return find(one)
+        except InitializationError as fault:
+            return fault
+
+    return tried
 
 
 def _likeliest_fault(faults: list[InitializationError]) -> InitializationError:

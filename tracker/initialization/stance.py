@@ -27,6 +27,7 @@ from tracker.initialization._stances import on_floor, posed, turned
 from tracker.initialization._whereabouts import Whereabouts, last_seen, whereabouts
 from tracker.limbs import turned_round
 from tracker.plate import Plate
+from tracker.progress import Progress, Tally
 from tracker.scene import Scene
 from tracker.sight import LEAST_COVERED
 from tracker.start import Hypothesis, Start, limbs_shown, sureness
@@ -37,6 +38,8 @@ _WHOLE, _PARTLY = 0.9, 0.6
 _AGAIN, _APART_M = 60, 0.25
 # Of the poses that are refined, so many are stances as they are: of who stands they are often nearer.
 _PLAIN = 2
+# Poses after which is told how many are left: some seconds.
+_TOLD = 4096
 
 
 @component
@@ -141,6 +144,7 @@ class StanceInitialization:
             others = with_held(scene, k, tuple(other for other in range(len(scene.persons)) if other != k))
             if len(sought) > 1:
                 # Whom the others hide was judged before they were found.
+                stages = stages.counting(f"start: {scene.persons[k].name} beside the others, pose", len(rankings[k]))
                 again = all_refined_on_edges(frame, others, stages, [one.q for one in rankings[k]])
                 rankings[k] = clue.ranked(others, again)
                 scene = scene.with_pose(k, rankings[k][0].q)
@@ -175,9 +179,8 @@ class StanceInitialization:
     ) -> tuple[Hypothesis, ...]:
         """Refined poses of the scene's last person, the best one first."""
         tried, body = self._tried(frame, scene, stages, clues, near), scene.persons[-1].body
-        stages.progress(f"bootstrapping: the {len(tried)} likeliest stances")
+        stages = stages.counting("start: likely pose", len(tried) + 1)
         refined = all_refined_on_edges(frame, scene, stages, tried)
-        stages.progress("bootstrapping: the best stance turned round")
         back = refined_on_edges(frame, scene, stages, turned_round(body, clues.ranked(scene, refined)[0].q))
         ranking = clues.ranked(scene, [*refined, back])
         if self._is_there(scene, ranking[0], clues):
@@ -189,13 +192,17 @@ class StanceInitialization:
         body, candidates = scene.persons[-1].body, self._candidates(scene, near)
         if not len(candidates):
             raise InitializationError(f"frame {frame.index}: two views do not show the person's whereabouts")
-        stages.progress(f"bootstrapping: {len(candidates)} poses on the floor")
-        scores = clues.scores(scene, candidates)
+        scores = _scored(scene, clues, candidates, stages.progress)
         best = different(body, candidates[np.argsort(-scores, kind="stable")], _AGAIN, _APART_M)
         finer = self._around(body, best)
         finer = finer[np.argsort(-clues.scores(scene, finer), kind="stable")]
-        stages.progress("bootstrapping: the likeliest poses scattered")
-        found = scattered(body, finer, lambda poses: clues.scores(scene, poses), ROUNDS)
+        tally = Tally(stages.progress, "start: around the likeliest poses, round", len(ROUNDS))
+
+        def score(poses: Array) -> Array:
+            tally.begin()
+            return clues.scores(scene, poses)
+
+        found = scattered(body, finer, score, ROUNDS)
         plain = different(body, finer, _PLAIN, _APART_M)
         return different(body, np.array([*plain, *found]), self.hypotheses, _APART_M)
 
@@ -237,6 +244,15 @@ class StanceInitialization:
             ways = np.repeat(turned(body, q, headings), len(places), axis=0)
             found.append(on_floor(body, ways, np.tile(places, (len(headings), 1)), self.floor_m))
         return np.concatenate(found)
+
+
+def _scored(scene: Scene, clues: Clues, poses: Array, progress: Progress) -> Array:
+    """(N,) scores of poses (N, dof) of a scene's last person; see `Clues.scores`."""
+    found = []
+    for i in range(0, len(poses), _TOLD):
+        progress(f"start: pose {i} of {len(poses)} of {scene.persons[-1].name} on the floor")
+        found.append(clues.scores(scene, poses[i : i + _TOLD]))
+    return np.concatenate(found)
 
 
 def _start(scene: Scene, rankings: Mapping[int, tuple[Hypothesis, ...]], sure: Mapping[int, float]) -> Start:

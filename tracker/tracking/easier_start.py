@@ -119,8 +119,8 @@ def _looked_for(
 ) -> tuple[Frame, Start] | None:
     """The surest start so long after a frame, the first one that is sure enough."""
     best: tuple[Frame, Start] | None = None
-    for frame in _later(first, reopen, delays_s):
-        cycle.progress(f"bootstrapping: the start is uncertain, looking at frame {frame.index}")
+    for n, frame in enumerate(_later(first, reopen, delays_s), start=1):
+        cycle.progress(f"start: uncertain, frame {frame.index} searched, {n} of {len(delays_s)} later ones at most")
         try:
             start = cycle.initialization.start(frame, scene, cycle.stages)
         except InitializationError:
@@ -154,6 +154,6 @@ def _followed_back(first: int, last: Frame, scene: Scene, cycle: Cycle, reopen: 
     state = State.before(scene).after(sight, step, cycle.evidence)
     replays = {last.index: as_replay(step)}
     for earlier in tracked_back(frames_before(last, first, reopen), step, state, cycle, 2 * last.time_s):
-        cycle.progress(f"bootstrapping: back to the first frame, {earlier.frame.index - first} to go")
+        cycle.progress(f"start: followed back to frame {first}, {earlier.frame.index - first} frames to go")
         replays[earlier.frame.index] = as_replay(earlier)
     return replays
