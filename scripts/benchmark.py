@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from benchmarks import ablate as rule_ledger
 from benchmarks import acquisition as acquired_models
 from benchmarks import calibration as bar_calibration
 from benchmarks import follow as followed_points
@@ -122,6 +123,22 @@ def opensim_models(
     """OpenSim's models moved as the persons of finished runs: distances of markers, flexions less ours."""
     try:
         moved_models.compare(console, results, model)
+    except TrackerError as error:
+        print_error(error)
+        raise typer.Exit(2) from None
+
+
+@app.command(epilog=rule_ledger.rules_as_text())
+def ablate(
+    rules: Annotated[str, typer.Option(help="Rules or groups, commas between; + for together.")] = "",
+    only: Annotated[str, typer.Option(help="Only conditions or recordings whose name holds this.")] = "",
+    starts: Annotated[int, typer.Option(min=1, max=8, help="Runs of each condition, three frames apart.")] = 3,
+    python_path: Annotated[Path, typer.Option(help="Checkout whose package is run.")] = ROOT,
+    output: Annotated[Path, typer.Option(help="Keeps all runs and scores.csv.")] = Path("results/rules"),
+) -> None:
+    """What each rule that steers tracking is worth: runs without it beside runs with all; goes on where it was."""
+    try:
+        rule_ledger.compare(console, rules, only, starts, python_path, output)
     except TrackerError as error:
         print_error(error)
         raise typer.Exit(2) from None

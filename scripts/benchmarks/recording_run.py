@@ -40,6 +40,16 @@ class Asked:
     settings: tuple[str, ...]
     start: int
     stop: int
+    without: str = ""
+    """Rules that are switched off, see `benchmarks.switches.chosen`."""
+
+    counted: bool = False
+    """Whether the others are counted, see `benchmarks.switched_run`."""
+
+    @property
+    def told(self) -> str:
+        """The settings in words."""
+        return " ".join((*self.settings, *([f"without={self.without}"] if self.without else [])))
 
 
 def described(recording: Recorded, asked: Asked, models: dict[str, Path]) -> Table:
@@ -65,7 +75,7 @@ def folder_of(recording: Recorded, asked: Asked, code: Code, output: Path) -> Pa
     """Where a run is kept; its result is the folder `result` in it."""
     images = "plates" if asked.plates else "no_plates"
     body = f"{asked.model}{'_acquired' if asked.acquired else ''}"
-    words = " ".join(asked.settings)
+    words = asked.told
     settings = f"_{hashlib.sha256(words.encode()).hexdigest()[:6]}" if words else ""
     return output / code.digest / f"{recording.name}_{body}_{images}{settings}_{asked.start}_{asked.stop}"
 
@@ -78,7 +88,7 @@ def scored(recording: Recorded, asked: Asked, code: Code, output: Path) -> list[
         asked.model,
         asked.acquired,
         asked.plates,
-        " ".join(asked.settings),
+        asked.told,
         asked.start,
         asked.stop,
         code.digest,
@@ -94,7 +104,11 @@ def scored(recording: Recorded, asked: Asked, code: Code, output: Path) -> list[
             return [replace(row, failed=f"no model: {failed}")]
     (folder / "config.toml").write_text(tomli_w.dumps(described(recording, asked, models)), encoding="utf-8")
     overrides = [word for setting in asked.settings for word in ("--set", setting)]
-    failed = code.run(["run", "config.toml", *overrides, "--output", "result"], folder)
+    command = ["run", "config.toml", *overrides, "--output", "result"]
+    if asked.counted:
+        failed = code.run([asked.without, *command], folder, "benchmarks.switched_run")
+    else:
+        failed = code.run(command, folder)
     if failed:
         return [replace(row, failed=failed)]
     try:

@@ -114,7 +114,7 @@ def compare(console: Console, plan: Plan, checkout: Path, output: Path) -> None:
     with suppress(KeyboardInterrupt):
         for n, (recording, asked) in enumerate(runs, start=1):
             begin = time.perf_counter()
-            found = _known(table, recording, asked, code)
+            found = known(table, recording, asked, code)
             if not found:
                 with console.status(f"{n} of {len(runs)}: {_title(recording, asked)}"):
                     found = scored(recording, asked, code, output.resolve())
@@ -143,10 +143,10 @@ def _tell(console: Console, title: str, score: Score, seconds: float) -> None:
     console.print(f"{title}: {found}, {seconds:.0f} s", highlight=False, soft_wrap=True, markup=False)
 
 
-def _known(table: Path, recording: Recorded, asked: Asked, code: Code) -> list[Score]:
+def known(table: Path, recording: Recorded, asked: Asked, code: Code) -> list[Score]:
     """Rows of the same run by the same code."""
-    settings = " ".join(asked.settings)
-    wanted = recording.name, asked.model, asked.acquired, asked.plates, settings, asked.start, asked.stop, code.digest
+    told = asked.told
+    wanted = recording.name, asked.model, asked.acquired, asked.plates, told, asked.start, asked.stop, code.digest
     return [row for row in read_scores(table) if row.key == tuple(map(str, wanted))]
 
 
