@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from doubted import in_doubt
 from motions import estimate_of
 from recordings import small_simulation
 from typer.testing import CliRunner
@@ -212,7 +213,7 @@ def test_angles_that_jump_have_no_rate():
 def test_frames_in_doubt_and_those_beside_them_tell_nothing():
     simulation, _ = recorded()
     frames = tracked(simulation)
-    frames[10] = replace(frames[10], estimates=(replace(frames[10].estimates[0], ambiguous=("left_arm",)),))
+    frames[10] = replace(frames[10], estimates=(in_doubt(frames[10].estimates[0], "left_arm"),))
     chosen = chosen_moments(simulation.scene, frames)
     assert not {0, 9, 10, 11, 29} & set(chosen)
     assert set(chosen) <= set(range(30))

@@ -12,6 +12,7 @@ from tracker.account import Account
 from tracker.arrays import Array
 from tracker.comparison import Comparison
 from tracker.contours import Contours
+from tracker.doubt import Because, Doubt
 from tracker.equations import Equations
 from tracker.estimate import Estimate, Status
 from tracker.evidence import Evidence, Memory
@@ -141,7 +142,7 @@ def test_what_was_in_doubt_of_other_limbs_is_so_still(
     """That one view alone shows a leg is no less so because an arm was moved."""
 
     def legs_too(objective: object, estimate: Estimate, within_px: float) -> Estimate:
-        return replace(estimate, ambiguous=(*estimate.ambiguous, "left_leg"), vague=(*estimate.vague, "left_leg"))
+        return estimate.doubting((Doubt("left_leg", Because.TWO_POSES, 0.1, 0.2),))
 
     monkeypatch.setattr("tracker.tracking.cycle_turn.with_vague_limbs", legs_too)
     even = smoothed(jumping(steps), replace(cycle, evidence=Blind()))

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from doubted import in_doubt
 from recordings import Staying, TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
 import tracker.tracking.coming_in
@@ -130,7 +131,7 @@ def test_a_limb_that_jumps_between_two_windows_is_told(
 
     def doubting_all(steps: list[Step]) -> list[Step]:
         seen.append([step.frame.index for step in steps])
-        return [replace(step, estimates=(step.estimates[0].doubting(["left_arm"]),)) for step in steps]
+        return [replace(step, estimates=(in_doubt(step.estimates[0], "left_arm"),)) for step in steps]
 
     monkeypatch.setattr(tracker.tracking.coming_in, "_LONGEST", 2)
     monkeypatch.setattr(tracker.tracking.coming_in, "with_jumps", doubting_all)

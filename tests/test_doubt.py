@@ -11,11 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from doubted import in_doubt
 from hypothesis import given
 from hypothesis import strategies as st
 from observations import ideal, objective_of
 from recordings import TrueStart, cycle_for, small_simulation, with_images
 
+from tracker.doubt import Because, Doubt
 from tracker.doubts import Doubts, ranges
 from tracker.estimate import Estimate, Status
 from tracker.frame import Frame
@@ -111,17 +113,17 @@ def test_a_body_elsewhere_is_doubtful(truth: Scene, observation: Observation) ->
 def test_somebody_of_whom_most_limbs_are_in_doubt_is_doubtful(truth: Scene, observation: Observation) -> None:
     body = truth.persons[0].body
     limbs = body.limbs
-    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=(), vague=())
+    sure = in_doubt(estimate_of(truth, observation))
     fitted = objective_of(truth, observation).asked.fine(truth.persons[0].q)
 
     def judged_anew(estimate: Estimate) -> Estimate:
         return judged_as_wholes(Step(Frame(0, 0.0, (None,) * 4), truth, (estimate,), fitted)).estimates[0]
 
     assert len(limbs) == 4
-    assert judged_anew(sure.doubting(limbs)).doubtful
-    assert judged_anew(sure.doubting(limbs[1:])).doubtful
-    assert judged_anew(replace(sure, ambiguous=tuple(limbs), vague=tuple(limbs))).doubtful, "nobody sees them"
-    assert not judged_anew(sure.doubting(limbs[2:])).doubtful
+    assert judged_anew(in_doubt(sure, *limbs)).doubtful
+    assert judged_anew(in_doubt(sure, *limbs[1:])).doubtful
+    assert judged_anew(in_doubt(sure, *limbs, vague=True)).doubtful, "nobody sees them"
+    assert not judged_anew(in_doubt(sure, *limbs[2:])).doubtful
 
 
 def test_nothing_is_learned_from_a_doubtful_frame() -> None:
@@ -145,9 +147,9 @@ def test_nothing_is_learned_from_a_doubtful_frame() -> None:
 
 
 def test_one_line_says_where_to_look(truth: Scene, observation: Observation) -> None:
-    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=())
-    unsure, arm = replace(sure, doubtful=True), replace(sure, ambiguous=("left_arm",))
-    lost = replace(unsure, status=Status.LOST, ambiguous=("right_leg",))
+    sure = in_doubt(estimate_of(truth, observation))
+    unsure, arm = in_doubt(sure, whole=True), in_doubt(sure, "left_arm")
+    lost = replace(in_doubt(sure, "right_leg", whole=True), status=Status.LOST)
     fitted = objective_of(truth, observation).asked.fine(truth.persons[0].q)
     doubts = Doubts()
     assert doubts.none
@@ -164,7 +166,7 @@ def test_a_start_that_is_rather_wrong_than_right_is_told(
     truth: Scene, observation: Observation, sure: float, doubtful: bool, told: bool
 ) -> None:
     """By the first start alone, also when the journal tells of it; of later ones the frames tell."""
-    estimate = replace(estimate_of(truth, observation), doubtful=doubtful, ambiguous=(), vague=())
+    estimate = in_doubt(estimate_of(truth, observation), whole=doubtful)
     begun, *others = steps_of(truth, observation, [[estimate]] * 3)
     start = Start((truth.persons[0].q,), sureness=(sure,))
     later = replace(others[0], start=replace(start, sureness=(0.0,)))
@@ -191,9 +193,9 @@ def test_ranges_are_the_numbers_in_few_words(numbers: set[int]) -> None:
 
 def test_much_doubt_asks_about_the_input(truth: Scene, observation: Observation) -> None:
     """However it comes together; a hard stretch does not, nor a single limb throughout."""
-    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=(), vague=())
-    arm, arms = (replace(sure, ambiguous=limbs) for limbs in (("left_arm",), ("left_arm", "right_arm")))
-    hard = [[replace(sure, status=Status.LOST)]] * 2 + [[replace(sure, doubtful=True)]] * 2
+    sure = in_doubt(estimate_of(truth, observation))
+    arm, arms = in_doubt(sure, "left_arm"), in_doubt(sure, "left_arm", "right_arm")
+    hard = [[replace(sure, status=Status.LOST)]] * 2 + [[in_doubt(sure, whole=True)]] * 2
     assert after_all(steps_of(truth, observation, [[sure], *hard, *[[arms]] * 2, *[[sure]] * 3])).advice() == ""
     told = after_all(steps_of(truth, observation, [[sure], *hard, *[[arms]] * 3, *[[sure]] * 2])).advice()
     assert told.startswith("7 of 10 frames in doubt")
@@ -207,8 +209,8 @@ def test_much_doubt_asks_about_the_input(truth: Scene, observation: Observation)
 
 
 def test_of_several_persons_it_is_said_who_is_lost_or_doubtful(truth: Scene, observation: Observation) -> None:
-    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=(), vague=())
-    lost, unsure = replace(sure, status=Status.LOST), replace(sure, doubtful=True)
+    sure = in_doubt(estimate_of(truth, observation))
+    lost, unsure = replace(sure, status=Status.LOST), in_doubt(sure, whole=True)
     name, rows = truth.persons[0].name, [(sure, sure), (sure, lost), (unsure, lost), (sure, lost), (unsure, sure)]
     assert after_all(steps_of(truth, observation, rows)).sentence() == (
         f"of 5 frames {name} doubtful in 2 (frames 2, 4), other lost in 3 (frames 1-3)"
@@ -216,7 +218,7 @@ def test_of_several_persons_it_is_said_who_is_lost_or_doubtful(truth: Scene, obs
 
 
 def test_views_without_images_are_named(truth: Scene, observation: Observation) -> None:
-    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=(), vague=())
+    sure = in_doubt(estimate_of(truth, observation))
     steps = steps_of(truth, observation, [[sure]] * 4)
     steps[2:] = [replace(step, frame=replace(step.frame, images=(*IMAGES[:3], None))) for step in steps[2:]]
     told = after_all(steps).sentence()
@@ -224,14 +226,14 @@ def test_views_without_images_are_named(truth: Scene, observation: Observation) 
 
 
 def test_of_who_is_lost_no_limb_is_ambiguous(truth: Scene, observation: Observation) -> None:
-    lost = replace(estimate_of(truth, observation), status=Status.LOST, ambiguous=("left_arm",), vague=("left_arm",))
+    lost = replace(in_doubt(estimate_of(truth, observation), "left_arm", vague=True), status=Status.LOST)
     (step,) = steps_of(truth, observation, [[lost]])
     (found,) = judged_as_wholes(step).estimates
     assert (found.ambiguous, found.vague, found.lost) == ((), (), True)
 
 
 def test_frames_before_anybody_has_come_in_ask_nothing(truth: Scene, observation: Observation) -> None:
-    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=())
+    sure = in_doubt(estimate_of(truth, observation))
     lost, doubts = replace(sure, status=Status.LOST), Doubts()
     fitted = objective_of(truth, observation).asked.fine(truth.persons[0].q)
     frames = [lost] * 8 + [sure] * 2 + [lost] * 2
@@ -244,7 +246,7 @@ def test_frames_before_anybody_has_come_in_ask_nothing(truth: Scene, observation
 
 
 def test_who_comes_in_later_asks_nothing_about_the_others(truth: Scene, observation: Observation) -> None:
-    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=())
+    sure = in_doubt(estimate_of(truth, observation))
     lost, doubts = replace(sure, status=Status.LOST), Doubts()
     both = replace(truth, persons=(truth.persons[0], replace(truth.persons[0], name="other")))
     fitted = objective_of(truth, observation).asked.fine(truth.persons[0].q)
@@ -262,8 +264,8 @@ def test_who_comes_in_later_asks_nothing_about_the_others(truth: Scene, observat
 
 
 def test_the_overlay_says_whose_limbs_are_ambiguous(truth: Scene, observation: Observation) -> None:
-    sure = replace(estimate_of(truth, observation), doubtful=False, ambiguous=(), vague=())
-    arms = replace(sure, ambiguous=("right_arm", "left_arm"))
+    sure = in_doubt(estimate_of(truth, observation))
+    arms = in_doubt(sure, "right_arm", "left_arm")
     both = replace(truth, persons=(truth.persons[0], replace(truth.persons[0], name="other")))
     fitted = objective_of(truth, observation).asked.fine(truth.persons[0].q)
     frame = Frame(3, 0.12, (None,) * 4)
@@ -281,8 +283,7 @@ def test_the_overlay_says_whose_limbs_are_ambiguous(truth: Scene, observation: O
 
 def test_doubt_is_written_to_the_tables(truth: Scene, observation: Observation, tmp_path: Path) -> None:
     found = estimate_of(truth, observation, left_arm_abduction=60.0)
-    found = replace(found, doubtful=False, ambiguous=("left_arm",))
-    doubtful = replace(found, doubtful=True)
+    found, doubtful = in_doubt(found, "left_arm"), in_doubt(found, "left_arm", whole=True)
     context = RunContext("test", tmp_path, truth, fps=25.0, n_frames=2, interval_s=0.04)
     recorder = CsvTable().begin(context)
     fitted = objective_of(truth, observation).asked.fine(truth.persons[0].q)
@@ -301,10 +302,10 @@ def test_doubt_is_written_to_the_tables(truth: Scene, observation: Observation, 
 
 def test_an_ambiguous_limb_is_not_learned_from(truth: Scene, observation: Observation) -> None:
     body = truth.persons[0].body
-    found = replace(estimate_of(truth, observation), ambiguous=("left_arm",), doubtful=False)
+    found = in_doubt(estimate_of(truth, observation), "left_arm")
     for view in trusted_parts(body, found):
         np.testing.assert_array_equal(view, ~body.parts_of("left_arm"))
-    for doubtful in (replace(found, doubtful=True), replace(found, status=Status.LOST)):
+    for doubtful in (in_doubt(found, whole=True), replace(found, status=Status.LOST)):
         assert not trusted_parts(body, doubtful).any()
 
 
@@ -320,11 +321,11 @@ def test_whom_another_way_in_doubt_has_led_to_the_same_pose_is_not_looked_for_an
     truth: Scene, observation: Observation
 ) -> None:
     sure, arm = estimate_of(truth, observation), truth.persons[0].body.index("left_arm_elevation")
-    doubtful, elsewhere = replace(sure, doubtful=True), sure.q.copy()
+    doubtful, elsewhere = in_doubt(sure, whole=True), sure.q.copy()
     elsewhere[arm] += np.radians(60 if elsewhere[arm] < 0 else -60)
     for rival, same in (
         (doubtful, True),
-        (sure.doubting(["left_arm"]), True),
+        (in_doubt(sure, "left_arm"), True),
         (sure, False),
         (replace(doubtful, q=elsewhere), False),
         (replace(doubtful, status=Status.LOST), False),
@@ -339,12 +340,12 @@ def test_whom_another_way_in_doubt_has_led_to_the_same_pose_is_not_looked_for_an
 
 def test_for_a_single_limb_nobody_is_looked_for_anew(truth: Scene, observation: Observation) -> None:
     sure = estimate_of(truth, observation)
-    limb, limbs = sure.doubting(["left_arm"]), sure.doubting(["left_arm", "right_leg"])
+    limb, limbs = in_doubt(sure, "left_arm"), in_doubt(sure, "left_arm", "right_leg")
     for one, looked, looked_about in (
         (sure, [], []),
         (limb, [], [4, 9, 14, 19, 24, 29]),
         (limbs, [4, 9], [4, 9, 14, 19, 24, 29]),
-        (replace(sure, doubtful=True), [4, 9], [4, 9, 14, 19, 24, 29]),
+        (in_doubt(sure, whole=True), [4, 9], [4, 9, 14, 19, 24, 29]),
     ):
         assert [n for n in range(30) if sought_anew(one, Troubles(doubted=n), False, LossRule())] == looked
         assert [n for n in range(30) if is_looked_about(one, Troubles(doubted=n), LossRule())] == looked_about
@@ -366,7 +367,8 @@ def test_a_limb_whose_place_nothing_tells_is_told_and_not_searched(truth: Scene,
         assert (found.ambiguous, found.vague, found.limbs_in_doubt) == (vague, vague, ())
         assert not doubted(found)
         assert trusted_parts(body, found).all()
-    again = judged(body, replace(right, covariance=np.eye(body.dof)), LossRule()).doubting(["left_arm", "left_leg"])
+    again = judged(body, replace(right, covariance=np.eye(body.dof)), LossRule())
+    again = again.doubting(Doubt(limb, Because.JUMP) for limb in ("left_arm", "left_leg"))
     assert set(again.ambiguous) == {"left_arm", "right_arm", "left_leg", "right_leg"}
     assert set(again.limbs_in_doubt) == {"left_arm", "left_leg"}
     assert doubted(again)

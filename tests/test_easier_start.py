@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from doubted import in_doubt
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
 from tracker.arrays import Array, Image
@@ -150,8 +151,8 @@ def test_an_interrupted_run_is_followed_back_again(simulation: Simulation) -> No
 def test_the_doubted_are_looked_for_ever_more_rarely(simulation: Simulation) -> None:
     cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=0))
     step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
-    doubtful = replace(step.estimates[0], doubtful=True)
-    fine = replace(step.estimates[0], doubtful=False, ambiguous=())
+    doubtful = in_doubt(step.estimates[0], whole=True)
+    fine = in_doubt(step.estimates[0])
     asked = [n + 1 for n in range(100) if sought_anew(doubtful, Troubles(doubted=n), False, LossRule(again_after=5))]
     assert asked == [5, 10, 40]
     assert not any(sought_anew(fine, Troubles(doubted=n), False, LossRule(again_after=5)) for n in range(100))
@@ -171,8 +172,8 @@ def test_who_is_lost_again_and_again_is_looked_for_as_rarely_as_who_stays_lost(s
     """Each time beyond the first, unless he was there without doubt in between."""
     cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=0))
     step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
-    fine, rule = replace(step.estimates[0], doubtful=False, ambiguous=()), LossRule(restart_every=3, again_after=100)
-    lost, doubtful = replace(fine, status=Status.LOST), replace(fine, doubtful=True)
+    fine, rule = in_doubt(step.estimates[0]), LossRule(restart_every=3, again_after=100)
+    lost, doubtful = replace(fine, status=Status.LOST), in_doubt(fine, whole=True)
     anew = replace(doubtful, status=Status.RECOVERED)
 
     def looked_for(estimates: Sequence[Estimate], found: Estimate | None = None) -> list[int]:

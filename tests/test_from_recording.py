@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from doubted import in_doubt
 from recordings import TrueStart, cycle_for, small_simulation
 from test_easier_start import TurnedRoundAtFirst
 from test_run import killed_after
@@ -163,11 +164,11 @@ def test_who_is_in_doubt_keeps_the_body_of_the_model(
 def test_who_is_in_doubt_all_the_way_there_is_followed_back_first(
     filmed: Simulation, as_general: Scene, general: BodyDescription, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def in_doubt(*asked: object) -> tuple[list[Step], State]:
+    def there_in_doubt(*asked: object) -> tuple[list[Step], State]:
         steps, state = there(*asked)  # type: ignore[arg-type]
-        return [replace(one, estimates=(replace(one.estimates[0], doubtful=True),)) for one in steps], state
+        return [replace(one, estimates=(in_doubt(one.estimates[0], whole=True),)) for one in steps], state
 
-    monkeypatch.setattr(from_recording, "there", in_doubt)
+    monkeypatch.setattr(from_recording, "there", there_in_doubt)
     cycle, spaces = refining(filmed, TrueStart(filmed)), {0: space_of(general, ShapePrior())}
     found = fit_bodies(spaces, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     assert found.told == {0: "fitted to 4 of the first 8 frames"}
@@ -241,7 +242,7 @@ def test_who_was_found_turned_round_and_not_for_sure_is_begun_the_other_way(
         return float(abs(np.degrees(step.estimates[0].q[facing] - filmed.poses[0][step.frame.index][facing])))
 
     def judged(steps: Sequence[Step]) -> list[Step]:
-        return [replace(one, estimates=(replace(one.estimates[0], doubtful=off_deg(one) > 90),)) for one in steps]
+        return [replace(one, estimates=(in_doubt(one.estimates[0], whole=off_deg(one) > 90),)) for one in steps]
 
     def judged_there(*asked: object) -> tuple[list[Step], State]:
         steps, state = there(*asked)  # type: ignore[arg-type]
@@ -270,7 +271,7 @@ def test_a_start_is_not_looked_for_again_but_those_of_other_frames_are(filmed: S
         again.start(second, filmed.scene, cycle.stages).poses,
         cycle.initialization.start(second, filmed.scene, cycle.stages).poses,
     )
-    unsure = {0: (replace(steps[0].estimates[0], doubtful=True),)}
+    unsure = {0: (in_doubt(steps[0].estimates[0], whole=True),)}
     assert knowing(cycle, unsure, start).initialization is cycle.initialization
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from doubted import in_doubt
 
 from tests.motions import estimate_of
 from tests.observations import bent, four_views
@@ -171,8 +172,8 @@ def test_a_limb_that_is_left_over_makes_less_sure(body: BodyModel) -> None:
 
 def test_what_tracking_doubts_counts_for_more_than_how_sure_a_start_was(body: BodyModel) -> None:
     right = estimate_of(body.rest(), len(body.parts), lost=False)
-    one, two = (replace(right, ambiguous=limbs) for limbs in (("left_arm",), ("left_arm", "right_leg")))
-    wrong = (two, replace(right, doubtful=True), estimate_of(body.rest(), len(body.parts), lost=True))
+    one, two = in_doubt(right, "left_arm"), in_doubt(right, "left_arm", "right_leg")
+    wrong = (two, in_doubt(right, whole=True), estimate_of(body.rest(), len(body.parts), lost=True))
     for sure in (0.0, 0.4, 1.0):
         assert all(confidence(sure, estimate) <= 0.5 <= confidence(sure, one) for estimate in wrong)
         assert confidence(sure, one) <= confidence(sure, right) <= 1.0

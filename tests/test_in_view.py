@@ -78,7 +78,7 @@ def judged(
     cycle, sight = cycle_for(simulation, plates=plates), Sight(frame, plates)
     contours = CpuSynthesis().contours(scene)
     objective = objective_of(scene, 0, cycle, cycle.evidence.observe(Sight(frame), contours))
-    estimate = replace(objective.estimate(scene.persons[0].q, np.eye(scene.persons[0].body.dof), 0), ambiguous=())
+    estimate = objective.estimate(scene.persons[0].q, np.eye(scene.persons[0].body.dof), 0)
     silhouettes: list[tuple[np.ndarray, ...]] = []
     if looked:
         for v, image in enumerate(frame.images):

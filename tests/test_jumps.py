@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from doubted import in_doubt
 from recordings import TrueStart, cycle_for, small_simulation
 
 from tracker.body.files import load_body
@@ -24,7 +25,7 @@ def steps() -> list[Step]:
     """A person who stands still."""
     simulation = small_simulation("two_elbow_rotation", n_frames=2)
     first = next(iter(track(simulation.frames(), simulation.scene, cycle_for(simulation, TrueStart(simulation)))))
-    still = replace(first.estimates[0], status=Status.TRACKED, ambiguous=())
+    still = replace(first.estimates[0], status=Status.TRACKED, doubts=())
     return [replace(first, estimates=(still,))] * N
 
 
@@ -158,7 +159,7 @@ def test_who_was_found_anew_has_not_jumped(steps):
 
 def test_what_was_ambiguous_stays_so_once(steps):
     away = moved(steps, np.array([0.0] * 7 + [1.0] * 7))
-    away = [replace(one, estimates=(replace(one.estimates[0], ambiguous=("left_arm", "left_leg")),)) for one in away]
+    away = [replace(one, estimates=(in_doubt(one.estimates[0], "left_arm", "left_leg"),)) for one in away]
     assert set(told(with_jumps(away)).values()) == {("left_arm", "left_leg")}
 
 

@@ -9,6 +9,7 @@ import ezc3d
 import numpy as np
 import pytest
 import trc
+from doubted import in_doubt
 from exported import FOUND, HUNDREDTH_MM, motion_of, truth
 from motions import INTERVAL_S, LOST, N_FRAMES, SIGMA, made_up
 
@@ -133,7 +134,7 @@ def test_c3d_of_more_points_than_a_list_holds_is_read_back(tmp_path):
 def test_doubt_is_told_by_the_reliabilities(tmp_path):
     movement = made_up("gavrila22")
     sure, limb, all_of_it = (movement.steps[t].estimates[0] for t in (0, 1, 2))
-    doubted = (sure, replace(limb, ambiguous=("left_arm",)), replace(all_of_it, doubtful=True))
+    doubted = (sure, in_doubt(limb, "left_arm"), in_doubt(all_of_it, whole=True))
     steps = [replace(step, estimates=(one,)) for step, one in zip(movement.steps, doubted, strict=False)]
     shares = motion_of(replace(movement, steps=steps)).shares
     arm = movement.scene.persons[0].body.parts_of("left_arm")

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import pytest
 from browser import PROGRAM, browser
+from doubted import in_doubt
 from motions import LOST, N_FRAMES, made_up
 from recordings import TrueStart, cycle_for, small_simulation
 from rig_samples import FISHEYE
@@ -40,8 +41,8 @@ def recorded(limbs_stay):
         )
     )
     steps[2] = replace(steps[2], estimates=(replace(steps[2].estimates[0], status=Status.LOST),))
-    steps[4] = replace(steps[4], estimates=(replace(steps[4].estimates[0], ambiguous=("left_arm",)),))
-    steps[5] = replace(steps[5], estimates=(replace(steps[5].estimates[0], ambiguous=("head",)),))
+    steps[4] = replace(steps[4], estimates=(in_doubt(steps[4].estimates[0], "left_arm"),))
+    steps[5] = replace(steps[5], estimates=(in_doubt(steps[5].estimates[0], "head"),))
     return simulation.scene, steps
 
 

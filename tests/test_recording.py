@@ -14,6 +14,7 @@ from types import ModuleType
 import av
 import numpy as np
 import pytest
+from doubted import in_doubt
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recordings import TrueStart, cycle_for, small_simulation
@@ -262,9 +263,9 @@ def test_plots_stand_at_the_true_times(recorded):
 def test_the_strip_of_time_shows_limbs_in_doubt_where_nothing_worse_is_told(recorded):
     """A run with a leg ambiguous in every frame had a strip of one blue."""
     scene, steps = recorded
-    sure = replace(steps[0].estimates[0], status=Status.TRACKED, doubtful=False, ambiguous=())
-    arm = sure.doubting(["left_arm"])
-    states = (sure, arm, arm, replace(arm, doubtful=True), replace(arm, status=Status.LOST), sure)
+    sure = replace(steps[0].estimates[0], status=Status.TRACKED, doubts=())
+    arm = in_doubt(sure, "left_arm")
+    states = (sure, arm, arm, in_doubt(arm, "left_arm", whole=True), replace(arm, status=Status.LOST), sure)
     series = Series(replace(scene, persons=scene.persons[:1]))
     for k, estimate in enumerate(states):
         series.add(replace(steps[0], frame=replace(steps[0].frame, index=k, time_s=0.04 * k), estimates=(estimate,)))

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from doubted import in_doubt
 from typer.testing import CliRunner
 
 from tracker.arrays import Image, Mask
@@ -80,7 +81,7 @@ def test_the_prior_draws_the_contour_to_the_pose_found(result: Result, way: str)
 
 def test_what_is_seen_is_learnt_on_the_way(result: Result) -> None:
     """The first frame has nothing but its own pose to learn from; doubtful frames teach nothing."""
-    doubtful = [replace(one, estimates=(replace(one.estimates[0], doubtful=True),)) for one in result.replays]
+    doubtful = [replace(one, estimates=(in_doubt(one.estimates[0], whole=True),)) for one in result.replays]
     unlearnt = replace(result, replays=tuple(doubtful))
     plain, other = (list(segmented(of, LevelSetEvidence(), Chosen(every=5))) for of in (result, unlearnt))
     first, last = (

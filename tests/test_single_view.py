@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from doubted import in_doubt
 from observations import ideal, objective_of
 
 from tracker.estimate import Estimate, Status
@@ -47,7 +48,7 @@ def test_a_place_that_costs_more_does_not_make_a_limb_vague(truth: Scene) -> Non
 
 def test_what_is_in_doubt_already_stays_so(truth: Scene) -> None:
     objective, estimate = seen_by(truth, 1)
-    found = with_vague_limbs(objective, estimate.doubting(["left_leg"]), WITHIN_PX)
+    found = with_vague_limbs(objective, in_doubt(estimate, "left_leg"), WITHIN_PX)
     assert set(found.ambiguous) == set(LIMBS)
     assert found.limbs_in_doubt == ("left_leg",)
 

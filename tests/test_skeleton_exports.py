@@ -11,6 +11,7 @@ import bvhio
 import numpy as np
 import pygltflib
 import pytest
+from doubted import in_doubt
 from exported import HUNDREDTH_MM, motion_of
 from motions import INTERVAL_S, LOST, N_FRAMES, made_up
 from scipy.spatial.transform import Rotation
@@ -193,7 +194,7 @@ def test_glb_faces_look_outwards_and_turns_are_short(movement, tmp_path):
 def test_frames_that_are_not_to_be_relied_on_are_listed(tmp_path):
     movement = made_up("gavrila22")
     steps = list(movement.steps)
-    steps[2] = replace(steps[2], estimates=(replace(steps[2].estimates[0], doubtful=True),))
+    steps[2] = replace(steps[2], estimates=(in_doubt(steps[2].estimates[0], whole=True),))
     steps[9] = replace(steps[9], estimates=(replace(steps[9].estimates[0], status=Status.FILLED),))
     (file,) = replace(movement, steps=steps).record(Glb(), tmp_path)
     (animation,) = pygltflib.GLTF2().load(str(file)).animations

@@ -140,7 +140,7 @@ def test_a_limb_that_jumps_between_two_windows_is_told(simulation: Simulation, m
         for n, step in enumerate(steps):
             q = step.estimates[0].q.copy()
             q[body.names.index("left_arm_abduction")] += np.radians(80 * (step.frame.index >= first))
-            steps[n] = replace(step, estimates=(replace(step.estimates[0], q=q, ambiguous=(), vague=()),))
+            steps[n] = replace(step, estimates=(replace(step.estimates[0], q=q, doubts=()),))
         return steps, replace(reached, before=steps[-1])
 
     monkeypatch.setattr(tracker.tracking.windows, "_forwards", held_up)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import PROGRAM, browser
+from doubted import in_doubt
 from motions import LOST, MODELS, N_FRAMES, made_up
 from staged import Server
 from typer.testing import CliRunner
@@ -82,15 +83,15 @@ def test_what_is_unsure_is_orange():
     person, estimate = movement.scene.persons[0], movement.steps[0].estimates[0]
     assert set(colours_of_doubt(person, estimate)) == {BLUE}
     arm = {"left_shoulder", "left_upper_arm", "left_forearm", "left_hand"}
-    assert orange_parts(person, replace(estimate, ambiguous=("left_arm",))) == arm
-    assert set(colours_of_doubt(person, replace(estimate, doubtful=True))) == {ORANGE}
+    assert orange_parts(person, in_doubt(estimate, "left_arm")) == arm
+    assert set(colours_of_doubt(person, in_doubt(estimate, whole=True))) == {ORANGE}
 
 
 def test_a_head_that_the_trunk_carries_is_orange_without_it():
     movement = made_up("gavrila22")
     person, estimate = movement.scene.persons[0], movement.steps[0].estimates[0]
-    assert orange_parts(person, replace(estimate, ambiguous=("head",))) == {"head"}
-    mixed = orange_parts(person, replace(estimate, ambiguous=("head", "left_arm")))
+    assert orange_parts(person, in_doubt(estimate, "head")) == {"head"}
+    mixed = orange_parts(person, in_doubt(estimate, "head", "left_arm"))
     assert mixed == {"head", "left_upper_arm", "left_forearm", "left_hand"}
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from doubted import in_doubt
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 from test_easier_start import RULE, TurnedRoundAtFirst
 
@@ -148,7 +149,7 @@ def with_legs_in_doubt(steps: list[Step], n_frames: int) -> list[Step]:
     told = []
     for n, step in enumerate(steps):
         limbs = ("left_leg",) if n < n_frames else ()
-        told.append(replace(step, estimates=(replace(step.estimates[0], doubtful=False, ambiguous=limbs, vague=()),)))
+        told.append(replace(step, estimates=(in_doubt(step.estimates[0], *limbs),)))
     return told
 
 
@@ -160,7 +161,7 @@ def doubt(monkeypatch: pytest.MonkeyPatch, at_first: bool, n_frames: int) -> Non
         for step in steps:
             index = step.frame.index
             limbs = ("left_leg",) if index < n_frames else ()
-            one = replace(step.estimates[0], doubtful=at_first and index == 0, ambiguous=limbs, vague=())
+            one = in_doubt(step.estimates[0], *limbs, whole=at_first and index == 0)
             told.append(replace(step, estimates=(one,)))
         return told
 

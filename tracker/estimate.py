@@ -8,6 +8,7 @@ from enum import StrEnum
 
 from tracker.account import Account
 from tracker.arrays import Array
+from tracker.doubt import Doubt
 
 
 class Status(StrEnum):
@@ -57,15 +58,28 @@ class Estimate:
     status: Status = Status.TRACKED
     """How the pose came about."""
 
-    doubtful: bool = False
-    """Whether the images do not support the pose as they should."""
+    doubts: tuple[Doubt, ...] = ()
+    """Why the pose, or limbs of it, may be wrong: what is doubtful, ambiguous and vague follows from that."""
 
-    ambiguous: tuple[str, ...] = ()
-    """Parameter groups of limbs that may be elsewhere, for instance `left_arm`."""
+    @property
+    def doubtful(self) -> bool:
+        """Whether the images do not support the pose as they should."""
+        return any(not (doubt.limb or doubt.loses) for doubt in self.doubts)
 
-    vague: tuple[str, ...] = ()
-    """Those of them that nothing speaks against, but of whose place the images tell little. They are told to users and
-    no cause to search: with two cameras, where they are many, searches made of 25 frames with a joint off 36."""
+    @property
+    def ambiguous(self) -> tuple[str, ...]:
+        """Parameter groups of limbs that may be elsewhere, for instance `left_arm`."""
+        return tuple(dict.fromkeys(doubt.limb for doubt in self.doubts if doubt.limb))
+
+    @property
+    def vague(self) -> tuple[str, ...]:
+        """Those of them that nothing speaks against, but of whose place the images tell little.
+
+        They are told to users and no cause to search: with two cameras, where they are many, searches made of 25 frames
+        with a joint off 36.
+        """
+        sure = {doubt.limb for doubt in self.doubts if not doubt.vague}
+        return tuple(limb for limb in self.ambiguous if limb not in sure)
 
     @property
     def verdict(self) -> Status:
@@ -77,11 +91,14 @@ class Estimate:
         """The ambiguous limbs that something speaks against."""
         return tuple(limb for limb in self.ambiguous if limb not in self.vague)
 
-    def doubting(self, limbs: Iterable[str]) -> Estimate:
-        """The same with further limbs in doubt."""
-        doubted = tuple(limbs)
-        names = (*self.ambiguous, *(limb for limb in doubted if limb not in self.ambiguous))
-        return replace(self, ambiguous=names, vague=tuple(limb for limb in self.vague if limb not in doubted))
+    def doubting(self, doubts: Iterable[Doubt]) -> Estimate:
+        """The same with further doubts; of a limb that is doubted for the same reason already nothing is added."""
+        told = {(doubt.limb, doubt.because) for doubt in self.doubts}
+        return replace(self, doubts=(*self.doubts, *(one for one in doubts if (one.limb, one.because) not in told)))
+
+    def losing(self, doubt: Doubt) -> Estimate:
+        """The same, not to be used for a reason, which is the first to be told."""
+        return replace(self, status=Status.LOST, doubts=(doubt, *self.doubts))
 
     @property
     def distance_px(self) -> float:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
 from tracker.arrays import Integers
-from tracker.estimate import Estimate, Status
+from tracker.doubt import Because, Doubt
+from tracker.estimate import Estimate
 from tracker.kernels.body.self_collision import POINTS_A_PART, sum_collisions
 from tracker.scene import Scene
 
@@ -31,8 +31,8 @@ def judged_in_space(scene: Scene, estimates: tuple[Estimate, ...]) -> tuple[Esti
     worst_last = sorted(range(len(judged)), key=lambda k: judged[k].account.left_over)
     for k, other in combinations(worst_last, 2):
         both = not judged[k].lost and not judged[other].lost
-        if both and shared(scene, k, other) > MOST_SHARED:
-            judged[other] = replace(judged[other], status=Status.LOST)
+        if both and (share := shared(scene, k, other)) > MOST_SHARED:
+            judged[other] = judged[other].losing(Doubt("", Because.SAME_PLACE, share, MOST_SHARED))
     return tuple(judged)
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from tracker.arrays import Array, Mask
-from tracker.estimate import Estimate, Status
+from tracker.arrays import Array, Integers, Mask
+from tracker.doubt import Because, Doubt
+from tracker.estimate import Estimate
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
 
@@ -48,7 +48,7 @@ def judged_in_view(
             others = [own for n, own in enumerate(silhouettes) if n != k and not judged[n].lost]
             shown = _shown(sight, scene, person, _outside(silhouettes[k], others) if silhouettes else ())
             n_views = (shown[:, None] & _inside(scene, parts)).sum(axis=0)
-            judged[k] = _judged(person, estimate, int(shown.sum()) < least, n_views < least)
+            judged[k] = _judged(person, estimate, int(shown.sum()), n_views, least)
     return tuple(judged)
 
 
@@ -62,12 +62,12 @@ def _outside(silhouettes: Sequence[Mask], others: Sequence[Sequence[Mask]]) -> l
     return found
 
 
-def _judged(person: Person, estimate: Estimate, unseen: bool, outside: Mask) -> Estimate:
-    if unseen:
-        return replace(estimate, status=Status.LOST)
-    body = person.body
-    limbs = [group for group in body.limbs if outside[body.parts_of(group)].any()]
-    return estimate.doubting(limbs)
+def _judged(person: Person, estimate: Estimate, n_shown: int, n_views: Integers, least: int) -> Estimate:
+    """The estimate of a person whom so many views show, with so many (P,) that have each part inside."""
+    if n_shown < least:
+        return estimate.losing(Doubt("", Because.FEW_VIEWS, n_shown, least))
+    fewest = {group: int(n_views[person.body.parts_of(group)].min()) for group in person.body.limbs}
+    return estimate.doubting(Doubt(group, Because.FEW_VIEWS, n, least) for group, n in fewest.items() if n < least)
 
 
 def _shown(sight: Sight, scene: Scene, person: Person, silhouettes: Sequence[Mask]) -> Mask:

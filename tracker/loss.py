@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from tracker.account import Account
 from tracker.arrays import Mask
 from tracker.body import BodyModel
 from tracker.components import component
+from tracker.doubt import Because, Doubt
 from tracker.estimate import Estimate, Status
 from tracker.limbs import smallness
 
@@ -101,15 +103,22 @@ def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = 
     account = estimate.account
     limbs, spreads_m = limbs_left_over(body, account), limb_spreads_m(body, estimate)
     vague_above_m = loss.vague_above_m * smallness(body)
-    in_doubt = [limb for limb, left_over in limbs.items() if left_over > loss.ambiguous_above]
-    vague = tuple(limb for limb, spread_m in spreads_m.items() if spread_m > vague_above_m and limb not in in_doubt)
-    return replace(
-        estimate,
-        status=Status.LOST if account.explained < loss.lost_below else found,
-        doubtful=account.left_over > loss.doubtful_above,
-        ambiguous=(*in_doubt, *vague),
-        vague=vague,
-    )
+    doubts = [
+        *_above({"": account.left_over}, Because.LEFT_OVER, loss.doubtful_above),
+        *_above(limbs, Because.LEFT_OVER, loss.ambiguous_above),
+    ]
+    in_doubt = {doubt.limb for doubt in doubts}
+    sure = {limb: spread_m for limb, spread_m in spreads_m.items() if limb not in in_doubt}
+    doubts += _above(sure, Because.IMPRECISE, vague_above_m)
+    found_again = replace(estimate, status=found, doubts=tuple(doubts))
+    if account.explained < loss.lost_below:
+        return found_again.losing(Doubt("", Because.UNEXPLAINED, account.explained, loss.lost_below))
+    return found_again
+
+
+def _above(values: Mapping[str, float], because: Because, limit: float) -> list[Doubt]:
+    """Doubts of the limbs whose value is above a limit; of the person as a whole the name is empty."""
+    return [Doubt(limb, because, value, limit) for limb, value in values.items() if value > limit]
 
 
 def trusted_parts(body: BodyModel, estimate: Estimate) -> Mask:

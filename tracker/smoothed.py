@@ -14,6 +14,7 @@ import numpy as np
 from tracker.arrays import Array, Mask, frozen
 from tracker.ball_joints import ball_joints, with_angles, with_vectors
 from tracker.config import describe
+from tracker.doubt import Doubt
 from tracker.estimate import Estimate, Status
 from tracker.export import write_result
 from tracker.files import whole_folder
@@ -86,11 +87,16 @@ def _smooth_estimates(track: Track, piece: slice, stretch: Stretch, smooth: Smoo
     poses = smooth.poses - np.where(track.body.rotates, 2 * np.pi * turns[last], 0.0)
     rows = zip(track.estimates[piece], track.body.clamped(poses), smooth.covariances, strict=True)
     return [
-        replace(estimate, q=q, covariance=covariance, status=Status.FILLED, doubtful=False, ambiguous=(), vague=())
+        # a short gap: why it was one is still told, and no more a doubt of the pose that fills it
+        replace(estimate, q=q, covariance=covariance, status=Status.FILLED, doubts=_losing(estimate))
         if estimate.lost
         else replace(estimate, q=q, covariance=covariance)
         for estimate, q, covariance in rows
     ]
+
+
+def _losing(estimate: Estimate) -> tuple[Doubt, ...]:
+    return tuple(doubt for doubt in estimate.doubts if doubt.loses)
 
 
 def write_smoothed(result: Result, smoothing: Smoothing, folder: Path | None = None) -> Path:

@@ -13,6 +13,7 @@ import numpy as np
 
 from tracker.account import Account
 from tracker.arrays import Array, Mask
+from tracker.doubt import Because, Doubt
 from tracker.errors import SequenceError
 from tracker.estimate import Estimate, Status
 from tracker.recording._kept_covariance import covariance_of, kept, unpacked
@@ -91,9 +92,7 @@ def _to_json(estimate: Estimate) -> dict[str, Any]:
         "evaluations": estimate.evaluations,
         "search_s": estimate.search_s,
         "status": str(estimate.status),
-        "doubtful": estimate.doubtful,
-        "ambiguous": list(estimate.ambiguous),
-        **({"vague": list(estimate.vague)} if estimate.vague else {}),
+        "doubts": [doubt.as_row() for doubt in estimate.doubts],
     }
 
 
@@ -123,10 +122,16 @@ def _estimate(values: dict[str, Any]) -> Estimate:
         evaluations=int(values["evaluations"]),
         search_s=float(values["search_s"]),
         status=Status(values["status"]),
-        doubtful=bool(values["doubtful"]),
-        ambiguous=tuple(str(group) for group in values["ambiguous"]),
-        vague=tuple(str(group) for group in values.get("vague", ())),
+        doubts=_untold(values) if "doubts" not in values else tuple(map(Doubt.of_row, values["doubts"])),
     )
+
+
+def _untold(values: dict[str, Any]) -> tuple[Doubt, ...]:
+    """Doubts of a line that was written before reasons were kept."""
+    vague = {str(limb) for limb in values.get("vague", ())}
+    whole = [Doubt("", Because.UNTOLD)] if values["doubtful"] or values["status"] == Status.LOST else []
+    limbs = [str(limb) for limb in values["ambiguous"]]
+    return (*whole, *(Doubt(limb, Because.HARDLY_SEEN if limb in vague else Because.UNTOLD) for limb in limbs))
 
 
 def _as_kept(estimate: Estimate) -> Estimate:

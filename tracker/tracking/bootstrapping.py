@@ -9,6 +9,7 @@ from functools import cache, partial
 import numpy as np
 
 from tracker.clock import Clock
+from tracker.doubt import Because, Doubt
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.evidence import Observed
@@ -138,5 +139,5 @@ def _of_nobody(scene: Scene, cycle: Cycle, observed: Observed) -> tuple[Estimate
     for k, person in enumerate(scene.persons):
         objective = objective_of(scene, k, cycle, observed)
         nothing = np.full((person.body.dof, person.body.dof), np.nan)
-        estimates.append(replace(objective.estimate(person.q, nothing, 0), status=Status.LOST))
+        estimates.append(objective.estimate(person.q, nothing, 0).losing(Doubt("", Because.NOT_FOUND)))
     return tuple(estimates)

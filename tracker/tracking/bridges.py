@@ -16,6 +16,7 @@ from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.clock import Clock
 from tracker.contours import joined
+from tracker.doubt import Because, Doubt
 from tracker.estimate import Estimate
 from tracker.limbs import apart_m
 from tracker.objective import Objective
@@ -166,8 +167,8 @@ def _moved(objective: Objective, cycle: Cycle, estimate: Estimate, bridges: Iter
     for bridge in bridges:
         columns = body.group(bridge.group)
         q[columns] = bridge.poses[n - bridge.first, columns]
-        if bridge.away_m[n - bridge.first] > apart_m(body):
-            elsewhere.append(bridge.group)
+        if (away_m := float(bridge.away_m[n - bridge.first])) > apart_m(body):
+            elsewhere.append(Doubt(bridge.group, Because.BRIDGED, away_m, apart_m(body)))
     half = (q - estimate.q) / 2
     found = objective.estimate(q, estimate.covariance + np.outer(half, half), estimate.evaluations)
     found = judged_by(objective, replace(found, search_s=estimate.search_s), cycle.loss, estimate.status)

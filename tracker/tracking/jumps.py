@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from tracker.arrays import Array, Mask
+from tracker.doubt import Because, Doubt
 from tracker.estimate import Status
 from tracker.limbs import apart_m
 from tracker.trajectory import Step
@@ -70,16 +71,17 @@ def with_jumps(steps: Sequence[Step], before: Step | None = None) -> list[Step]:
         for group in body.marked_limbs:
             own, kept = (found[:, body.landmarks_of(group)] for found in (places, on_body))
             bend_m = _BEND * apart_m(body) if apart_s <= _LONE_S else np.inf
-            doubted = np.zeros(len(steps), dtype=np.bool_)
+            away_m = np.zeros(len(steps))
             for last in _jumps(own, tracked, least_m, bend_m):
                 earlier, later = range(last, last - still, -1), range(last + 1, last + 1 + still)
                 for held, side in ((last, later), (last + 1, earlier)):
-                    doubted[_elsewhere(own, kept, held, side, least_m)] = True
+                    there = _elsewhere(own, kept, held, side, least_m)
+                    away_m[there] = np.maximum(away_m[there], _apart(own[there], own[held]))
             if apart_s <= _LONE_S:
-                doubted |= _lone(own, tracked, least_m)
-            for n in np.flatnonzero(doubted):
+                away_m = np.maximum(away_m, _lone(own, tracked, least_m))
+            for n in np.flatnonzero(away_m):
                 estimates = list(changed[n].estimates)
-                estimates[k] = estimates[k].doubting([group])
+                estimates[k] = estimates[k].doubting((Doubt(group, Because.JUMP, float(away_m[n]), least_m),))
                 changed[n] = replace(changed[n], estimates=tuple(estimates))
     return changed
 
@@ -121,13 +123,14 @@ def _elsewhere(places: Array, on_body: Array, held: int, side: range, least_m: f
     return found
 
 
-def _lone(places: Array, tracked: Mask, least_m: float) -> Mask:
-    """(T,) single frames in which a limb's landmarks (T, L, 3) are elsewhere than in those beside them."""
-    doubted = np.zeros(len(places), dtype=np.bool_)
+def _lone(places: Array, tracked: Mask, least_m: float) -> Array:
+    """(T,) how far a limb's landmarks (T, L, 3) are from those beside in single frames that are elsewhere, m; or 0."""
+    away_m = np.zeros(len(places))
     ways, over = _apart(places[1:], places[:-1]), _apart(places[2:], places[:-2])
     least = np.minimum(ways[:-1], ways[1:])
-    doubted[1:-1] = (least > least_m) & (least > _TIMES * over) & tracked[:-2] & tracked[1:-1] & tracked[2:]
-    return doubted
+    alone = (least > least_m) & (least > _TIMES * over) & tracked[:-2] & tracked[1:-1] & tracked[2:]
+    away_m[1:-1] = np.where(alone, least, 0.0)
+    return away_m
 
 
 def _apart(one: Array, other: Array) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from tracker.arrays import Array, Mask, frozen
 from tracker.clock import Clock
 from tracker.contours import Contours
+from tracker.doubt import Because, Doubt
 from tracker.estimate import Estimate
 from tracker.in_space import judged_in_space
 from tracker.in_view import judged_in_view
@@ -62,11 +63,12 @@ def judged_as_wholes(step: Step) -> Step:
     estimates = list(step.estimates)
     for k, (person, estimate) in enumerate(zip(step.scene.persons, step.estimates, strict=True)):
         limbs = set(person.body.limbs)
-        if len(limbs) > 2 and 2 * len(limbs.intersection(estimate.ambiguous)) > len(limbs):
-            estimates[k] = replace(estimate, doubtful=True)
+        n_ambiguous, half = len(limbs.intersection(estimate.ambiguous)), len(limbs) / 2
         if estimate.lost:
             # who was not found has no limb elsewhere: tables, counts and the terminal would disagree
-            estimates[k] = replace(estimates[k], ambiguous=(), vague=())
+            estimates[k] = replace(estimate, doubts=tuple(doubt for doubt in estimate.doubts if not doubt.limb))
+        elif len(limbs) > 2 and n_ambiguous > half and not estimate.doubtful:
+            estimates[k] = estimate.doubting((Doubt("", Because.MOST_LIMBS, n_ambiguous, half),))
     return replace(step, estimates=tuple(estimates))
 
 

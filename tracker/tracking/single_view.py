@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from tracker.arrays import Mask
 from tracker.body import BodyModel
+from tracker.doubt import Because, Doubt
 from tracker.estimate import Estimate
 from tracker.limbs import are_apart, scattered
 from tracker.objective import Objective
@@ -40,8 +39,9 @@ def with_vague_limbs(objective: Objective, estimate: Estimate, within_px: float)
         return estimate
     limbs = (group for group in body.limbs if group not in estimate.ambiguous)
     shown = [group for group in limbs if _shown_by_one(estimate, _telling(body, group))]
-    vague = tuple(group for group in shown if _least_elsewhere_px(objective, estimate, group) < within_px)
-    return replace(estimate, ambiguous=(*estimate.ambiguous, *vague), vague=(*estimate.vague, *vague))
+    costs_px = {group: _least_elsewhere_px(objective, estimate, group) for group in shown}
+    vague = {group: cost_px for group, cost_px in costs_px.items() if cost_px < within_px}
+    return estimate.doubting(Doubt(group, Because.TWO_POSES, cost_px, within_px) for group, cost_px in vague.items())
 
 
 def _telling(body: BodyModel, group: str) -> Mask:

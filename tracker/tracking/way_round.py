@@ -6,10 +6,11 @@ legs hardly a view shows, 0.26 was left over turned round in them and 0.29 as sh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
+from tracker.doubt import Because, Doubt
 from tracker.limbs import turned_round
 from tracker.loss import doubted
 from tracker.start import RATHER_RIGHT
@@ -74,13 +75,13 @@ def may_face_the_other_way(steps: Sequence[Step], cycle: Cycle) -> list[int]:
     return [k for k in unsure if len(steps) - n_sure(steps, k) > _MOST_DOUBTED * len(steps)]
 
 
-def rather_wrong(steps: Iterable[Step]) -> frozenset[int]:
-    """Places of those whose start, the first one in some steps, is rather wrong than right."""
+def rather_wrong(steps: Iterable[Step]) -> dict[int, float]:
+    """Places and confidences of those whose start, the first one in some steps, is rather wrong than right."""
     confidence = next((step.start_confidence for step in steps if step.start_confidence), ())
-    return frozenset(k for k, right in enumerate(confidence) if right < RATHER_RIGHT)
+    return {k: right for k, right in enumerate(confidence) if right < RATHER_RIGHT}
 
 
-def doubtful_in_all(steps: Sequence[Step], whom: Collection[int]) -> list[Step]:
+def doubtful_in_all(steps: Sequence[Step], whom: Mapping[int, float]) -> list[Step]:
     """The steps, with some persons doubtful as wholes in all of them: nothing has confirmed how they were found.
 
     Of R-UpperBody turned round, with a start of confidence 0.22, legs alone were ambiguous in 57 of 100 frames.
@@ -88,8 +89,8 @@ def doubtful_in_all(steps: Sequence[Step], whom: Collection[int]) -> list[Step]:
     told = list(steps)
     for n, step in enumerate(told):
         estimates = list(step.estimates)
-        for k in whom:
-            estimates[k] = replace(estimates[k], doubtful=True)
+        for k, right in whom.items():
+            estimates[k] = estimates[k].doubting((Doubt("", Because.UNSURE_START, right, RATHER_RIGHT),))
         told[n] = replace(step, estimates=tuple(estimates))
     return told
 

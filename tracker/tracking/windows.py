@@ -9,8 +9,8 @@ directions hardly coincide: a limb is lost on the way into its hiding, not on th
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from tracker.clock import Clock
 from tracker.estimate import Status
@@ -65,8 +65,8 @@ class Pass:
     """In which somebody was looked for."""
 
     back: LedBack | None = None
-    unconfirmed: frozenset[int] = frozenset()
-    """Places of those who were rather wrongly found, and not seen without doubt since."""
+    unconfirmed: Mapping[int, float] = field(default_factory=dict)
+    """Places and confidences of those who were rather wrongly found, and not seen without doubt since."""
 
 
 def length_of_windows(first: Frame) -> int:
@@ -155,10 +155,10 @@ def both_ways(
     return judged, replace(reached, back=_still_to_tell(led, window[-1]))
 
 
-def _unconfirmed(begin: Pass, steps: Sequence[Step]) -> frozenset[int]:
+def _unconfirmed(begin: Pass, steps: Sequence[Step]) -> dict[int, float]:
     """Places of those who were rather wrongly found, here or before, and whom no frame since has confirmed."""
     whom = rather_wrong(steps) if begin.state.nobody_found else begin.unconfirmed
-    return frozenset(k for k in whom if not n_sure(steps, k))
+    return {k: right for k, right in whom.items() if not n_sure(steps, k)}
 
 
 def _still_to_tell(back: LedBack | None, last: Frame) -> LedBack | None:
