@@ -1,11 +1,47 @@
-"""Estimates that are in doubt, for whatever reason."""
+"""Estimates that are in doubt, for whatever reason, and frames of them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
+
+import numpy as np
+from observations import objective_of
 
 from tracker.doubt import Because, Doubt
+from tracker.doubts import Doubts
 from tracker.estimate import Estimate
+from tracker.frame import Frame
+from tracker.loss import LossRule, judged
+from tracker.observation import Observation
+from tracker.scene import Scene
+from tracker.trajectory import Step
+
+IMAGES = (np.zeros((2, 2, 3), np.uint8),) * 4
+
+
+def steps_of(truth: Scene, observation: Observation, rows: Sequence[Sequence[Estimate]]) -> list[Step]:
+    """Frames with these estimates, of as many persons as there are in a row."""
+    first, fitted = truth.persons[0], objective_of(truth, observation).asked.fine(truth.persons[0].q)
+    persons = first, replace(first, name="other")
+    return [
+        Step(Frame(k, 0.04 * k, IMAGES), replace(truth, persons=persons[: len(row)]), tuple(row), fitted)
+        for k, row in enumerate(rows)
+    ]
+
+
+def after_all(steps: Sequence[Step]) -> Doubts:
+    return reduce(Doubts.after, steps, Doubts())
+
+
+def estimate_of(truth: Scene, observation: Observation, **off_deg: float) -> Estimate:
+    """A pose off the truth in some angles, judged as a run does."""
+    body, q = truth.persons[0].body, truth.persons[0].q.copy()
+    for name, angle_deg in off_deg.items():
+        q[body.index(name)] += np.radians(angle_deg)
+    found = objective_of(truth, observation).estimate(q, np.zeros((body.dof, body.dof)), 1)
+    return judged(body, found, LossRule())
 
 
 def in_doubt(estimate: Estimate, *limbs: str, whole: bool = False, vague: bool = False) -> Estimate:

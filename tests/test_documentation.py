@@ -25,6 +25,7 @@ from tracker.body.description import BodyDescription
 from tracker.cli import app
 from tracker.commands.export import FORMATS
 from tracker.components import available, find, stages
+from tracker.doubt import Because
 from tracker.errors import ConfigError
 from tracker.jobs import execute, job_from, load_job
 from tracker.recording import chosen_recordings
@@ -92,6 +93,12 @@ def test_the_reference_has_every_public_name():
     assert len(public) >= 5
     assert public <= {entry.rpartition(".")[2] for entry in entries}
     assert len(entries) == len(set(entries))
+
+
+def test_every_reason_of_a_doubt_is_told():
+    rows = re.findall(r"^\| `(\w+)` \| ([^|]+) \|", PAGES["doubt.md"], flags=re.MULTILINE)
+    told = {word: phrase for word, phrase in rows if word != "because"}
+    assert told == {str(because): because.phrase for because in Because}
 
 
 def settings_of(cls: Any, where: str = "") -> Iterator[tuple[str, str]]:

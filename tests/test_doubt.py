@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
 from dataclasses import replace
-from functools import reduce
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from doubted import in_doubt
+from doubted import IMAGES, after_all, estimate_of, in_doubt, steps_of
 from hypothesis import given
 from hypothesis import strategies as st
 from observations import ideal, objective_of
@@ -46,31 +44,6 @@ from tracker.tracking import track
 from tracker.tracking.outcome import judged_as_wholes
 from tracker.tracking.rivals import found_twice
 from tracker.trajectory import Step
-
-IMAGES = (np.zeros((2, 2, 3), np.uint8),) * 4
-
-
-def steps_of(truth: Scene, observation: Observation, rows: Sequence[Sequence[Estimate]]) -> list[Step]:
-    """Frames with these estimates, of as many persons as there are in a row."""
-    first, fitted = truth.persons[0], objective_of(truth, observation).asked.fine(truth.persons[0].q)
-    persons = first, replace(first, name="other")
-    return [
-        Step(Frame(k, 0.04 * k, IMAGES), replace(truth, persons=persons[: len(row)]), tuple(row), fitted)
-        for k, row in enumerate(rows)
-    ]
-
-
-def after_all(steps: Sequence[Step]) -> Doubts:
-    return reduce(Doubts.after, steps, Doubts())
-
-
-def estimate_of(truth: Scene, observation: Observation, **off_deg: float) -> Estimate:
-    """A pose off the truth in some angles, judged as a run does."""
-    body, q = truth.persons[0].body, truth.persons[0].q.copy()
-    for name, angle_deg in off_deg.items():
-        q[body.index(name)] += np.radians(angle_deg)
-    found = objective_of(truth, observation).estimate(q, np.zeros((body.dof, body.dof)), 1)
-    return judged(body, found, LossRule())
 
 
 def test_the_truth_is_not_doubted(truth: Scene, observation: Observation) -> None:
@@ -293,6 +266,15 @@ def test_doubt_is_written_to_the_tables(truth: Scene, observation: Observation, 
     with (tmp_path / "poses.csv").open(newline="") as file:
         poses = list(csv.DictReader(file))
     assert [(row["status"], row["ambiguous"]) for row in poses] == [("tracked", "left_arm"), ("doubtful", "left_arm")]
+    with (tmp_path / "doubts.csv").open(newline="") as file:
+        doubts = list(csv.reader(file))
+    assert doubts[0] == ["frame", "time_s", "person", "limb", "because", "value", "limit"]
+    name, measured = truth.persons[0].name, ["0.10000", "0.20000"]
+    assert doubts[1:] == [
+        ["0", "0.000000", name, "left_arm", "left_over", *measured],
+        ["1", "0.040000", name, "", "left_over", "0.40000", "0.25000"],
+        ["1", "0.040000", name, "left_arm", "left_over", *measured],
+    ]
     with (tmp_path / "joints.csv").open(newline="") as file:
         joints = {(row["frame"], row["joint"]): row["status"] for row in csv.DictReader(file)}
     assert joints["0", "left_elbow"] == "ambiguous"

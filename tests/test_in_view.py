@@ -11,6 +11,7 @@ import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
 from tracker.arrays import Image
+from tracker.doubt import Because, Doubt
 from tracker.errors import InitializationError
 from tracker.estimate import Estimate, Status
 from tracker.estimation.hybrid import HybridEstimation
@@ -137,7 +138,7 @@ def test_limbs_outside_all_images_but_one_are_ambiguous(simulation: Simulation, 
     images = tuple(image[:height] if v in views else image for v, image in enumerate(pictures(frames[0])))
     found = judged(replace(frames[0], images=images), scene, (None,) * 4, looked=False)
     assert found.status is Status.TRACKED
-    assert found.ambiguous == ("left_leg", "right_leg")
+    assert found.doubts == tuple(Doubt(limb, Because.FEW_VIEWS, 1, 2) for limb in ("left_leg", "right_leg"))
 
 
 def test_who_is_outside_all_images_but_one_is_lost_without_plates(
@@ -309,6 +310,7 @@ def test_of_two_persons_in_one_place_the_one_who_leaves_more_over_is_lost(
     assert shared(scene, 0, 1) == pytest.approx(shared(scene, 1, 0))
     found = judged_in_space(scene, (wrong, right))
     assert [estimate.lost for estimate in found] == [lost, False]
+    assert [doubt.because for estimate in found for doubt in estimate.doubts] == [Because.SAME_PLACE] * lost
     before = replace(wrong, status=Status.LOST)
     assert judged_in_space(scene, (before, right)) == (before, right), "who is lost is in nobody's place"
 

@@ -10,6 +10,7 @@ from doubted import in_doubt
 from recordings import TrueStart, cycle_for, small_simulation
 
 from tracker.body.files import load_body
+from tracker.doubt import Because
 from tracker.estimate import Status
 from tracker.resources import model_path
 from tracker.scene import Person, Scene
@@ -57,6 +58,10 @@ def test_a_jump_is_told_on_both_sides_while_the_limb_is_elsewhere(steps):
     found = told(with_jumps(moved(steps, away)))
     assert set(found) == set(range(1, 14))
     assert set(found.values()) == {("left_arm",)}
+    for step in with_jumps(moved(steps, away))[1:]:
+        (jump,) = step.estimates[0].doubts
+        assert jump.because is Because.JUMP
+        assert jump.value > jump.limit
     back = np.array([0, 0, 0, 0, 0, 0, 1, 0.8, 0.6, 0.4, 0.2, 0, 0, 0])
     found = told(with_jumps(moved(steps, back)))
     assert {4, 5, 6, 7, 8} <= set(found)

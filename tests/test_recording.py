@@ -22,6 +22,7 @@ from recordings import TrueStart, cycle_for, small_simulation
 from tracker.account import Account
 from tracker.body.files import load_body
 from tracker.components import component
+from tracker.doubt import Because
 from tracker.errors import ConfigError, SequenceError
 from tracker.estimate import Estimate, Status
 from tracker.recording import DEFAULTS, RunContext, chosen_recordings
@@ -270,8 +271,11 @@ def test_the_strip_of_time_shows_limbs_in_doubt_where_nothing_worse_is_told(reco
     for k, estimate in enumerate(states):
         series.add(replace(steps[0], frame=replace(steps[0].frame, index=k, time_s=0.04 * k), estimates=(estimate,)))
     ((_, runs),) = series.strips()
-    assert [state for _, state in runs] == ["tracked", AMBIGUOUS, "doubtful", "lost", "tracked"]
-    assert [share for share, _ in runs] == pytest.approx([1 / 6, 2 / 6, 1 / 6, 1 / 6, 1 / 6])
+    assert [one.state for one in runs] == ["tracked", AMBIGUOUS, "doubtful", "lost", "tracked"]
+    assert [one.share for one in runs] == pytest.approx([1 / 6, 2 / 6, 1 / 6, 1 / 6, 1 / 6])
+    assert [(one.first, one.last) for one in runs] == [(0, 0), (1, 2), (3, 3), (4, 4), (5, 5)]
+    assert (runs[0].why, runs[1].why) == ("", f"left arm: {Because.LEFT_OVER.phrase}")
+    assert runs[2].why == f"whole body, left arm: {Because.LEFT_OVER.phrase}"
 
 
 def test_the_overlay_of_a_killed_run_plays_but_for_its_last_frames(recorded, tmp_path):

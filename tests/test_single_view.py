@@ -9,6 +9,7 @@ import pytest
 from doubted import in_doubt
 from observations import ideal, objective_of
 
+from tracker.doubt import Because
 from tracker.estimate import Estimate, Status
 from tracker.limbs import are_apart, taken_over
 from tracker.loss import LossRule, judged
@@ -38,6 +39,7 @@ def test_limbs_that_one_view_alone_shows_are_vague(truth: Scene, n_views: int, v
     # users are told; nothing is searched for it, and no pose changes
     assert found.limbs_in_doubt == ()
     assert found.q is estimate.q
+    assert all(one.because is Because.TWO_POSES and one.value < one.limit == WITHIN_PX for one in found.doubts)
     assert with_vague_limbs(objective, found, WITHIN_PX) == found
 
 

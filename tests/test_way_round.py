@@ -11,6 +11,7 @@ from doubted import in_doubt
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 from test_easier_start import RULE, TurnedRoundAtFirst
 
+from tracker.doubt import Because
 from tracker.estimate import Status
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
@@ -189,6 +190,8 @@ def test_who_was_rather_wrongly_found_and_is_never_without_doubt_is_doubtful(
     assert (steps[0].start_confidence[0] < RATHER_RIGHT) == doubtful_at_first
     assert [step.estimates[0].verdict is Status.DOUBTFUL for step in steps] == [n < n_doubtful for n in range(9)]
     assert [step.estimates[0].ambiguous != () for step in steps] == [n < n_in_doubt for n in range(9)]
+    unsure = [Because.UNSURE_START in {one.because for one in step.estimates[0].doubts} for step in steps]
+    assert unsure == [n < n_doubtful > 1 for n in range(9)]
 
 
 def test_a_run_resumed_behind_who_is_unconfirmed_goes_on_to_the_same_poses(

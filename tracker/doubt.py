@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -79,6 +80,11 @@ class Doubt:
             return f"{100 * value:.0f} %"
         return f"{value:.2f} {self.because.unit}" if self.because.unit else f"{value:g}"
 
+    @property
+    def where(self) -> str:
+        """The limb in words, or `whole body`."""
+        return self.limb.replace("_", " ") or "whole body"
+
     def as_row(self) -> list[str | float | None]:
         """The doubt as a journal keeps it."""
         return [self.limb, str(self.because), self.value, self.limit]
@@ -96,3 +102,11 @@ class Doubt:
         if not all(math.isfinite(number) for number in (value, limit) if number is not None):
             raise SequenceError("a doubt whose numbers are not finite")
         return Doubt(str(limb), Because(str(because)), value, limit)
+
+
+def in_words(doubts: Iterable[Doubt]) -> str:
+    """Doubts in a line: `left arm, left leg: two poses explain the images alike`; empty without any."""
+    limbs: dict[Because, list[str]] = {}
+    for doubt in doubts:
+        limbs.setdefault(doubt.because, []).append(doubt.where)
+    return "; ".join(f"{', '.join(names)}: {because.phrase}" for because, names in limbs.items())

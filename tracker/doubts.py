@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
+from tracker.doubt import Because
 from tracker.estimate import Estimate, Status
 from tracker.hidden import hidden_limbs
 from tracker.scene import Person
 from tracker.start import RATHER_RIGHT
 from tracker.trajectory import Step
 
-# More ranges than this in one line are not read.
-_MOST_RANGES = 4
+# More ranges, and more reasons, than this in one line are not read.
+_MOST_RANGES, _MOST_REASONS = 4, 4
 
 _APART_S = 0.25
 """Time that frames of a list lie apart: one bad moment is one entry."""
@@ -114,6 +116,12 @@ class Doubts:
     why_unfound: str = ""
     """Why nobody was found in the last frame in which somebody was looked for."""
 
+    n_in_doubt: int = 0
+    """Frames in which anybody is lost or doubtful, or a limb may be elsewhere."""
+
+    reasons: Mapping[tuple[str, Because], int] = field(default_factory=dict)
+    """Limb, or `lost` or `doubtful`, with the person's name where there are several, and the reason -> frames."""
+
     def after(self, step: Step) -> Doubts:
         """The doubts one frame on."""
         frame, names = step.frame.index, step.scene.rig.names
@@ -139,6 +147,8 @@ class Doubts:
             grave=(*self.grave, frame) if any(_is_grave(one, who.name in found) for who, one in pairs) else self.grave,
             n_before=self.n_before + (not found),
             why_unfound=step.why_unfound or self.why_unfound,
+            n_in_doubt=self.n_in_doubt + any(one.doubts for one in step.estimates),
+            reasons=dict(Counter(self.reasons) + Counter(_reasons(step))),
         )
 
     @property
@@ -198,6 +208,24 @@ class Doubts:
             found.append(f"nobody was found: {self.why_unfound}")
         return "; ".join([", ".join(found), *unused])
 
+    def why(self) -> str:
+        """The last line for the terminal: the commonest reasons, each with what it is about and in how many frames."""
+        if not self.reasons:
+            return ""
+        ranked = sorted(self.reasons.items(), key=lambda item: (-item[1], item[0]))
+        told = [f"{n} {what}: {because.phrase}" for (what, because), n in ranked[:_MOST_REASONS]]
+        more = ", ..." if len(ranked) > len(told) else ""
+        return f"{self.n_in_doubt} of {self.n_frames} frames in doubt: {', '.join(told)}{more}"
+
+
+def _reasons(step: Step) -> Iterator[tuple[str, Because]]:
+    """What is in doubt in a frame, and why."""
+    for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+        alone = len(step.estimates) == 1
+        for doubt in estimate.reasons:
+            whole = str(estimate.verdict) if alone else f"{person.name} {estimate.verdict}"
+            yield _of(step, person, doubt.where) if doubt.limb else whole, doubt.because
+
 
 def _with(told: Mapping[str, tuple[int, ...]], frame: int, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
     """What was told, and the frame for each of the names."""
@@ -220,18 +248,18 @@ def _limbs_in_doubt(step: Step) -> Iterator[str]:
     """Limbs that may be elsewhere in a frame, with the person's name where there are several."""
     for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
         for group in () if estimate.lost else estimate.ambiguous:
-            yield _limb_of(step, person, group)
+            yield _of(step, person, group.replace("_", " "))
 
 
 def _hidden(step: Step) -> Iterator[str]:
     """Limbs that something hides from a view in a frame."""
     for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
         for v, group in hidden_limbs(person.body, estimate.account):
-            yield f"{_limb_of(step, person, group)} hidden from {step.scene.rig.names[v]}"
+            yield f"{_of(step, person, group.replace('_', ' '))} hidden from {step.scene.rig.names[v]}"
 
 
-def _limb_of(step: Step, person: Person, group: str) -> str:
-    return (f"{person.name}'s " if len(step.estimates) > 1 else "") + group.replace("_", " ")
+def _of(step: Step, person: Person, what: str) -> str:
+    return f"{person.name}'s {what}" if len(step.estimates) > 1 else what
 
 
 def _is_grave(estimate: Estimate, has_come_in: bool) -> bool:

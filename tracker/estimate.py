@@ -87,6 +87,11 @@ class Estimate:
         return Status.DOUBTFUL if self.doubtful and not self.lost else self.status
 
     @property
+    def reasons(self) -> tuple[Doubt, ...]:
+        """The doubts that users are told in a line: of who is lost what has lost him, else all."""
+        return self.doubts[:1] if self.lost else self.doubts
+
+    @property
     def limbs_in_doubt(self) -> tuple[str, ...]:
         """The ambiguous limbs that something speaks against."""
         return tuple(limb for limb in self.ambiguous if limb not in self.vague)

@@ -10,6 +10,7 @@ import numpy as np
 
 from tracker.arrays import Array, Integers, Mask, frozen
 from tracker.body import BodyModel
+from tracker.doubt import Doubt
 from tracker.errors import ConfigError, nearest
 from tracker.estimate import Estimate
 from tracker.recording.csv_table import joint_statuses
@@ -65,6 +66,11 @@ class Track:
     def ambiguous(self) -> tuple[tuple[str, ...], ...]:
         """(T,) limbs that may be elsewhere."""
         return tuple(estimate.ambiguous for estimate in self.estimates)
+
+    @cached_property
+    def doubts(self) -> tuple[tuple[Doubt, ...], ...]:
+        """(T,) why the person is lost or doubtful, or limbs may be elsewhere."""
+        return tuple(estimate.doubts for estimate in self.estimates)
 
     @cached_property
     def distances_px(self) -> Array:

@@ -103,3 +103,5 @@ def _print_doubts(doubts: Doubts) -> None:
     if advice := doubts.advice():
         console.print(advice, style="yellow", highlight=False, soft_wrap=True)
     console.print(doubts.sentence(), style="" if doubts.none else "yellow", highlight=False, soft_wrap=True)
+    if why := doubts.why():
+        console.print(why, style="yellow", highlight=False, soft_wrap=True)

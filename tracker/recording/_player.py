@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from tracker.arrays import Array, Integers
 from tracker.body.surface import surface_of
 from tracker.camera import Camera
+from tracker.doubt import in_words
 from tracker.estimate import Estimate
 from tracker.recording import RunContext
 from tracker.recording._motion import Motion, Motions
@@ -40,6 +41,7 @@ class Player:
         self._motions, self._preview = Motions(run), Preview(run)
         self._known: list[list[NDArray[np.uint8]]] = []
         self._frames: list[int] = []
+        self._why: list[str] = []
         self._n_added = 0
 
     def add(self, step: Step) -> None:
@@ -50,6 +52,7 @@ class Player:
         self._frames.append(step.frame.index)
         self._motions.add(step)
         self._known.append([_known(p, e) for p, e in zip(step.scene.persons, step.estimates, strict=True)])
+        self._why.append(_why(step))
         self._preview.add(step)
 
     def content(self) -> dict[str, str]:
@@ -57,6 +60,7 @@ class Player:
         motions = self._motions.all()
         scene = {
             "frames": self._frames,
+            "why": self._why,
             "times": [round(float(time_s), 4) for time_s in motions[0].times_s],
             "interval": self._run.interval_s * self._every,
             "fps": FPS,
@@ -101,6 +105,13 @@ def _known(person: Person, estimate: Estimate) -> NDArray[np.uint8]:
     for group in () if estimate.lost else estimate.ambiguous:
         known[person.body.parts_of(group)] = _UNSURE
     return known
+
+
+def _why(step: Step) -> str:
+    """What is in doubt in a frame, with names where there are several persons."""
+    pairs = zip(step.scene.persons, step.estimates, strict=True)
+    told = {person.name: why for person, one in pairs if (why := in_words(one.reasons))}
+    return " - ".join(told.values() if len(step.estimates) == 1 else (f"{name}: {why}" for name, why in told.items()))
 
 
 def _camera(camera: Camera, window: Array) -> dict[str, Any]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter, defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from tracker.arrays import Array
+from tracker.doubt import Doubt, in_words
 from tracker.doubts import Judged, worst_first
 from tracker.estimate import Status
 from tracker.hidden import hidden_limbs
@@ -29,9 +32,29 @@ class Bad:
     time_s: float
     person: str
     status: str
-    ambiguous: str
+    why: str
+    """The reasons; empty where nothing is in doubt."""
+
     explained: float
     distance_px: float
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Frames in which the same is told of a person."""
+
+    share: float
+    """Of the run's time."""
+
+    state: str
+    """A status, or `AMBIGUOUS` where nothing worse is told than that a limb may be elsewhere."""
+
+    first: int
+    last: int
+    """Numbers of the first and the last frame."""
+
+    why: str
+    """The reasons, of all its frames together; empty where nothing is in doubt."""
 
 
 @dataclass
@@ -47,6 +70,7 @@ class Series:
     explained: list[list[float]] = field(default_factory=list)
     statuses: list[list[str]] = field(default_factory=list)
     ambiguous: list[list[tuple[str, ...]]] = field(default_factory=list)
+    reasons: list[list[tuple[Doubt, ...]]] = field(default_factory=list)
     hidden: dict[str, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
     """View -> limb -> frames in which something hid it there."""
 
@@ -70,6 +94,7 @@ class Series:
         self.explained.append([estimate.account.explained for estimate in step.estimates])
         self.statuses.append([str(estimate.verdict) for estimate in step.estimates])
         self.ambiguous.append([estimate.ambiguous for estimate in step.estimates])
+        self.reasons.append([estimate.reasons for estimate in step.estimates])
         for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
             for v, limb in hidden_limbs(person.body, estimate.account):
                 self.hidden[self.scene.rig.names[v]][limb] += 1
@@ -109,24 +134,19 @@ class Series:
             if len(overlaps) and np.isfinite(overlaps[:, v]).any()
         }
 
-    def strips(self) -> list[tuple[str, list[tuple[float, str]]]]:
-        """Name of each person, and how long each state lasts, one after the other: shares of the run's time.
+    def strips(self) -> list[tuple[str, list[Stretch]]]:
+        """Name of each person, and the states of the run, one after the other."""
+        return [(person.name, list(self._stretches(k))) for k, person in enumerate(self.scene.persons)]
 
-        A state is a status, or `AMBIGUOUS` where nothing worse is told than that a limb may be elsewhere.
-        """
+    def _stretches(self, k: int) -> Iterator[Stretch]:
         lasting = np.diff(self.spans())[:, 0]
         shares = lasting / lasting.sum()
-        strips = []
-        for k, person in enumerate(self.scene.persons):
-            runs: list[tuple[float, str]] = []
-            for share, statuses, limbs in zip(shares.tolist(), self.statuses, self.ambiguous, strict=True):
-                state = AMBIGUOUS if limbs[k] and statuses[k] not in _GRAVE else statuses[k]
-                if runs and runs[-1][1] == state:
-                    runs[-1] = runs[-1][0] + share, state
-                else:
-                    runs.append((share, state))
-            strips.append((person.name, runs))
-        return strips
+        rows = zip(self.statuses, self.ambiguous, strict=True)
+        states = [AMBIGUOUS if limbs[k] and told[k] not in _GRAVE else told[k] for told, limbs in rows]
+        for state, run in itertools.groupby(range(len(states)), key=states.__getitem__):
+            own = list(run)
+            why = in_words(dict.fromkeys(Doubt(one.limb, one.because) for t in own for one in self.reasons[t][k]))
+            yield Stretch(float(shares[own].sum()), state, self.frames[own[0]], self.frames[own[-1]], why)
 
     def worst(self, n_most: int = 12) -> list[Bad]:
         """Frames to look at, the worst first: lost, doubtful, with ambiguous limbs, then least explained."""
@@ -137,9 +157,8 @@ class Series:
         return [self._bad(t, k) for t, k in worst_first(self.times_s, judged, n_most)]
 
     def _bad(self, t: int, k: int) -> Bad:
-        limbs = ", ".join(limb.replace("_", " ") for limb in self.ambiguous[t][k])
-        told = self.frames[t], self.times_s[t], self.scene.persons[k].name, self.statuses[t][k], limbs
-        return Bad(*told, self.explained[t][k], self.distances[t][k])
+        told = self.frames[t], self.times_s[t], self.scene.persons[k].name, self.statuses[t][k]
+        return Bad(*told, in_words(self.reasons[t][k]), self.explained[t][k], self.distances[t][k])
 
     def summary(self) -> dict[str, Any]:
         """Headline numbers of the run so far; means are over the poses that were found, None without one."""
@@ -157,6 +176,7 @@ class Series:
             "by_status": dict(counts),
             "ambiguous_limbs": dict(Counter(limb for frame in self.ambiguous for limbs in frame for limb in limbs)),
             "frames_with_ambiguous_limbs": sum(any(frame) for frame in self.ambiguous),
+            "doubts_by_reason": dict(Counter(str(one.because) for row in self.reasons for own in row for one in own)),
             "limbs_hidden_from_views": {view: dict(limbs) for view, limbs in self.hidden.items()},
             "mean_distance_px": _mean(np.array(self.distances)[found]),
             "mean_explained": _mean(np.array(self.explained)[found]),

@@ -1,4 +1,4 @@
-"""Pose parameters, their standard deviations and joint centres as CSV tables."""
+"""Pose parameters, their standard deviations, joint centres and doubts as CSV tables."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pydantic
 
 from tracker.arrays import Array
 from tracker.components import component
+from tracker.doubt import Doubt
 from tracker.estimate import Estimate, Status
 from tracker.files import GrowingFile, csv_lines
 from tracker.recording import RunContext
@@ -17,18 +18,19 @@ from tracker.scene import Person
 from tracker.trajectory import Step
 
 _JOINT_COLUMNS = ("frame", "time_s", "person", "joint", "x_m", "y_m", "z_m", "status")
+_DOUBT_COLUMNS = ("frame", "time_s", "person", "limb", "because", "value", "limit")
 _POSE_COLUMNS = ("frame", "time_s", "person", "status", "ambiguous", "distance_px")
 
 
 @component
 class CsvTable:
-    """`poses.csv`, `sigmas.csv` and `joints.csv`; in lost frames the values are empty."""
+    """`poses.csv`, `sigmas.csv` and `joints.csv`, in lost frames with empty values; `doubts.csv`, a row a reason."""
 
     decimals: int = pydantic.Field(default=5, ge=0, le=15)
     """Digits after the point: 0.01 mm and 0.00001 degrees."""
 
     def begin(self, run: RunContext) -> CsvRecorder:
-        """Opens the three tables."""
+        """Opens the tables."""
         return CsvRecorder(run, self.decimals)
 
 
@@ -41,6 +43,7 @@ class CsvRecorder:
         self._poses = self._open("poses.csv", (*_POSE_COLUMNS, *self._columns))
         self._sigmas = self._open("sigmas.csv", (*_POSE_COLUMNS, *self._columns))
         self._joints = self._open("joints.csv", _JOINT_COLUMNS)
+        self._doubts = self._open("doubts.csv", _DOUBT_COLUMNS)
 
     def _open(self, name: str, columns: Sequence[str]) -> GrowingFile:
         file = GrowingFile(self._run.folder / name, waits=bool(self._run.resumed))
@@ -49,7 +52,7 @@ class CsvRecorder:
 
     def write(self, step: Step) -> None:
         """Adds the rows of one frame."""
-        poses, sigmas, joints = [], [], []
+        poses, sigmas, joints, doubts = [], [], [], []
         for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
             start = [step.frame.index, f"{step.frame.time_s:.6f}", person.name]
             distance = "" if estimate.lost else f"{estimate.distance_px:.4f}"
@@ -62,10 +65,19 @@ class CsvRecorder:
             for mark in person.body.reported:
                 where = ["", "", ""] if estimate.lost else [self._text(value) for value in points[mark]]
                 joints.append([*start, person.body.landmark_names[mark], *where, statuses[mark]])
-        for file, rows in ((self._poses, poses), (self._sigmas, sigmas), (self._joints, joints)):
+            doubts += [[*start, *self._reason(doubt)] for doubt in estimate.doubts]
+        for file, rows in zip(self._files, (poses, sigmas, joints, doubts), strict=True):
             file.add(csv_lines(rows))
             if step.frame.index not in self._run.resumed:
                 file.take_place()
+
+    @property
+    def _files(self) -> tuple[GrowingFile, ...]:
+        return self._poses, self._sigmas, self._joints, self._doubts
+
+    def _reason(self, doubt: Doubt) -> list[str]:
+        numbers = ("" if number is None else self._text(number) for number in (doubt.value, doubt.limit))
+        return [doubt.limb, str(doubt.because), *numbers]
 
     def _values(self, person: Person, estimate: Estimate, values: Array) -> list[str]:
         shown = dict(zip((p.column for p in person.body.parameters), in_table_units(person, values), strict=True))
@@ -76,7 +88,7 @@ class CsvRecorder:
 
     def finish(self) -> tuple[Path, ...]:
         """Names the tables."""
-        return tuple(file.take_place() for file in (self._poses, self._sigmas, self._joints))
+        return tuple(file.take_place() for file in self._files)
 
 
 def joint_statuses(person: Person, estimate: Estimate) -> list[str]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tracker.doubt import in_words
 from tracker.doubts import Judged, worst_first
 from tracker.estimate import Estimate
 from tracker.scene import Scene
@@ -146,9 +147,8 @@ class Viewer:
     def _text(self, frame: Shown) -> str:
         lines = [f"**{frame.time_s:.2f} s**, frame {frame.index}", ""]
         for person, estimate in zip(self._scene.persons, frame.estimates, strict=True):
-            limbs = ", ".join(limb.replace("_", " ") for limb in estimate.ambiguous)
-            unsure = f", may be elsewhere: {limbs}" if limbs and not estimate.lost else ""
-            lines.append(f"- {person.name}: {estimate.verdict}{unsure}")
+            why = in_words(estimate.reasons)
+            lines.append(f"- {person.name}: {estimate.verdict}" + (f"; {why}" if why else ""))
         if self.pictures.fault:
             lines += ["", f"no images: {self.pictures.fault}"]
         return "\n".join(lines)

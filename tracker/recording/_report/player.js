@@ -158,6 +158,7 @@
       });
     slider.value = k;
     label.textContent = times[k].toFixed(2) + " s (frame " + scene_data.frames[k] + ")";
+    document.getElementById("player-why").textContent = scene_data.why[k];
     root.dataset.frame = scene_data.frames[k];
     for (const needle of document.querySelectorAll(".needle"))
       needle.style.left = (100 * (times[k] - needle.parentElement.dataset.begin)) / (needle.parentElement.dataset.end - needle.parentElement.dataset.begin) + "%";
