@@ -308,7 +308,7 @@ def test_the_way_found_before_is_gone_again_beside_itself(filmed: Simulation) ->
     np.testing.assert_allclose(again(one + beside, known, 20)[0], person.body.clamped(other + beside), atol=1e-12)
     assert again(one + beside, known, 25) == ()
     assert again(one + 30 * beside, known, 20) == (None,)
-    assert again(one, {**known, 20: (replace(steps[2].estimates[0], doubtful=True),)}, 20) == (None,)
+    assert again(one, {**known, 20: (in_doubt(steps[2].estimates[0], whole=True),)}, 20) == (None,)
 
 
 def test_what_is_known_is_taken_where_it_explains_more(filmed: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
