@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import tracker._native
 import tracker.kernels.compilation
 from tracker.cli import app
 from tracker.components import find
@@ -111,6 +112,14 @@ def test_a_kernel_is_made_of_all_that_it_imports_by_whatever_way():
     tracing = set(sources_of("tracker.kernels.skins.tracing"))
     assert {f"tracker.kernels.{name}" for name in ("skins.tracing", "skins.mesh", "projection", "lens")} <= tracing
     assert "tracker.kernels.adjustment.bundle" not in tracing
+
+
+def test_machine_code_of_modules_beside_the_extension_is_kept():
+    """A module that imports the extension was compiled anew in every run, and each run ended looking for its code."""
+    told = sources_of("tracker.kernels.contours.scoring")
+    assert told["tracker._native"] == f"# {tracker._native.SOURCES}"
+    assert all(told.values())
+    assert all(kernel.stats.cache_path is not None for kernel, _ in ahead._CALLS["tracking"]())
 
 
 def test_outdated_code_is_deleted_when_asked(tmp_path, monkeypatch):

@@ -95,7 +95,10 @@ def sources_of(module: str) -> dict[str, str]:
 @functools.cache
 def _source(module: str) -> str:
     loader = getattr(sys.modules[module].__spec__, "loader", None)
-    return (loader.get_source(module) or "") if isinstance(loader, importlib.abc.InspectLoader) else ""
+    text = (loader.get_source(module) or "") if isinstance(loader, importlib.abc.InspectLoader) else ""
+    # the extension tells what it was built from
+    built_from = getattr(sys.modules[module], "SOURCES", "")
+    return text or (f"# {built_from}" if built_from else "")
 
 
 @functools.cache
