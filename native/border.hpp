@@ -35,6 +35,7 @@ constexpr const char *name_of() {
     else if constexpr (std::is_same_v<N, float>) return "float32";
     else if constexpr (std::is_same_v<N, double>) return "float64";
     else if constexpr (std::is_same_v<N, std::uint8_t>) return "uint8";
+    else if constexpr (std::is_same_v<N, std::uint16_t>) return "uint16";
     else if constexpr (std::is_same_v<N, std::int8_t>) return "int8";
     else if constexpr (std::is_same_v<N, std::int16_t>) return "int16";
     else if constexpr (std::is_same_v<N, std::int32_t>) return "int32";

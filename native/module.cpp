@@ -7,6 +7,7 @@ namespace bodytrack {
 
 void bind_contours(nb::module_ &module);
 void bind_movements(nb::module_ &module);
+void bind_regions(nb::module_ &module);
 
 namespace {
 
@@ -30,4 +31,5 @@ NB_MODULE(_native, module) {
     module.attr("SOURCES") = BODYTRACK_SOURCES;
     bodytrack::bind_contours(module);
     bodytrack::bind_movements(module);
+    bodytrack::bind_regions(module);
 }

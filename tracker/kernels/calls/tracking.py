@@ -6,7 +6,6 @@ from tracker.kernels.body.keypoints import Detected, Matches, match_keypoints
 from tracker.kernels.body.kinematics import chain_transforms, twists_in_world
 from tracker.kernels.body.self_collision import sum_collisions
 from tracker.kernels.calls import B1, F4, F8, I2, I4, I8, U1, Call, frozen, own, seen_body
-from tracker.kernels.contours.scoring import moving_parts
 from tracker.kernels.images.acceptance import expected_distances, marked
 from tracker.kernels.images.changes import large_regions, mark_changes, median_level
 from tracker.kernels.images.distance_images import chamfer_distances
@@ -42,7 +41,6 @@ def tracking_calls() -> list[Call]:
     return [
         (chain_transforms, (own(F8, 0, 1), *chain)),
         (twists_in_world, (own(F8, 0, 2, 4, 4), *chain)),
-        (moving_parts, (own(F8, 1, 1, 4, 4),)),
         (match_keypoints, (own(F8, 0, 1, 3), rig[0], detected, 0, (0.1, 0.1), matches)),
         (sum_collisions, (own(F8, 0, 1, 4, 4), model[0], frozen(I8, 0, 2))),
         (strongest_slopes, (own(U1, 2, 2, 3), own(I2, 2, 2), own(I2, 2, 2))),
