@@ -9,6 +9,40 @@ from tracker.arrays import Array, Array32, Image, Integers, Mask, Numbers16
 SOURCES: str
 """Digest of what it was built from, see `tracker.native_sources`."""
 
+# body/: named tuples of `tracker.kernels.body`
+def chain_transforms(
+    poses: Array, rotates: Mask, axes: Array, points: Array, parents: Integers, motions: Array
+) -> None: ...
+def twists_in_world(
+    motions: Array, rotates: Mask, axes: Array, points: Array, parents: Integers, twists: Array
+) -> None: ...
+def sum_collisions(placements: Array, shapes: Array, pairs: Integers, sums: Array) -> None: ...
+def depth(shape: Array, u: float, v: float, w: float) -> float: ...
+def match_keypoints(
+    points: Array,
+    cameras: Array,
+    detected: tuple[object, ...],
+    n_limbs: int,
+    reach: tuple[float, float],
+    matches: tuple[object, ...],
+) -> None: ...
+def meet_parts(placements: Array, shapes: Array, centre: Array, rays: Array, parts: Integers, found: Array) -> None: ...
+def gaps_of(placements: Array, cameras: Array, carried: tuple[object, ...], most_m: float, gaps: Array) -> None: ...
+def residuals_of(
+    placements: Array, cameras: Array, carried: tuple[object, ...], slide_m: float, found: Array
+) -> None: ...
+def anchor_equations(
+    placements: Array,
+    carried: tuple[object, ...],
+    found: Array,
+    weights: Array,
+    ends: Integers,
+    twists: Array,
+    moves: Mask,
+    matrix: Array,
+    vector: Array,
+) -> tuple[float, float]: ...
+
 # contours/
 def moving_parts(placements: Array, moving: Mask) -> None: ...
 def chamfer_lookup(flat: Array32, regions: Integers, v: int, x: float, y: float, outside: float) -> float: ...

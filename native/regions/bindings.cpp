@@ -10,13 +10,6 @@ namespace regions {
 
 namespace {
 
-// One entry of a tuple of n, as the named tuples of `tracker.kernels.regions.lines` are.
-nb::handle entry(const nb::tuple &given, size_t i, size_t n, const char *name) {
-    if (nb::len(given) != n)
-        throw nb::value_error((std::string(name) + ": expected a tuple of " + std::to_string(n)).c_str());
-    return PyTuple_GetItem(given.ptr(), Py_ssize_t(i));
-}
-
 class PictureArguments {
   public:
     explicit PictureArguments(const nb::tuple &picture)
@@ -69,7 +62,7 @@ class LooksArguments {
 };
 
 Rule rule_of(const nb::tuple &rule) {
-    const auto number = [&](size_t i) { return nb::cast<double>(entry(rule, i, 6, "rule")); };
+    const auto number = [&](int i) { return nb::cast<double>(entry(rule, i, 6, "rule")); };
     const Index reach = nb::cast<Index>(entry(rule, 1, 6, "rule"));
     if (reach < 1 || reach > 10000) throw nb::value_error("rule.reach: expected 1 to 10000 steps");
     return {number(0), reach, number(2), number(3), number(4), number(5)};

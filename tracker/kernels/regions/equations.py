@@ -20,7 +20,7 @@ def shift_equations(
 ) -> tuple[Array, Array, float, float]:
     """Normal equations that move every sample along its normal by its shift.
 
-    By wrenches, see `tracker.kernels.body.wrenches`; g is the derivative of the projection along the image normal.
+    By wrenches, see native/body/wrenches.hpp; g is the derivative of the projection along the image normal.
 
     Args:
         shifts: (V, M, 3) from `find_shifts`; a line counts by its inverse variance, px^-2, and its support.
