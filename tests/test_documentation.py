@@ -20,6 +20,7 @@ from matplotlib import pyplot as plt
 from modules import imported, modules_of_the_project
 
 import tracker
+from scripts import architecture_picture
 from scripts.documentation import configuration_tables, reference_entries
 from tracker.body.description import BodyDescription
 from tracker.cli import app
@@ -35,6 +36,7 @@ from tracker.simulation.sequence_files import write_sequence
 ROOT = Path(__file__).parents[1]
 COMPONENTS = {find(stage, use) for stage in stages() for use in available(stage)}
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs").glob("*.md"))}
+LAB = {path.name: path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "lab").glob("*.md"))}
 
 
 def blocks(page: str, language: str) -> list[str]:
@@ -58,7 +60,7 @@ def test_the_site_is_built(tmp_path, monkeypatch):
 
 
 def test_every_page_is_in_the_contents():
-    nav = (ROOT / "mkdocs.yml").read_text().partition("nav:")[2]
+    nav = (ROOT / "mkdocs.yml").read_text().partition("\nnav:")[2]
     assert set(re.findall(r"(\w+\.md)", nav)) == set(PAGES)
 
 
@@ -154,10 +156,47 @@ def test_tables_name_every_component(page, told):
     assert [use for use in told if f"\n| `{use}`" not in PAGES[page]] == []
 
 
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", [*PAGES, *(f"lab/{name}" for name in LAB)])
 def test_files_that_are_named_exist(page):
-    named = re.findall(r"`((?:tracker|scripts|configs|models|tests|docs)/[\w./]+)`", PAGES[page])
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    named = re.findall(r"`((?:tracker|scripts|configs|models|tests|docs)/[\w./]+)`", text)
     assert [path for path in named if not (ROOT / path).exists() and path != "models/anna.toml"] == []
+
+
+def test_a_page_of_the_lab_has_a_question_a_setup_and_a_decision():
+    assert "lab/" in (ROOT / "mkdocs.yml").read_text().partition("not_in_nav:")[2]  # not in the users' menu
+    for name in LAB.keys() - {"index.md"}:
+        assert re.match(r"# [^\n]+\?\n\n\*\*Setup\.\*\* .+?\n\n\*\*Decision\.\*\* ", LAB[name], flags=re.S), name
+        assert f"]({name})" in LAB["index.md"], name
+
+
+def test_the_lab_and_the_constants_lead_to_each_other():
+    sources = [*(ROOT / "tracker").rglob("*.py"), *(ROOT / "models").glob("*.toml")]
+    led = {
+        (path.relative_to(ROOT).as_posix(), name)
+        for path in sources
+        for name in re.findall(r"docs/lab/(\w+\.md)", path.read_text(encoding="utf-8"))
+    }
+    told = {
+        (path, name)
+        for name, page in LAB.items()
+        for line in re.findall(r"^\*\*Set by it:\*\* (.*)$", page, flags=re.M)
+        for path in re.findall(r"`(\w+/[^`]+)`", line)
+    }
+    assert led == told
+    for page in LAB.values():
+        for names, path in re.findall(r"`([\w, ]+)` in `([^`]+)`", page.partition("## Measured")[0]):
+            assert names in (ROOT / path).read_text(encoding="utf-8"), path
+
+
+def test_the_picture_of_the_architecture_is_what_the_imports_are():
+    told = "python scripts/architecture_picture.py draws it anew"
+    assert (ROOT / "docs" / "architecture.svg").read_text(encoding="utf-8") == architecture_picture.drawn(), told
+
+
+def test_a_way_that_others_tell_is_left_out():
+    pairs = {("a", "b"), ("b", "c"), ("a", "c"), ("a", "d")}
+    assert architecture_picture.shortest_ways(pairs) == {("a", "b"), ("b", "c"), ("a", "d")}
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -14,7 +14,7 @@ from markdown.extensions.toc import slugify
 import tracker
 
 ROOT = Path(__file__).parents[1]
-PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
@@ -34,7 +34,8 @@ def dead_links(page: Path) -> list[str]:
     for link in re.findall(r"\]\((?!https?://|mailto:)([^)\s]+)\)", prose(page)):
         name, _, anchor = link.partition("#")
         target = page.parent / name if name else page
-        leaves = page.parent.name == "docs" and target.resolve().parent != page.parent
+        site = next((folder for folder in page.parents if folder.name == "docs"), None)
+        leaves = site is not None and site not in target.resolve().parents
         if leaves or not target.exists() or (anchor and anchor not in anchors(target)):
             dead.append(link)
     return dead
@@ -51,6 +52,10 @@ def test_dead_links_are_found(tmp_path):
     page = tmp_path / "docs" / "page.md"
     page.write_text("# A `b` c\n[1](#a-b-c) [2](page.md#a-b-c) [3](none.md) [4](#no) [5](../README.md) `[6](x.md)`\n")
     assert dead_links(page) == ["none.md", "#no", "../README.md"]
+    (tmp_path / "docs" / "lab").mkdir()
+    page = tmp_path / "docs" / "lab" / "question.md"
+    page.write_text("# Q\n[1](../page.md#a-b-c) [2](../../README.md) [3](../none.md)\n")
+    assert dead_links(page) == ["../../README.md", "../none.md"]
 
 
 @pytest.mark.parametrize("page", ["CONTRIBUTING.md", "CHANGELOG.md"])

@@ -19,6 +19,7 @@ from tracker.arrays import Array, frozen
 from tracker.body import BodyModel
 from tracker.smoothing import Smoothed, Stretch
 
+# See docs/lab/rotations.md.
 _FARTHEST = np.radians(150.0)
 """Rotation from the mean, and from one known frame to the next, from which on a joint keeps its angles: half a turn
 from the mean vectors jump, and whoever turns on the spot has none."""

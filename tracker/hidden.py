@@ -15,6 +15,7 @@ _LEAST_PX, _LEAST_KNOWN_PX = 40.0, 10.0
 """Contour that a view should show of a limb to have a say in where it is: half of a forearm's at 720 px. Less where
 something is known to hide it: colours learn nothing there and then have no say."""
 
+# See docs/lab/hidden_limbs.md.
 _SHOWN, _NOT_SHOWN, _STILL = 0.2, 0.45, 0.3
 """Share of a limb's contour that a view leaves over at most if it shows the limb, and at least if it does not; between
 the two once something is known to hide it. Of R-UpperBody's left arm the view with a board before it leaves over 0.45

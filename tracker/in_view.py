@@ -15,6 +15,7 @@ from tracker.sight import Sight
 _LEAST_INSIDE = 0.25
 """Share of a person's joints inside an image that shows somebody: a leg alone does not tell who has left from whom."""
 
+# See docs/lab/coming_in.md.
 _LEAST_COVERED = 0.25
 """Share of a model's silhouette before what has changed in a view that shows the person. Right poses have 0.9 and
 more, half of a person behind a cupboard 0.5; of a man who had left three of four views poses had 0 to 0.1 there."""

@@ -22,6 +22,7 @@ _SELDOM = 8
 _LEAST_LIMB_PX = 100.0
 # Of heads in their place hair leaves over 0.03 to 0.27 (K-Kick, V-Dance, T-Punch-light, with plates and without), and
 # 0.60 of one that a start had bent forward.
+# See docs/lab/acquired_starts.md.
 _USUAL_OF_HEADS = 0.2
 
 
@@ -53,6 +54,7 @@ class LossRule:
     150 mm off are flagged, 7 without it, and 20 of 209 others, 10 without; with four cameras it names no limb of K-Kick
     and T-Punch-light that nothing else names. See `Estimate.vague`."""
 
+    # See docs/lab/elsewhere.md.
     elsewhere_px: float = pydantic.Field(default=0.2, ge=0)
     """What another place of a limb, of which one view alone shows a part, may cost more, so that the limb is ambiguous,
     px; 0 for no looking elsewhere. Of four recordings by two cameras 24 of 26 frames with a joint 150 mm off are
@@ -84,10 +86,12 @@ class LossRule:
     """When nobody is sure in the first frame: how much later starts are looked for that may be easier, seconds. The
     frames before are tracked back from the surest. Needs a recording: a live run starts where it starts."""
 
+    # See docs/lab/later_starts.md.
     look_on_s: tuple[pydantic.NonNegativeFloat, ...] = (2.5, 4.0, 6.0)
     """The same as long as all starts found are rather wrong than right: without plates those of P-Floor's push-ups in
     frames 8, 21, 33 and 58 are 0.17 sure at most, and 85 to 360 mm off, that in frame 72 0.94 (35 mm)."""
 
+    # See docs/lab/limits_and_vain_searches.md.
     again_after: int = pydantic.Field(default=5, ge=1)
     """Frames doubted one after the other after which limbs in doubt are looked for wherever they may be, and a person
     who is doubtful then, or of whom several limbs are in doubt, as if never seen; what is found is taken where the

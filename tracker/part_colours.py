@@ -26,6 +26,7 @@ from tracker.synthesis.cpu import CpuSynthesis
 # Pictures are so much smaller: forearms of persons 300 px high are still ten pixels wide.
 _SMALLER = 2
 # Where no foreground is known, what is beside a person counts as far as this share of its size.
+# See docs/lab/part_colours.md.
 _AROUND = 0.25
 # Whatever renderer a run has: small pictures of one pose are the CPU's, and the same on every machine.
 _SYNTHESIS = CpuSynthesis()

@@ -6,6 +6,7 @@ import numpy as np
 
 from tracker.rig import Rig
 
+# See docs/lab/filmed_otherwise.md.
 KEPT_PX = 300.0
 """Height that persons keep in images that are averaged, px. How far is looked for edges, and what counts as off, is set
 in pixels, chosen on images that show them some 270 px high. A rendered jump of a woman shown at least 620 px high was

@@ -9,6 +9,7 @@ from tracker.arrays import Array, Mask
 from tracker.estimate import Estimate
 
 # A lead over the next different pose by this share of what is left over is as good as any.
+# See docs/lab/confidence.md.
 _SURE_LEAD = 0.2
 # The same from which on a given pose is told to be turned round. In 15 frames of five recordings true joints left 0.16
 # to 0.82 less over than turned round; given turned round, 0.19 to 4.65 more. Since joints of who is turned round are

@@ -26,6 +26,7 @@ _REACH_M, _FROM_M, _TO_M = 2.5, 0.3, 2.1
 """How far around the persons cells reach, and from what height to what above their lowest joint, metres: a shadow is
 no higher than the floor."""
 
+# See docs/lab/bystanders.md.
 _OWN_M, _NEAR_M = 0.12, 0.25
 """What changes so near to a person's silhouette, or lies so near to the bones, is the person's: limbs that have moved
 since, clothes, hair."""

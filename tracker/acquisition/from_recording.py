@@ -41,6 +41,7 @@ LONGEST = 100
 straight, and a long recording does not wait for more."""
 
 
+# See docs/lab/one_fit.md.
 @dataclass(frozen=True)
 class Fitting:
     """Bodies fitted to a recording."""

@@ -20,6 +20,7 @@ _REACH_M = 0.9
 _NEARLY = 0.8
 """Of the most cells that move with a segment."""
 
+# See docs/lab/carried_things.md.
 _MOST_EMPTY, _LEAST_APART = 0.25, 0.4
 """Share of the frames in which a cell may be background somewhere, and in which two views must show it beside the
 persons, at least."""

@@ -30,6 +30,7 @@ class TwistIcpEstimation:
     neighbouring starts.
     """
 
+    # See docs/lab/fewer_refinement_steps.md.
     iterations: int = pydantic.Field(default=6, ge=1)
     """Gauss-Newton steps."""
 

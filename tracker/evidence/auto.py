@@ -45,6 +45,7 @@ class AutoEvidence(Evidence):
     `partly` where somebody stays before plates that the recording has made by itself.
     """
 
+    # See docs/lab/defaults_with_plates.md.
     with_plates: Evidence = TogetherEvidence(
         of=(ContourEvidence(), SilhouetteEvidence(), RegionEvidence(from_start=False), MotionEvidence()),
         ranking=(1.0, 1.0, 0.0, 0.0),
@@ -56,6 +57,7 @@ class AutoEvidence(Evidence):
     recordings that started right (balancing 29 instead of 30 mm, N-Stride 29 and 33, R-Turn 44 and 58; K-Kick 24 and
     29), in less time, for fewer limbs are searched. Where colours ranked, too, they gained nothing."""
 
+    # See docs/lab/colours_alone.md.
     without: Evidence = TogetherEvidence(
         of=(ContourEvidence(), RegionEvidence(), MotionEvidence()),
         ranking=(0.3, 1.0, 0.0),

@@ -31,6 +31,7 @@ from tracker.sight import Sight
 _FACING = 0.1
 """A place is taken for seen where its surface faces the camera by this cosine: beyond it something else is followed."""
 
+# See docs/lab/motion.md.
 _MARGIN_PX = 3
 """Least distance of a new place from the boundary of what the view shows of its part, px: what is followed there may
 be what lies behind it. With none between parts, T-Punch-light was off in 9 to 13 frames from one start."""

@@ -80,6 +80,7 @@ class SilhouetteEvidence(Evidence):
     missed_px: float = pydantic.Field(default=10.0, gt=0)
     """An outline of the foreground farther than this from all of the model's counts as missed, px."""
 
+    # See docs/lab/acquired_starts.md.
     least_share: float = pydantic.Field(default=0.3, ge=0, le=1)
     """What the size of a foreground counts at least as, as a share of what the model covered shortly before. Beside
     somebody who stays plates made of the recording know of a fingertip alone in some views: left bare it cost as much

@@ -21,6 +21,7 @@ straight steps a person before grey walls was 30 mm (18) off, with a joint off i
 _WINDOW = 7
 """Side of the square that slopes are averaged over, px; of persons some 300 px high forearms are 20 to 30 px wide."""
 
+# See docs/lab/colours.md.
 _SLOPES = 0.7, 1.4, 2.8
 """Mean slopes between the four steps of either direction, grey levels a px: of noise, skin, walls and floors."""
 

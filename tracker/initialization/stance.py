@@ -74,6 +74,7 @@ class StanceInitialization:
     """Refined hypotheses, different from one another, that may be tracked into the next frames to choose between; one
     more where all of them face one way."""
 
+    # See docs/lab/two_persons_without_plates.md.
     least_score: float = pydantic.Field(default=0.16, gt=0, le=1)
     """Least share of what edges can gain that the best refined pose gains, chance being 0; below it nobody was found.
     In empty rooms something reached 0.09 to 0.13, up to 94 % of its contour on edges; persons reach 0.2 to 0.37."""

@@ -22,6 +22,7 @@ N_SAMPLES = 25
 _REACH = 12
 # A place is free where so many images agree, and not so many others on something else: somebody may stand for most of
 # the time and leave.
+# See docs/lab/backdrops.md.
 _MOST, _RIVALS = 0.6, 0.3
 
 

@@ -25,6 +25,7 @@ from tracker.tracking.cycle_turn import objective_of, settled
 from tracker.tracking.outcome import finished
 from tracker.trajectory import Step
 
+# See docs/lab/first_edges.md.
 _ROUNDS = 4
 """How often a frame is looked at around the poses found, at most, while limbs are found elsewhere."""
 

@@ -28,6 +28,7 @@ from tracker.tracking.even_ways import LEAST_PX, Bridge, candidates
 from tracker.tracking.outcome import finished
 from tracker.trajectory import Step
 
+# See docs/lab/bridges.md.
 _MOST_PX = 0.1
 """What a bridge may cost the images in one frame, px. In 27 s of martial arts 16 of 17 ways that were right, of fists
 that strike out and back, would have cost 0.25 to 1.4 px in some frame; wrong ones of T-Punch-light, of a hidden hand of

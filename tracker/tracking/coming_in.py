@@ -22,6 +22,7 @@ from tracker.tracking.rehearsal import Reopen
 from tracker.tracking.windows import Pass, both_ways, length_of_windows, windows_of
 from tracker.trajectory import History, Replay, Step
 
+# See docs/lab/coming_in.md.
 _GONE_S = 2.0
 """How long everybody is lost, on the way back, when nobody was there before: a way behind a pillar is shorter."""
 

@@ -31,6 +31,7 @@ from tracker.tracking.single_view import with_vague_limbs
 from tracker.trajectory import History, Step
 
 # What a pose found anew must be closer than one that was tracked: the least that images say of a limb, see Objective.
+# See docs/lab/limbs_long_in_doubt.md.
 _CLEARLY_PX = 0.2
 
 

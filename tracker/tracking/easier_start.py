@@ -20,6 +20,7 @@ from tracker.tracking.cycle_turn import settled
 from tracker.tracking.rehearsal import Reopen, rehearsed
 from tracker.trajectory import Replay, Step
 
+# See docs/lab/wrong_way_back.md.
 _LIKELY = 0.5
 """How sure a start is that is rather right than wrong."""
 

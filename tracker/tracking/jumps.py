@@ -26,6 +26,7 @@ _TIMES = 2.5
 _SHARE = 0.75
 """Of what counts as elsewhere in other places, what does here, where two joints must be: 10 cm of a person."""
 
+# See docs/lab/jumps.md.
 _BEND = 1.6
 """By how much the step of a limb that jumps in the midst of a movement differs from the mean of those before and
 after, in what counts as elsewhere: 23 cm of a person. A forearm that came out from behind the back as a punch began

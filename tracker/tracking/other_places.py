@@ -22,6 +22,7 @@ from tracker.objective import Objective
 _TRIED, _LOOKED_AT, _REFINED = 600, 24, 6
 # What a place may cost more than the one found before it is refined, and after, px. That of a leg that was put into the
 # other one, where it has no contour to be wrong, costs 1.05 px less than the true one; colours are worth 17 px there.
+# See docs/lab/part_colours.md.
 _PROMISING_PX, _WITHIN_PX = 2.5, 1.5
 # Limits that leave a joint less than this leave its limb about where it is.
 _WIDE_RAD = np.radians(89.0)

@@ -28,6 +28,7 @@ log = logging.getLogger("tracker")
 _LEAST_VIEWS = 2
 """Views with backdrops, below which they tell nothing of the depth."""
 
+# See docs/lab/backdrops.md.
 _AROUND = 0.03
 """What is not known around somebody who stays, as a share of the square root of their area: clothes, and a model that
 does not quite fit."""

@@ -31,6 +31,7 @@ _LEAST_GAP_S = 0.03
 _HOPELESS_AFTER = 4
 # So many frames tell who is beaten, and end a rehearsal where the best one is sure. In six of eight
 # starts (seven recordings) the best one was sure by then; it was the best one after ten frames as well, and right.
+# See docs/lab/start_costs.md.
 _TOLD_AFTER = 3
 # Who left so many times as much over in as many frames is not followed any farther, for a fifth less decides. Of eight
 # starts of six recordings twelve were met by it, 0.18 to 0.6 m off.

@@ -16,6 +16,7 @@ from tracker.scene import Scene
 
 # What another way must be better by, px. In R-Turn from frame 20 and T-Punch-light from frame 0 less than this led from
 # the right pose to a wrong one three times, and never back; more did so once of seven times.
+# See docs/lab/defaults_with_plates.md.
 _LEAD_PX = 0.1
 
 

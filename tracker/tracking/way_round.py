@@ -18,11 +18,13 @@ from tracker.tracking.cycle import Cycle
 from tracker.tracking.found_before import knowing, start_of
 from tracker.trajectory import Step
 
+# See docs/lab/fit_in_doubt.md.
 LEAST_SEEN = 4
 """Frames in which a person is seen without doubt, below which her body is not fitted: a pose that is wrong makes a body
 that fits it. If it is the body that is unlike the model's, one fitted all the same ends the doubts. Nor is one of two
 ways better that leaves fewer more of them."""
 
+# See docs/lab/facing.md.
 _MOST_DOUBTED = 0.5
 """Share of the frames that may be in doubt of somebody who was not found for sure, before he is begun the other way
 round. Of R-UpperBody's results all are, whichever way she faces; of those turned round 0.43 and 0.91 are doubtful as

@@ -45,6 +45,7 @@ _MOST_BYTES = 2**30
 _BEYOND = 4
 """A window is tracked on for one in so many of its frames, so that the way back has found itself when it enters."""
 
+# See docs/lab/way_back.md.
 _FIRST = 40
 """Frames from a start on that are tracked back where nothing else asks for it: an arm of DO-Two took 28 to creep into
 place."""
