@@ -19,6 +19,13 @@ constexpr Index ANY = -1;
 // The name of an argument that is an array; also None gets to `Argument`, which refuses it by that name.
 inline auto named(const char *name) { return nb::arg(name).none(); }
 
+// One entry of a tuple of n, as the named tuples of `tracker.kernels` are.
+inline nb::handle entry(const nb::tuple &given, int i, int n, const char *name) {
+    if (int(nb::len(given)) != n)
+        throw nb::value_error((std::string(name) + ": expected a tuple of " + std::to_string(n)).c_str());
+    return PyTuple_GetItem(given.ptr(), i);
+}
+
 // Runs a kernel without the interpreter's lock.
 template <class Kernel>
 auto unlocked(Kernel kernel) {
@@ -35,6 +42,7 @@ constexpr const char *name_of() {
     else if constexpr (std::is_same_v<N, float>) return "float32";
     else if constexpr (std::is_same_v<N, double>) return "float64";
     else if constexpr (std::is_same_v<N, std::uint8_t>) return "uint8";
+    else if constexpr (std::is_same_v<N, std::uint16_t>) return "uint16";
     else if constexpr (std::is_same_v<N, std::int8_t>) return "int8";
     else if constexpr (std::is_same_v<N, std::int16_t>) return "int16";
     else if constexpr (std::is_same_v<N, std::int32_t>) return "int32";

@@ -27,4 +27,12 @@ namespace region {
 enum Column { START, LEFT, TOP, WIDTH, HEIGHT, N_COLUMNS };
 }
 
+namespace met_place {
+enum Column { X, NORMAL_X = 3, RAY_X = 6, FACING = 9, N_COLUMNS };
+}
+
+namespace carried_place {
+enum Column { U, W, VARIANCE, FACING, U_X, U_Y, U_Z, W_X, W_Y, W_Z, N_COLUMNS };
+}
+
 }  // namespace bodytrack::rows

@@ -118,7 +118,7 @@ def recordings(
 @app.command("opensim")
 def opensim_models(
     results: Annotated[list[Path], typer.Argument(help="Result folders of runs.")],
-    model: Annotated[list[str], typer.Option(help="As of `bodytrack export --to opensim`; repeatable.")],
+    model: Annotated[list[str], typer.Option(help="As of `bodytrack result export --to opensim`; repeatable.")],
 ) -> None:
     """OpenSim's models moved as the persons of finished runs: distances of markers, flexions less ours."""
     try:

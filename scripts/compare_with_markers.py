@@ -1,4 +1,4 @@
-"""Compares a result with a marker system; the same as `bodytrack compare`."""
+"""Compares a result with a marker system; the same as `bodytrack result compare`."""
 
 from __future__ import annotations
 

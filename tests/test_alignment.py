@@ -367,7 +367,7 @@ def test_a_run_whose_bodies_are_not_fitted_is_asked_at_its_end(run_out_of_step, 
 
 def test_the_command_writes_poses_at_one_moment_and_a_rig(run_out_of_step, tmp_path, monkeypatch):
     folder, _ = run_out_of_step
-    done = CliRunner().invoke(app, ["align", str(folder), "--rig", str(tmp_path / "turned.toml")])
+    done = CliRunner().invoke(app, ["result", "align", str(folder), "--rig", str(tmp_path / "turned.toml")])
     assert done.exit_code == 0, done.output
     assert "out of step" in done.output
     assert "poses at the moment of" in done.output
@@ -384,11 +384,11 @@ def test_the_command_writes_poses_at_one_moment_and_a_rig(run_out_of_step, tmp_p
     assert load_rig(tmp_path / "turned.toml").names == result.rig.names
     rows = (tmp_path / "turned.toml").read_bytes()
     rig_there = ["--rig", str(tmp_path / "turned.toml"), "--output", str(tmp_path / "other")]
-    again = CliRunner().invoke(app, ["align", str(folder), *rig_there])
+    again = CliRunner().invoke(app, ["result", "align", str(folder), *rig_there])
     assert again.exit_code != 0
     assert "not there yet" in str(again.exception)
     assert (tmp_path / "turned.toml").read_bytes() == rows
-    again = CliRunner().invoke(app, ["align", str(folder), "--rig", str(tmp_path / "another.toml")])
+    again = CliRunner().invoke(app, ["result", "align", str(folder), "--rig", str(tmp_path / "another.toml")])
     assert "in_step is not empty: choose another --output" in str(again.exception)
     assert "views, by" not in again.output, "refused before the views are compared"
     assert not (tmp_path / "another.toml").exists()

@@ -48,7 +48,7 @@ def test_an_animal_needs_no_setting_outside_its_file(recording: Path, tmp_path: 
     with (result / "poses.csv").open() as file:
         statuses = [row["status"] for row in csv.DictReader(file)]
     assert statuses == ["bootstrapped", *["tracked"] * 5]
-    told = CliRunner().invoke(app, ["evaluate", str(result), "--truth", str(recording)])
+    told = CliRunner().invoke(app, ["result", "evaluate", str(result), "--truth", str(recording)])
     assert told.exit_code == 0, told.output
     assert "hind left knee" in told.output
     person = json.loads((result / "evaluation.json").read_text())["persons"][0]

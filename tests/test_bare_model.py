@@ -66,7 +66,7 @@ def test_a_person_of_segments_and_parts_is_found_tracked_and_evaluated(tmp_path:
     recipe = Recipe("sway", model=str(written(tmp_path, *BARE)), seconds=3 / 25, size=SMALL)
     config = write_sequence(recipe, tmp_path / "filmed")
     result = execute(load_job("track", config, [TABLES]), tmp_path / "result").folder
-    told = CliRunner().invoke(app, ["evaluate", str(result), "--truth", str(config.parent)])
+    told = CliRunner().invoke(app, ["result", "evaluate", str(result), "--truth", str(config.parent)])
     assert told.exit_code == 0, told.output
     (median,) = (line for line in told.output.splitlines() if "joint distance, median" in line)
     # a pixel is 12.5 mm at the person

@@ -232,7 +232,7 @@ def test_ctrl_c_leaves_usable_results_and_says_what_waits(sequence, tmp_path):
         names.append(str(long / f"{name}.toml"))
     # a search in each frame, so that the last one is far when the signal comes
     overrides = [word for override in (*GIVEN, "estimation=hybrid") for word in ("--set", override)]
-    command = [sys.executable, "-m", "tracker", "batch", *names, "--jobs", "1", "--output", str(tmp_path / "out")]
+    command = [sys.executable, "-m", "tracker", "run", *names, "--jobs", "1", "--output", str(tmp_path / "out")]
     process = subprocess.Popen(
         [*command, *overrides],
         stdout=subprocess.PIPE,
@@ -265,7 +265,7 @@ def test_the_command_tells_a_row_a_recording(configs, tmp_path, monkeypatch):
         "work",
         lambda self, tasks, kernels: (Summary(t.name, t.folder, "failed", fault="broken") for t in tasks),
     )
-    arguments = ["batch", *map(str, configs), "--output", str(tmp_path / "out"), "--jobs", "3"]
+    arguments = ["run", *map(str, configs), "--output", str(tmp_path / "out"), "--jobs", "3"]
     told = CliRunner().invoke(app, arguments)
     assert told.exit_code == 2, told.output
     for name in ("anna", "bert", "cleo"):

@@ -46,13 +46,13 @@ def test_a_run_can_be_tracked_and_evaluated(sequence, tmp_path):
     assert "tracked 3 frames" in done.stdout
     assert "no frame of 3 lost, doubtful or with an ambiguous limb" in done.stdout
     # what follows goes on in this process
-    evaluated = CliRunner().invoke(app, ["evaluate", str(tmp_path / "out"), "--truth", str(sequence)])
+    evaluated = CliRunner().invoke(app, ["result", "evaluate", str(tmp_path / "out"), "--truth", str(sequence)])
     assert evaluated.exit_code == 0, evaluated.output
     assert "joint distance, mean" in evaluated.stdout
     assert (tmp_path / "out" / "evaluation.png").is_file()
-    exported = CliRunner().invoke(app, ["export", str(tmp_path / "out"), "--to", "trc", "bvh", "--y-up"])
+    exported = CliRunner().invoke(app, ["result", "export", str(tmp_path / "out"), "--to", "trc,bvh", "--y-up"])
     assert exported.exit_code == 0, exported.output
-    assert exported.stdout.split() == [str(tmp_path / "out" / f"person1.{kind}") for kind in ("bvh", "trc")]
+    assert exported.stdout.split() == [str(tmp_path / "out" / "exports" / f"person1.{kind}") for kind in ("bvh", "trc")]
     again, code = told("run", sequence / "config.toml", "--output", tmp_path / "out")
     assert code == 2
     assert "not empty" in again
@@ -62,7 +62,7 @@ def test_a_run_can_be_tracked_and_evaluated(sequence, tmp_path):
     ("arguments", "message"),
     [
         (["show", "simlarity"], 'did you mean "similarity"'),
-        (["evaluate", ".", "--truth", "."], "no joints.csv there"),
+        (["result", "evaluate", ".", "--truth", "."], "no joints.csv there"),
         (["demo", "--movement", "hop", "--output", "out"], 'no movement "hop"'),
     ],
 )
@@ -90,7 +90,7 @@ def test_a_missing_configuration_is_one_line_and_leaves_nothing(tmp_path):
         (["demo", "--seed", "-1"], ["'--seed'", "greater than or equal to 0"]),
         (["demo", "--frams", "3"], ["--frams", "--frames"]),
         (["demmo"], ["'demmo'", "'demo'"]),
-        (["run"], ["Missing argument 'config'", "run --help"]),
+        (["run"], ["Missing argument 'CONFIG'", "run --help"]),
     ],
 )
 def test_a_command_line_that_cannot_be_is_one_line(arguments, words, tmp_path):

@@ -97,11 +97,19 @@ def test_missing_frames_are_counted_and_persons_matched_by_distance(result, trut
 def test_who_is_compared_with_whom_is_told_where_names_cross(result, truth, tmp_path):
     write_joints(result / "joints.csv", {"a": truth + 5, "b": truth})
     write_joints(tmp_path / "truth.csv", {"a": truth, "b": truth + 5})
-    told = CliRunner().invoke(app, ["evaluate", str(result), "--truth", str(tmp_path / "truth.csv")]).stdout
+    told = (
+        CliRunner()
+        .invoke(app, ["result", "evaluate", str(result), "--truth", str(tmp_path / "truth.csv"), "--overwrite"])
+        .stdout
+    )
     assert "a (truth: b)" in told
     assert "paired by distance, not by name: a of the run with b of the truth, b of the run with a of the truth" in told
     write_joints(tmp_path / "truth.csv", {"a": truth + 5, "b": truth})
-    told = CliRunner().invoke(app, ["evaluate", str(result), "--truth", str(tmp_path / "truth.csv")]).stdout
+    told = (
+        CliRunner()
+        .invoke(app, ["result", "evaluate", str(result), "--truth", str(tmp_path / "truth.csv"), "--overwrite"])
+        .stdout
+    )
     assert "truth:" not in told
     assert "by name" not in told
 
@@ -109,11 +117,19 @@ def test_who_is_compared_with_whom_is_told_where_names_cross(result, truth, tmp_
 def test_who_has_no_counterpart_is_told_of(result, truth, tmp_path):
     write_joints(result / "joints.csv", {"a": truth})
     write_joints(tmp_path / "truth.csv", {"1": truth + 5, "2": truth})
-    told = CliRunner().invoke(app, ["evaluate", str(result), "--truth", str(tmp_path / "truth.csv")]).stdout
+    told = (
+        CliRunner()
+        .invoke(app, ["result", "evaluate", str(result), "--truth", str(tmp_path / "truth.csv"), "--overwrite"])
+        .stdout
+    )
     assert "compared with nobody: 1 of the truth" in told
     write_joints(result / "joints.csv", {"a": truth, "b": truth + 5})
     write_joints(tmp_path / "truth.csv", {"a": truth})
-    told = CliRunner().invoke(app, ["evaluate", str(result), "--truth", str(tmp_path / "truth.csv")]).stdout
+    told = (
+        CliRunner()
+        .invoke(app, ["result", "evaluate", str(result), "--truth", str(tmp_path / "truth.csv"), "--overwrite"])
+        .stdout
+    )
     assert "compared with nobody: b of the run" in told
     assert json.loads((result / "evaluation.json").read_text())["left_out"] == ["b"]
 
@@ -154,7 +170,7 @@ def test_who_is_lost_in_every_frame_is_told_of(result, truth, tmp_path):
     lost, other = evaluation.persons
     assert (lost.person, lost.truth, lost.n_missing, other.truth) == ("a", "2", N_FRAMES, "1")
     assert "lost in every frame" in error_figure(evaluation).axes[0].get_title()
-    shown = CliRunner().invoke(app, ["evaluate", str(result), "--truth", str(tmp_path)]).output
+    shown = CliRunner().invoke(app, ["result", "evaluate", str(result), "--truth", str(tmp_path)]).output
     assert f"{N_FRAMES} of {N_FRAMES}" in shown
     assert "left wrist" in shown  # what is known of the second person alone has its row
     told = json.loads((result / "evaluation.json").read_text(), parse_constant=pytest.fail)

@@ -104,7 +104,7 @@ def test_a_finished_result_is_exported_as_while_tracking(movement, tmp_path, use
         pytest.skip("the standard is for persons")
     wanted = movement.record(find("recording", use)(), tmp_path)
     result = movement.result(tmp_path / "result")
-    told = CliRunner().invoke(app, ["export", str(result), "--to", use, "--output", str(tmp_path / "out")])
+    told = CliRunner().invoke(app, ["result", "export", str(result), "--to", use, "--output", str(tmp_path / "out")])
     assert told.exit_code == 0, told.output
     assert told.output.splitlines() == [str(tmp_path / "out" / file.name) for file in wanted]
     for file in wanted:
@@ -113,9 +113,9 @@ def test_a_finished_result_is_exported_as_while_tracking(movement, tmp_path, use
 
 def test_several_formats_at_once_into_the_result(tmp_path):
     result = made_up("gavrila22").result(tmp_path / "result")
-    told = CliRunner().invoke(app, ["export", str(result), "--to", "trc", "c3d", "--y-up"])
+    told = CliRunner().invoke(app, ["result", "export", str(result), "--to", "trc,c3d", "--y-up"])
     assert told.exit_code == 0, told.output
-    assert {"person1.trc", "person1.c3d"} <= {path.name for path in result.iterdir()}
+    assert {path.name for path in (result / "exports").iterdir()} == {"person1.trc", "person1.c3d"}
 
 
 def test_names_are_such_as_the_readers_take(tmp_path):
@@ -139,12 +139,15 @@ def test_names_are_such_as_the_readers_take(tmp_path):
 def test_an_export_that_is_refused_leaves_what_was_there(tmp_path):
     """The table of the format before the one that cannot be written had lost its rows."""
     result = made_up("quadruped").result(tmp_path / "result")
-    assert CliRunner().invoke(app, ["export", str(result), "--to", "wide_table"]).exit_code == 0
-    before = {path.name: path.read_bytes() for path in result.iterdir() if path.is_file()}
-    told = CliRunner().invoke(app, ["export", str(result), "--to", "wide_table", "trc", "isb_angles"])
+    assert CliRunner().invoke(app, ["result", "export", str(result), "--to", "wide_table"]).exit_code == 0
+    before = {path.name: path.read_bytes() for path in (result / "exports").iterdir()}
+    assert before
+    told = CliRunner().invoke(app, ["result", "export", str(result), "--to", "wide_table,trc,isb_angles"])
     assert isinstance(told.exception, ConfigError), told.output
-    assert {path.name: path.read_bytes() for path in result.iterdir() if path.is_file()} == before
-    assert not list(result.glob(".*"))
+    assert {path.name: path.read_bytes() for path in (result / "exports").iterdir()} == before
+    refused = ["result", "export", str(result), "--to", "isb_angles", "--output", str(tmp_path / "new")]
+    assert isinstance(CliRunner().invoke(app, refused).exception, ConfigError)
+    assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.parametrize(
@@ -164,7 +167,7 @@ def test_what_cannot_be_exported_is_one_clear_line(tmp_path, arguments, words):
     (movement.result(tmp_path / "DAMAGED") / "run.json").write_text('{"name": ')
     (movement.result(tmp_path / "OTHER") / "run.json").write_text('{"name": "x", "persons": []}')
     (movement.result(tmp_path / "EMPTY") / "steps.jsonl").write_text("")
-    told = CliRunner().invoke(app, ["export", str(tmp_path / arguments[0]), *arguments[1:]])
+    told = CliRunner().invoke(app, ["result", "export", str(tmp_path / arguments[0]), *arguments[1:]])
     assert isinstance(told.exception, ConfigError), told.output
     assert re.search(re.escape(words), str(told.exception))
     assert "\n" not in str(told.exception)

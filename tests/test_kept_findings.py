@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from motions import made_up
 
-from tracker.export import export
+from tracker.exports import export
 from tracker.jobs import execute, load_job
 from tracker.recording.run_json import RunJson
 from tracker.result import load_result

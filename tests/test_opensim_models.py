@@ -225,7 +225,7 @@ def test_models_are_looked_for_by_a_word(tmp_path, monkeypatch):
 
 def test_it_is_exported_by_the_command(model, tmp_path):
     result = made_up("human").result(tmp_path / "result")
-    arguments = ["export", str(result), "--to", "opensim", "--output", str(tmp_path / "out")]
+    arguments = ["result", "export", str(result), "--to", "opensim", "--output", str(tmp_path / "out")]
     done = CliRunner().invoke(app, [*arguments, "--model", str(model), "--mass-kg", "person1=72"])
     assert done.exit_code == 0, done.output
     assert tree(tmp_path / "out" / "person1_own_scale.xml").findtext("ScaleTool/mass") == "72"

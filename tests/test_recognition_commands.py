@@ -1,4 +1,4 @@
-"""`bodytrack recognize`: tables and pictures of what was done, libraries that grow, mistakes in one line."""
+"""`bodytrack result recognize`: tables and pictures of what was done, libraries that grow, mistakes in one line."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def squat_result(tmp_path):
 
 
 def told(*arguments):
-    done = CliRunner().invoke(app, ["recognize", *map(str, arguments)])
+    done = CliRunner().invoke(app, ["result", "recognize", *map(str, arguments)])
     if isinstance(done.exception, (ConfigError, ModelError)):
         return str(done.exception)
     assert done.exit_code == 0, done.output

@@ -1,4 +1,4 @@
-"""`bodytrack segment`: contours by level sets along a result, as pictures."""
+"""`bodytrack result segment`: contours by level sets along a result, as pictures."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def test_pictures_show_pose_and_contours(tmp_path: Path) -> None:
 
 
 def test_the_command_writes_a_picture_a_frame(tracked: Path, tmp_path: Path) -> None:
-    arguments = ["segment", str(tracked), "--every", "3", "--set", "length=2", "--width", "480"]
+    arguments = ["result", "segment", str(tracked), "--every", "3", "--set", "length=2", "--width", "480"]
     done = CliRunner().invoke(app, [*arguments, "--output", str(tmp_path / "pictures")])
     assert done.exit_code == 0, done.output
     assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == ["000000.png", "000003.png"]
@@ -149,7 +149,9 @@ def test_the_command_writes_a_picture_a_frame(tracked: Path, tmp_path: Path) -> 
 def test_what_cannot_be_is_one_line(tracked: Path, tmp_path: Path, options: list[str], words: str) -> None:
     with pytest.raises(TrackerError, match=words):
         CliRunner().invoke(
-            app, ["segment", str(tracked), *options, "--output", str(tmp_path / "none")], catch_exceptions=False
+            app,
+            ["result", "segment", str(tracked), *options, "--output", str(tmp_path / "none")],
+            catch_exceptions=False,
         )
     assert not (tmp_path / "none").exists()
 

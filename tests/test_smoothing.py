@@ -249,7 +249,7 @@ def test_joints_move_as_their_places_do(tmp_path):
 
 def test_the_command_smooths_and_the_result_is_exported(tmp_path):
     result = made_up("gavrila22", "gavrila22").result(tmp_path / "result")
-    told = CliRunner().invoke(app, ["smooth", str(result), "--use", "butterworth", "--set", "cutoff_hz=8"])
+    told = CliRunner().invoke(app, ["result", "smooth", str(result), "--use", "butterworth", "--set", "cutoff_hz=8"])
     assert told.exit_code == 0, told.output
     assert told.output.splitlines() == [
         "person1: 12 frames, 3 filled, 0 still lost",
@@ -257,13 +257,13 @@ def test_the_command_smooths_and_the_result_is_exported(tmp_path):
         str(result / "smoothed"),
     ]
     assert tracker.load_result(result / "smoothed").details["smoothing"]["cutoff_hz"] == 8
-    again = CliRunner().invoke(app, ["smooth", str(result)])
+    again = CliRunner().invoke(app, ["result", "smooth", str(result)])
     assert isinstance(again.exception, ConfigError)
     assert "smoothed is not empty: choose another --output" in str(again.exception)
-    told = CliRunner().invoke(app, ["export", str(result / "smoothed"), "--to", "trc", "mot"])
+    told = CliRunner().invoke(app, ["result", "export", str(result / "smoothed"), "--to", "trc", "mot"])
     assert told.exit_code == 0, told.output
-    assert "NaN" not in (result / "smoothed" / "person1.trc").read_text()
-    wrong = CliRunner().invoke(app, ["smooth", str(result), "--use", "butterwort"])
+    assert "NaN" not in (result / "smoothed" / "exports" / "person1.trc").read_text()
+    wrong = CliRunner().invoke(app, ["result", "smooth", str(result), "--use", "butterwort"])
     assert 'did you mean "butterworth"' in str(wrong.exception)
 
 

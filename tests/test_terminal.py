@@ -168,5 +168,6 @@ def test_the_shell_completes_commands_and_options():
         asked = environment | {"COMP_WORDS": words, "COMP_CWORD": str(position)}
         return subprocess.run(["bodytrack"], env=asked, capture_output=True, text=True, check=False).stdout.split()
 
-    assert completed("bodytrack ev", 1) == ["evaluate"]
+    assert completed("bodytrack result ev", 2) == ["evaluate"]
+    assert completed("bodytrack ev", 1) == []
     assert completed("bodytrack run --res", 2) == ["--resume"]

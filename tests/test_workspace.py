@@ -1,4 +1,4 @@
-"""Rows of the kernels' workspace: as many samples as fit, and nothing written beyond them."""
+"""Rows of the kernels' workspace: as many samples as fit."""
 
 from __future__ import annotations
 
@@ -6,27 +6,10 @@ import numpy as np
 
 from tracker.body import BodyModel
 from tracker.camera import Camera
-from tracker.kernels.contours.occlusion import cover, whole_blocks
-from tracker.kernels.rows import solid, spot
-from tracker.kernels.rows.workspace import BLOCK, ROW
+from tracker.kernels.rows.workspace import ROW
 from tracker.rig import Rig
 from tracker.scene import Person, Scene
 from tracker.synthesis.cpu import CpuSynthesis
-
-BEHIND = 64
-"""Numbers that lie behind the workspace and are not its own."""
-
-
-def test_a_full_row_is_whole_blocks() -> None:
-    assert whole_blocks(ROW) == ROW
-    assert whole_blocks(ROW - BLOCK + 1) == ROW
-
-
-def test_a_full_row_is_covered_within_the_workspace() -> None:
-    room = np.full(spot.N_ROWS * ROW + BEHIND, 7, dtype=np.float32)
-    part = np.ones((1, solid.N_COLUMNS), dtype=np.float32)
-    cover(part, 0, 0.02, room[:-BEHIND], ROW)
-    assert (room[-BEHIND:] == 7).all()
 
 
 def test_samples_as_dense_as_half_a_pixel(body: BodyModel) -> None:

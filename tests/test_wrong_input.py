@@ -144,7 +144,7 @@ FOREIGN = {
         ("run", "videos", "a folder, expected a configuration: `bodytrack init"),
         ("run", "rig.toml", "a calibration of 4 cameras, expected a configuration: `bodytrack init VIDEOS --rig"),
         ("calibrate points", "rig.json", "a calibration of 4 cameras"),
-        ("smooth", "a_run.toml", "a file, expected the folder of a run"),
+        ("result smooth", "a_run.toml", "a file, expected the folder of a run"),
         ("init", "film.mp4", "expected a folder of videos: did you mean"),
     ],
 )

@@ -4,12 +4,47 @@ The files of `tracker.kernels` that call them say what arguments are. Arrays are
 and shapes; the others raise TypeError or ValueError with the argument's name.
 """
 
-from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.arrays import Array, Array32, Image, Integers, Mask, Numbers16
 
 SOURCES: str
 """Digest of what it was built from, see `tracker.native_sources`."""
 
+# body/: named tuples of `tracker.kernels.body`
+def chain_transforms(
+    poses: Array, rotates: Mask, axes: Array, points: Array, parents: Integers, motions: Array
+) -> None: ...
+def twists_in_world(
+    motions: Array, rotates: Mask, axes: Array, points: Array, parents: Integers, twists: Array
+) -> None: ...
+def sum_collisions(placements: Array, shapes: Array, pairs: Integers, sums: Array) -> None: ...
+def depth(shape: Array, u: float, v: float, w: float) -> float: ...
+def match_keypoints(
+    points: Array,
+    cameras: Array,
+    detected: tuple[object, ...],
+    n_limbs: int,
+    reach: tuple[float, float],
+    matches: tuple[object, ...],
+) -> None: ...
+def meet_parts(placements: Array, shapes: Array, centre: Array, rays: Array, parts: Integers, found: Array) -> None: ...
+def gaps_of(placements: Array, cameras: Array, carried: tuple[object, ...], most_m: float, gaps: Array) -> None: ...
+def residuals_of(
+    placements: Array, cameras: Array, carried: tuple[object, ...], slide_m: float, found: Array
+) -> None: ...
+def anchor_equations(
+    placements: Array,
+    carried: tuple[object, ...],
+    found: Array,
+    weights: Array,
+    ends: Integers,
+    twists: Array,
+    moves: Mask,
+    matrix: Array,
+    vector: Array,
+) -> tuple[float, float]: ...
+
 # contours/
+def moving_parts(placements: Array, moving: Mask) -> None: ...
 def chamfer_lookup(flat: Array32, regions: Integers, v: int, x: float, y: float, outside: float) -> float: ...
 def robust_mean(distances: Array32, weights: Array32, n: int, theta: float, reject: bool) -> float: ...
 def directed_distances(
@@ -110,3 +145,80 @@ def direction_gaps(queried: Array32, known: Array32, gaps: Array32) -> None: ...
 def warp_sequence(
     gaps: Array32, first: Integers, repeats: Mask, slack: Integers, unknown: float, entry: float, found: Integers
 ) -> float: ...
+
+# regions/: named tuples of `tracker.kernels.regions`
+def encode(picture: Image, codes: Numbers16) -> None: ...
+def learn_colours(counts: Integers, news: float, table: Array32) -> bool: ...
+def tabulate_posteriors(
+    tables: tuple[object, ...], rule: tuple[float, float], wanted: Mask, posteriors: Image
+) -> None: ...
+def find_shifts(
+    picture: tuple[object, ...],
+    looks: tuple[object, ...],
+    samples: tuple[object, ...],
+    beside: Integers,
+    cameras: Array,
+    wanted: Mask,
+    rule: tuple[object, ...],
+    shifts: Array32,
+) -> None: ...
+def shift_equations(
+    shifts: Array32,
+    samples: tuple[object, ...],
+    ends: Integers,
+    cameras: Array,
+    twists: Array,
+    moves: Mask,
+    px_per_observation: float,
+    matrix: Array,
+    vector: Array,
+) -> tuple[float, float]: ...
+def score_lines(
+    lines: tuple[object, ...],
+    positions: Array32,
+    points: Array32,
+    parts: Integers,
+    counts: Integers,
+    beside: Integers,
+    cameras: Array,
+    misfits: Array,
+) -> None: ...
+def parts_beside(
+    placements: Array,
+    shapes: Array,
+    bounds: Array,
+    cameras: Array,
+    positions: Array32,
+    points: Array32,
+    parts: Integers,
+    counts: Integers,
+    step_m: float,
+    found: Integers,
+) -> None: ...
+def score_regions(
+    placements: Array,
+    shapes: Array,
+    grids: Array32,
+    planes: Array32,
+    layout: tuple[int, int],
+    bounds: Array,
+    cameras: Array,
+    sizes: Array,
+    spacing: tuple[float, float],
+    lines: tuple[object, ...],
+    misfits: Array,
+) -> None: ...
+def learn_lines(
+    picture: tuple[object, ...],
+    samples: tuple[object, ...],
+    beside: Integers,
+    cameras: Array,
+    half_extents: Array,
+    useful: Mask,
+    step_m: float,
+    news: float,
+    posteriors: Image,
+    tables: tuple[object, ...],
+    changed: Mask,
+) -> None: ...
+def longest_lines(samples: tuple[object, ...], cameras: Array, step_m: float, longest_px: Array) -> None: ...

@@ -14,8 +14,8 @@ from tracker.alignment.in_step import in_step
 from tracker.alignment.moments import Tracked, chosen_moments, moments_of
 from tracker.errors import ConfigError
 from tracker.estimate import Estimate
-from tracker.export import write_result
-from tracker.files import check_empty, whole_folder
+from tracker.exports import check_place, write_result
+from tracker.files import whole_folder
 from tracker.progress import Progress, silent
 from tracker.result import Result
 from tracker.rig_layouts import load_rig, save_rig
@@ -55,7 +55,11 @@ def tracked_in(result: Result) -> list[Tracked]:
 
 
 def write_in_step(
-    result: Result, found: ViewAlignment, folder: Path | None = None, progress: Progress = silent
+    result: Result,
+    found: ViewAlignment,
+    folder: Path | None = None,
+    progress: Progress = silent,
+    overwrite: bool = False,
 ) -> Path:
     """Writes a result folder of the poses at the first view's moment, which loads and is evaluated as any.
 
@@ -64,6 +68,7 @@ def write_in_step(
         found: how late the views are.
         folder: where to, as a whole or not at all; None for the folder `in_step` in the result's.
         progress: told how far it is.
+        overwrite: replace such a result that is there already, with all that was made of it.
 
     Returns:
         The folder.
@@ -72,8 +77,8 @@ def write_in_step(
         ConfigError: the folder holds something.
         TrackerError: the recording is not there any more.
     """
-    target = folder_in_step(result, folder)
-    with whole_folder(target) as unfinished:
+    target = folder_in_step(result, folder, overwrite)
+    with whole_folder(target, overwrite) as unfinished:
         changed = dict(_counted(result, found, progress))
         replays = tuple(
             replace(replay, estimates=changed.get(replay.index, replay.estimates)) for replay in result.replays
@@ -85,28 +90,30 @@ def write_in_step(
     return target
 
 
-def folder_in_step(result: Result, folder: Path | None = None) -> Path:
+def folder_in_step(result: Result, folder: Path | None = None, overwrite: bool = False) -> Path:
     """Where `write_in_step` writes to, to be asked before the views are compared, which takes long.
 
     Args:
         result: the poses as tracked.
         folder: where to; None for the folder `in_step` in the result's.
+        overwrite: whether it may hold such a result.
 
     Raises:
         ConfigError: the folder holds something.
     """
     target = folder or result.folder / IN_STEP
-    check_empty(target)
+    check_place(target, "alignment", overwrite)
     return target
 
 
-def write_turned_rig(result: Result, found: ViewAlignment, path: Path) -> Path:
+def write_turned_rig(result: Result, found: ViewAlignment, path: Path, overwrite: bool = False) -> Path:
     """Writes the rig of the recording with its cameras turned as the persons show them, for another run.
 
     Args:
         result: the run.
         found: how they are turned.
         path: a TOML file.
+        overwrite: replace one that is there already.
 
     Returns:
         The file.
@@ -115,19 +122,19 @@ def write_turned_rig(result: Result, found: ViewAlignment, path: Path) -> Path:
         ConfigError: the file is there already, or its folder is not.
         TrackerError: the calibration that the run was made with is not there any more.
     """
-    check_new_file(path)
+    check_new_file(path, overwrite)
     reading = reading_of(result)
     save_rig(turned(load_rig(reading.rig, result.rig.names), found.turns), path)
     return path
 
 
-def check_new_file(path: Path) -> None:
-    """Refuses a place where a rig would replace something.
+def check_new_file(path: Path, overwrite: bool = False) -> None:
+    """Refuses a place where a rig would replace something unasked.
 
     Raises:
         ConfigError: the file is there already, or its folder is not.
     """
-    if path.exists() or not path.absolute().parent.is_dir():
+    if (path.exists() and not overwrite) or not path.absolute().parent.is_dir():
         raise ConfigError(f"--rig {path}: expected a file that is not there yet, in a folder that is")
 
 

@@ -14,21 +14,15 @@ import typer
 from rich.console import Console
 
 from tracker.commands.acquire import acquire
-from tracker.commands.align import align
-from tracker.commands.batch import batch
 from tracker.commands.calibrate import calibrate_app
-from tracker.commands.compare import compare
-from tracker.commands.evaluate import evaluate
-from tracker.commands.export import export
+from tracker.commands.earlier_names import Commands
 from tracker.commands.init import init
 from tracker.commands.job import add_jobs
-from tracker.commands.recognize import recognize
+from tracker.commands.result import result_app
 from tracker.commands.rig import rig_app
 from tracker.commands.run import demo, run
-from tracker.commands.segment import segment
 from tracker.commands.show import show
 from tracker.commands.simulate import simulate
-from tracker.commands.smooth import smooth
 from tracker.commands.surface import measure
 from tracker.commands.terminal import console, print_any_sign, print_error, quiet_libraries
 from tracker.commands.view import view
@@ -37,18 +31,17 @@ from tracker.errors import ConfigError, TrackerError, os_fault
 from tracker.plugins import ask_before_plugins
 
 app = typer.Typer(
+    cls=Commands,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     help="Model-based, marker-less motion capture from calibrated views.",
 )
-for _command in (demo, init, run, batch, view, show, evaluate, compare, align, smooth, export, acquire, warmup):
+for _command in (demo, init, run, view, show, acquire, simulate, warmup):
     app.command()(_command)
 app.command("surface")(measure)
-app.command()(recognize)
-app.command()(segment)
-app.command()(simulate)
 app.add_typer(calibrate_app, name="calibrate")
 app.add_typer(rig_app, name="rig")
+app.add_typer(result_app, name="result")
 add_jobs(app)
 
 

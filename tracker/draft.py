@@ -183,7 +183,7 @@ persons = [{{ name = "person1", model = "human", stature_m = "{UNMEASURED}" }}]
 
 [recordings]
 overlay = true              # the model over all views; false saves time
-# trc = true                # or c3d, osim, mot, bvh, glb, wide_table, isb_angles; also later: `bodytrack export`
+# trc = true                # or c3d, osim, mot, bvh, glb, wide_table, isb_angles; also later: `bodytrack result export`
 """
 
 

@@ -53,8 +53,26 @@ def _mask() -> int:
     return mask
 
 
-def check_empty(folder: Path) -> None:
+def check_free(files: Iterable[Path], overwrite: bool = False) -> None:
+    """Refuses to replace files unless that is asked for.
+
+    Raises:
+        ConfigError: one is there already.
+    """
+    for path in files:
+        if path.exists() and not overwrite:
+            raise ConfigError(f"{path} is there already: choose another --output{_OR_REPLACE}")
+
+
+_OR_REPLACE = ", or replace it with --overwrite"
+
+
+def check_empty(folder: Path, replaceable: bool = False) -> None:
     """Refuses a folder for results that holds something.
+
+    Args:
+        folder: may be missing.
+        replaceable: whether the command can replace it when asked, which is told.
 
     Raises:
         ConfigError: it does, or it is a file.
@@ -62,28 +80,46 @@ def check_empty(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise ConfigError(f"{folder} is a file: choose another --output, a folder")
     if folder.is_dir() and any(folder.iterdir()):
-        raise ConfigError(f"{folder} is not empty: choose another --output")
+        raise ConfigError(f"{folder} is not empty: choose another --output{_OR_REPLACE if replaceable else ''}")
 
 
 @contextlib.contextmanager
-def whole_folder(folder: Path) -> Iterator[Path]:
+def whole_folder(folder: Path, overwrite: bool = False) -> Iterator[Path]:
     """A folder beside another one, moved to its place if the block ends without an error and deleted otherwise.
 
     Args:
         folder: must not exist, or be empty.
+        overwrite: it may hold something, which is deleted when its successor is whole.
 
     Raises:
         ConfigError: it holds something.
     """
-    check_empty(folder)
+    if not overwrite:
+        check_empty(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     unfinished = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
     try:
         yield unfinished
         unfinished.chmod(0o777 & ~_mask())
-        unfinished.replace(folder)
+        with _put_aside(folder):
+            unfinished.replace(folder)
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _put_aside(folder: Path) -> Iterator[None]:
+    """Deletes what a folder held once the block has put another one into its place."""
+    if not folder.exists():
+        yield
+        return
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as aside:
+        before = folder.rename(Path(aside) / folder.name)
+        try:
+            yield
+        except OSError:
+            before.rename(folder)
+            raise
 
 
 class Successor:

@@ -16,7 +16,7 @@ from tracker.ball_joints import ball_joints, with_angles, with_vectors
 from tracker.config import describe
 from tracker.doubt import Doubt
 from tracker.estimate import Estimate, Status
-from tracker.export import write_result
+from tracker.exports import check_place, write_result
 from tracker.files import whole_folder
 from tracker.person_track import Track
 from tracker.recording.csv_table import parameter_columns
@@ -99,13 +99,14 @@ def _losing(estimate: Estimate) -> tuple[Doubt, ...]:
     return tuple(doubt for doubt in estimate.doubts if doubt.loses)
 
 
-def write_smoothed(result: Result, smoothing: Smoothing, folder: Path | None = None) -> Path:
+def write_smoothed(result: Result, smoothing: Smoothing, folder: Path | None = None, overwrite: bool = False) -> Path:
     """Writes a result folder of smooth poses, which loads, exports and is evaluated as the raw one.
 
     Args:
         result: the raw poses.
         smoothing: how.
         folder: where to, as a whole or not at all; None for the folder `smoothed` in the result's.
+        overwrite: replace a smoothed result that is there already, with all that was made of it.
 
     Returns:
         The folder.
@@ -115,7 +116,8 @@ def write_smoothed(result: Result, smoothing: Smoothing, folder: Path | None = N
     """
     smoothing.check(result.interval_s)
     target = folder or result.folder / FOLDER
-    with whole_folder(target) as unfinished:
+    check_place(target, "smoothing", overwrite)
+    with whole_folder(target, overwrite) as unfinished:
         tracks = [smooth_track(track, smoothing, result.interval_s) for track in result.persons]
         replays = tuple(
             replace(replay, estimates=tuple(track.estimates[t] for track in tracks))

@@ -67,6 +67,9 @@ class EdgeArguments {
     Input<Index, 1> first_;
 };
 
+// Refuses regions (V, 5) that do not lie in a flat array of n numbers.
+void check_regions(Array<const Index, 2> regions, const char *name, Index n);
+
 // Refuses parts (V, M), counts (V,) of which are valid, that are none of n_parts.
 void within_counted(Array<const Index, 2> parts, Array<const Index, 1> counts, const char *name, Index n_parts);
 

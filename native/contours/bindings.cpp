@@ -9,26 +9,21 @@ namespace bodytrack {
 
 namespace contours {
 
-namespace {
-
-// Refuses views whose chamfer image does not lie in a flat array of n numbers.
-void check_regions(Array<const Index, 2> regions, Index n) {
+void check_regions(Array<const Index, 2> regions, const char *name, Index n) {
     using namespace rows::region;
     for (Index v = 0; v < regions.shape[0]; v++) {
         const Index *at = regions[v].data, room = n - at[START];
         const bool inside = at[START] >= 0 && at[WIDTH] >= 0 && at[HEIGHT] >= 0 && room >= 0 &&
                             (at[WIDTH] == 0 || at[HEIGHT] <= room / at[WIDTH]);
-        if (!inside) throw nb::value_error(("regions: view " + std::to_string(v) + " does not lie in flat").c_str());
+        if (!inside) throw nb::value_error((std::string(name) + ": view " + std::to_string(v) + " has no room").c_str());
     }
 }
-
-}  // namespace
 
 EdgeArguments::EdgeArguments(nb::handle flat, nb::handle regions, nb::handle scene, nb::handle first, Index n_views)
     : flat_(flat, "flat", {ANY}), regions_(regions, "regions", {n_views, rows::region::N_COLUMNS}),
       scene_(scene, "scene", {ANY, rows::scene_point::N_COLUMNS}), first_(first, "first", {n_views + 1}) {
     rising(*first_, "first", scene_.length(0));
-    check_regions(*regions_, flat_.length(0));
+    check_regions(*regions_, "regions", flat_.length(0));
 }
 
 void within_counted(Array<const Index, 2> parts, Array<const Index, 1> counts, const char *name, Index n_parts) {
@@ -44,7 +39,7 @@ void bind_chamfer(nb::module_ &module) {
             const Input<Index, 2> r(regions, "regions", {ANY, rows::region::N_COLUMNS});
             const Input<float, 1> f(flat, "flat", {ANY});
             within(&v, 1, "v", 0, r.length(0));
-            check_regions(*r, f.length(0));
+            check_regions(*r, "regions", f.length(0));
             return chamfer_lookup({*f, *r, {}, {}}, v, x, y, outside);
         },
         named("flat"), named("regions"), nb::arg("v"), nb::arg("x"), nb::arg("y"), nb::arg("outside"));

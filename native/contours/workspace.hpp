@@ -14,6 +14,8 @@ constexpr int ROW = 33 * BLOCK;
 // n rounded up to whole blocks; one by one, the rest would take most of the time.
 constexpr int whole_blocks(int n) { return (n + BLOCK - 1) & ~(BLOCK - 1); }
 
+static_assert(whole_blocks(ROW) == ROW, "a full row is whole blocks");
+
 using Row = float[ROW];
 
 // What other parts do to a sample.

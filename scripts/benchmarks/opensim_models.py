@@ -12,7 +12,7 @@ from rich.table import Table
 
 from tracker.config import build
 from tracker.errors import ConfigError
-from tracker.export import export
+from tracker.exports import export
 
 _FLEXIONS = ("hip", "knee", "elbow")
 

@@ -74,7 +74,7 @@ class DelayChange:
         return (
             f"{names[v]} runs {abs(step_ms):.0f} ms {'later' if step_ms > 0 else 'earlier'} from some frame between "
             f"{last} and {first} on than before: it dropped or repeated frames, or its clock is another one; "
-            "repair its images, or bring the poses to one moment with `bodytrack align RESULT`"
+            "repair its images, or bring the poses to one moment with `bodytrack result align RESULT`"
         )
 
 
@@ -168,7 +168,7 @@ class ViewAlignment:
             late = ", ".join(f"{n} {1000 * s:+.0f} ms" for n, s in zip(others, self.delays_s[1:], strict=True))
             told.append(
                 f"views are out of step with {first} by parts of a frame: {late}; synchronize the cameras, or bring "
-                "the poses to one moment with `bodytrack align RESULT`"
+                "the poses to one moment with `bodytrack result align RESULT`"
             )
         if self.turned:
             degrees = np.degrees(np.linalg.norm(self.turns, axis=1))
@@ -179,6 +179,6 @@ class ViewAlignment:
             )
             told.append(
                 f"cameras are turned against the calibration: {beside}; calibrate again, or track with the rig that "
-                "`bodytrack align RESULT --rig turned.toml` writes"
+                "`bodytrack result align RESULT --rig turned.toml` writes"
             )
         return tuple(told)

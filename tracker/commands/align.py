@@ -1,4 +1,4 @@
-"""`bodytrack align`: how late the views of a result are, how their cameras are turned, and what to do about it."""
+"""`bodytrack result align`: how late the views of a result are, how their cameras are turned, what to do about it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from tracker.commands.options import Overwrite
 from tracker.commands.terminal import ProgressBar, console, marked
 
 
@@ -15,6 +16,7 @@ def align(
     result: Annotated[Path, typer.Argument(help="Result folder of a run; its recording must still be there.")],
     rig: Annotated[Path | None, typer.Option(help="Write the rig with its cameras turned as the persons show.")] = None,
     output: Annotated[Path | None, typer.Option(help="Folder of poses at one moment; default RESULT/in_step.")] = None,
+    overwrite: Overwrite = False,
     always: Annotated[bool, typer.Option("--always", help="Write these poses also if no view is late.")] = False,
 ) -> None:
     """Compares the views of a result by the persons tracked: which are late, whose cameras are turned.
@@ -32,9 +34,9 @@ def align(
     from tracker.result import load_result
 
     loaded = load_result(result)
-    folder_in_step(loaded, output)
+    folder_in_step(loaded, output, overwrite)
     if rig is not None:
-        check_new_file(rig)
+        check_new_file(rig, overwrite)
     with ProgressBar() as progress:
         found = alignment_of(loaded, progress)
     console.print(_table(described(found), found.n_moments))
@@ -43,10 +45,10 @@ def align(
     if not found.findings():
         console.print("the views are in step, and their cameras agree with the persons", highlight=False)
     if rig is not None:
-        console.print(f"rig: {write_turned_rig(loaded, found, rig)}", highlight=False, soft_wrap=True)
+        console.print(f"rig: {write_turned_rig(loaded, found, rig, overwrite)}", highlight=False, soft_wrap=True)
     if found.late or always:
         with ProgressBar() as progress:
-            folder = write_in_step(loaded, found, output, progress)
+            folder = write_in_step(loaded, found, output, progress, overwrite)
         whose = found.rig.names[0] + ("" if found.change is None else ", had no view changed")
         console.print(f"poses at the moment of {whose}: {folder}", highlight=False, soft_wrap=True)
 

@@ -1,38 +1,46 @@
-"""`bodytrack batch`: many recordings."""
+"""`bodytrack run` of many recordings."""
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING
 
 import typer
 from rich.table import Table
 
-from tracker.commands.options import Overrides
 from tracker.commands.terminal import ProgressBar, console
 
 if TYPE_CHECKING:
     from tracker.batching import Summary
 
+_FOLDER = Path("results/batch")
+"""Of a batch without --output."""
 
-def batch(
-    configs: Annotated[list[Path], typer.Argument(help="Configurations of the recordings, TOML.")],
-    output: Annotated[Path, typer.Option(help="Folder of the batch; results go to OUTPUT/NAME.")] = Path(
-        "results/batch"
-    ),
-    jobs: Annotated[int | None, typer.Option(min=1, help="Recordings at a time; default: as many as cores.")] = None,
-    resume: Annotated[bool, typer.Option(help="Leave out what is finished, continue what was interrupted.")] = False,
-    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://HOST:8786.")] = None,
-    set_: Overrides = None,
+
+@dataclass(frozen=True)
+class Side:
+    """How many recordings are tracked side by side, and where."""
+
+    jobs: int | None = None
+    """At a time; None: as many as cores."""
+
+    scheduler: str | None = None
+    """Address of a Dask scheduler; None: on this machine."""
+
+
+def track_many(
+    configs: Sequence[Path], overrides: Sequence[str], output: Path | None, resume: bool, beside: Side
 ) -> None:
     """Tracks many recordings side by side; a broken one fails alone."""
     from tracker.batching import plan, run
     from tracker.components import find
 
-    planned = plan(configs, set_ or (), output, resume)
-    fields: dict[str, Any] = {} if jobs is None else {"jobs": jobs}
-    fields |= {} if scheduler is None else {"scheduler": scheduler}
-    batching = find("batching", "processes" if scheduler is None else "dask")(**fields)
+    planned = plan(configs, overrides, output or _FOLDER, resume)
+    fields = {name: value for name, value in dataclasses.asdict(beside).items() if value is not None}
+    batching = find("batching", "processes" if beside.scheduler is None else "dask")(**fields)
     with ProgressBar() as progress:
         summaries = run(planned, batching, progress)
     _print(summaries)

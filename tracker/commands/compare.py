@@ -1,4 +1,4 @@
-"""`bodytrack compare`: a result against a marker system."""
+"""`bodytrack result compare`: a result against a marker system."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+from tracker.commands.options import Overwrite
 from tracker.commands.terminal import console
 
 if TYPE_CHECKING:
@@ -23,13 +24,16 @@ def compare(
         float | None, typer.Option(help="Marker time minus video time, s, to 0.1 s; default: found by angles.")
     ] = None,
     output: Annotated[Path | None, typer.Option(help="Folder to write to; default: the result folder.")] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Compares a result with markers: time and world are aligned; writes comparison.html, .csv, .json and .png."""
     from tracker.evaluation.marker_comparison import compare as compared
-    from tracker.evaluation.marker_page import write_comparison
+    from tracker.evaluation.marker_page import comparison_files, write_comparison
+    from tracker.files import check_free
 
+    folder = output or result
+    check_free(comparison_files(folder), overwrite)
     made = compared(result, markers, marker_set, person, offset)
-    folder = result if output is None else output
     folder.mkdir(parents=True, exist_ok=True)
     files = write_comparison(made, folder, (str(result), str(markers), str(marker_set)))
     print_comparison(made)

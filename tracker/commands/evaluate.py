@@ -1,4 +1,4 @@
-"""`bodytrack evaluate`, and the table of errors."""
+"""`bodytrack result evaluate`, and the table of errors."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+from tracker.commands.options import Overwrite
 from tracker.commands.terminal import console
 
 if TYPE_CHECKING:
@@ -19,15 +20,21 @@ if TYPE_CHECKING:
 def evaluate(
     result: Annotated[Path, typer.Argument(help="Result folder of a run.")],
     truth: Annotated[Path, typer.Option(help="Table of true joints, or the folder it is in.")],
+    output: Annotated[Path | None, typer.Option(help="Folder to write to; default: the result folder.")] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Compares a result with a truth: joint distances, angles, silhouettes; writes evaluation.json and .png."""
     from tracker.evaluation.comparison import error_figure
     from tracker.evaluation.comparison import evaluate as compared
-    from tracker.files import replacing, write_json
+    from tracker.files import check_free, replacing, write_json
 
+    folder = output or result
+    values, figure = folder / "evaluation.json", folder / "evaluation.png"
+    check_free((values, figure), overwrite)
     evaluation = compared(result, truth)
-    write_json(result / "evaluation.json", evaluation.as_dict())
-    with replacing(result / "evaluation.png") as picture:
+    folder.mkdir(parents=True, exist_ok=True)
+    write_json(values, evaluation.as_dict())
+    with replacing(figure) as picture:
         error_figure(evaluation).savefig(picture, dpi=110)
     print_evaluation(evaluation)
 

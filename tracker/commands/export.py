@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from tracker.commands.options import Overwrite
 from tracker.commands.terminal import console
 from tracker.errors import ConfigError
 
@@ -18,8 +19,9 @@ FORMATS = ("bvh", "c3d", "glb", "isb_angles", "mot", "opensim", "osim", "trc", "
 def export(
     result: Annotated[Path, typer.Argument(help="Result folder of a run.")],
     more: Annotated[list[str] | None, typer.Argument(help="Further formats.", show_default=False)] = None,
-    to: Annotated[list[str] | None, typer.Option("--to", help=f"Formats: {' '.join(FORMATS)}.")] = None,
-    output: Annotated[Path | None, typer.Option(help="Folder to write to; default: the result folder.")] = None,
+    to: Annotated[list[str] | None, typer.Option("--to", help=f"Formats: {','.join(FORMATS)}.")] = None,
+    output: Annotated[Path | None, typer.Option(help="Folder to write to; default RESULT/exports.")] = None,
+    overwrite: Overwrite = False,
     y_up: Annotated[
         bool, typer.Option("--y-up", help="Turn TRC and C3D to y up; BVH, GLB, MOT and OSIM always are, tables never.")
     ] = False,
@@ -29,14 +31,16 @@ def export(
     mass_kg: Annotated[
         list[str] | None, typer.Option("--mass-kg", help="Of opensim: the person's, or NAME=MASS; repeatable.")
     ] = None,
+    in_result: Annotated[bool, typer.Option("--in-result", hidden=True)] = False,
 ) -> None:
-    """Writes a finished result for other programs: `bodytrack export RESULT --to trc c3d`."""
+    """Writes a finished result for other programs: `bodytrack result export RESULT --to trc,c3d`."""
     from tracker.config import build
     from tracker.errors import nearest
-    from tracker.export import export as export_result
+    from tracker.exports import export as export_result
     from tracker.source_files import json_of
 
-    formats = list(dict.fromkeys([*(to or ()), *(more or ())]))
+    words = ",".join((*(to or ()), *(more or ()))).split(",")
+    formats = list(dict.fromkeys(filter(None, words)))
     if not formats:
         raise ConfigError(f"--to: expected one or more of {', '.join(FORMATS)}")
     for name in formats:
@@ -50,7 +54,8 @@ def export(
     if y_up:
         fields |= {name: {"y_up": True} for name in ("trc", "c3d")}
     recordings = [build("recording", {"use": name, **fields.get(name, {})}, f"--to {name}", Path()) for name in formats]
-    for file in export_result(result, recordings, output):
+    folder = output or (result if in_result else None)
+    for file in export_result(result, recordings, folder, overwrite):
         console.print(str(file), highlight=False, soft_wrap=True)
         if file.suffix == ".json":
             console.print(_fit(json_of(file, ConfigError)), highlight=False)

@@ -16,6 +16,8 @@ Output = Annotated[Path | None, typer.Option(help="Result folder; default result
 _OVERRIDE = "Override: section.key=value, paths relative to the configuration's folder; repeatable."
 Overrides = Annotated[list[str] | None, typer.Option("--set", help=_OVERRIDE)]
 Frames = Annotated[str | None, typer.Option(help="Range A:B of frames, either end may be left out.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is there already.")]
+"""Of the commands that work on results: they never replace anything unasked."""
 
 
 def with_range(overrides: list[str] | None, frames: str | None) -> list[str]:

@@ -1,4 +1,4 @@
-"""`bodytrack recognize`: which known movements a result shows."""
+"""`bodytrack result recognize`: which known movements a result shows."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Column, Table
 
+from tracker.commands.options import Overwrite
 from tracker.commands.terminal import console
 from tracker.errors import ConfigError
 
@@ -29,6 +30,7 @@ def recognize(
         list[str] | None, typer.Option(help="Folder of known movements; repeatable. Default: bundled.")
     ] = None,
     output: Annotated[Path | None, typer.Option(help="Folder to write to; default: the result folder.")] = None,
+    overwrite: Overwrite = False,
     add: Annotated[bool, typer.Option("--add", help="Add the result to --library as the movement NAME.")] = False,
     frames: Annotated[str | None, typer.Option(help="With --add: range A:B of its frames.")] = None,
     person: Annotated[str | None, typer.Option(help="With --add: which person; default: the only one.")] = None,
@@ -45,19 +47,20 @@ def recognize(
     given = {"NAME": name, "--frames": frames, "--person": person, "--performance": performance, "--about": about}
     for option, value in given.items():
         if value:
-            raise ConfigError(f"{option} {value}: only with --add; or bodytrack recognize {result} --add NAME")
-    from tracker.files import csv_lines, replacing, write_whole
+            raise ConfigError(f"{option} {value}: only with --add; or bodytrack result recognize {result} --add NAME")
+    from tracker.files import check_free, csv_lines, replacing, write_whole
     from tracker.recognition.library import load_library
     from tracker.recognition.limb_directions import course_of
     from tracker.recognition.matching import recognize as recognized
     from tracker.recognition.timeline import strip, table_rows, timeline
     from tracker.result import load_result
 
+    folder = output or result
+    check_free((folder / name for name in ("movements.csv", "movements.png")), overwrite)
     known = load_library(_folders(library))
     loaded = load_result(result)
     courses = {track.name: course_of(track.body, track.times_s, track.poses) for track in loaded.persons}
     persons = {who: timeline(course, recognized(course, known)) for who, course in courses.items()}
-    folder = output or result
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / "movements.csv", csv_lines(table_rows(persons)))
     with replacing(folder / "movements.png") as picture:
@@ -113,7 +116,7 @@ def _add(
 
     library, frames, person, performance = chosen
     if not name:
-        raise ConfigError(f"--add: expected a name: bodytrack recognize --add {result} NAME --library movements")
+        raise ConfigError(f"--add: expected a name: bodytrack result recognize --add {result} NAME --library movements")
     if not library or len(library) != 1 or library[0] == BUNDLED:
         raise ConfigError("--add: expected one folder of your own: --library movements; it is made if there is none")
     loaded = load_result(result)

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tracker.commands.batch import Side, track_many
 from tracker.commands.evaluate import print_evaluation
-from tracker.commands.options import Config, Frames, Output, Overrides, done, with_range
+from tracker.commands.options import Frames, Overrides, done, with_range
 from tracker.commands.terminal import ProgressBar, console
 from tracker.errors import ConfigError
 
@@ -18,19 +19,39 @@ if TYPE_CHECKING:
 
 
 def run(
-    config: Config,
-    output: Output = None,
+    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG", help="TOML; several make a batch.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(help="Result folder; default results/NAME/TIME. Of a batch: OUTPUT/NAME, results/batch."),
+    ] = None,
     set_: Overrides = None,
     frames: Frames = None,
     resume: Annotated[bool, typer.Option(help="Continue an interrupted run in --output, or the latest one.")] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Check all, track a few frames, say what it takes.")
     ] = False,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Recordings at a time; default: as many as cores.")] = None,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://HOST:8786.")] = None,
+    batch: Annotated[
+        bool, typer.Option("--batch", help="A batch also of one recording; so do --jobs and --scheduler.")
+    ] = False,
 ) -> None:
-    """Tracks a sequence."""
+    """Tracks a recording, or many side by side: a broken one fails alone."""
+    overrides = with_range(set_, frames)
+    if batch or jobs or scheduler or len(configs) > 1:
+        if dry_run:
+            raise ConfigError("--dry-run: of one configuration at a time, without --batch, --jobs and --scheduler")
+        track_many(configs, overrides, output, resume, Side(jobs, scheduler))
+        return
+    _track(configs[0], overrides, output, (resume, dry_run))
+
+
+def _track(config: Path, overrides: list[str], output: Path | None, asked: tuple[bool, bool]) -> None:
+    """One recording: `asked` is whether to go on with a run, and whether to look only what it takes."""
     from tracker.jobs import load_job
 
-    job = load_job("track", config, with_range(set_, frames))
+    resume, dry_run = asked
+    job = load_job("track", config, overrides)
     if dry_run:
         if resume:
             raise ConfigError("--dry-run --resume: expected one of them; --resume checks all before it goes on")

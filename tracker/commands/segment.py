@@ -1,4 +1,4 @@
-"""`bodytrack segment`: contours by level sets along a result, as pictures."""
+"""`bodytrack result segment`: contours by level sets along a result, as pictures."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tracker.commands.options import Overwrite
 from tracker.commands.terminal import console
 from tracker.errors import ConfigError
 
@@ -28,14 +29,17 @@ def segment(
     ] = None,
     width: Annotated[int, typer.Option(min=160, help="Of the pictures, px.")] = 1280,
     output: Annotated[Path | None, typer.Option(help="Folder to write to; default RESULT/segmentation.")] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Draws contours by level sets with and without the shape prior, and the poses found, over frames of a result."""
+    from tracker.files import check_free
     from tracker.result import load_result
     from tracker.viewing.segmentation import Chosen, segmented
     from tracker.viewing.segmentation_picture import write_picture
 
     chosen = Chosen(every, *_range(frames), back)
     by, folder = _evidence(set_ or []), output or result / FOLDER
+    check_free(folder.glob("[0-9]*.png"), overwrite)
     n_seen = n_drawn = 0
     for one in segmented(load_result(result), by, chosen):
         n_seen += 1

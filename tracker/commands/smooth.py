@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from tracker.commands.options import Overwrite
 from tracker.commands.terminal import console
 
 
@@ -15,6 +16,7 @@ def smooth(
     use: Annotated[str, typer.Option(help="Smoothing: rts, butterworth, spline, one_euro.")] = "rts",
     set_: Annotated[list[str] | None, typer.Option("--set", help="A field of it: cutoff_hz=8; repeatable.")] = None,
     output: Annotated[Path | None, typer.Option(help="Folder to write to; default RESULT/smoothed.")] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Smooths a finished result and fills its short gaps, into a result folder of its own; the raw one stays."""
     from tracker.config import build
@@ -25,7 +27,7 @@ def smooth(
     fields: dict[str, Any] = {}
     override_table(fields, set_ or ())
     smoothing = build("smoothing", {"use": use, **fields}, "--use", Path())
-    folder = write_smoothed(load_result(result), smoothing, output)
+    folder = write_smoothed(load_result(result), smoothing, output, overwrite)
     done = load_result(folder)
     for person in done.persons:
         filled, lost = person.statuses.count("filled"), person.statuses.count("lost")

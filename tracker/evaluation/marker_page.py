@@ -37,14 +37,19 @@ def write_comparison(made: MarkerComparison, folder: Path, sources: tuple[str, s
         The files.
     """
     figure = angle_figure(made)
-    page, table, values, picture = (folder / f"comparison.{kind}" for kind in ("html", "csv", "json", "png"))
+    page, table, values, picture = files = comparison_files(folder)
     write_whole(table, csv_lines(_rows(made)))
     write_json(values, made.as_dict() | dict(zip(("result", "markers", "marker_set"), sources, strict=True)))
     with replacing(picture) as unfinished:
         figure.savefig(unfinished, dpi=110)
     content = {"made": made, "sources": sources, "angles": _uri(figure), "distances": _uri(distance_figure(made))}
     write_whole(page, filled("tracker.evaluation", "_pages/comparison.html", content))
-    return page, table, values, picture
+    return files
+
+
+def comparison_files(folder: Path) -> tuple[Path, ...]:
+    """What `write_comparison` writes there: page, table, values and picture."""
+    return tuple(folder / f"comparison.{kind}" for kind in ("html", "csv", "json", "png"))
 
 
 def _rows(made: MarkerComparison) -> list[list[object]]:

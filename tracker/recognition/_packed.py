@@ -162,6 +162,6 @@ def _check_body(library: Library, features: Features) -> None:
         else ""
     )
     raise ConfigError(
-        f"the movements are of another body ({told or 'in another order'}): {person}bodytrack recognize --add makes a "
-        "--library of this one"
+        f"the movements are of another body ({told or 'in another order'}): {person}"
+        "bodytrack result recognize --add makes a --library of this one"
     )

@@ -135,7 +135,7 @@ def _movements_in(folder: Path, features: tuple[str, ...]) -> Iterator[Movement]
     if not inner:
         raise ConfigError(
             f"{folder}: no movement in it, expected folders with movement.toml and CSV tables; "
-            "bodytrack recognize RESULT NAME --add makes one"
+            "bodytrack result recognize RESULT NAME --add makes one"
         )
     for path in inner:
         tables = sorted(path.glob("*.csv"))

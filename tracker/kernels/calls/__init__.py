@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from tracker.kernels.rows import camera
-
 F8, F4, I8, B1 = np.float64, np.float32, np.int64, np.bool_
 I4, I2, U1 = np.int32, np.int16, np.uint8
 
@@ -25,10 +23,3 @@ def frozen(dtype: Any, *shape: int) -> Any:
     array = np.zeros(shape, dtype)
     array.setflags(write=False)
     return array
-
-
-def seen_body() -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Shapes, grids, planes, layout and bounds of a body's parts; cameras and image sizes."""
-    grids, planes = frozen(F4, 1, 17 * 32, 7), frozen(F4, 1, 4, 9 * 16)
-    cameras, sizes = frozen(F8, 1, camera.N_COLUMNS), frozen(F8, 1, 2)
-    return (frozen(F8, 1, 7), grids, planes, (9, 16), frozen(F8, 3, 1)), (cameras, sizes)

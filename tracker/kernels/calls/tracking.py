@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from tracker.kernels.body.keypoints import Detected, Matches, match_keypoints
-from tracker.kernels.body.kinematics import chain_transforms, twists_in_world
-from tracker.kernels.body.self_collision import sum_collisions
-from tracker.kernels.calls import B1, F4, F8, I2, I4, I8, U1, Call, frozen, own, seen_body
-from tracker.kernels.contours.scoring import moving_parts
+from tracker.kernels.calls import B1, F4, F8, I2, I4, I8, U1, Call, frozen, own
 from tracker.kernels.images.acceptance import expected_distances, marked
 from tracker.kernels.images.changes import large_regions, mark_changes, median_level
 from tracker.kernels.images.distance_images import chamfer_distances
@@ -28,8 +24,6 @@ from tracker.kernels.skins.tracing import trace_skins
 
 def tracking_calls() -> list[Call]:
     """The kernels of the tracking with arguments of the types used; read-only arrays are types of their own."""
-    chain = frozen(B1, 1), frozen(F8, 1, 3), frozen(F8, 1, 3), frozen(I8, 1)
-    model, rig = seen_body()
     slopes, found = (own(I2, 1, 1), own(I2, 1, 1)), (own(F4, 0, 2), own(F4, 0, 2), own(I8, 0))
     lens, lenses = frozen(F8, camera.N_COLUMNS), own(F8, 1, camera.N_COLUMNS)
     seen = own(U1, 1 + 2 * MARGIN, 1 + 2 * MARGIN, 3)
@@ -37,14 +31,7 @@ def tracking_calls() -> list[Call]:
     spots, weighted = frozen(F4, 1, 9 * 16, 3), (frozen(I8, 1, 3), frozen(F4, 0, 2))
     still = own(B1, 0), own(F8, 1, 2)
     traced = (own(F4, 1, 5), own(F4, 1, 3), own(I8, 1), own(B1, 1))
-    detected = Detected(frozen(F8, 0, 1, 3), frozen(I8, 2), frozen(I8, 1), frozen(I8, 1))
-    matches = Matches(own(F8, 0, 1, 1, 2), own(F8, 0, 1, 1), own(F8, 0, 1, 1), own(F8, 0, 1, 1))
     return [
-        (chain_transforms, (own(F8, 0, 1), *chain)),
-        (twists_in_world, (own(F8, 0, 2, 4, 4), *chain)),
-        (moving_parts, (own(F8, 1, 1, 4, 4),)),
-        (match_keypoints, (own(F8, 0, 1, 3), rig[0], detected, 0, (0.1, 0.1), matches)),
-        (sum_collisions, (own(F8, 0, 1, 4, 4), model[0], frozen(I8, 0, 2))),
         (strongest_slopes, (own(U1, 2, 2, 3), own(I2, 2, 2), own(I2, 2, 2))),
         (trace_segments, (own(U1, 3, 3), slopes, (4, 0.3, 8), grey, found)),
         (expected_distances, (found[0], found[0], own(F4, 0, 4), 20.0, 56.0)),

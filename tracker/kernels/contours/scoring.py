@@ -16,17 +16,10 @@ from tracker.kernels.rows import sample
 from tracker.kernels.rows.workspace import ROW
 
 
-@compiled
 def moving_parts(placements: Array) -> Mask:
     """Parts (P,) whose placements (B, P, 4, 4) are not the same in all poses; all of them where B is 0 or 1."""
-    n_poses, n_parts = placements.shape[:2]
-    moving = np.zeros(n_parts, dtype=np.bool_)
-    for p in range(n_parts):
-        moving[p] = n_poses <= 1
-        for b in range(1, n_poses):
-            for r in range(3):
-                for k in range(4):
-                    moving[p] |= placements[b, p, r, k] != placements[0, p, r, k]
+    moving = np.zeros(placements.shape[1], dtype=np.bool_)
+    native.moving_parts(placements, moving)
     return moving
 
 

@@ -12,9 +12,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from tracker.arrays import Array, Array32, Image, Integers, Mask
-from tracker.kernels.compilation import compiled
-from tracker.kernels.regions.colours import EVEN, HIDDEN, Picture, Tables
-from tracker.kernels.rows.camera import FX, R31, R32, R33, TZ
+from tracker.kernels.regions.colours import Picture, Tables
 
 SPOTS = (4.0, 9.0)
 """Steps outside of the contour at which is asked what part is seen there.
@@ -22,15 +20,6 @@ SPOTS = (4.0, 9.0)
 Places up to the middle of the two belong to the first; those inside too, which would show it if the contour moved
 inwards.
 """
-
-NEAR = 0.5 * (SPOTS[0] + SPOTS[1])
-"""Steps outside up to which the part seen at the first spot counts."""
-
-BACKGROUND = -1
-"""No part is seen at a spot."""
-
-DEEPEST = 1.7
-"""A line reaches this deep into a part, in smaller half extents: beyond its axis it comes out on the other side."""
 
 
 class Samples(NamedTuple):
@@ -99,24 +88,3 @@ class Lines(NamedTuple):
     """(P,) parts whose contours count."""
 
     rule: Rule
-
-
-@compiled
-def pixels_per_metre(camera: Array, x: float, y: float, z: float) -> float:
-    """Size in the image of a metre across the viewing ray of a world point, px; 0 behind the camera."""
-    depth = camera[R31] * x + camera[R32] * y + camera[R33] * z + camera[TZ]
-    return float(camera[FX] / depth) if depth > 1e-6 else 0.0
-
-
-@compiled
-def inside_share(looks: Looks, v: int, p: int, beside: int, colour: int, floor: float) -> float:
-    """254 times the probability that a pixel of a colour is of part p and not of what is beside it; or `HIDDEN`."""
-    if colour < 0:
-        return float(EVEN)
-    if beside == BACKGROUND or looks.posteriors[v, p, colour] == HIDDEN:
-        return float(looks.posteriors[v, p, colour])
-    if not looks.known[v, beside]:
-        return float(EVEN)
-    own = looks.tables.inside[v, p, colour] + floor
-    # As far as the posteriors go.
-    return 254.0 * min(max(own / (own + looks.tables.inside[v, beside, colour] + floor), 0.018), 0.982)

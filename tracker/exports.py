@@ -8,12 +8,18 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
+from tracker.errors import ConfigError
+from tracker.files import check_empty, check_free
 from tracker.recording import Recorder, Recording, RunContext
 from tracker.recording.csv_table import CsvTable
 from tracker.recording.journal import Journal
 from tracker.recording.run_json import RunJson
 from tracker.result import Result, load_result
 from tracker.rig_layouts import save_rig
+from tracker.source_files import json_of
+
+EXPORTS = "exports"
+"""Folder in a result's, for what is exported afterwards."""
 
 _DETAILS = (
     *("config", "choices", "images", "versions", "inputs", "findings", "bodies"),
@@ -22,29 +28,41 @@ _DETAILS = (
 """What recordings tell of how a result was made."""
 
 
-def export(result: Path, recordings: Iterable[Recording], output: Path | None = None) -> tuple[Path, ...]:
+def export(
+    result: Path, recordings: Iterable[Recording], output: Path | None = None, overwrite: bool = False
+) -> tuple[Path, ...]:
     """Writes recordings that need poses and times only, no images.
 
     Args:
         result: folder of a run.
         recordings: what to write.
-        output: where to; None for the result folder.
+        output: where to; None for `exports` in the result folder.
+        overwrite: replace files that are there already.
 
     Returns:
         The files written.
 
     Raises:
-        TrackerError: the folder is not that of a run, or something in it is damaged.
+        TrackerError: the folder is not that of a run, something in it is damaged, or a file is there already.
     """
-    return write_recordings(load_result(result), recordings, output or result)
+    return write_recordings(load_result(result), recordings, output or result / EXPORTS, overwrite)
 
 
-def write_recordings(result: Result, recordings: Iterable[Recording], folder: Path) -> tuple[Path, ...]:
+def write_recordings(
+    result: Result, recordings: Iterable[Recording], folder: Path, overwrite: bool = False
+) -> tuple[Path, ...]:
     """Writes recordings of a result that is loaded, all of them or none; see `export`."""
+    new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as unfinished:
-        files = _written(result, recordings, Path(unfinished))
-        return tuple(sorted(file.replace(folder / file.name) for file in files))
+    try:
+        with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as unfinished:
+            files = _written(result, recordings, Path(unfinished))
+            check_free((folder / file.name for file in files), overwrite)
+            return tuple(sorted(file.replace(folder / file.name) for file in files))
+    finally:
+        if new:
+            with contextlib.suppress(OSError):
+                folder.rmdir()  # where nothing was written
 
 
 def _written(result: Result, recordings: Iterable[Recording], folder: Path) -> list[Path]:
@@ -79,6 +97,23 @@ def write_result(result: Result, folder: Path) -> None:
     write_recordings(result, [CsvTable(), RunJson(), Journal()], folder)
     save_rig(result.rig, folder / "rig.toml")
     shutil.copytree(result.folder / "models", folder / "models")
+
+
+def check_place(folder: Path, change: str, overwrite: bool) -> None:
+    """Refuses a folder for a changed result that holds something, except one that is to be replaced.
+
+    Args:
+        folder: may be missing.
+        change: what run.json tells of such results: one of `tracker.result.CHANGED`.
+        overwrite: whether such a result may be replaced; anything else never is.
+
+    Raises:
+        ConfigError: the folder holds something.
+    """
+    told = folder / "run.json"
+    replaceable = told.is_file() and change in json_of(told, ConfigError)
+    if not (replaceable and overwrite):
+        check_empty(folder, replaceable)
 
 
 def _finish(recorder: Recorder, files: list[Path]) -> None:

@@ -1,0 +1,30 @@
+// Normal equations of contour shifts.
+#include "body/wrenches.hpp"
+#include "regions/shifts.hpp"
+
+namespace bodytrack::regions {
+
+Sums shift_equations(Array<const float, 3> shifts, const Samples &samples, const Chains &chains,
+                     Array<const double, 2> cameras, double px_per_observation, Array<double, 2> matrix,
+                     Array<double, 1> vector) {
+    std::vector<body::End> ends(chains.moves.shape[1]);
+    Sums sums;
+    for (Index v = 0; v < samples.counts.size(); v++)
+        for (Index m = 0; m < samples.counts[v]; m++) {
+            const Sample at(samples, v, m);
+            const Index end = chains.ends[at.p];
+            const float *shift = shifts[v][m].data;
+            const double weight = at.length / px_per_observation * shift[1] * shift[2];
+            if (!(weight > 0.0) || end < 0) continue;
+            const auto &[x, y, z] = at.point;
+            const Along along = project_along(cameras[v].data, x, y, z, at.nu, at.nv);
+            const double residual = -double(shift[0]);
+            ends[end].add({x, y, z}, {along.x, along.y, along.z}, residual, weight);
+            sums.squares += weight * residual * residual;
+            sums.total += weight;
+        }
+    body::chain(ends, chains.twists, chains.moves, matrix, vector);
+    return sums;
+}
+
+}  // namespace bodytrack::regions
