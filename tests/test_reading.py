@@ -29,8 +29,8 @@ from numbered_pictures import (
 )
 
 from tracker import reading
-from tracker.arrays import Image
 from tracker.errors import CalibrationError, SequenceError
+from tracker.frame import Packed, Pictures
 from tracker.reading.video import VideoReading, VideoView
 from tracker.rig import Rig
 from tracker.rig_layouts import load_rig, save_rig
@@ -278,17 +278,33 @@ def test_a_path_without_view_is_refused(numbered: Path, kind: Callable[..., Reco
         kind(numbered, background=str(numbered / "plate_east.png")).open()
 
 
+def test_images_are_packed_until_they_are_asked_for(numbered: Path) -> None:
+    """In half the memory, and the same to the bit whoever asks, whenever; changed ones are not packed."""
+    reading = videos(numbered)
+    (first, *_), bright = (list(one.open().frames()) for one in (reading, dataclasses.replace(reading, gain=1.5)))
+    assert isinstance(first.images, Pictures)
+    packed = first.images.packed[0]
+    assert isinstance(packed, Packed)
+    assert first.missing == ()
+    assert packed.shape == first.images[0].shape
+    again = first.unpacked()
+    assert isinstance(again.images, tuple)
+    for one, other in zip(first.images[:], again.images, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert isinstance(bright[0].images.packed[0], np.ndarray)
+
+
 def test_frames_are_streamed(numbered: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No view is decoded further ahead than the frame after the one in hand."""
     lock, decoded = threading.Lock(), dict.fromkeys(VIEWS, 0)
-    original = VideoView.read
+    original = VideoView.held
 
-    def counted(self: VideoView, index: int) -> Image | None:
+    def counted(self: VideoView, index: int) -> Packed | None:
         with lock:
             decoded[self._path.stem] = max(decoded[self._path.stem], index + 1)
         return original(self, index)
 
-    monkeypatch.setattr(VideoView, "read", counted)
+    monkeypatch.setattr(VideoView, "held", counted)
     frames = videos(numbered).open().frames()
     assert max(decoded.values()) == 0
     for _ in range(5):

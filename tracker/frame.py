@@ -2,9 +2,49 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, overload, runtime_checkable
 
 from tracker.arrays import Image, Mask
+
+
+@runtime_checkable
+class Packed(Protocol):
+    """An image as a codec leaves it, which takes half the memory of the image."""
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(h, w, 3) of the image."""
+        ...
+
+    def image(self) -> Image:
+        """The image (h, w, 3), made anew whenever it is asked for."""
+        ...
+
+
+class Pictures(Sequence[Image | None]):
+    """Images of all views, some of them packed until they are asked for."""
+
+    def __init__(self, views: Sequence[Image | Packed | None]) -> None:
+        """Nothing is unpacked yet."""
+        self.packed = tuple(views)
+
+    def __len__(self) -> int:
+        return len(self.packed)
+
+    @overload
+    def __getitem__(self, view: int) -> Image | None: ...
+    @overload
+    def __getitem__(self, view: slice) -> tuple[Image | None, ...]: ...
+    def __getitem__(self, view: int | slice) -> Image | tuple[Image | None, ...] | None:
+        if isinstance(view, slice):
+            return tuple(_unpacked(one) for one in self.packed[view])
+        return _unpacked(self.packed[view])
+
+
+def _unpacked(view: Image | Packed | None) -> Image | None:
+    return view.image() if isinstance(view, Packed) else view
 
 
 @dataclass(frozen=True)
@@ -17,7 +57,7 @@ class Frame:
     time_s: float
     """Time since frame 0, seconds."""
 
-    images: tuple[Image | None, ...]
+    images: Sequence[Image | None]
     """One BGR image `(h, w, 3)` a view, in the rig's order; None where that view is missing."""
 
     masks: tuple[Mask | None, ...] = ()
@@ -33,6 +73,10 @@ class Frame:
         """Of a view's image among all that it has, from 0 on."""
         return self.positions[view] if self.positions else self.index
 
+    def unpacked(self) -> Frame:
+        """The same with its images at hand: whoever looks at them again and again unpacks them once."""
+        return replace(self, images=tuple(self.images)) if isinstance(self.images, Pictures) else self
+
     def mask(self, view: int) -> Mask | None:
         """The silhouette that the user brings for a view."""
         return self.masks[view] if self.masks else None
@@ -40,4 +84,5 @@ class Frame:
     @property
     def missing(self) -> tuple[int, ...]:
         """Indices of the views without an image."""
-        return tuple(v for v, image in enumerate(self.images) if image is None)
+        views = self.images.packed if isinstance(self.images, Pictures) else self.images
+        return tuple(v for v, image in enumerate(views) if image is None)

@@ -61,7 +61,8 @@ class Sight:
             model_px: (V,) pixels that the persons covered shortly before: a foreground of quite another size is not
                 theirs. None where that is not known.
         """
-        self.frame = frame
+        self.frame = frame.unpacked()
+        self.held = frame  # steps keep this one: a window of them has thousands of images
         self.plates = plates or (None,) * len(frame.images)
         self._model_px = model_px
         self.strangers = False  # whether somebody who is none of the persons is hidden, see `hide`

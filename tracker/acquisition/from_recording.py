@@ -24,6 +24,7 @@ from tracker.body import BodyModel
 from tracker.carried import Carried, with_carried
 from tracker.estimate import Estimate
 from tracker.frame import Frame
+from tracker.freed_memory import give_back
 from tracker.scene import Scene
 from tracker.start import Start
 from tracker.tracking.cycle import Cycle, State
@@ -97,6 +98,7 @@ def fit_bodies(
     Raises:
         InitializationError: nobody was found.
     """
+    give_back()
     frames = _first(reopen, min(n_frames, LONGEST))
     if _n_known(frames[0], cycle) < LEAST_OUTLINED:
         few = f"as the model has them: no background is known in {LEAST_OUTLINED} views"
@@ -188,6 +190,7 @@ def _all_things(
     way: _Way, spaces: Spaces, untold: Collection[int], settings: ViewSettings
 ) -> dict[int, tuple[Thing, ...]]:
     """Place -> what is found of those of whom nothing was told."""
+    give_back()
     return {k: some for k in spaces if k in untold and (some := _things(way, k, settings))}
 
 

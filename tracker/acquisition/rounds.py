@@ -11,6 +11,7 @@ from tracker.acquisition.calibrated_views import Seen, ViewSettings, Watching, f
 from tracker.acquisition.fitting import Fit
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapeSpace
+from tracker.freed_memory import give_back
 from tracker.loss import doubted
 from tracker.scene import Scene
 from tracker.tracking.cycle import Cycle
@@ -45,6 +46,7 @@ class Round:
         in_spite: Collection[int] = (),
     ) -> Round:
         """Bodies fitted to the poses, of some in spite of doubts; the steps are then of these bodies."""
+        give_back()
         watching, fits = self.watching(cycle, settings), dict(self.fits)
         for k, space in spaces.items():
             seen = best_seen(self.steps, k, len(self.steps), settings.frames, doubted_too=k in in_spite)

@@ -10,6 +10,7 @@ from typing import Protocol, TypeVar
 
 from tracker.arrays import Image
 from tracker.errors import SequenceError
+from tracker.frame import Packed
 from tracker.reading._selection import OnMissing
 
 LEAST_FPS, MOST_FPS = 1e-3, 1e5
@@ -29,6 +30,10 @@ class ImageStream(Protocol):
         Raises:
             SequenceError: it cannot be read.
         """
+        ...
+
+    def held(self, index: int) -> Image | Packed | None:
+        """The same, packed where that takes less memory; see `read`."""
         ...
 
 
@@ -58,6 +63,10 @@ class AbsentView:
     """A view whose files are missing or cannot be opened."""
 
     def read(self, index: int) -> Image | None:
+        """None for every frame."""
+        return None
+
+    def held(self, index: int) -> Image | Packed | None:
         """None for every frame."""
         return None
 

@@ -12,6 +12,7 @@ from pydantic_core import PydanticCustomError
 
 from tracker.arrays import Image, Mask
 from tracker.errors import CalibrationError, SequenceError
+from tracker.frame import Packed
 
 _JPEG_START, _PNG_START, _TIFF_STARTS = b"\xff\xd8", b"\x89PNG\r\n", (b"II*\0", b"MM\0*")
 _JPEG_SCAN, _JPEG_END = 0xDA, 0xD9
@@ -28,7 +29,7 @@ _MOST_PIXELS = 2**28
 """268 million, 0.8 GB: four times the largest camera."""
 
 
-def check_size(name: str, image: Image, expected: tuple[int, int], source: str = "") -> None:
+def check_size(name: str, image: Image | Packed, expected: tuple[int, int], source: str = "") -> None:
     """Compares an image with the calibrated size.
 
     Args:

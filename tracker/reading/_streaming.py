@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from tracker.arrays import Image
 from tracker.errors import SequenceError
-from tracker.frame import Frame
+from tracker.frame import Frame, Packed, Pictures
 from tracker.imaging.noise import smoothed
 from tracker.reading._footage import ImageStream
 from tracker.reading._pictures import brightened, check_size, downscaled
@@ -59,13 +59,13 @@ class OpenViews:
         views = self.open_views()
         with ThreadPoolExecutor(max_workers=2) as pool:
 
-            def request(index: int) -> list[Future[Image | None]]:
-                return [pool.submit(self.image, v, view, index) for v, view in enumerate(views)]
+            def request(index: int) -> list[Future[Image | Packed | None]]:
+                return [pool.submit(self._held, v, view, index) for v, view in enumerate(views)]
 
             indices = self.selection.indices
             waiting = request(indices[0]) if len(indices) else []
             for k, index in enumerate(indices):
-                images = tuple(future.result() for future in waiting)
+                images = Pictures([future.result() for future in waiting])
                 if k + 1 < len(indices):
                     waiting = request(indices[k + 1])
                 yield Frame(index, index / self.fps, images, (), self.positions(index), self.first_number)
@@ -93,10 +93,15 @@ class OpenViews:
             SequenceError: it is missing or cannot be read.
             CalibrationError: it has not the calibrated size.
         """
+        found = self._held(v, view, index)
+        return found.image() if isinstance(found, Packed) else found
+
+    def _held(self, v: int, view: ImageStream, index: int) -> Image | Packed | None:
+        """The same, packed if it is delivered as recorded."""
         name = self.names[v]
         try:
             number = index + self.offsets[v]
-            image = view.read(number) if number >= 0 else None
+            image = view.held(number) if number >= 0 else None
         except SequenceError:
             if self.on_missing == "skip":
                 return None
@@ -109,7 +114,14 @@ class OpenViews:
                 "of such frames, or a shorter range with start and stop"
             )
         check_size(name, image, self.source_sizes[v])
+        if isinstance(image, Packed):
+            return image if self._as_recorded else self.delivered(image.image())
         return self.delivered(image)
+
+    @property
+    def _as_recorded(self) -> bool:
+        """Whether images are delivered unchanged."""
+        return self.gain == 1 and self.downscale == 1 and self.smoothing_px == 0
 
     def delivered(self, image: Image) -> Image:
         """An image or plate (h, w, 3), as recorded, as bright, as large and as smooth as images are delivered."""

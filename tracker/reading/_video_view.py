@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import threading
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import av
@@ -32,12 +33,20 @@ class VideoView(ImageStream):
     def __init__(self, path: Path, timeline: Timeline) -> None:
         self._path, self._timeline = path, timeline
         self._frames = _decoded(path, timeline.film, timeline.timed)
-        # A frame that converts itself makes the tables of the conversion anew: 0.4 ms of 2 for a view of 720x576.
-        self._convert = VideoReformatter()
+        self._convert = _Converter()
         self._stamp, self._image = -(2**63), None  # type: tuple[int, av.VideoFrame | None]
 
     def read(self, index: int) -> Image | None:
         """Image of a frame, None past the end, and where the file has dropped it.
+
+        Raises:
+            SequenceError: it cannot be decoded.
+        """
+        found = self.held(index)
+        return None if found is None else found.image()
+
+    def held(self, index: int) -> _Decoded | None:
+        """The same as it is decoded: luma, and chroma of every fourth pixel, as most codecs have it.
 
         Raises:
             SequenceError: it cannot be decoded.
@@ -55,7 +64,51 @@ class VideoView(ImageStream):
                 f"{self._path}: frame {index} cannot be decoded: the file is corrupt; "
                 'set on_missing = "skip" to go on without it'
             )
-        return _upright(self._image, self._convert, self._path)
+        return _Decoded(self._image, self._convert, self._path)
+
+
+@dataclass(frozen=True)
+class _Decoded:
+    """A frame of a file, not converted yet."""
+
+    frame: av.VideoFrame
+    convert: _Converter
+    path: Path
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(h, w, 3) of the image."""
+        size = self.frame.height, self.frame.width
+        return (*(size if self.frame.rotation % 180 == 0 else size[::-1]), 3)
+
+    def image(self) -> Image:
+        """BGR (h, w, 3), turned as the metadata tell.
+
+        Raises:
+            SequenceError: it is to be turned by something else than quarters.
+        """
+        return self.convert.upright(self.frame, self.path)
+
+
+class _Converter:
+    """Makes images of decoded frames, one at a time.
+
+    A frame that converts itself makes the tables of the conversion anew: 0.4 ms of 2 for a view of 720x576.
+    """
+
+    def __init__(self) -> None:
+        self._tables, self._lock = VideoReformatter(), threading.Lock()
+
+    def upright(self, frame: av.VideoFrame, path: Path) -> Image:
+        """BGR (h, w, 3), turned as the metadata tell (counter-clockwise degrees)."""
+        with self._lock:
+            image: Image = self._tables.reformat(frame, format="bgr24").to_ndarray().astype(np.uint8, copy=False)
+        quarters, rest = divmod(frame.rotation, 90)
+        if rest:
+            raise SequenceError(
+                f"{path}: is to be shown turned by {frame.rotation} degrees, expected quarters of a turn"
+            )
+        return image if quarters % 4 == 0 else np.ascontiguousarray(np.rot90(image, quarters))
 
 
 def _decoded(path: Path, film: int, timed: bool) -> Iterator[tuple[int, av.VideoFrame]]:
@@ -84,15 +137,6 @@ def _decoded(path: Path, film: int, timed: bool) -> Iterator[tuple[int, av.Video
 
 _MOST_FAULTS = 10**7
 """A demuxer that fails for ever is left: no recording has so many frames."""
-
-
-def _upright(frame: av.VideoFrame, convert: VideoReformatter, path: Path) -> Image:
-    """BGR (h, w, 3), turned as the metadata tell (counter-clockwise degrees)."""
-    image: Image = convert.reformat(frame, format="bgr24").to_ndarray().astype(np.uint8, copy=False)
-    quarters, rest = divmod(frame.rotation, 90)
-    if rest:
-        raise SequenceError(f"{path}: is to be shown turned by {frame.rotation} degrees, expected quarters of a turn")
-    return image if quarters % 4 == 0 else np.ascontiguousarray(np.rot90(image, quarters))
 
 
 def timeline(path: Path, name: str, whole: bool, size: tuple[int, int] | None = None) -> Timeline:

@@ -121,3 +121,6 @@ class _ImageView:
         if path is None:
             return None
         return intact_image(path)
+
+    def held(self, index: int) -> Image | None:
+        return self.read(index)

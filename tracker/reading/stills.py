@@ -75,6 +75,9 @@ class _Still:
             raise SequenceError(f"{self.path}: not an image that can be read: the file is corrupt or truncated")
         return image
 
+    def held(self, index: int) -> Image | None:
+        return self.read(index)
+
 
 @dataclass(frozen=True)
 class _OneFrame:

@@ -61,7 +61,7 @@ def track(
                 sight = ahead.next(step)
             if sight is None:
                 return
-            frame = sight.frame
+            frame = sight.held
             n_frames += frame.index >= cycle.nobody_before
             looking = Looking(n_frames >= cycle.loss.start_within, reopen, back)
             if frame.index in done:
@@ -110,7 +110,7 @@ def tracked(
         begun, back = _begun(sight, scene, cycle, looking)
     if back is not None and sight.frame.index in back.replays:
         replay = back.replays[sight.frame.index]
-        return replayed(sight.frame, scene, cycle, replay, back.start_in(sight.frame)), back
+        return replayed(sight.held, scene, cycle, replay, back.start_in(sight.frame)), back
     if begun is not None:
         step = begun
     else:

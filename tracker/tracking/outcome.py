@@ -48,7 +48,7 @@ def finished(
         estimates = judged_in_space(scene, estimates)
     there = _of_those_found(own, estimates) if any(one.lost for one in estimates) else models
     overlap = _overlap(there, foregrounds, [sight.unknown(v) for v in range(len(foregrounds))]) if looked else None
-    step = Step(sight.frame, scene, estimates, fitted, clock.seconds, overlap)
+    step = Step(sight.held, scene, estimates, fitted, clock.seconds, overlap)
     step = replace(step, model_px=covered_px(models, estimates))
     return judged_as_wholes(replace(step, untrusted=sight.untrusted, strangers=sight.strangers))
 

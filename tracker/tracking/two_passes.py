@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from tracker.frame import Frame
+from tracker.freed_memory import give_back
 from tracker.scene import Scene
 from tracker.tracking import replayed, track
 from tracker.tracking.coming_in import before_all, steps_of
@@ -34,6 +35,7 @@ def track_twice(
     Raises:
         InitializationError: no start pose was found in the first frames.
     """
+    give_back()
     first = next(frames, None)
     if first is None:
         return
@@ -46,6 +48,7 @@ def track_twice(
         if window[-1].index < cycle.nobody_before:
             waiting += [frame.index for frame in window]
             continue
+        give_back()
         steps, at = _window_tracked(window, beyond, at, cycle, done, reopen)
         provisional, replays = steps[-1].provisional, done
         if any(number not in done for number in waiting):
