@@ -12,12 +12,15 @@ from tracker.errors import ConfigError, ModelError
 from tracker.initialization._hypotheses import CoarseValues, apart, coarse_poses, different
 from tracker.initialization._placement import laid_in, placements
 from tracker.initialization._torso_axis import TorsoAxis
+from tracker.initialization._upper_bodies import in_stances
 from tracker.objective import Objective
 
 # Poses at a time: bounds the memory.
 _BATCH = 128
 # Stances whose landmarks are closer on average lead to the same pose.
 _APART_M = 0.25
+# The same of upper bodies, whose turns are hardly told by an outline; and so many times as many of them are kept.
+_UPPER_APART_M, _UPPER = 0.12, 3
 # Limits are kept in rad.
 _ROUNDED_DEG = 1e-6
 
@@ -58,6 +61,17 @@ class CoarseSearch:
         poses = laid_in(body, body.start.stances_deg, points, headings)
         ordered = poses[np.argsort(self._distances(poses), kind="stable")]
         return [*(self._turned(down) if down else ()), *different(body, ordered, n, _APART_M)]
+
+    def upper(self, poses: Array) -> list[Array]:
+        """The likeliest poses (dof,) of an upper body among poses (N, dof), and those with the limbs as in the stances.
+
+        All of them are tried with the limbs as in the last stance, a quarter with those of the others.
+        """
+        body, stances = self.objective.body, self.objective.body.start.stances_deg
+        order = np.argsort(self._distances(in_stances(body, poses, stances[-1:])), kind="stable")
+        likely = in_stances(body, poses[order[: max(len(poses) // 4, self.hypotheses)]], stances)
+        ordered = likely[np.argsort(self._distances(likely), kind="stable")]
+        return different(body, ordered, _UPPER * self.hypotheses, _UPPER_APART_M)
 
     def _turned(self, starts: list[Array]) -> list[Array]:
         """The likeliest poses (dof,) among the start poses with all turns and further values, of different turns."""

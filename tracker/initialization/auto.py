@@ -13,6 +13,7 @@ from tracker.initialization import Initialization, Stages
 from tracker.initialization._foregrounds import foregrounds
 from tracker.initialization._in_place import InPlace, beside, staying
 from tracker.initialization._person_sized import check_size
+from tracker.initialization._upper_bodies import has_upper_body_alone
 from tracker.initialization.given import GivenInitialization
 from tracker.initialization.pca import PcaInitialization
 from tracker.initialization.stance import StanceInitialization
@@ -53,8 +54,15 @@ class AutoInitialization:
             )
         fixed = [] if self.poses is not None else staying(scene)
         moving = tuple(person for k, person in enumerate(scene.persons) if k not in fixed)
-        told = [self._chosen(plates).check(replace(scene, persons=moving), plates)] if moving else []
+        told = [self._told(replace(scene, persons=moving), plates)] if moving else []
         return "; ".join([*told, *(f"{scene.persons[k].name} in its place" for k in fixed)])
+
+    def _told(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
+        """What the start of persons who do not stay in their place goes by."""
+        chosen = self._chosen(plates)
+        if chosen is self.stance and _upper_body_alone(scene, ()):
+            return "an upper body, where what moves has its tops; no background plates"
+        return chosen.check(scene, plates)
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.initialization.Initialization.start`."""
@@ -94,6 +102,8 @@ class AutoInitialization:
         if sum(plate is not None for plate in known) < max(2, 1 + sum(plate is not None for plate in stages.plates)):
             raise InitializationError(f"frame {frame.index}: nothing moves in the recording")
         start = self.pca.start(frame, scene, replace(stages, plates=known))
+        if _upper_body_alone(scene, stages.held):
+            return start  # its legs may be anywhere
         covered = Sight(frame, known).covered(stages.synthesis.silhouettes(scene.with_poses(start.poses)))
         if covered < LEAST_COVERED:
             raise InitializationError(
@@ -107,6 +117,12 @@ class AutoInitialization:
         if self.poses is not None and not (seen_before and n_plates >= 2):
             return GivenInitialization(poses=self.poses)
         return self.pca if n_plates else self.stance
+
+
+def _upper_body_alone(scene: Scene, held: tuple[int, ...]) -> bool:
+    """Whether one person is sought, by a model whose legs do not move: it needs no floor, and no whole person."""
+    sought = [person for k, person in enumerate(scene.persons) if k not in held]
+    return len(sought) == 1 and has_upper_body_alone(sought[0].body)
 
 
 def _in_another_light(frame: Frame, plates: tuple[Plate | None, ...]) -> bool:

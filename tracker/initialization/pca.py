@@ -12,6 +12,7 @@ import numpy as np
 import pydantic
 
 from tracker.arrays import Array, Mask
+from tracker.body import BodyModel
 from tracker.components import component
 from tracker.errors import BackdropError, ConfigError, InitializationError
 from tracker.estimation.best_first import BestFirstEstimation
@@ -35,6 +36,7 @@ from tracker.initialization._person_sized import person_sized
 from tracker.initialization._persons import Found, in_order, ways_to_find
 from tracker.initialization._placement import axis_marks, stands_upright, without_legs
 from tracker.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
+from tracker.initialization._upper_bodies import has_upper_body_alone, upper_poses
 from tracker.limbs import turned_round
 from tracker.objective import Objective
 from tracker.plate import Plate
@@ -42,7 +44,7 @@ from tracker.progress import Tally
 from tracker.rig import Rig
 from tracker.scene import Scene
 from tracker.sight import Sight
-from tracker.start import AxisFit, Hypothesis, Start
+from tracker.start import AxisFit, Hypothesis, Start, sureness
 from tracker.synthesis import side_by_side
 
 # Of somebody low shadows hide more: in frame 0 of V-Dance and frame 20 of P-Floor the right pose was fourth to sixth
@@ -70,7 +72,8 @@ class PcaInitialization:
 
     Persons must not overlap in the images, before a known background. Of those who stand the head is up. Somebody lower
     may lie either way round the axis, or crouch, sit or lie as the stances of the body's file. The axis of a body that
-    lies in its model file, an animal's trunk, is followed both ways.
+    lies in its model file, an animal's trunk, is followed both ways. Bodies whose legs do not move need not be whole in
+    the images: their heads are tops of what stands out.
     """
 
     min_area: float = pydantic.Field(default=0.002, gt=0, lt=1)
@@ -122,6 +125,9 @@ class PcaInitialization:
         stages.progress(f"start: what stands out in {sum(plate is not None for plate in stages.plates)} views")
         masks = foregrounds(frame, stages.plates)
         _enough(masks, frame, scene)
+        sought = [k for k in range(len(scene.persons)) if k not in stages.held]
+        if len(sought) == 1 and has_upper_body_alone(scene.persons[sought[0]].body):
+            return self._of_upper_body(sought[0], frame, scene, stages, masks)
         if not any(plate is not None and plate.unknown is not None for plate in stages.plates):
             stages = stages.counting("start: pose")
             found = self._drafts(frame, scene, stages, self._ways(masks, scene, stages))
@@ -143,6 +149,42 @@ class PcaInitialization:
         stages = stages.counting("start: finalist", sum(draft.n_hypotheses for ways in drafts for draft in ways))
         starts = side_by_side(stages.synthesis, lambda ways: self._settled(ways, stages), drafts)
         return least_left(starts, scene, self.finalists)
+
+    def _of_upper_body(
+        self, k: int, frame: Frame, scene: Scene, stages: Stages, masks: tuple[Mask | None, ...]
+    ) -> Start:
+        """The start of person k, whose legs do not move, where masks (H, W) of what stands out have their tops.
+
+        Hypotheses are ranked by their distances: all edges of what stands out that are not the person's, a board in the
+        hands, clothes, halos of what is not known, are left over by any of them.
+        """
+        alone, body = with_held(scene, k, stages.held), scene.persons[k].body
+        poses = upper_poses(body, scene.rig, masks)
+        if not len(poses):
+            raise InitializationError(f"frame {frame.index}: no top of what stands out is the head of somebody")
+        stages.progress(f"start: {len(poses)} poses of {scene.persons[k].name} below what stands out highest")
+        if any(plate is not None and plate.unknown is not None for plate in stages.plates):
+            frame = outlined(frame, stages.plates, segmented(frame, stages.plates))
+        objective = stages.objective(frame, alone, len(alone.persons) - 1)
+        stages = stages.counting("start: pose")
+        refined = self._all_refined(objective, self._coarse(objective).upper(poses), stages.tally)
+        nearest = min(refined, key=lambda one: one.distance_px)
+        refined += self._all_refined(objective, [turned_round(body, nearest.q)], stages.tally)
+        best = finalists(_by_distance(body, refined), _MORE_OF_LOW * self.finalists)
+        stages = stages.counting("start: finalist", len(best))
+        settled = []
+        for one in best:
+            stages.tally.begin()
+            settled.append(hypothesis(body, stages.estimation.estimate(objective, one.q[None])))
+        ranking = finalists(_by_distance(body, settled), self.finalists)
+        sure = sureness(tuple(replace(one, left_over=one.distance_px) for one in ranking))
+        own = [other == k for other in range(len(scene.persons))]
+        return Start(
+            tuple(person.q for person in scene.with_pose(k, ranking[0].q).persons),
+            ((),) * len(own),
+            tuple(ranking if mine else () for mine in own),
+            tuple(sure if mine else 1.0 for mine in own),
+        )
 
     def _ways(self, masks: tuple[Mask | None, ...], scene: Scene, stages: Stages) -> list[list[Found]]:
         """The ways to find the persons sought in the foregrounds (H, W) of all views."""
@@ -247,6 +289,11 @@ class PcaInitialization:
                 q, _ = self.fine.search_level(objective, q, level)
             refined.append(hypothesis(objective.body, self.refinement.estimate(objective, q[None])))
         return refined
+
+
+def _by_distance(body: BodyModel, hypotheses: list[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """Different hypotheses, the one of least distance first."""
+    return ranked(body, hypotheses, np.array([one.distance_px for one in hypotheses]))
 
 
 def _stand_out(frame: Frame, scene: Scene, stages: Stages, poses: list[Array]) -> None:
