@@ -90,6 +90,8 @@ def test_only_trunks_in_the_foreground_are_tried(scene: Scene, upper: BodyModel)
     gaps = np.linalg.norm(upper.landmarks_in_world(poses) - upper.landmarks_in_world(scene.persons[0].q), axis=2)
     shoulders = [upper.landmark_names.index(f"{side}_shoulder") for side in ("left", "right")]
     assert gaps[:, shoulders].max(axis=1).min() < 0.12
+    assert len(upper_poses(upper, RIG, CpuSynthesis().silhouettes(scene), (0.1, 0.1))) == len(poses)
+    assert not len(upper_poses(upper, RIG, CpuSynthesis().silhouettes(scene), (3.0, 0.1))), "he is not there"
     nothing = tuple(np.zeros((240, 320), np.bool_) for _ in RIG.cameras)
     assert not len(upper_poses(upper, RIG, nothing))
 

@@ -24,6 +24,8 @@ from tracker.seen_pixels import seen_pixels
 _VIEWS = 3
 # What is thinner than three voxels is no head; one top in so many voxels each way, and the highest ones of all.
 _THICK, _APART, _MOST_TOPS = 3, 9, 8
+# How far a head is from where somebody was told to be, at most, metres: who leans forwards.
+_NEAR_M = 1.0
 # Where the head may be from a top, metres: two voxels to each side, and lower rather than higher.
 _BESIDE_M, _ABOVE_M = (-0.08, 0.0, 0.08), (-0.12, -0.04, 0.04)
 # Leans of the trunk to one side at a time, and turns, degrees: a coarse search.
@@ -45,16 +47,22 @@ def has_upper_body_alone(body: BodyModel) -> bool:
     return bool(arms) and stands_upright(body) and not any(body.parts_of(limb)[lowest] for limb in body.limbs)
 
 
-def upper_poses(body: BodyModel, rig: Rig, masks: tuple[Mask | None, ...]) -> Array:
+def upper_poses(
+    body: BodyModel, rig: Rig, masks: tuple[Mask | None, ...], at: tuple[float, float] | None = None
+) -> Array:
     """Poses (N, dof), limbs as in the reference pose, heads near tops of what stands out, trunks in the foreground.
 
     Args:
         body: whose legs do not move.
         rig: the cameras.
         masks: (H, W) foreground of each view, None where there is none.
+        at: about where the person is, metres, if that was told.
     """
     clean = tuple(None if mask is None else cleaned(mask) for mask in masks)
-    places = _around(hull_tops(visual_hull(rig, clean, 0), sum(mask is not None for mask in masks)))
+    tops = hull_tops(visual_hull(rig, clean, 0), sum(mask is not None for mask in masks))
+    if at is not None:
+        tops = tops[np.linalg.norm(tops[:, :2] - at, axis=1) < _NEAR_M]
+    places = _around(tops[:_MOST_TOPS])
     ways = _leaning(body)
     heads = body.landmarks_in_world(ways)[:, axis_marks(body)[0]]
     poses = np.repeat(ways, len(places), axis=0)
@@ -78,15 +86,15 @@ def hull_tops(hull: Hull, n_views: int) -> Array:
     low = hull.cells.min(axis=0) - 1
     grid = np.zeros(hull.cells.max(axis=0) - low + 2, dtype=np.bool_)
     grid[tuple((hull.cells - low).T)] = True
-    grid = ndimage.binary_opening(grid, np.ones((_THICK,) * 3))
+    grid = ndimage.binary_opening(grid, np.ones((_THICK,) * 3, dtype=np.bool_))
     heights = np.where(grid.any(axis=2), grid.shape[2] - 1 - np.argmax(grid[:, :, ::-1], axis=2), -1)
     highest = (heights >= 0) & (heights == ndimage.maximum_filter(heights, size=_APART))
-    labels, n = ndimage.label(highest, np.ones((3, 3)))
+    labels, n = ndimage.label(highest, np.ones((3, 3), dtype=np.bool_))
     middles = np.array(ndimage.center_of_mass(highest, labels, range(1, n + 1))).reshape(-1, 2)
     levels = np.array(ndimage.maximum(heights, labels, range(1, n + 1))).reshape(-1, 1)
     step_m = _step_m(hull)
     tops: Array = hull.points[0] + step_m * (np.hstack([middles, levels]) + low - hull.cells[0])
-    return tops[np.argsort(-tops[:, 2], kind="stable")[:_MOST_TOPS]]
+    return tops[np.argsort(-tops[:, 2], kind="stable")]
 
 
 def _step_m(hull: Hull) -> float:

@@ -159,7 +159,7 @@ class PcaInitialization:
         hands, clothes, halos of what is not known, are left over by any of them.
         """
         alone, body = with_held(scene, k, stages.held), scene.persons[k].body
-        poses = upper_poses(body, scene.rig, masks)
+        poses = upper_poses(body, scene.rig, masks, None if stages.seen_before else scene.persons[k].at)
         if not len(poses):
             raise InitializationError(f"frame {frame.index}: no top of what stands out is the head of somebody")
         stages.progress(f"start: {len(poses)} poses of {scene.persons[k].name} below what stands out highest")
