@@ -6,6 +6,9 @@ namespace bodytrack {
 
 using Index = std::int64_t;
 
+// Grey level of a pixel, or a mark.
+using Byte = std::uint8_t;
+
 template <class T, int N>
 struct Array {
     T *data = nullptr;

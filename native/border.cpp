@@ -11,15 +11,17 @@ void rising(Array<const Index, 1> places, const char *name, Index end) {
         throw nb::value_error((std::string(name) + ": expected places that rise from 0 to " + std::to_string(end)).c_str());
 }
 
-void within(const Index *numbers, Index n, const char *name, Index low, Index end) {
-    for (Index k = 0; k < n; k++)
-        if (numbers[k] < low || numbers[k] >= end)
-            throw nb::value_error((std::string(name) + ": expected numbers from " + std::to_string(low) + " to " +
-                                   std::to_string(end - 1) + ", found " + std::to_string(numbers[k]))
-                                      .c_str());
+void expect(bool holds, const char *name, const char *wanted) {
+    if (!holds) throw nb::value_error((std::string(name) + ": expected " + wanted).c_str());
 }
 
 namespace border {
+
+void refuse(Index number, const char *name, Index low, Index end) {
+    throw nb::value_error((std::string(name) + ": expected numbers from " + std::to_string(low) + " to " +
+                           std::to_string(end - 1) + ", found " + std::to_string(number))
+                              .c_str());
+}
 
 bool is_format(const char *format, Index item_size, char kind, Index size) {
     if (format == nullptr || item_size != size) return false;

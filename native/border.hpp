@@ -67,6 +67,9 @@ constexpr char kind_of() {
 void take(nb::handle given, Py_buffer &buffer, const char *name, const char *type, char kind, Index item_size,
           const Index *expected, int n, bool writable);
 
+// Throws what to tell of a number that is not at least `low` and below `end`.
+[[noreturn]] void refuse(Index number, const char *name, Index low, Index end);
+
 }  // namespace border
 
 // An argument: an array that lives as long as this does. `Argument<const float, 2>` is read, `Argument<float, 2>` written.
@@ -94,8 +97,15 @@ class Argument {
 // Refuses places in another array that do not rise from 0 to `end`, as those where its pieces begin do.
 void rising(Array<const Index, 1> places, const char *name, Index end);
 
+// Refuses an argument of which something does not hold; `wanted` says what was expected.
+void expect(bool holds, const char *name, const char *wanted);
+
 // Refuses numbers that are not at least `low` and below `end`: places in another array.
-void within(const Index *numbers, Index n, const char *name, Index low, Index end);
+template <class T>
+void within(const T *numbers, Index n, const char *name, Index low, Index end) {
+    for (Index k = 0; k < n; k++)
+        if (Index(numbers[k]) < low || Index(numbers[k]) >= end) border::refuse(numbers[k], name, low, end);
+}
 
 template <class T, int N>
 using Input = Argument<const T, N>;

@@ -7,6 +7,7 @@ namespace bodytrack {
 
 void bind_body(nb::module_ &module);
 void bind_contours(nb::module_ &module);
+void bind_images(nb::module_ &module);
 void bind_movements(nb::module_ &module);
 void bind_regions(nb::module_ &module);
 
@@ -32,6 +33,7 @@ NB_MODULE(_native, module) {
     module.attr("SOURCES") = BODYTRACK_SOURCES;
     bodytrack::bind_body(module);
     bodytrack::bind_contours(module);
+    bodytrack::bind_images(module);
     bodytrack::bind_movements(module);
     bodytrack::bind_regions(module);
 }

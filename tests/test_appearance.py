@@ -14,6 +14,7 @@ from tracker.comparison import Comparison
 from tracker.evidence.regions import RegionEvidence
 from tracker.frame import Frame
 from tracker.imaging.appearance import _TABLES, appearance, is_monochrome
+from tracker.kernels.images.appearance import mark_appearance
 from tracker.scene import Person, Scene
 from tracker.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
@@ -45,6 +46,17 @@ def test_a_region_is_that_of_the_whole_picture(region: Region, in_colours: bool)
     x, y, width, height = region
     whole = appearance(noise, (0, 0, 120, 90))
     np.testing.assert_array_equal(appearance(noise, region), whole[y : y + height, x : x + width])
+
+
+def test_lightness_chroma_and_texture_are_looked_up_as_by_numpy() -> None:
+    rng = np.random.default_rng(5)
+    colours, (across, along) = (rng.integers(0, 256, shape, np.uint8) for shape in ((20, 30, 3), (2, 20, 30)))
+    tables = rng.integers(0, 256, 1000, np.uint8), rng.integers(0, 4, 256, np.uint8), rng.integers(0, 256, 16, np.uint8)
+    looks, part = np.zeros((12, 17, 3), np.uint8), np.s_[3:15, 9:26]
+    mark_appearance(colours, across, along, (9, 3), (2, -1, 255), tables, looks)
+    lightness, red, blue = np.moveaxis(colours[part].astype(int), 2, 0)
+    classes = tables[2][4 * tables[1][across[part]] + tables[1][along[part]]]
+    np.testing.assert_array_equal(looks, np.stack([lightness, tables[0][2 * red - blue + 255], classes], axis=-1))
 
 
 def test_what_a_codec_makes_of_grey_is_grey() -> None:

@@ -12,7 +12,7 @@ from recordings import small_simulation
 
 from tracker.arrays import Array, Image, Mask
 from tracker.imaging.light import Light, light_of, sparse
-from tracker.kernels.images.light import DARK, block_ratios, relight, smooth_surface
+from tracker.kernels.images.light import DARK, block_ratios, connected_blocks, relight, smooth_surface
 from tracker.plate import Plate, threshold_level
 from tracker.plate_changes import changed
 from tracker.reading.video import open_clip
@@ -78,6 +78,46 @@ def test_the_surface_is_that_of_most_blocks(stride: int) -> None:
     assert np.abs(found - truth).max() < 0.05
     exact = smooth_surface(truth, 0.03, 8, stride)
     np.testing.assert_allclose(exact, truth, atol=1e-5)
+
+
+def plain_surface(ratios: Array, least: float, n_steps: int, stride: int) -> Array:
+    """The twin of the surface: weighted normal equations by numpy."""
+    y, x = ((2 * np.arange(n) + 1) / n - 1 for n in ratios.shape[:2])
+    y, x = np.meshgrid(y, x, indexing="ij")
+    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+    taken, values = terms[::stride, ::stride].reshape(-1, 6), ratios[::stride, ::stride].reshape(-1, 3)
+    factors = np.zeros((6, 3))
+    factors[0] = np.median(values, axis=0)
+    for _ in range(n_steps):
+        off = np.abs(values - taken @ factors).max(axis=1)
+        weighted = (taken / (1 + (off / max(np.median(off), least)) ** 2)[:, None]).T
+        factors = np.linalg.solve(weighted @ taken + 1e-6 * np.eye(6), weighted @ values)
+    surface: Array = terms @ factors
+    return surface
+
+
+@pytest.mark.parametrize(("size", "stride"), [((3, 3), 1), ((7, 10), 1), ((17, 30), 2), ((1, 5), 1)])
+def test_the_surface_equals_its_numpy_twin(size: tuple[int, int], stride: int) -> None:
+    ratios = np.random.default_rng(8).normal(0, 0.3, (*size, 3))
+    np.testing.assert_allclose(
+        smooth_surface(ratios, 0.03, 8, stride), plain_surface(ratios, 0.03, 8, stride), atol=1e-9
+    )
+
+
+def test_blocks_are_connected_as_by_a_plain_search() -> None:
+    departures = np.random.default_rng(9).normal(0, 0.12, (18, 25, 3))
+    most = 0.2
+    reached = np.abs(departures).max(axis=2) < most
+    waiting = list(zip(*np.nonzero(reached), strict=True))
+    while waiting:
+        y, x = waiting.pop()
+        for v, u in ((y, x + 1), (y, x - 1), (y + 1, x), (y - 1, x)):
+            inside = 0 <= v < 18 and 0 <= u < 25
+            if inside and not reached[v, u] and np.abs(departures[v, u] - departures[y, x]).max() < most:
+                reached[v, u] = True
+                waiting.append((v, u))
+    assert 0.2 < (np.abs(departures).max(axis=2) < most).mean() < reached.mean() < 1
+    np.testing.assert_array_equal(connected_blocks(departures, most), reached)
 
 
 @pytest.mark.parametrize(("origin", "spacing"), [((0, 0), 1), ((-6, 40), 1), ((0, 0), 4)])

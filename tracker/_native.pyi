@@ -4,7 +4,13 @@ The files of `tracker.kernels` that call them say what arguments are. Arrays are
 and shapes; the others raise TypeError or ValueError with the argument's name.
 """
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tracker.arrays import Array, Array32, Image, Integers, Mask, Numbers16
+
+Pixels = NDArray[np.int32]
+Slopes = NDArray[np.int16]
 
 SOURCES: str
 """Digest of what it was built from, see `tracker.native_sources`."""
@@ -139,6 +145,56 @@ def normal_equations(
     matrix: Array,
     vector: Array,
 ) -> tuple[float, float]: ...
+
+# images/
+def marked(points: Array32, picture: Image, origin: tuple[int, int], marks: Mask) -> None: ...
+def expected_distances(
+    edges: Array32, directions: Array32, samples: Array32, bend_px: float, most_px: float, distances: Array32
+) -> None: ...
+def mark_appearance(
+    colours: Image,
+    across: Image,
+    along: Image,
+    corner: tuple[int, int],
+    weights: tuple[int, int, int],
+    chroma: Image,
+    steps: Image,
+    classes: Image,
+    looks: Image,
+) -> None: ...
+def mark_changes(image: Image, plate: Image, origin: tuple[int, int], level: float, moving: Image) -> None: ...
+def median_level(picture: Image) -> float: ...
+def large_regions(labels: Pixels, n_labels: int, least: float, mask: Mask) -> None: ...
+def without_shadows(
+    now: Image,
+    plate: Image,
+    origin: tuple[int, int],
+    moving: Image,
+    rule: tuple[float, float, float, float, float, float],
+    mask: Image,
+) -> None: ...
+def dominant_modes(pile: Image, reach: int, plate: Image, counts: Image, rivals: Image) -> None: ...
+def chamfer_distances(pixels: Pixels, reach: float, distance: Array32) -> None: ...
+def strongest_slopes(image: Image, dx: Slopes, dy: Slopes) -> None: ...
+def link_edges(edges: Image, points: Pixels, starts: Pixels) -> int: ...
+def split_segments(
+    points: Pixels, starts: Pixels, n_chains: int, rule: tuple[int, float, int], segments: Pixels
+) -> int: ...
+def edge_profile(points: Pixels, dx: Slopes, dy: Slopes, edges: Array32, directions: Array32) -> None: ...
+def trace_segments(
+    edges: Image,
+    dx: Slopes,
+    dy: Slopes,
+    rule: tuple[int, float, int],
+    near: Image,
+    positions: Array32,
+    directions: Array32,
+    segments: Integers,
+) -> tuple[int, int]: ...
+def block_ratios(now: Image, plate: Image, size: int, step: int, ratios: Array) -> None: ...
+def smooth_surface(ratios: Array, least: float, n_steps: int, stride: int, surface: Array) -> None: ...
+def connected_blocks(departures: Array, most: float, reached: Mask) -> None: ...
+def relight(picture: Image, gains: Array32, size: float, geometry: tuple[int, int, int], lit: Image) -> None: ...
 
 # movements/
 def direction_gaps(queried: Array32, known: Array32, gaps: Array32) -> None: ...

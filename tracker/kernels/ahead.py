@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Literal
 
-from tracker.kernels.calls.evidence import motion_calls, region_calls
+from tracker.kernels.calls.evidence import motion_calls
 from tracker.kernels.calls.measuring import calibration_calls, matching_calls
 from tracker.kernels.calls.tracking import skin_calls, tracking_calls
 from tracker.kernels.compilation import forget_others
@@ -19,7 +19,7 @@ GROUPS: tuple[Group, ...] = "tracking", "matching", "calibration"
 
 
 _CALLS = {
-    "tracking": lambda: [*tracking_calls(), *region_calls(), *motion_calls(), *skin_calls()],
+    "tracking": lambda: [*tracking_calls(), *motion_calls(), *skin_calls()],
     "matching": matching_calls,
     "calibration": calibration_calls,
 }

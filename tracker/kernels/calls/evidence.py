@@ -1,17 +1,10 @@
-"""The kernels of what tells more of a pose than contours: colours, and what is followed from image to image."""
+"""The kernels of what tells more of a pose than contours: what is followed from image to image."""
 
 from __future__ import annotations
 
-from tracker.kernels.calls import B1, F4, F8, I2, I8, U1, Call, frozen, own
-from tracker.kernels.images.appearance import mark_appearance
+from tracker.kernels.calls import B1, F4, F8, I2, I8, Call, frozen, own
 from tracker.kernels.pictures.nearest import draw_nearest, project_surfaces
 from tracker.kernels.rows import camera
-
-
-def region_calls() -> list[Call]:
-    """As `tracking_calls`, for the evidence of colours."""
-    slopes, looked_up = (own(U1, 1, 1),) * 2, (frozen(U1, 1), frozen(U1, 256), frozen(U1, 16))
-    return [(mark_appearance, (own(U1, 1, 1, 3), *slopes, (0, 0), (0, 0, 0), looked_up, own(U1, 1, 1, 3)))]
 
 
 def motion_calls() -> list[Call]:

@@ -2,15 +2,7 @@
 
 from __future__ import annotations
 
-from tracker.kernels.calls import B1, F4, F8, I2, I4, I8, U1, Call, frozen, own
-from tracker.kernels.images.acceptance import expected_distances, marked
-from tracker.kernels.images.changes import large_regions, mark_changes, median_level
-from tracker.kernels.images.distance_images import chamfer_distances
-from tracker.kernels.images.edge_segments import trace_segments
-from tracker.kernels.images.light import block_ratios, connected_blocks, relight, smooth_surface
-from tracker.kernels.images.modes import dominant_modes
-from tracker.kernels.images.shadows import MARGIN, without_shadows
-from tracker.kernels.images.slopes import strongest_slopes
+from tracker.kernels.calls import B1, F4, F8, I8, Call, frozen, own
 from tracker.kernels.pictures.coverage import cover_shares, cover_still, covered_sums
 from tracker.kernels.pictures.id_contours import id_contours
 from tracker.kernels.pictures.rasterization import rasterize
@@ -24,29 +16,12 @@ from tracker.kernels.skins.tracing import trace_skins
 
 def tracking_calls() -> list[Call]:
     """The kernels of the tracking with arguments of the types used; read-only arrays are types of their own."""
-    slopes, found = (own(I2, 1, 1), own(I2, 1, 1)), (own(F4, 0, 2), own(F4, 0, 2), own(I8, 0))
     lens, lenses = frozen(F8, camera.N_COLUMNS), own(F8, 1, camera.N_COLUMNS)
-    seen = own(U1, 1 + 2 * MARGIN, 1 + 2 * MARGIN, 3)
-    grey, depths = own(U1, 1, 1), own(F4, 1, 1)
+    depths = own(F4, 1, 1)
     spots, weighted = frozen(F4, 1, 9 * 16, 3), (frozen(I8, 1, 3), frozen(F4, 0, 2))
     still = own(B1, 0), own(F8, 1, 2)
     traced = (own(F4, 1, 5), own(F4, 1, 3), own(I8, 1), own(B1, 1))
     return [
-        (strongest_slopes, (own(U1, 2, 2, 3), own(I2, 2, 2), own(I2, 2, 2))),
-        (trace_segments, (own(U1, 3, 3), slopes, (4, 0.3, 8), grey, found)),
-        (expected_distances, (found[0], found[0], own(F4, 0, 4), 20.0, 56.0)),
-        (marked, (found[0], grey, (0, 0), own(B1, 0))),
-        (chamfer_distances, (own(I4, 0, 2), 40.0, own(F4, 1, 1))),
-        (median_level, (grey,)),
-        (mark_changes, (seen, seen, (0, 0), 14.0, grey)),
-        (without_shadows, (seen, seen, (0, 0), grey, (0.5, 0.8, 0.9, 8.0, 0.7, 8.0), grey)),
-        (block_ratios, (own(U1, 1, 1, 3), own(U1, 1, 1, 3), 1, 1)),
-        (smooth_surface, (own(F8, 3, 3, 3), 0.03, 1, 1)),
-        (connected_blocks, (own(F8, 3, 3, 3), 0.12)),
-        (dominant_modes, (own(U1, 1, 1, 1, 3), 12, own(U1, 1, 1, 3), own(U1, 1, 1), own(U1, 1, 1))),
-        (relight, (own(U1, 1, 1, 3), own(F4, 1, 1, 3), 1.0, (0, 0, 1), own(U1, 1, 1, 3))),
-        (relight, (frozen(U1, 1, 1, 3), own(F4, 1, 1, 3), 1.0, (0, 0, 1), own(U1, 1, 1, 3))),
-        (large_regions, (own(I4, 1, 1), 1, 0.02, own(B1, 1, 1))),
         (fill_parts, (own(F8, 1, 4, 4), frozen(F4, 1, 17 * 32, 7), (9, 16), lens, own(B1, 1, 1))),
         (cover_still, (own(F8, 1, 1, 4, 4), own(B1, 1), spots, (9, 16), lenses, *weighted)),
         (covered_sums, (own(F8, 0, 1, 4, 4), own(B1, 1), spots, (9, 16), lenses, *weighted, still)),

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import tracker._native as native
 from tracker.arrays import Image
-from tracker.kernels.compilation import compiled
 
 
-@compiled
 def mark_appearance(
     colours: Image,
     across: Image,
@@ -26,12 +25,4 @@ def mark_appearance(
         tables: chroma (K,); steps of a slope (256,), 0 to 3; classes (16,) of four times a step across plus one along.
         looks: (h, w, 3) output.
     """
-    chroma, steps, classes = tables
-    red, blue, added = weights
-    for row in range(looks.shape[0]):
-        y = corner[1] + row
-        for column in range(looks.shape[1]):
-            x = corner[0] + column
-            looks[row, column, 0] = colours[y, x, 0]
-            looks[row, column, 1] = chroma[red * colours[y, x, 1] + blue * colours[y, x, 2] + added]
-            looks[row, column, 2] = classes[4 * steps[across[y, x]] + steps[along[y, x]]]
+    native.mark_appearance(colours, across, along, corner, weights, *tables, looks)
