@@ -148,7 +148,7 @@ class Doubts:
             n_before=self.n_before + (not found),
             why_unfound=step.why_unfound or self.why_unfound,
             n_in_doubt=self.n_in_doubt + any(one.doubts for one in step.estimates),
-            reasons=dict(Counter(self.reasons) + Counter(_reasons(step))),
+            reasons=dict(Counter(self.reasons) + Counter(reasons_in(step))),
         )
 
     @property
@@ -218,8 +218,8 @@ class Doubts:
         return f"{self.n_in_doubt} of {self.n_frames} frames in doubt: {', '.join(told)}{more}"
 
 
-def _reasons(step: Step) -> Iterator[tuple[str, Because]]:
-    """What is in doubt in a frame, and why."""
+def reasons_in(step: Step) -> Iterator[tuple[str, Because]]:
+    """What is in doubt in a frame, a limb or a person, and why."""
     for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
         alone = len(step.estimates) == 1
         for doubt in estimate.reasons:

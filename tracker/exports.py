@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import shutil
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
-from tracker.errors import ConfigError
+from tracker.errors import ConfigError, TrackerError
 from tracker.files import check_empty, check_free
+from tracker.frame import Frame
+from tracker.progress import Progress, silent
 from tracker.recording import Recorder, Recording, RunContext
 from tracker.recording.csv_table import CsvTable
 from tracker.recording.journal import Journal
@@ -17,6 +21,10 @@ from tracker.recording.run_json import RunJson
 from tracker.result import Result, load_result
 from tracker.rig_layouts import save_rig
 from tracker.source_files import json_of
+from tracker.synthesis.cpu import CpuSynthesis
+from tracker.trajectory import Step
+
+log = logging.getLogger("tracker")
 
 EXPORTS = "exports"
 """Folder in a result's, for what is exported afterwards."""
@@ -56,7 +64,7 @@ def write_recordings(
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as unfinished:
-            files = _written(result, recordings, Path(unfinished))
+            files = _written(result, recordings, Path(unfinished), result.steps())
             check_free((folder / file.name for file in files), overwrite)
             return tuple(sorted(file.replace(folder / file.name) for file in files))
     finally:
@@ -65,7 +73,41 @@ def write_recordings(
                 folder.rmdir()  # where nothing was written
 
 
-def _written(result: Result, recordings: Iterable[Recording], folder: Path) -> list[Path]:
+def write_pictures(
+    result: Result, recordings: Iterable[Recording], frames: Iterable[Frame], folder: Path, progress: Progress = silent
+) -> None:
+    """Writes recordings that show images and contours.
+
+    Args:
+        result: the poses.
+        recordings: what to write.
+        frames: of the recording that the result was made from, in order; where one is not there any more, nothing is
+            shown but the contours.
+        folder: that holds the result's tables, which a report links to.
+        progress: told how far it is.
+    """
+    _written(result, recordings, folder, _pictured(result, frames, progress))
+
+
+def _pictured(result: Result, frames: Iterable[Frame], progress: Progress) -> Iterator[Step]:
+    """The steps of a result with images and contours."""
+    synthesis, left = CpuSynthesis(), iter(frames)
+    for n, step in enumerate(result.steps(), start=1):
+        progress("drawing", n, len(result.replays))
+        frame = _next(left, step.frame.index) or step.frame
+        yield replace(step, frame=replace(frame, time_s=step.frame.time_s), fitted=synthesis.contours(step.scene))
+
+
+def _next(frames: Iterator[Frame], index: int) -> Frame | None:
+    """The frame of a number among those that follow; None if it cannot be read."""
+    try:
+        return next((frame for frame in frames if frame.index >= index), None)
+    except TrackerError as error:
+        log.warning("no more images: %s", error)
+        return None
+
+
+def _written(result: Result, recordings: Iterable[Recording], folder: Path, steps: Iterable[Step]) -> list[Path]:
     context = RunContext(
         name=result.name,
         folder=folder,
@@ -81,7 +123,7 @@ def _written(result: Result, recordings: Iterable[Recording], folder: Path) -> l
         for recording in recordings:
             recorders.append(recording.begin(context))
             closing.callback(_finish, recorders[-1], files)
-        for step in result.steps():
+        for step in steps:
             for recorder in recorders:
                 recorder.write(step)
     return files

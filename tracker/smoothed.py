@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,11 +15,16 @@ from tracker.arrays import Array, Mask, frozen
 from tracker.ball_joints import ball_joints, with_angles, with_vectors
 from tracker.config import describe
 from tracker.doubt import Doubt
+from tracker.errors import TrackerError
 from tracker.estimate import Estimate, Status
-from tracker.exports import check_place, write_result
+from tracker.exports import check_place, write_pictures, write_result
 from tracker.files import whole_folder
+from tracker.frame import Frame
 from tracker.person_track import Track
+from tracker.progress import Progress, silent
+from tracker.recording import Recording
 from tracker.recording.csv_table import parameter_columns
+from tracker.recording.overlay import Overlay
 from tracker.result import Result
 from tracker.smoothing import Smoothed, Smoothing, Stretch, stretches_of
 
@@ -99,7 +104,27 @@ def _losing(estimate: Estimate) -> tuple[Doubt, ...]:
     return tuple(doubt for doubt in estimate.doubts if doubt.loses)
 
 
-def write_smoothed(result: Result, smoothing: Smoothing, folder: Path | None = None, overwrite: bool = False) -> Path:
+@dataclass(frozen=True)
+class Pictures:
+    """What a smooth result has to look at."""
+
+    recordings: tuple[Recording, ...]
+    """Usually a report and an overlay."""
+
+    frames: Callable[[], Iterator[Frame]]
+    """Opens the recording that the result was made from; raises TrackerError where it is not there any more."""
+
+    progress: Progress = silent
+    """Told how far it is."""
+
+
+def write_smoothed(
+    result: Result,
+    smoothing: Smoothing,
+    folder: Path | None = None,
+    overwrite: bool = False,
+    pictures: Pictures | None = None,
+) -> Path:
     """Writes a result folder of smooth poses, which loads, exports and is evaluated as the raw one.
 
     Args:
@@ -107,6 +132,7 @@ def write_smoothed(result: Result, smoothing: Smoothing, folder: Path | None = N
         smoothing: how.
         folder: where to, as a whole or not at all; None for the folder `smoothed` in the result's.
         overwrite: replace a smoothed result that is there already, with all that was made of it.
+        pictures: what is written to look at; None for nothing.
 
     Returns:
         The folder.
@@ -127,7 +153,21 @@ def write_smoothed(result: Result, smoothing: Smoothing, folder: Path | None = N
         smooth = replace(result, replays=replays, details=details)
         write_result(smooth, unfinished)
         _write_derivatives(smooth, tracks, unfinished)
+        if pictures is not None:
+            _draw(smooth, pictures, unfinished)
     return target
+
+
+def _draw(result: Result, pictures: Pictures, folder: Path) -> None:
+    """Writes what is to be looked at; without the recording a report alone, which has numbers and contours."""
+    recordings, frames = pictures.recordings, iter(tuple[Frame, ...]())
+    try:
+        frames = pictures.frames()
+    except TrackerError as error:
+        log.warning("no overlay, and no images in the report: %s", error)
+        recordings = tuple(one for one in recordings if not isinstance(one, Overlay))
+    if recordings:
+        write_pictures(result, recordings, frames, folder, pictures.progress)
 
 
 def _write_derivatives(result: Result, tracks: Sequence[SmoothTrack], folder: Path) -> None:

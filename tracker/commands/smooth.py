@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from tracker.commands.options import Overwrite
-from tracker.commands.terminal import console
+from tracker.commands.terminal import ProgressBar, console
 
 
 def smooth(
@@ -21,13 +21,19 @@ def smooth(
     """Smooths a finished result and fills its short gaps, into a result folder of its own; the raw one stays."""
     from tracker.config import build
     from tracker.config_files import override_table
+    from tracker.recording.overlay import Overlay
+    from tracker.recording.report import Report
     from tracker.result import load_result
-    from tracker.smoothed import write_smoothed
+    from tracker.smoothed import Pictures, write_smoothed
+    from tracker.viewing.images import images_of
 
     fields: dict[str, Any] = {}
     override_table(fields, set_ or ())
     smoothing = build("smoothing", {"use": use, **fields}, "--use", Path())
-    folder = write_smoothed(load_result(result), smoothing, output, overwrite)
+    raw = load_result(result)
+    with ProgressBar() as progress:
+        pictures = Pictures((Report(), Overlay()), lambda: images_of(raw), progress)
+        folder = write_smoothed(raw, smoothing, output, overwrite, pictures)
     done = load_result(folder)
     for person in done.persons:
         filled, lost = person.statuses.count("filled"), person.statuses.count("lost")

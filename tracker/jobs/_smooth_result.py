@@ -13,8 +13,10 @@ from tracker.jobs._recorded import TrackOutcome
 from tracker.recording import Recording
 from tracker.recording.journal import FILE as JOURNAL
 from tracker.result import load_result
-from tracker.smoothed import FOLDER, write_smoothed
+from tracker.smoothed import FOLDER, Pictures, write_smoothed
 from tracker.smoothing import Smoothing
+
+_SHOWN = "report", "overlay"
 
 log = logging.getLogger("tracker")
 
@@ -36,14 +38,17 @@ def check_smoothing(smoothing: Smoothing, interval_s: float, recordings: Iterabl
         raise ConfigError(f"smoothing needs the recordings journal and run_json; add {', '.join(sorted(missing))}")
 
 
-def smoothed(outcome: TrackOutcome, smoothing: Smoothing) -> TrackOutcome:
+def smoothed(outcome: TrackOutcome, smoothing: Smoothing, pictures: Pictures) -> TrackOutcome:
     """The outcome with the smooth result beside the raw one, in place of that of an interrupted run.
 
+    It has a report and an overlay if the raw one has; after an interruption nobody waits for them.
     Of a run that was interrupted in its first window, which is kept when it has been tracked back, there is none yet.
     """
     shutil.rmtree(outcome.folder / FOLDER, ignore_errors=True)
     if outcome.interrupted and not (outcome.folder / JOURNAL).stat().st_size:
         log.warning("not smoothed: no frame is kept before its window has been tracked back")
         return outcome
-    folder = write_smoothed(load_result(outcome.folder), smoothing)
+    shown = [one for one in pictures.recordings if component_name(type(one)) in _SHOWN]
+    drawn = None if outcome.interrupted or not shown else replace(pictures, recordings=tuple(shown))
+    folder = write_smoothed(load_result(outcome.folder), smoothing, pictures=drawn)
     return replace(outcome, files=(*outcome.files, folder))

@@ -37,6 +37,7 @@ from tracker.reading import Reading, Sequence
 from tracker.recording import DEFAULTS, Recording, chosen_recordings, described_recordings
 from tracker.recording.journal import Expected, OpenJournal, as_kept, open_journal
 from tracker.scene import Person, Scene
+from tracker.smoothed import Pictures
 from tracker.smoothing import Smoothing
 from tracker.subject import Subject
 from tracker.synthesis import Synthesis
@@ -241,7 +242,7 @@ class TrackJob:
         steps = tracked.kept(telling(map(as_kept, steps), findings.add))
         outcome = recorded(self.recordings, context, steps, folder, (progress, stop), conclude)
         if self.smoothing is not None and outcome.n_frames:
-            outcome = smoothed(outcome, self.smoothing)
+            outcome = smoothed(outcome, self.smoothing, Pictures(self.recordings, opened.frames, progress))
         return replace(outcome, seconds=time.perf_counter() - begin)
 
     def _choices(self, opened: OpenedTrack, cycle: Cycle) -> dict[str, str]:

@@ -8,7 +8,7 @@ upright with the limbs straight down, which is where all angles are zero.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -27,6 +27,9 @@ _NO_PLANE_DEG = 5.0
 
 _NOTHING = 1e-9
 """Rad, of an angle that stays zero whatever the pose."""
+
+_STEP = 1e-6
+"""By which parameters are changed to see how angles change, rad and m."""
 
 _UPRIGHT = np.cos(np.radians(20.0))
 """Limbs of a reference pose hang down if they are nearer to the vertical than this."""
@@ -69,6 +72,26 @@ class AnatomicalJoint:
         moves = ~(np.abs(self.of(turns)) < _NOTHING).all(axis=0)  # an angle that says nothing is none that stays zero
         angles, columns = (tuple(np.compress(moves, of).tolist()) for of in (self.angles, self.columns))
         return replace(self, angles=angles, columns=columns)
+
+
+def angles_of(joints: Sequence[AnatomicalJoint], body: BodyModel, q: Array, covariance: Array) -> tuple[Array, Array]:
+    """Angles of all joints at a pose, and their standard deviations.
+
+    Args:
+        joints: of the body.
+        body: whose pose it is.
+        q: (dof,) rad and m.
+        covariance: (dof, dof) of it, which is carried on to the angles to first order.
+
+    Returns:
+        (A,) and (A,) degrees; NaN where an angle says nothing, or where nothing is known of the pose.
+    """
+    poses = np.vstack([q, q + _STEP * np.eye(body.dof)])
+    turns = body.world_from_parameters(poses)[:, [segment.end for segment in body.segments], :3, :3]
+    angles = np.concatenate([joint.of(turns) for joint in joints], axis=1)
+    rates = (np.remainder(angles[1:] - angles[0] + np.pi, 2 * np.pi) - np.pi) / _STEP
+    variances = np.einsum("ka,kl,la->a", rates, covariance, rates)
+    return np.degrees(angles[0]), np.degrees(np.sqrt(np.maximum(variances, 0.0)))
 
 
 def joints_of(body: BodyModel) -> list[AnatomicalJoint]:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from tracker.arrays import Array
-from tracker.doubt import Doubt, in_words
-from tracker.doubts import Judged, worst_first
+from tracker.doubt import Because, Doubt, in_words
+from tracker.doubts import Judged, reasons_in, worst_first
 from tracker.estimate import Status
 from tracker.hidden import hidden_limbs
 from tracker.scene import Scene
@@ -71,6 +71,12 @@ class Series:
     statuses: list[list[str]] = field(default_factory=list)
     ambiguous: list[list[tuple[str, ...]]] = field(default_factory=list)
     reasons: list[list[tuple[Doubt, ...]]] = field(default_factory=list)
+    why: Counter[tuple[str, Because]] = field(default_factory=Counter)
+    """What is in doubt and why -> frames."""
+
+    n_in_doubt: int = 0
+    """Frames in which anything is."""
+
     hidden: dict[str, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
     """View -> limb -> frames in which something hid it there."""
 
@@ -95,6 +101,8 @@ class Series:
         self.statuses.append([str(estimate.verdict) for estimate in step.estimates])
         self.ambiguous.append([estimate.ambiguous for estimate in step.estimates])
         self.reasons.append([estimate.reasons for estimate in step.estimates])
+        self.why.update(reasons_in(step))
+        self.n_in_doubt += any(estimate.doubts for estimate in step.estimates)
         for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
             for v, limb in hidden_limbs(person.body, estimate.account):
                 self.hidden[self.scene.rig.names[v]][limb] += 1

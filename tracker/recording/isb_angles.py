@@ -12,7 +12,7 @@ from tracker.errors import ConfigError
 from tracker.estimate import Estimate
 from tracker.files import GrowingFile, csv_lines
 from tracker.recording import RunContext
-from tracker.recording._anatomical import AnatomicalJoint, joints_of, leaning_limb
+from tracker.recording._anatomical import AnatomicalJoint, angles_of, joints_of, leaning_limb
 from tracker.scene import Person
 from tracker.trajectory import Step
 
@@ -23,7 +23,8 @@ _FIRST = ("frame", "time_s", "status", "ambiguous")
 class IsbAngles:
     """`NAME_isb.csv` for each person: a row a frame with `left_hip_flexion_deg`, ...; see docs/formats.md.
 
-    In lost frames the values are empty, as are plane and axial rotation of an arm that hangs straight down.
+    The standard deviations follow behind all angles, as `left_hip_flexion_sigma_deg`. In lost frames
+    the values are empty, as are plane and axial rotation of an arm that hangs straight down.
     """
 
     decimals: int = pydantic.Field(default=3, ge=0, le=15)
@@ -48,7 +49,8 @@ class IsbRecorder:
 
     def _opened(self, person: Person, joints: list[AnatomicalJoint]) -> GrowingFile:
         file = GrowingFile(self._run.folder / f"{person.name}_isb.csv", waits=bool(self._run.resumed))
-        columns = [f"{joint.name}_{angle}_deg" for joint in joints for angle in joint.angles]
+        names = [f"{joint.name}_{angle}" for joint in joints for angle in joint.angles]
+        columns = [f"{name}_{what}" for what in ("deg", "sigma_deg") for name in names]
         file.add(csv_lines([[*_FIRST, *columns]]))
         return file
 
@@ -63,10 +65,8 @@ class IsbRecorder:
                 file.take_place()
 
     def _values(self, joints: list[AnatomicalJoint], person: Person, estimate: Estimate) -> list[str]:
-        ends = [segment.end for segment in person.body.segments]
-        turns = person.body.world_from_parameters(estimate.q[None])[:, ends, :3, :3]
-        angles = np.degrees(np.concatenate([joint.of(turns)[0] for joint in joints]))
-        return ["" if estimate.lost or np.isnan(angle) else f"{angle:.{self._decimals}f}" for angle in angles]
+        values = np.concatenate(angles_of(joints, person.body, estimate.q, estimate.covariance))
+        return ["" if estimate.lost or np.isnan(value) else f"{value:.{self._decimals}f}" for value in values]
 
     def finish(self) -> tuple[Path, ...]:
         """Names the tables."""

@@ -18,11 +18,28 @@ from tracker.files import write_whole
 from tracker.pages import filled
 from tracker.recording import RunContext
 from tracker.recording._drawing import LIMB_COLOUR, STATUS_COLOURS, draw_axes, draw_step, encoded, tile
+from tracker.recording._head_numbers import head_numbers
+from tracker.recording._isb_series import IsbSeries
 from tracker.recording._player import Player
 from tracker.recording._series import AMBIGUOUS, Series
 from tracker.recording._series_figures import distance_figure, parameter_figure
 from tracker.start import RATHER_RIGHT, Hypothesis, Start
 from tracker.trajectory import Step
+
+_MOST_REASONS = 6
+"""Reasons of doubts that are read without unfolding the rest."""
+
+_TABLES = {
+    "poses.csv": "pose parameters",
+    "sigmas.csv": "their standard deviations",
+    "joints.csv": "joint centres",
+    "doubts.csv": "why frames and limbs are in doubt",
+    "velocities.csv": "how fast parameters change",
+    "accelerations.csv": "how their velocities change",
+    "joint_motion.csv": "velocities and accelerations of joint centres",
+    "run.json": "all settings and numbers",
+}
+"""What may lie beside the report, and what it holds."""
 
 
 @component
@@ -57,12 +74,15 @@ class ReportRecorder:
         self._axes: list[Image] = []
         self._start: Start | None = None
         self._confidence: tuple[float, ...] = ()
+        self._isb = [IsbSeries.of(person) for person in run.scene.persons]
         self._player = Player(run, settings.player_frames) if settings.player else None
 
     def write(self, step: Step) -> None:
         """Adds one frame."""
         k = len(self._series.frames)
         self._series.add(step)
+        for isb, estimate in zip(self._isb, step.estimates, strict=True):
+            isb.add(step, estimate)
         if self._player is not None:
             self._player.add(step)
         lost = any(estimate.lost for estimate in step.estimates)
@@ -100,11 +120,18 @@ class ReportRecorder:
             caption = f"worst frame by distance: {self._worst[1]} ({self._worst[0]:.1f} px)"
             pictures.append((caption, _uri(self._worst[2], "jpeg")))
         axes = encoded(tile(self._axes, self._settings.width_px)) if self._axes else None
-        persons = self._run.scene.persons
+        persons, summary = self._run.scene.persons, self._series.summary()
         return {
             "name": self._run.name,
             "run": self._run,
-            "summary": self._series.summary(),
+            "smoothing": self._run.details.get("smoothing", {}).get("use", ""),
+            "summary": summary,
+            "head": head_numbers(summary, self._run),
+            "n_in_doubt": self._series.n_in_doubt,
+            "why": [(n, what, because.phrase) for (what, because), n in self._series.why.most_common()],
+            "most_reasons": _MOST_REASONS,
+            "tables": [(name, told) for name, told in _TABLES.items() if (self._run.folder / name).is_file()],
+            "isb": [(one.person.name, one, _figure_uri(one.figure())) for one in self._isb if one.joints],
             "findings": self._run.details.get("findings", []),
             "rather_right": RATHER_RIGHT,
             "colours": {str(status): colour for status, colour in STATUS_COLOURS.items()} | {AMBIGUOUS: LIMB_COLOUR},
