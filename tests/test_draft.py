@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import struct
 import tomllib
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import av
 import cv2
+import jsonschema
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -65,6 +67,22 @@ def test_views_cameras_and_plates_are_found(study, monkeypatch):
     assert (job.name, sequence.n_frames, len(sequence.rig)) == (study.name, 3, 4)
     again = CliRunner().invoke(app, ["init", "videos"])
     assert isinstance(again.exception, ConfigError)
+
+
+def test_the_schema_that_a_draft_names_lies_beside_it(study, monkeypatch):
+    monkeypatch.chdir(study)
+    assert CliRunner().invoke(app, ["init", "videos"]).exit_code == 0
+    first = Path("run.toml").read_text().splitlines()[0]
+    assert first == "#:schema ./bodytrack.schema.json"
+    told = jsonschema.Draft7Validator(json.loads(Path("bodytrack.schema.json").read_text()))
+    faults = [one.message for one in told.iter_errors(tomllib.loads(Path("run.toml").read_text()))]
+    assert faults == ["'measure' is not of type 'number'"], "which the person who measures replaces"
+    assert CliRunner().invoke(app, ["init", "videos", "--output", "again.toml"]).exit_code == 0
+    Path("bodytrack.schema.json").write_text('{"title": "mine"}')
+    refused = CliRunner().invoke(app, ["init", "videos", "--output", "other_run.toml"])
+    assert "bodytrack.schema.json is something else than a schema of bodytrack" in str(refused.exception)
+    assert Path("bodytrack.schema.json").read_text() == '{"title": "mine"}'
+    assert not Path("other_run.toml").exists()
 
 
 def test_paths_start_where_the_configuration_lies(study):

@@ -14,6 +14,7 @@ from tracker.draft_plates import found_plates
 from tracker.draft_rig import FoundRig, found_rigs, given_rig
 from tracker.errors import CalibrationError
 from tracker.footage import Footage, header, pattern_of, sources
+from tracker.schema import SCHEMA
 from tracker.subject import UNMEASURED
 from tracker.world import told_world, world_doubts
 
@@ -165,6 +166,7 @@ def _text(
         for key, paths in zip(("rig", "background"), others, strict=True)
     )
     return f"""\
+#:schema ./{SCHEMA}
 # Written by `bodytrack init`. `bodytrack run THIS --dry-run` checks it; `bodytrack show jobs` lists what else there is.
 {tomli_w.dumps({"name": name}).strip()}
 # "human" bends its spine, "gavrila22" is rigid and quicker. The stature scales it: measure the person, with shoes, and

@@ -26,7 +26,7 @@ from tracker.body.sections import (
     Clothes,
     Entry,
     Joints,
-    KeypointEntry,
+    Keypoint,
     Movement,
     OrInfinite,
     RigidEnd,
@@ -60,7 +60,7 @@ class BodyDescription(Entry):
     rigid_ends: dict[str, RigidEnd] = pydantic.Field(default={})
     start: StartMarks = StartMarks()
     joints: Joints = Joints()
-    keypoints: dict[str, KeypointEntry] = pydantic.Field(default={})
+    keypoints: dict[str, Keypoint] = pydantic.Field(default={})
     """What 2-D detectors call landmarks, and points beside them; landmarks are keypoints of their own names anyway."""
 
     clothes: Clothes = Clothes()

@@ -13,7 +13,7 @@ from tracker.errors import nearest
 class Entry(pydantic.BaseModel):
     """A table of a model file. A key that it does not have is refused with the nearest valid one; so are NaN, inf."""
 
-    model_config = pydantic.ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = pydantic.ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
     @pydantic.model_validator(mode="before")
     @classmethod
@@ -99,15 +99,19 @@ class KeypointEntry(Entry):
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """From the landmark, metres along the axes of the reference pose; it turns with the landmark's segment."""
 
-    @pydantic.model_validator(mode="before")
-    @classmethod
-    def _a_landmark_alone(cls, entry: Any) -> Any:
-        return {"landmark": entry} if isinstance(entry, str) else entry
-
     def scaled(self, factor: float) -> KeypointEntry:
         """The entry with its offset multiplied by a factor."""
         x, y, z = self.offset
         return self.model_copy(update={"offset": (factor * x, factor * y, factor * z)})
+
+
+def _keypoint(entry: Any) -> Any:
+    """A landmark's name alone as a table."""
+    return {"landmark": entry} if isinstance(entry, str) else entry
+
+
+Keypoint = Annotated[KeypointEntry, pydantic.BeforeValidator(_keypoint, json_schema_input_type=str | KeypointEntry)]
+"""An entry, or only the name of its landmark."""
 
 
 class SkinSection(Entry):
@@ -212,7 +216,9 @@ def _terms(curve: Any) -> Any:
     return tuple({"at": one} if isinstance(one, (int, float)) else one for one in entries)
 
 
-Curve = Annotated[tuple[Term, ...], pydantic.BeforeValidator(_terms)]
+Curve = Annotated[
+    tuple[Term, ...], pydantic.BeforeValidator(_terms, json_schema_input_type=float | tuple[float | Term, ...])
+]
 """Terms that are added up, degrees or metres; a plain number is a constant."""
 
 

@@ -18,13 +18,18 @@ def init(
     """Writes a commented run.toml for a folder of videos or images: views, cameras and plates that lie there."""
     from tracker.draft import draft
     from tracker.errors import ConfigError
-    from tracker.files import write_whole
+    from tracker.files import write_json, write_whole
+    from tracker.schema import SCHEMA, is_schema, schema_of_job
 
     if output.exists():
         raise ConfigError(f"{output} is there already: choose another --output")
     if not output.resolve().parent.is_dir():
         raise ConfigError(f"{output}: no such folder; make it, or choose another --output")
+    schema = output.with_name(SCHEMA)
+    if schema.exists() and not is_schema(schema):
+        raise ConfigError(f"{schema} is something else than a schema of bodytrack: choose another folder for --output")
     found = draft(videos, output, rig)
+    write_json(schema, schema_of_job("track"))
     write_whole(output, found.text)
     for one in found.footage:
         frames = f", {one.n_frames} frames" if one.n_frames else ""

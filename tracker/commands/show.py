@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import json
 from typing import Annotated, Any
 
 import typer
@@ -9,13 +11,27 @@ from rich.table import Table
 
 from tracker.commands.terminal import console
 
+FILES = {
+    "model": "tracker.body.description:BodyDescription",
+    "markers": "tracker.evaluation.marker_set:MarkerSet",
+    "movement": "tracker.recognition.library:Description",
+}
+"""TOML files that are no configurations -> the class that describes them, loaded when it is asked for."""
+
 
 def show(
     stage: Annotated[
         str | None, typer.Argument(help="A stage, `jobs` for the sections of each, or a section of one: `loss`.")
     ] = None,
+    schema: Annotated[
+        bool,
+        typer.Option("--schema", help=f"Print the JSON schema of a file: run (default), {', '.join(FILES)}, a job."),
+    ] = False,
 ) -> None:
     """Lists the components of the stages, or the fields of one stage's components, or of a section."""
+    if schema:
+        console.print(json.dumps(_schema(stage or "run"), indent=1), highlight=False, soft_wrap=True)
+        return
     from tracker.components import available, find, stages
     from tracker.errors import ConfigError, nearest
 
@@ -37,6 +53,21 @@ def show(
             console.print(_fields_table(cls, f"[{stage}] of {', '.join(jobs)}"))
     else:
         raise ConfigError(f'no stage or section "{stage}"; {nearest(stage, (*shown, *sections))}')
+
+
+def _schema(kind: str) -> dict[str, Any]:
+    """The schema of a configuration, or of another file."""
+    from tracker.components import available
+    from tracker.errors import ConfigError, nearest
+    from tracker.schema import schema_of_job, schema_of_table
+
+    jobs = {use: use for use in available("jobs")} | {"run": "track"}
+    if kind in jobs:
+        return schema_of_job(jobs[kind])
+    if kind not in FILES:
+        raise ConfigError(f'no schema of "{kind}"; {nearest(kind, (*jobs, *FILES))}')
+    module, _, name = FILES[kind].partition(":")
+    return schema_of_table(getattr(importlib.import_module(module), name), kind)
 
 
 def _sections() -> dict[str, dict[Any, list[str]]]:
