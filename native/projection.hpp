@@ -1,5 +1,7 @@
 // Projection of single points, shared by the kernels; the twins are `Camera.project` and `Camera.project_jacobian`.
 #pragma once
+#include <algorithm>
+
 #include "array.hpp"
 #include "lens.hpp"
 
@@ -42,10 +44,25 @@ inline Image project_point(const double *camera, double x, double y, double z) {
     return image;
 }
 
-// Images of the points of a part, for its loop has no branches several at a time; returns the least depth, metres.
-// placement (16) world_from_part, metres; grid (N, n_columns), points of the part first, metres; pixels (3, N): of use only
-// where all points lie before the camera; depths, metres, 0 beyond the reach of the lens.
-double project_grid(const double *placement, Array<const float, 2> grid, const double *camera, Array<double, 2> pixels);
+// Images of the points of a part, several at a time, for nothing branches; returns the least depth, metres. placement (16)
+// world_from_part, metres; points (N, 3 or more) of the part, metres; pixels (3, N): of use only where all points lie before
+// the camera; depths, metres, 0 beyond the reach of the lens.
+template <class T>
+inline double project_grid(const double *placement, Array<const T, 2> points, const double *camera, double *pixels) {
+    const Index n = points.shape[0], stride = points.shape[1];
+    double *u = pixels, *v = u + n, *depths = v + n;
+    const double *m = placement;
+    for (Index i = 0; i < n; i++) {
+        const T *point = points.data + stride * i;
+        const double x = point[0], y = point[1], z = point[2];
+        const Point seen = in_camera(camera, m[0] * x + m[1] * y + m[2] * z + m[3], m[4] * x + m[5] * y + m[6] * z + m[7],
+                                     m[8] * x + m[9] * y + m[10] * z + m[11]);
+        const double a = seen.x / seen.z, b = seen.y / seen.z;
+        through_lens(camera, a, b, u[i], v[i]);
+        depths[i] = beyond_reach(camera, a, b) ? 0.0 : seen.z;
+    }
+    return *std::min_element(depths, depths + n);
+}
 
 struct Along {
     double u, v;

@@ -202,6 +202,51 @@ def warp_sequence(
     gaps: Array32, first: Integers, repeats: Mask, slack: Integers, unknown: float, entry: float, found: Integers
 ) -> float: ...
 
+# pictures/
+def fill_parts(placements: Array, grids: Array32, layout: tuple[int, int], camera: Array, mask: Mask) -> None: ...
+def cover_still(
+    placements: Array,
+    still: Mask,
+    grids: Array32,
+    layout: tuple[int, int],
+    cameras: Array,
+    regions: Integers,
+    pictures: Array32,
+    covered: Mask,
+    sums: Array,
+) -> None: ...
+def covered_sums(
+    placements: Array,
+    moving: Mask,
+    grids: Array32,
+    layout: tuple[int, int],
+    cameras: Array,
+    regions: Integers,
+    pictures: Array32,
+    covered: Mask,
+    base: Array,
+    sums: Array,
+) -> None: ...
+def cover_shares(mask: Mask, factor: int, shares: Array32) -> None: ...
+def covered_by_rods(starts: Array32, ways: Array32, reach_px: Array32, pixels: Array32, shares: Array) -> None: ...
+def rasterize(pixels: Array, depths: Array, triangles: Integers, origin: tuple[int, int], buffers: Array32) -> None: ...
+def project_surfaces(placements: Array, surfaces: Array, wanted: Mask, camera: Array, seen: Array) -> None: ...
+def draw_nearest(
+    seen: Array, triangles: Integers, corner: tuple[int, int], depths: Array32, parts: NDArray[np.int16]
+) -> None: ...
+def id_contours(
+    ids: Integers,
+    depths: Array32,
+    frame: tuple[int, int, int, int],
+    camera: Array,
+    solids: Array,
+    contact_m: float,
+    positions: Array32,
+    points: Array32,
+    parts: Integers,
+    between: Mask,
+) -> int: ...
+
 # regions/: named tuples of `tracker.kernels.regions`
 def encode(picture: Image, codes: Numbers16) -> None: ...
 def learn_colours(counts: Integers, news: float, table: Array32) -> bool: ...

@@ -1,33 +1,16 @@
 #include "contours/pieces.hpp"
 
 #include <cmath>
-#include <cstdint>
 
+#include "bits.hpp"
 #include "lens.hpp"
-
-#ifdef _MSC_VER
-#include <intrin.h>
-#endif
 
 namespace bodytrack::contours {
 
 namespace {
 
-using Bits = std::uint64_t;
-
 // Columns of a node: place, normal, their product.
 constexpr int NODE = 7;
-
-// Position of the lowest set bit of an integer that is not 0: one machine instruction.
-int lowest_bit(Bits bits) {
-#ifdef _MSC_VER
-    unsigned long place;
-    _BitScanForward64(&place, bits);
-    return int(place);
-#else
-    return __builtin_ctzll(bits);
-#endif
-}
 
 // Facing of a part's first n grid points: n . (c - p), metres; positive where the camera sees the surface.
 void face(const float *planes, int n, const Solid &solid, float *facing) {
@@ -173,7 +156,6 @@ int cross(const Grids &grids, Index p, const Solid &solid, Tracing &work) {
     int *ids[3];
     for (int k = 0; k < 3; k++) ids[k] = work.ids.data() + k * n_columns;
     Crossings &crossings = *work.crossings;
-    const auto rolled = [last](Bits bits) { return (bits >> 1) | ((bits & 1) << last); };
     const Bits everything = (Bits(1) << n_columns) - 1;
     // all points of a pole are one
     Bits above = facing[0] > 0.0f ? everything : 0, along_above = 0;
@@ -195,7 +177,7 @@ int cross(const Grids &grids, Index p, const Solid &solid, Tracing &work) {
             work.links[n][0] = work.links[n][1] = -1;
             n++;
         };
-        const Bits along = row ^ rolled(row), down = row ^ above;
+        const Bits along = row ^ rolled(row, n_columns), down = row ^ above;
         for (Bits left = along; left; left &= left - 1) {
             const int c = lowest_bit(left), after = c < last ? c + 1 : 0;
             met(own, c, start + 2 * c, start + 2 * c + 1, start + 2 * after, here[c], here[after]);
@@ -204,7 +186,7 @@ int cross(const Grids &grids, Index p, const Solid &solid, Tracing &work) {
             const int c = lowest_bit(left);
             met(side, c, start - 2 * wide + 2 * c, start - wide + 2 * c, start + 2 * c, here[c - n_columns], here[c]);
         }
-        for (Bits left = along | along_above | down | rolled(down); left; left &= left - 1) {
+        for (Bits left = along | along_above | down | rolled(down, n_columns); left; left &= left - 1) {
             const int c = lowest_bit(left), after = c < last ? c + 1 : 0;
             join({along_above >> c & 1 ? over[c] : -1, down >> after & 1 ? side[after] : -1,
                   along >> c & 1 ? own[c] : -1, down >> c & 1 ? side[c] : -1},

@@ -6,9 +6,8 @@ import sys
 from pathlib import Path
 from typing import Literal
 
-from tracker.kernels.calls.evidence import motion_calls
 from tracker.kernels.calls.measuring import calibration_calls, matching_calls
-from tracker.kernels.calls.tracking import skin_calls, tracking_calls
+from tracker.kernels.calls.tracking import skin_calls
 from tracker.kernels.compilation import forget_others
 from tracker.progress import Progress, silent
 
@@ -19,7 +18,7 @@ GROUPS: tuple[Group, ...] = "tracking", "matching", "calibration"
 
 
 _CALLS = {
-    "tracking": lambda: [*tracking_calls(), *motion_calls(), *skin_calls()],
+    "tracking": skin_calls,
     "matching": matching_calls,
     "calibration": calibration_calls,
 }

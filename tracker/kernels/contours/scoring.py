@@ -11,7 +11,6 @@ import numpy as np
 
 import tracker._native as native
 from tracker.arrays import Array, Array32, Integers, Mask
-from tracker.kernels.compilation import compiled
 from tracker.kernels.rows import sample
 from tracker.kernels.rows.workspace import ROW
 
@@ -21,20 +20,6 @@ def moving_parts(placements: Array) -> Mask:
     moving = np.zeros(placements.shape[1], dtype=np.bool_)
     native.moving_parts(placements, moving)
     return moving
-
-
-@compiled
-def repeated_parts(placements: Array) -> Mask:
-    """Parts (B, P) that stand as in the pose before, of placements (B, P, 4, 4)."""
-    n_poses, n_parts = placements.shape[:2]
-    same = np.zeros((n_poses, n_parts), dtype=np.bool_)
-    for b in range(1, n_poses):
-        for p in range(n_parts):
-            same[b, p] = True
-            for r in range(3):
-                for k in range(4):
-                    same[b, p] &= placements[b, p, r, k] == placements[b - 1, p, r, k]
-    return same
 
 
 def trace_still(

@@ -8,39 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.arrays import Array, Array32, Integers, Mask, Numbers16
-from tracker.kernels.compilation import compiled
-from tracker.kernels.contours.scoring import repeated_parts
-from tracker.kernels.pictures.silhouettes import NEAREST_M, widen
-from tracker.kernels.projection import project_grid
+import tracker._native as native
+from tracker.arrays import Array, Array32, Integers, Mask
 
 
-@compiled
-def _extents(
-    placement: Array, grid: Array32, layout: tuple[int, int], camera: Array, pixels: Array, extents: Array
-) -> tuple[int, int]:
-    """Writes where a part's rows of pixels begin and end (2, h); its first row and the one after its last."""
-    n_rows, n_columns = layout
-    if project_grid(placement, grid, camera, pixels) <= NEAREST_M:
-        return 0, 0
-    low, high = np.inf, -np.inf
-    for i in range(n_rows * n_columns):
-        low, high = min(low, pixels[1, i]), max(high, pixels[1, i])
-    height = extents.shape[1]
-    first, last = max(int(np.ceil(low)), 0), min(int(np.floor(high)), height - 1)
-    for row in range(first, last + 1):
-        extents[0, row], extents[1, row] = np.inf, -np.inf
-    for r in range(n_rows):
-        for c in range(n_columns):
-            i, beside = r * n_columns + c, r * n_columns + (c + 1) % n_columns
-            widen(pixels[0, i], pixels[1, i], pixels[0, beside], pixels[1, beside], extents)
-            if r + 1 < n_rows:
-                below = i + n_columns
-                widen(pixels[0, i], pixels[1, i], pixels[0, below], pixels[1, below], extents)
-    return first, last + 1
-
-
-@compiled
 def cover_still(
     placements: Array,
     still: Mask,
@@ -60,29 +31,11 @@ def cover_still(
     Returns:
         (N,) pixels covered, all views end to end; (V, 2) sums over them.
     """
-    covered, sums = np.zeros(len(pictures), dtype=np.bool_), np.zeros((len(regions), 2))
-    pixels = np.zeros((3, layout[0] * layout[1]))
-    for v in range(len(regions)):
-        start, width, height = regions[v]
-        if width == 0:
-            continue
-        extents = np.zeros((2, height))
-        for p in range(len(still)):
-            if not still[p]:
-                continue
-            first, end = _extents(placements[0, p], grids[p], layout, cameras[v], pixels, extents)
-            for row in range(first, end):
-                left = max(int(np.ceil(extents[0, row])), 0)
-                for column in range(left, min(int(np.floor(extents[1, row])), width - 1) + 1):
-                    at = start + row * width + column
-                    if not covered[at]:
-                        covered[at] = True
-                        sums[v, 0] += pictures[at, 0]
-                        sums[v, 1] += pictures[at, 1]
+    covered, sums = np.empty(len(pictures), dtype=np.bool_), np.empty((len(regions), 2))
+    native.cover_still(placements, still, grids, layout, cameras, regions, pictures, covered, sums)
     return covered, sums
 
 
-@compiled
 def covered_sums(
     placements: Array,
     moving: Mask,
@@ -108,55 +61,11 @@ def covered_sums(
     Returns:
         (B, V, 2) sums; 0 for views that do not count.
     """
-    covered, base = still
-    n_poses, n_parts = placements.shape[:2]
-    sums, same = np.zeros((n_poses, len(regions), 2)), repeated_parts(placements)
-    pixels, rows = np.zeros((3, layout[0] * layout[1])), np.zeros((n_parts, 2), dtype=np.int64)
-    last = np.full(len(pictures), -1, dtype=np.int64)
-    for v in range(len(regions)):
-        start, width, height = regions[v]
-        if width == 0:
-            continue
-        extents = np.zeros((n_parts, 2, height))
-        for b in range(n_poses):
-            sums[b, v, 0], sums[b, v, 1] = base[v, 0], base[v, 1]
-            for p in range(n_parts):
-                if not moving[p]:
-                    continue
-                if not same[b, p]:
-                    placed = placements[b, p], grids[p], layout, cameras[v]
-                    rows[p, 0], rows[p, 1] = _extents(*placed, pixels, extents[p])
-                for row in range(rows[p, 0], rows[p, 1]):
-                    left = max(int(np.ceil(extents[p, 0, row])), 0)
-                    for column in range(left, min(int(np.floor(extents[p, 1, row])), width - 1) + 1):
-                        at = start + row * width + column
-                        if covered[at] or last[at] == b:
-                            continue
-                        last[at] = b
-                        sums[b, v, 0] += pictures[at, 0]
-                        sums[b, v, 1] += pictures[at, 1]
+    sums = np.empty((len(placements), len(regions), 2))
+    native.covered_sums(placements, moving, grids, layout, cameras, regions, pictures, *still, sums)
     return sums
 
 
-@compiled
 def cover_shares(mask: Mask, factor: int, shares: Array32) -> None:
     """Share (h, w) of each square of `factor` pixels along its side that a mask (H, W) covers."""
-    height, width = shares.shape
-    counts = np.empty(mask.shape[1], dtype=np.uint16)
-    share = np.float32(1.0 / (factor * factor))
-    for row in range(height):
-        counts[:] = 0
-        for y in range(row * factor, (row + 1) * factor):
-            _count(mask[y], counts)
-        for column in range(width):
-            covered = 0
-            for x in range(column * factor, (column + 1) * factor):
-                covered += counts[x]
-            shares[row, column] = np.float32(covered) * share
-
-
-@compiled
-def _count(row: Mask, counts: Numbers16) -> None:
-    # A function, for operators widen whole numbers to 64 bits.
-    for x in range(len(counts)):
-        counts[x] = np.add(counts[x], np.uint16(row[x]))
+    native.cover_shares(mask, factor, shares)
