@@ -11,6 +11,7 @@ void bind_images(nb::module_ &module);
 void bind_movements(nb::module_ &module);
 void bind_pictures(nb::module_ &module);
 void bind_regions(nb::module_ &module);
+void bind_skins(nb::module_ &module);
 
 namespace {
 
@@ -38,4 +39,5 @@ NB_MODULE(_native, module) {
     bodytrack::bind_movements(module);
     bodytrack::bind_pictures(module);
     bodytrack::bind_regions(module);
+    bodytrack::bind_skins(module);
 }

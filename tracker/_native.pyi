@@ -323,3 +323,20 @@ def learn_lines(
     changed: Mask,
 ) -> None: ...
 def longest_lines(samples: tuple[object, ...], cameras: Array, step_m: float, longest_px: Array) -> None: ...
+
+# skins/
+def trace_skins(
+    placements: Array,
+    part_from_rest: Array,
+    mesh: tuple[object, ...],
+    cameras: Array,
+    sizes: Array,
+    spacing: tuple[float, float, float],
+    positions: Array32,
+    points: Array32,
+    parts: Integers,
+    between: Mask,
+    counts: Integers,
+) -> None: ...
+def fill_mesh(points: Array, faces: Integers, camera: Array, mask: Mask) -> None: ...
+def see_vertices(points: Array32, normals: Array32, camera: Array32, seen: Array32, facing: Array32) -> None: ...
