@@ -65,13 +65,21 @@ void take(nb::handle given, Py_buffer &buffer, const char *name, const char *typ
     const bool typed = is_format(buffer.format, buffer.itemsize, kind, item_size);
     bool shaped = buffer.ndim == n;
     for (int k = 0; shaped && k < n; k++) shaped = expected[k] == ANY || buffer.shape[k] == expected[k];
-    const bool ordered = PyBuffer_IsContiguous(&buffer, 'C') != 0, written = !writable || !buffer.readonly;
-    if (typed && shaped && ordered && written) return;
+    if (typed && shaped && (!writable || !buffer.readonly)) return;
     PyBuffer_Release(&buffer);
     if (!typed) throw nb::type_error((wanted + ", found " + found_in(given, "dtype")).c_str());
     if (!shaped) throw nb::value_error((wanted + ", found " + found_in(given, "shape")).c_str());
-    if (!ordered) throw nb::value_error((wanted + ", its rows one after the other; found them apart").c_str());
     throw nb::value_error((wanted + ", found it read-only").c_str());
+}
+
+std::unique_ptr<char[]> contiguous(Py_buffer &buffer) {
+    if (PyBuffer_IsContiguous(&buffer, 'C')) return nullptr;
+    std::unique_ptr<char[]> copy(new char[buffer.len]);
+    if (PyBuffer_ToContiguous(copy.get(), &buffer, buffer.len, 'C') != 0) {
+        PyBuffer_Release(&buffer);
+        throw nb::python_error();
+    }
+    return copy;
 }
 
 }  // namespace border

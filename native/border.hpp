@@ -1,9 +1,10 @@
-// The border to Python: an argument is taken if it is an array of the right numbers, shape and order, else refused by
-// name (TypeError: other numbers or no array; ValueError: shape, order, read-only). Behind the border nothing is checked.
+// The border to Python: an argument is taken if it is an array of the right numbers and shape, else refused by name
+// (TypeError: other numbers or no array; ValueError: shape, read-only). Behind the border nothing is checked.
 #pragma once
 #include <nanobind/nanobind.h>
 
 #include <array>
+#include <memory>
 #include <string>
 #include <type_traits>
 
@@ -70,19 +71,27 @@ void take(nb::handle given, Py_buffer &buffer, const char *name, const char *typ
 // Throws what to tell of a number that is not at least `low` and below `end`.
 [[noreturn]] void refuse(Index number, const char *name, Index low, Index end);
 
+// A copy with rows one after the other, of a buffer that has them apart; none of one that has not.
+std::unique_ptr<char[]> contiguous(Py_buffer &buffer);
+
 }  // namespace border
 
 // An argument: an array that lives as long as this does. `Argument<const float, 2>` is read, `Argument<float, 2>` written.
+// An array whose rows lie apart is copied, and what was written copied back.
 template <class T, int N>
 class Argument {
   public:
     Argument(nb::handle given, const char *name, const std::array<Index, N> &expected) {
         border::take(given, buffer_, name, border::name_of<T>(), border::kind_of<T>(), sizeof(T), expected.data(), N,
                      !std::is_const_v<T>);
-        array_.data = static_cast<T *>(buffer_.buf);
+        copy_ = border::contiguous(buffer_);
+        array_.data = reinterpret_cast<T *>(copy_ ? copy_.get() : static_cast<char *>(buffer_.buf));
         for (int k = 0; k < N; k++) array_.shape[k] = buffer_.shape[k];
     }
-    ~Argument() { PyBuffer_Release(&buffer_); }
+    ~Argument() {
+        if (!std::is_const_v<T> && copy_) PyBuffer_FromContiguous(&buffer_, copy_.get(), buffer_.len, 'C');
+        PyBuffer_Release(&buffer_);
+    }
     Argument(const Argument &) = delete;
     Argument &operator=(const Argument &) = delete;
 
@@ -91,6 +100,7 @@ class Argument {
 
   private:
     Py_buffer buffer_{};
+    std::unique_ptr<char[]> copy_;
     Array<T, N> array_;
 };
 

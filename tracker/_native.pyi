@@ -1,7 +1,7 @@
 """The extension that native/ is built into: compiled inner loops, without the interpreter's lock.
 
-The files of `tracker.kernels` that call them say what arguments are. Arrays are C-contiguous, of exactly these numbers
-and shapes; the others raise TypeError or ValueError with the argument's name.
+The files of `tracker.kernels` that call them say what arguments are. Arrays are of exactly these numbers and shapes;
+others raise TypeError or ValueError with the argument's name. Those whose rows lie apart are copied.
 """
 
 import numpy as np
