@@ -36,6 +36,7 @@ RESULTS = [
     "poses.csv",
     "sigmas.csv",
     "joints.csv",
+    "doubts.csv",
     "run.json",
     "steps.jsonl",
     "overlay.mp4",
@@ -73,7 +74,7 @@ def killed_after(n_frames: int, whole: Path, folder: Path) -> Path:
     lines = (folder / "steps.jsonl").read_bytes().splitlines(keepends=True)
     assert len(lines) > n_frames
     (folder / "steps.jsonl").write_bytes(b"".join(lines[:n_frames]))
-    for name in ("poses.csv", "joints.csv", "run.json"):
+    for name in ("poses.csv", "joints.csv", "doubts.csv", "run.json"):
         (folder / name).unlink()
     return folder
 
@@ -212,7 +213,8 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def exact(folder: Path) -> dict[str, bytes]:
     """What does not depend on the clock."""
-    tables = {name: (folder / name).read_bytes() for name in ("poses.csv", "sigmas.csv", "joints.csv", "overlay.mp4")}
+    names = ("poses.csv", "sigmas.csv", "joints.csv", "doubts.csv", "overlay.mp4")
+    tables = {name: (folder / name).read_bytes() for name in names}
     lines = [json.loads(line) for line in (folder / "steps.jsonl").read_text().splitlines()]
     timeless = [[{**one, "search_s": 0} for one in line["estimates"]] for line in lines]
     return tables | {"steps.jsonl": json.dumps([timeless, [line["frame"] for line in lines]]).encode()}
