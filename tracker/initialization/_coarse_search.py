@@ -19,7 +19,8 @@ from tracker.objective import Objective
 _BATCH = 128
 # Stances whose landmarks are closer on average lead to the same pose.
 _APART_M = 0.25
-# The same of upper bodies, whose turns are hardly told by an outline; and so many times as many of them are kept.
+# The same of upper bodies, whose turns are hardly told by an outline; and so many times as many of them are kept. See
+# docs/lab/upper_bodies.md.
 _UPPER_APART_M, _UPPER = 0.12, 3
 # Limits are kept in rad.
 _ROUNDED_DEG = 1e-6

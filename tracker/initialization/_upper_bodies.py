@@ -1,7 +1,8 @@
 """Starts of upper bodies, of models whose legs do not move: heads are the tops of what stands out, on no floor.
 
 Behind a desk nobody stands, and views that are near show neither legs nor floor. The visual hull tells where the head
-is: in seven frames of a man who waves a board before four webcams one of its two highest tops is within 0.18 m of his.
+is: in six frames of a man who waves a board before four webcams one of its two highest tops is within 0.18 m of his
+(docs/lab/upper_bodies.md).
 """
 
 from __future__ import annotations

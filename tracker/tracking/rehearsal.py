@@ -29,9 +29,9 @@ _LEAST_GAP_S = 0.03
 # So many frames in which all hypotheses are doubtful end a rehearsal: every limb of theirs is searched for in each. It
 # took 97 of the 123 s of D-TwoElbowRot's first start without plates, to choose among three that are all wrong.
 _HOPELESS_AFTER = 4
-# So many frames tell who is beaten, and end a rehearsal where the best one is sure. In six of eight
-# starts (seven recordings) the best one was sure by then; it was the best one after ten frames as well, and right.
-# See docs/lab/start_costs.md.
+# So many frames tell who is beaten, and end a rehearsal where the best one is sure. In six of eight starts the best one
+# was sure by then; it was the best one after ten frames as well, and right in the five with a truth. See
+# docs/lab/start_costs.md.
 _TOLD_AFTER = 3
 # Who left so many times as much over in as many frames is not followed any farther, for a fifth less decides. Of eight
 # starts of six recordings twelve were met by it, 0.18 to 0.6 m off.
