@@ -9,6 +9,7 @@ void bind_body(nb::module_ &module);
 void bind_contours(nb::module_ &module);
 void bind_images(nb::module_ &module);
 void bind_movements(nb::module_ &module);
+void bind_patches(nb::module_ &module);
 void bind_pictures(nb::module_ &module);
 void bind_regions(nb::module_ &module);
 void bind_skins(nb::module_ &module);
@@ -37,6 +38,7 @@ NB_MODULE(_native, module) {
     bodytrack::bind_contours(module);
     bodytrack::bind_images(module);
     bodytrack::bind_movements(module);
+    bodytrack::bind_patches(module);
     bodytrack::bind_pictures(module);
     bodytrack::bind_regions(module);
     bodytrack::bind_skins(module);

@@ -9,16 +9,16 @@ from scipy.optimize import least_squares
 from textures import Waves, deformed
 
 from tracker.errors import ConfigError
-from tracker.kernels.patches.equations import workspace
+from tracker.kernels.patches.growth import grow
 from tracker.kernels.patches.matching import (
     COVARIANCE,
     DRIFTED,
+    HALF_PATCH,
     MATCHED,
     N_FOUND,
     NOT_CONVERGED,
     OUTSIDE,
     WEAK,
-    match_patch,
 )
 from tracker.kernels.patches.splines import reaches_out, sample_gradient, sample_patch, sample_whole_pixels
 from tracker.lsm._noise import gaussian_taps, noise_powers
@@ -212,17 +212,22 @@ def test_sigmas_are_honest_on_strong_and_on_weak_texture(contrast, wavelength, p
 
 def test_a_larger_patch_is_as_precise_after_a_small_one_as_alone():
     small, larger = LeastSquaresMatching(), LeastSquaresMatching(patch_px=21)
-    images, at = [small.prepared(image).packed for image in pair(2.0)], np.array([90.0, 70.0])
+    images, at = pair(2.0), np.array([[90.0, 70.0]])
+    sigmas = [matched(matching, images, at, started(at)).sigmas.max() for matching in (small, larger)]
+    packed, columns, rows, pixels = tuple(small.prepared(image).packed for image in images), 18, 14, 10
+    source, right = 7 * columns + 8, 0
 
-    def covariance(before):
-        work = workspace(10, len(small.noise[2]))
-        for matching in (*before, larger):
-            found = np.zeros(N_FOUND)
-            found[:6] = *(AFFINE @ at + SHIFT), *AFFINE.ravel()
-            assert match_patch(*images, at, found, matching.rule, matching.noise, work) == MATCHED
-        return found[COVARIANCE]
+    def covariance(usual):
+        found, (ended, seeds) = np.zeros((columns * rows, N_FOUND)), np.full((2, columns * rows), -1)
+        found[source, :6], ended[source] = (*(AFFINE @ (80.0, 70.0) + SHIFT), *AFFINE.ravel()), MATCHED
+        heap = np.zeros(1), np.array([4 * source + right]), np.array([1])
+        judging, state = (larger.noise, (np.inf, np.sqrt(np.prod(sigmas)), 0.0, 2.0)), (found, ended, seeds, 0 * ended)
+        grow(packed, (columns, rows, pixels), state, heap, (usual.rule, larger.rule), judging, (1, 1))
+        assert ended[source + 1] == MATCHED
+        assert found[source + 1, HALF_PATCH] == 10
+        return found[source + 1, COVARIANCE]
 
-    np.testing.assert_allclose(covariance([small]), covariance([]), rtol=1e-6)
+    np.testing.assert_allclose(covariance(small), covariance(larger), rtol=1e-6)
 
 
 def test_smoothing_keeps_the_bias_of_interpolation_below_two_thousandths():

@@ -202,6 +202,56 @@ def warp_sequence(
     gaps: Array32, first: Integers, repeats: Mask, slack: Integers, unknown: float, entry: float, found: Integers
 ) -> float: ...
 
+# patches/
+SplineImage = tuple[Array32, int, int]
+Rule = tuple[int, int, float, float, float, bool]
+Noise = tuple[float, float, Array32]
+
+def reaches_out(warp: Array, half: int, width: int, height: int) -> bool: ...
+def sample_patch(image: SplineImage, warp: Array, half: int, values: Array32) -> None: ...
+def sample_gradient(
+    image: SplineImage, warp: Array, half: int, values: Array32, dx_of: Array32, dy_of: Array32
+) -> None: ...
+def sample_whole_pixels(
+    image: SplineImage, warp: Array, half: int, values: Array32, dx_of: Array32, dy_of: Array32
+) -> None: ...
+def match_patches(
+    template: SplineImage, search: SplineImage, at: Array, found: Array, ended: Integers, rule: Rule, noise: Noise
+) -> None: ...
+def cut_keys(image: SplineImage, centres: Integers, half: int, keys: Array32, inside: Mask) -> None: ...
+def match_keys(
+    keys: Array32, which: Integers, search: SplineImage, found: Array, ended: Integers, rule: Rule, noise: Noise
+) -> None: ...
+def bending_shifts(offsets: Array, rows: Integers, affine: Array, known: Mask, half: int, shifts: Array) -> None: ...
+def stretch(found: Array) -> float: ...
+def push_all(
+    keys: Array,
+    items: Integers,
+    count: Integers,
+    grid: tuple[int, int, int],
+    found: Array,
+    ended: Integers,
+    seeds: Integers,
+) -> None: ...
+def grow(
+    template: SplineImage,
+    search: SplineImage,
+    grid: tuple[int, int, int],
+    found: Array,
+    ended: Integers,
+    seeds: Integers,
+    tries: Integers,
+    keys: Array,
+    items: Integers,
+    count: Integers,
+    usual: Rule,
+    larger: Rule,
+    noise: Noise,
+    limits: tuple[float, float, float, float],
+    budget: int,
+    most_tries: int,
+) -> int: ...
+
 # pictures/
 def fill_parts(placements: Array, grids: Array32, layout: tuple[int, int], camera: Array, mask: Mask) -> None: ...
 def cover_still(
