@@ -18,6 +18,7 @@ LAYERS = (
     "native_sources _native",
     "camera lens fisheye rig world rig_layouts frame shape skin skin_files segments mirror point_trajectories body "
     "limbs scene contours expectation observation keypoints keypoint_layouts skeletons markers marker_layouts account "
+    "robots "
     "hidden doubt equations plate plate_changes sight estimate in_view in_space loss start carried subject trajectory "
     "doubts triangulation views shown_size seen_pixels film first_frames",
     "reading calibration prediction synthesis analysis recording smoothing",

@@ -20,6 +20,7 @@ SECTIONS = {
     "pairs": [{"front": {"mask": "front.png"}, "side": {"mask": "side.png"}}],
     "stature_m": 1.7,
     "moments": [{"cloud": "points.ply"}],
+    "robot": {"file": "robot.urdf"},
     "scan": {"surface": "scan.ply", "weights": "weights.npz", "joints": "joints.json"},
 }
 """What a section needs at least."""

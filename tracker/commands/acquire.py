@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -17,10 +17,17 @@ if TYPE_CHECKING:
     from tracker.jobs.acquire import AcquireOutcome
 
 
+_ROBOTS = (".urdf", ".xml", ".mjcf")
+"""Endings of descriptions of robots, which are no configurations."""
+
+
 def acquire(
     config: Annotated[
         Path,
-        typer.Argument(help="Pairs of front and side silhouettes, a scan, surface points, or a run's configuration."),
+        typer.Argument(
+            help="Pairs of front and side silhouettes, a scan, surface points, or a run's configuration; or a robot: "
+            "URDF, or MJCF."
+        ),
     ],
     output: Annotated[
         Path | None, typer.Option(help="Model to write, or a result folder; default models/NAME.toml.")
@@ -28,15 +35,20 @@ def acquire(
     set_: Overrides = None,
     frames: Annotated[str | None, typer.Option(help="Range A:B of a run's frames to use.")] = None,
 ) -> None:
-    """Makes a person's body model: from two silhouettes, a scan, surface points, or a run's views while tracking."""
+    """Makes a body model: of a person from silhouettes, a scan, points or a run's views; of a robot from its URDF."""
+    from tracker.config_files import override_table
     from tracker.jobs import read_own
     from tracker.jobs.acquire import acquire_to, acquisition_from
 
     if output is not None and output.suffix not in ("", ".toml"):
         raise ConfigError(f"--output {output}: expected a .toml file, or a folder for all results")
-    if frames is not None and "reading" not in read_own("acquire", config, set_ or ()):
+    if config.suffix.lower() in _ROBOTS:
+        table: dict[str, Any] = {"robot": {"file": config.name}}
+        override_table(table, set_ or ())
+    else:
+        table = read_own("acquire", config, with_range(set_, frames))
+    if frames is not None and "reading" not in table:
         raise ConfigError(f"--frames {frames}: only of a run's configuration; {config} has no [reading]")
-    table = read_own("acquire", config, with_range(set_, frames))
     job = acquisition_from(table, config.name, config.parent, config.stem)
     if output is not None and not output.suffix:
         print_acquisition(console, done(job, output))

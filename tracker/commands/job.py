@@ -17,7 +17,7 @@ _JOBS = Path(__file__).parents[1] / "jobs"
 _WITH_A_COMMAND = {"track": "run", "calibrate": "calibrate", "acquire": "acquire", "surface": "surface", "demo": "demo"}
 """Jobs whose command has options or a report of its own, and what it is called."""
 
-_PART_OF_ANOTHER = {"acquire_from_pictures", "acquire_from_points", "acquire_from_scan"}
+_PART_OF_ANOTHER = {"acquire_from_pictures", "acquire_from_points", "acquire_from_robot", "acquire_from_scan"}
 """Jobs that another one's command chooses."""
 
 

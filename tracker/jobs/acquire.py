@@ -168,7 +168,7 @@ def _panels(found: Fit, seen: Seen, watching: Watching, overlaps: Array) -> list
 
 
 def acquisition_from(table: Table, source: str, folder: Path, name: str) -> Any:
-    """The job that a table describes: pairs of silhouettes, a scan, surface points, or a tracking job.
+    """The job that a table describes: pairs of silhouettes, a scan, surface points, a robot, or a tracking job.
 
     Args:
         table: its sections.
@@ -180,12 +180,12 @@ def acquisition_from(table: Table, source: str, folder: Path, name: str) -> Any:
         ConfigError: it is neither or both; else see `tracker.jobs.job_from`.
     """
     kinds = {"pairs": "acquire_from_pictures", "scan": "acquire_from_scan", "moments": "acquire_from_points"}
-    kinds["reading"] = "acquire"
+    kinds |= {"robot": "acquire_from_robot", "reading": "acquire"}
     given = [use for section, use in kinds.items() if section in table]
     if len(given) != 1:
         raise ConfigError(
             f"{source}: expected either [[pairs]] of front and side silhouettes, or a [scan] with its joints, "
-            "or [[moments]] of surface points, or the [reading] and persons of a run"
+            "or [[moments]] of surface points, or a [robot], or the [reading] and persons of a run"
         )
     use = given[0]
     return job_from(use, {key: value for key, value in table.items() if key != "job"}, source, folder, name)

@@ -1,0 +1,64 @@
+"""Acquisition from a robot's description, URDF or MJCF: a model with its meshes as a skin."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+from tracker.acquisition.from_robot import RobotFile, body_of, stands_at
+from tracker.components import component
+from tracker.errors import ModelError
+from tracker.files import write_json
+from tracker.jobs import ResultFolder, described
+from tracker.jobs._acquired import MODEL, AcquireOutcome
+from tracker.jobs._skinned import save_with_skin, skinned_outcome
+from tracker.kernels.ahead import Group
+from tracker.progress import WARNING, Progress
+from tracker.robots import Robot
+from tracker.robots.mjcf import read_mjcf
+from tracker.robots.urdf import read_urdf
+from tracker.source_files import xml_of
+
+
+@component
+class RobotJob:
+    """Makes a body model of a robot's description: `model.toml`, its skin, a picture and figures."""
+
+    kernels: ClassVar[Group | None] = "tracking"
+    resumable: ClassVar[bool] = False
+
+    robot: RobotFile
+    """The description."""
+
+    name: str = "model"
+    """Of the model."""
+
+    def open(self, earlier: Path | None = None) -> Robot:
+        """Reads the description; see `tracker.jobs.Job.open`."""
+        tag = xml_of(self.robot.file, ModelError, "a robot").tag
+        readers = {"robot": read_urdf, "mujoco": read_mjcf}
+        if tag not in readers:
+            raise ModelError(f"{self.robot.file}: <{tag}> found, expected <robot> of a URDF or <mujoco> of an MJCF")
+        return readers[tag](self.robot.file)
+
+    @property
+    def model_name(self) -> str:
+        """What the model is called."""
+        return self.name
+
+    def execute(self, opened: Robot, folder: ResultFolder, progress: Progress) -> AcquireOutcome:
+        """Fits parts to the meshes; see `tracker.jobs.Job.execute`."""
+        progress("fitting the parts")
+        told = self.robot
+        free = opened.free if told.base is None else told.base == "free"
+        found = body_of(opened, self.name, free, stands_at(told.at, told.turn_deg))
+        moves = "moves about" if free else f"stays where it is, at {', '.join(f'{x:g}' for x in told.at)} m"
+        said = "" if told.base or opened.free else "; if it moves about: --set robot.base=free"
+        for remark in (*opened.unread, f"{found.description.about}; its base {moves}{said}"):
+            progress(f"{WARNING}{remark}")
+        path = folder.path / MODEL
+        skinned = found.description.model_copy(update={"skin": found.skin})
+        description = save_with_skin(skinned, found.surface, found.rigging, path)
+        outcome = skinned_outcome(found.fits, description, description, path)
+        write_json(path.with_suffix(".json"), {**outcome.as_dict(), "unread": opened.unread, "config": described(self)})
+        return outcome
