@@ -77,6 +77,15 @@ def test_what_is_in_doubt_comes_first_with_its_reasons(tmp_path: Path, folder: P
     assert f'<td class="why">left arm: {Because.JUMP.phrase}; right arm: {Because.TWO_POSES.phrase}</td>' in page
 
 
+def test_a_start_that_is_rather_wrong_is_a_doubt_though_no_frame_is_in_any(tmp_path: Path) -> None:
+    movement = sure()
+    steps = [replace(movement.steps[0], told_confidence=(0.06,)), *movement.steps[1:]]
+    page = page_of(replace(movement, steps=steps), tmp_path)
+    assert "is rather wrong than right (confidence 0.06)" in page
+    assert "Nothing is in doubt" not in page
+    assert "frames are in doubt" not in page
+
+
 def test_what_few_look_at_is_folded_away_and_tables_are_linked(folder: Path) -> None:
     page = (folder / "report.html").read_text()
     links = re.findall(r'href="([^":]+)"', page)
