@@ -12,6 +12,9 @@ template <class T>
 struct Lens {
     T k1, k2, p1, p2, k3, k4, k5, k6;
 
+    Lens(T k1, T k2, T p1, T p2, T k3, T k4, T k5, T k6)
+        : k1(k1), k2(k2), p1(p1), p2(p2), k3(k3), k4(k4), k5(k5), k6(k6) {}
+
     // Of a packed camera in the same precision.
     explicit Lens(const T *camera)
         : k1(camera[rows::camera::K1]), k2(camera[rows::camera::K2]), p1(camera[rows::camera::P1]),

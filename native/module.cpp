@@ -5,6 +5,7 @@ namespace nb = nanobind;
 
 namespace bodytrack {
 
+void bind_adjustment(nb::module_ &module);
 void bind_body(nb::module_ &module);
 void bind_contours(nb::module_ &module);
 void bind_images(nb::module_ &module);
@@ -34,6 +35,7 @@ NB_MODULE(_native, module) {
         throw nb::import_error("this processor has no AVX2, FMA and BMI2 (x86-64-v3: Intel from 2013, AMD from 2015), "
                                "which bodytrack needs; run it on a newer machine");
     module.attr("SOURCES") = BODYTRACK_SOURCES;
+    bodytrack::bind_adjustment(module);
     bodytrack::bind_body(module);
     bodytrack::bind_contours(module);
     bodytrack::bind_images(module);

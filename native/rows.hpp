@@ -11,6 +11,18 @@ enum Column {
 };
 }
 
+namespace bundle_camera {
+enum Column {
+    R11, R12, R13, R21, R22, R23, R31, R32, R33, X, Y, Z, C, CX, CY, AFFINITY, SHEAR,
+    K1, K2, P1, P2, K3, K4, K5, K6, DELAY,
+    N_COLUMNS
+};
+}
+
+namespace bundle_unknown {
+enum Column { TURN_X, TURN_Y, TURN_Z, X, Y, Z, C, CX, CY, AFFINITY, SHEAR, K1, K2, P1, P2, K3, DELAY, N_UNKNOWNS };
+}
+
 namespace superquadric {
 enum Column { A1, A2, A3, E1, E2, K1, K2, N_COLUMNS };
 }

@@ -16,8 +16,8 @@ import tracker.kernels.compilation
 from tracker.cli import app
 from tracker.components import find
 from tracker.kernels import ahead
-from tracker.kernels.adjustment.ray_intersection import intersect_rays
 from tracker.kernels.compilation import sources_of
+from tracker.kernels.projection import project_point
 
 INNER = """
 from tracker.kernels.compilation import compiled
@@ -109,9 +109,9 @@ def test_without_a_folder_kernels_run_all_the_same_and_it_is_said(copy):
 
 
 def test_a_kernel_is_made_of_all_that_it_imports_by_whatever_way():
-    meeting = set(sources_of("tracker.kernels.adjustment.ray_intersection"))
-    assert {f"tracker.kernels.{name}" for name in ("adjustment.ray_intersection", "lens", "rows.camera")} <= meeting
-    assert "tracker.kernels.adjustment.bundle" not in meeting
+    told = set(sources_of("tracker.kernels.projection"))
+    assert {f"tracker.kernels.{name}" for name in ("projection", "lens", "rows.camera")} <= told
+    assert "tracker.kernels.calls" not in told
 
 
 def test_machine_code_of_modules_beside_the_extension_is_kept():
@@ -119,12 +119,11 @@ def test_machine_code_of_modules_beside_the_extension_is_kept():
     told = sources_of("tracker.kernels.contours.scoring")
     assert told["tracker._native"] == f"# {tracker._native.SOURCES}"
     assert all(told.values())
-    assert all(kernel.stats.cache_path is not None for kernel, _ in ahead._CALLS["calibration"]())
 
 
 def test_outdated_code_is_deleted_when_asked(tmp_path, monkeypatch):
     monkeypatch.setattr("tracker.kernels.compilation.code_folder", lambda: tmp_path)
-    current = tmp_path / Path(intersect_rays.stats.cache_path).parent.name
+    current = tmp_path / Path(project_point.stats.cache_path).parent.name
     other, foreign = tmp_path / "bundle-0123456789abcdef", tmp_path / "notes"
     for folder in (current, other, foreign):
         folder.mkdir()

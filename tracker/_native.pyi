@@ -15,6 +15,22 @@ Slopes = NDArray[np.int16]
 SOURCES: str
 """Digest of what it was built from, see `tracker.native_sources`."""
 
+# adjustment/: named tuples of `tracker.kernels.adjustment.bundle`
+def project_with_slopes(
+    camera: Array, point: Array, velocity: Array, by_camera: Array, by_point: Array
+) -> tuple[float, float, bool]: ...
+def bundle_residuals(cameras: Array, points: Array, observed: tuple[object, ...], residuals: Array) -> None: ...
+def reduce_normal(
+    cameras: Array,
+    objects: tuple[object, ...],
+    observed: tuple[object, ...],
+    damping: float,
+    reduced: tuple[object, ...],
+) -> None: ...
+def intersect_rays(
+    cameras: Array, pixels: Array, variances: Array, points: Array, covariances: Array, residuals: Array
+) -> None: ...
+
 # body/: named tuples of `tracker.kernels.body`
 def chain_transforms(
     poses: Array, rotates: Mask, axes: Array, points: Array, parents: Integers, motions: Array

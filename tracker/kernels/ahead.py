@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Literal
 
 from tracker.kernels.calls import Call
-from tracker.kernels.calls.measuring import calibration_calls, matching_calls
 from tracker.kernels.compilation import forget_others
 from tracker.progress import Progress, silent
 
@@ -18,11 +17,8 @@ Group = Literal["tracking", "matching", "calibration"]
 GROUPS: tuple[Group, ...] = "tracking", "matching", "calibration"
 
 
-_CALLS: dict[Group, Callable[[], list[Call]]] = {
-    "tracking": lambda: [],  # all of them are in the extension
-    "matching": matching_calls,
-    "calibration": calibration_calls,
-}
+# all of them are in the extension
+_CALLS: dict[Group, Callable[[], list[Call]]] = dict.fromkeys(GROUPS, list)
 
 
 def all_cached(group: Group = "tracking") -> bool:
