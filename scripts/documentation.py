@@ -12,9 +12,10 @@ from tracker.body import BodyModel
 from tracker.camera import Camera
 from tracker.components import available, contract, find, stages
 from tracker.config import component_name
-from tracker.errors import TrackerError
 from tracker.estimate import Estimate
+from tracker.evaluation.comparison import Evaluation
 from tracker.field_types import component_stage
+from tracker.programs import Simulated
 from tracker.rig import Rig
 from tracker.trajectory import Step
 
@@ -42,7 +43,10 @@ def reference_entries() -> str:
     offered = (getattr(tracker, name) for name in dir(tracker))
     public = [one for one in offered if getattr(one, "__module__", "").startswith("tracker.")]
     parts = ["## What `tracker` offers\n", *map(_entry, public)]
-    parts += ["## What results are made of\n", *map(_entry, (Rig, Camera, BodyModel, Step, Estimate, TrackerError))]
+    parts += [
+        "## What results are made of\n",
+        *map(_entry, (Rig, Camera, BodyModel, Step, Estimate, Evaluation, Simulated)),
+    ]
     parts += ["## Contracts of components\n", *(_entry(contract(stage)) for stage in stages())]
     return "\n".join(parts)
 

@@ -27,7 +27,7 @@ LAYERS = (
     "estimation initialization",
     "tracking",
     "acquisition alignment recognition evaluation simulation inspection",
-    "jobs rig_check epipolar_picture exports smoothed aligned batching run forecast draft draft_rig "
+    "jobs rig_check epipolar_picture exports programs smoothed aligned batching run forecast draft draft_rig "
     "draft_plates footage viewing",
     "cli commands __main__ scripts",
 )

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from motions import made_up
 
-from tracker.exports import export
 from tracker.jobs import execute, load_job
+from tracker.programs import export
 from tracker.recording.run_json import RunJson
 from tracker.result import load_result
 from tracker.simulation.sequence import Recipe

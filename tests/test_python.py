@@ -7,15 +7,20 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from motions import LOST, N_FRAMES, made_up
 
 import tracker
+from tracker import programs
+from tracker.commands.export import FORMATS
 from tracker.errors import ConfigError, ModelError
 from tracker.jobs import execute, load_job
+from tracker.progress import shown, silent
 from tracker.recording.csv_table import CsvTable
+from tracker.recording.wide_table import WideTable
 from tracker.simulation.sequence import Recipe
 from tracker.simulation.sequence_files import write_sequence
 
@@ -42,7 +47,7 @@ def read(path):
 def test_the_page_runs(recording, monkeypatch, capsys):
     monkeypatch.chdir(recording)
     blocks = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
-    assert len(blocks) == 5
+    assert len(blocks) == 7
     names = {}
     exec(compile("\n".join(blocks), "docs/python.md", "exec"), names)
     assert names["flexion_deg"].shape == names["speed"].shape == (4,)
@@ -51,7 +56,17 @@ def test_the_page_runs(recording, monkeypatch, capsys):
     assert ((names["pixels"] > 0) & (names["pixels"] < size)).all()
     told = capsys.readouterr().out.splitlines()
     assert told[0] == "['frame', 'time_s', 'status', 'torso_x_deg']".replace("_deg", "_m")
-    assert [line.split()[0] for line in told[1:]] == ["0", "1", "2"]
+    assert [line.split()[0] for line in told[1:4]] == ["0", "1", "2"]
+    assert told[4:] == [f"{names['errors'].mean_mm:.0f} mm"]
+    assert names["errors"].mean_mm < 30
+    assert sorted(path.name for path in Path("results/my_run/latest/smoothed/exports").iterdir()) == [
+        "person1.glb",
+        "person1.trc",
+    ]
+    sigma_mm, worst_mm = names["filmed"].expected.joints_mm["left_wrist"]
+    assert 0 < sigma_mm <= worst_mm < 100
+    assert len(names["again"]) == 3
+    assert {"truth_joints.csv", "truth_poses.csv"} <= {path.name for path in names["filmed"].config.parent.iterdir()}
 
 
 def test_an_iterated_run_finds_what_an_executed_one_wrote(recording):
@@ -110,6 +125,120 @@ def test_wrong_names_are_answered_with_the_nearest(tmp_path):
         tracker.load_result(tmp_path / "nowhere")
     with pytest.raises(AttributeError, match="load_results"):
         tracker.load_results  # noqa: B018
+
+
+def test_the_package_shows_its_public_names_and_the_page_tells_since_when():
+    """Nothing else: no module, no import of its own."""
+    assert set(dir(tracker)) == {*tracker._OFFERED, "__version__"}
+    rows = re.findall(r"^\| (.+) \| (\d+\.\d+) \|$", PAGE, flags=re.MULTILINE)
+    since = {name: version for names, version in rows for name in re.findall(r"`(\w+)`", names)}
+    assert since.keys() == tracker._OFFERED.keys()
+    now = tuple(map(int, tracker.__version__.split(".")[:2]))
+    assert all(tuple(map(int, version.split("."))) <= now for version in since.values())
+
+
+def test_a_result_is_smoothed_exported_and_evaluated_by_itself_or_its_folder(tmp_path):
+    movement = made_up("gavrila22")
+    folder = movement.result(tmp_path / "result")
+    movement.record(CsvTable(), folder)
+    result = tracker.load_result(folder)
+    smooth = tracker.smooth(result, "butterworth", cutoff_hz=8.0)
+    assert smooth.folder == folder / "smoothed"
+    assert smooth.details["smoothing"]["cutoff_hz"] == 8
+    with pytest.raises(ConfigError, match="or replace it with --overwrite"):
+        tracker.smooth(str(folder))
+    assert tracker.smooth(folder, overwrite=True).details["smoothing"]["use"] == "rts"
+    for to in ("trc,wide_table", ["trc", WideTable()], {"trc": {"y_up": False}, "wide_table": {}}):
+        files = tracker.export(smooth, to, overwrite=True)
+        assert [path.name for path in files] == ["person1.trc", "person1_wide.csv"]
+        assert {path.parent for path in files} == {folder / "smoothed" / "exports"}
+    assert tracker.export(folder, {"trc": {"y_up": True}}, tmp_path / "up") == (tmp_path / "up" / "person1.trc",)
+    assert tracker.evaluate(result, folder).persons[0].mean_mm == pytest.approx(0)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda folder: tracker.smooth(folder, "butterwort"), 'did you mean "butterworth"'),
+        (lambda folder: tracker.smooth(folder, cutoff=8.0), 'smooth: unknown key "cutoff"'),
+        (lambda folder: tracker.export(folder, "trk"), 'no format "trk" to export to; did you mean "trc"'),
+        (lambda folder: tracker.export(folder, "overlay"), 'no format "overlay"'),
+        (lambda folder: tracker.export(folder, []), "expected one or more of bvh"),
+        (lambda folder: tracker.export(folder, {"trc": {"y_upp": True}}), 'did you mean "y_up"'),
+        (lambda folder: tracker.evaluate(folder, folder / "nowhere"), "no such truth file"),
+        (lambda folder: tracker.simulate(second=1), 'unknown argument "second"; did you mean "seconds"'),
+        (lambda folder: tracker.simulate(movement="hop"), 'no movement "hop"'),
+    ],
+)
+def test_a_wrong_argument_is_one_line_and_leaves_nothing(call, words, tmp_path, monkeypatch):
+    movement = made_up("gavrila22")
+    folder = movement.result(tmp_path / "result")
+    movement.record(CsvTable(), folder)
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(tracker.TrackerError, match=re.escape(words)):
+        call(folder)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_command_and_the_package_know_the_same_formats():
+    assert programs.FORMATS == FORMATS
+
+
+class Cell:
+    """What IPython shows below a cell: the pictures that replace each other."""
+
+    def __init__(self) -> None:
+        self.drawn: list[dict[str, str]] = []
+
+    def display(self, content, raw, display_id):
+        assert (raw, display_id) == (True, True)
+        self.drawn.append(content)
+        return SimpleNamespace(update=lambda content, raw: self.drawn.append(content))
+
+
+@pytest.fixture
+def cell(monkeypatch) -> Cell:
+    """A notebook's cell."""
+    shown = Cell()
+    shell = SimpleNamespace(kernel=object())
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+    monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(display=shown.display))
+    return shown
+
+
+def test_a_notebook_shows_how_far_a_run_is(cell, recording, tmp_path):
+    tracker.load_run(recording / "run.toml", ["reading.stop=2"]).execute(tmp_path / "out")
+    last = cell.drawn[-1]["text/plain"].splitlines()
+    assert [line for line in last if re.search(r"\b2 of 2\b", line)], last
+    assert '<progress value="2" max="2"></progress>' in cell.drawn[-1]["text/html"]
+
+
+def test_a_cell_keeps_warnings_and_the_last_steps(cell):
+    bar = shown()
+    bar("input: two videos <are> exchanged")
+    for k in range(1000):
+        bar("tracking", k + 1, 1000, f"{k} frames/s")
+    bar("compiling")
+    assert cell.drawn[-1]["text/plain"].splitlines() == [
+        "input: two videos <are> exchanged",
+        "tracking: 1000 of 1000 999 frames/s",
+        "compiling",
+    ]
+    assert cell.drawn[-1]["text/html"].startswith("input: two videos &lt;are&gt; exchanged<br><progress ")
+    assert len(cell.drawn) < 100, "a browser is not asked a thousand times"
+    for k in range(20):
+        bar(f"step {k}", 1, 1)
+    assert len(cell.drawn[-1]["text/plain"].splitlines()) == 9
+
+
+@pytest.mark.parametrize("shell", [None, SimpleNamespace()])
+def test_elsewhere_nobody_is_told(shell, monkeypatch):
+    """In a script, and in IPython in a terminal."""
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+    assert shown() is silent
+    monkeypatch.delitem(sys.modules, "IPython")
+    assert shown() is silent
 
 
 def test_what_the_package_offers_has_types():

@@ -85,7 +85,8 @@ def test_movements_of_an_animal_are_told_by_a_library_of_its_own(squat_result, t
     assert "a person's landmarks are called left_shoulder, " in output
     told("--add", known, "trot", "--library", mine, *repeats)
     assert "trot" in told(asked, "--library", mine)
-    assert "movements of another body than those in" in told(asked, "--library", mine, "--library", "bundled")
+    both = "--library", mine, "--library", "bundled", "--overwrite"
+    assert "movements of another body than those in" in told(asked, *both)
     assert "mine: movements of another body: choose another --library" in told(
         "--add", squat_result, "squat", "--library", mine
     )

@@ -1,7 +1,7 @@
 """bodytrack: model-based, marker-less motion capture from calibrated views.
 
-Nouns are the files of this package, verbs its folders; see the README's architecture section. For programs:
-`tracker.load_result(folder)` loads what a run has left, `tracker.load_run(config)` makes one.
+For programs: `tracker.load_run(config)` makes a run, `tracker.load_result(folder)` loads what one has left.
+`dir(tracker)` lists all that is offered; docs/python.md shows how it is used, and which names stay.
 """
 
 from __future__ import annotations
@@ -10,7 +10,18 @@ import importlib
 
 __version__ = "0.1.0"
 
-_OFFERED = {"load_result": "result", "Result": "result", "Track": "person_track", "load_run": "run", "Run": "run"}
+_OFFERED = {
+    "Result": "result",
+    "Run": "run",
+    "Track": "person_track",
+    "TrackerError": "errors",
+    "evaluate": "programs",
+    "export": "programs",
+    "load_result": "result",
+    "load_run": "run",
+    "simulate": "programs",
+    "smooth": "programs",
+}
 """What the package offers by itself -> its module, which loads when it is asked for; `__init__.pyi` has the types."""
 
 
@@ -22,4 +33,5 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_OFFERED])
+    """The public names."""
+    return [*sorted(_OFFERED), "__version__"]

@@ -18,7 +18,7 @@ from tracker.recording import Recorder, Recording, RunContext
 from tracker.recording.csv_table import CsvTable
 from tracker.recording.journal import Journal
 from tracker.recording.run_json import RunJson
-from tracker.result import Result, load_result
+from tracker.result import Result
 from tracker.rig_layouts import save_rig
 from tracker.source_files import json_of
 from tracker.synthesis.cpu import CpuSynthesis
@@ -36,30 +36,23 @@ _DETAILS = (
 """What recordings tell of how a result was made."""
 
 
-def export(
-    result: Path, recordings: Iterable[Recording], output: Path | None = None, overwrite: bool = False
+def write_recordings(
+    result: Result, recordings: Iterable[Recording], folder: Path, overwrite: bool = False
 ) -> tuple[Path, ...]:
-    """Writes recordings that need poses and times only, no images.
+    """Writes recordings that need poses and times only, no images: all of them or none.
 
     Args:
-        result: folder of a run.
+        result: of a run.
         recordings: what to write.
-        output: where to; None for `exports` in the result folder.
+        folder: where to; it is made.
         overwrite: replace files that are there already.
 
     Returns:
         The files written.
 
     Raises:
-        TrackerError: the folder is not that of a run, something in it is damaged, or a file is there already.
+        TrackerError: the result cannot be written so, or a file is there already.
     """
-    return write_recordings(load_result(result), recordings, output or result / EXPORTS, overwrite)
-
-
-def write_recordings(
-    result: Result, recordings: Iterable[Recording], folder: Path, overwrite: bool = False
-) -> tuple[Path, ...]:
-    """Writes recordings of a result that is loaded, all of them or none; see `export`."""
     new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     try:

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import html
+import importlib
+import sys
 import threading
-from typing import Protocol
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
 
 WARNING = "input: "
 """What a message begins with that stays to be read: something is wrong with the input."""
@@ -61,3 +66,65 @@ class Tally:
 
 def silent(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
     """Tells nobody."""
+
+
+def shown() -> Progress:
+    """A bar below the cell of a Jupyter notebook; elsewhere nobody is told."""
+    ipython = sys.modules.get("IPython")
+    if ipython is None or not hasattr(ipython.get_ipython(), "kernel"):
+        return silent
+    return NotebookProgress(importlib.import_module("IPython.display").display)
+
+
+_BETWEEN_S = 0.2
+"""From one picture of a bar to the next: a browser draws no more, and tracking waits for none."""
+
+_MOST_LINES = 8
+"""That stay below a cell: the last steps of the work."""
+
+
+class NotebookProgress:
+    """A line with a bar for each step of the work, below the cell of a notebook; warnings stay above them."""
+
+    def __init__(self, display: Callable[..., Any]) -> None:
+        """Shows nothing yet.
+
+        Args:
+            display: IPython's function.
+        """
+        self._display = display
+        self._handle: Any = None
+        self._warnings: list[str] = []
+        self._steps: dict[str, tuple[int, int, str]] = {}
+        self._message = ""
+        self._drawn_s = 0.0
+
+    def __call__(self, what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
+        """Takes note, and draws if the last picture is old, a step ends, or a message comes."""
+        if total:
+            self._steps[what] = done, total, detail
+            self._message = ""
+        elif what.startswith(WARNING):
+            self._warnings.append(what)
+        else:
+            self._message = what
+        if total == 0 or done >= total or time.monotonic() - self._drawn_s > _BETWEEN_S:
+            self._draw()
+
+    def _draw(self) -> None:
+        self._drawn_s = time.monotonic()
+        steps = list(self._steps.items())[-_MOST_LINES:]
+        plain = [*self._warnings, *(f"{what}: {n} of {of} {detail}".strip() for what, (n, of, detail) in steps)]
+        lines = [html.escape(line) for line in self._warnings]
+        lines += [
+            f'<progress value="{n}" max="{of}"></progress> {html.escape(f"{what}: {n} of {of} {detail}")}'
+            for what, (n, of, detail) in steps
+        ]
+        if self._message:
+            plain.append(self._message)
+            lines.append(html.escape(self._message))
+        content = {"text/plain": "\n".join(plain), "text/html": "<br>".join(lines)}
+        if self._handle is None:
+            self._handle = self._display(content, raw=True, display_id=True)
+        else:
+            self._handle.update(content, raw=True)

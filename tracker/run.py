@@ -10,7 +10,7 @@ from pathlib import Path
 from tracker.jobs import execute, load_job
 from tracker.jobs.track import OpenedTrack, TrackJob
 from tracker.kernels.ahead import all_cached, warm_up
-from tracker.progress import Progress, silent
+from tracker.progress import Progress, shown, silent
 from tracker.result import Result, load_result
 from tracker.scene import Scene
 from tracker.tracking import track
@@ -63,18 +63,20 @@ class Run:
         if kernels is not None and not all_cached(kernels):
             warm_up(progress, kernels)
 
-    def execute(self, output: Path | str | None = None, resume: bool = False, progress: Progress = silent) -> Result:
+    def execute(
+        self, output: Path | str | None = None, resume: bool = False, progress: Progress | None = None
+    ) -> Result:
         """Tracks into a result folder, as `bodytrack run` does.
 
         Args:
             output: result folder; None for `results/NAME/TIME`.
             resume: continue an interrupted run there, or the latest one.
-            progress: told how far it is.
+            progress: told how far it is; None for bars in a notebook, and nothing elsewhere.
 
         Raises:
             TrackerError: as `bodytrack run` has it.
         """
-        outcome = execute(self.job, None if output is None else Path(output), resume, progress)
+        outcome = execute(self.job, None if output is None else Path(output), resume, progress or shown())
         return load_result(outcome.folder)
 
 

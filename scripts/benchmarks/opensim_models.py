@@ -12,7 +12,7 @@ from rich.table import Table
 
 from tracker.config import build
 from tracker.errors import ConfigError
-from tracker.exports import export
+from tracker.programs import export
 
 _FLEXIONS = ("hip", "knee", "elbow")
 

@@ -34,9 +34,8 @@ def export(
     in_result: Annotated[bool, typer.Option("--in-result", hidden=True)] = False,
 ) -> None:
     """Writes a finished result for other programs: `bodytrack result export RESULT --to trc,c3d`."""
-    from tracker.config import build
     from tracker.errors import nearest
-    from tracker.exports import export as export_result
+    from tracker.programs import export as exported
     from tracker.source_files import json_of
 
     words = ",".join((*(to or ()), *(more or ()))).split(",")
@@ -53,9 +52,8 @@ def export(
     fields = {"opensim": {"model": model, **_masses(mass_kg)}}
     if y_up:
         fields |= {name: {"y_up": True} for name in ("trc", "c3d")}
-    recordings = [build("recording", {"use": name, **fields.get(name, {})}, f"--to {name}", Path()) for name in formats]
     folder = output or (result if in_result else None)
-    for file in export_result(result, recordings, folder, overwrite):
+    for file in exported(result, {name: fields.get(name, {}) for name in formats}, folder, overwrite):
         console.print(str(file), highlight=False, soft_wrap=True)
         if file.suffix == ".json":
             console.print(_fit(json_of(file, ConfigError)), highlight=False)

@@ -21,23 +21,17 @@ def smooth(
     """Smooths a finished result and fills its short gaps, into a result folder of its own; the raw one stays."""
     from tracker.config import build
     from tracker.config_files import override_table
-    from tracker.recording.overlay import Overlay
-    from tracker.recording.report import Report
+    from tracker.programs import smooth_by
     from tracker.result import load_result
-    from tracker.smoothed import Pictures, write_smoothed
-    from tracker.viewing.images import images_of
 
     fields: dict[str, Any] = {}
     override_table(fields, set_ or ())
     smoothing = build("smoothing", {"use": use, **fields}, "--use", Path())
-    raw = load_result(result)
     with ProgressBar() as progress:
-        pictures = Pictures((Report(), Overlay()), lambda: images_of(raw), progress)
-        folder = write_smoothed(raw, smoothing, output, overwrite, pictures)
-    done = load_result(folder)
+        done = smooth_by(smoothing, load_result(result), output, overwrite, progress)
     for person in done.persons:
         filled, lost = person.statuses.count("filled"), person.statuses.count("lost")
         console.print(
             f"{person.name}: {len(person.statuses)} frames, {filled} filled, {lost} still lost", highlight=False
         )
-    console.print(str(folder), highlight=False, soft_wrap=True)
+    console.print(str(done.folder), highlight=False, soft_wrap=True)
