@@ -333,3 +333,28 @@ def test_the_figures_are_those_of_the_recordings_own_script(data, result, tmp_pa
     assert set(theirs["joints_scored"]) - skipped == set(theirs["joints_scored"])
     assert ours.mean_mm == pytest.approx(theirs["mpjpe_mm"], rel=1e-6)
     assert ours.mean_offset_removed_mm == pytest.approx(theirs["mpjpe_bias_removed_mm"], rel=1e-6)
+
+
+def test_raw_errors_stand_beside_the_sigmas_that_the_run_tells(result, truth, tmp_path, monkeypatch):
+    """Two thirds of a sigma of a constant offset: with it removed, nothing would be left to judge sigmas by."""
+    folder = tmp_path / "truth"
+    folder.mkdir()
+    write_joints(folder / "truth_joints.csv", {"a": truth})
+    write_joints(result / "joints.csv", {"a": truth + np.array([0.02, 0, 0])})
+    lines = (result / "joints.csv").read_text().splitlines()
+    (result / "joints.csv").write_text("\n".join([f"{lines[0]},sigma_m", *(f"{line},0.03" for line in lines[1:])]))
+    (result / "models").mkdir()
+    (result / "models" / "a.toml").write_bytes(Path(model_path("gavrila22")).read_bytes())
+    rows = "".join(f"{t},{t},a,{2 + t % 2},3\n" for t in range(N_FRAMES))
+    (result / "sigmas.csv").write_text("frame,time_s,person,left_arm_extension_deg,left_leg_extension_deg\n" + rows)
+    found = evaluate(result, folder).persons[0]
+    assert found.joint_sigmas_mm == pytest.approx(dict.fromkeys(JOINTS, 30.0))
+    assert found.over_sigma() == pytest.approx(2 / 3)
+    assert found.hinge_sigmas_deg == pytest.approx({"left_elbow": np.sqrt(6.5), "left_knee": 3.0})
+    assert found.over_sigma("knee") == pytest.approx(0, abs=1e-6)
+    assert np.isnan(found.over_sigma("hip"))
+    monkeypatch.chdir(tmp_path)
+    told = CliRunner().invoke(app, ["evaluate", "result", "--truth", "truth"], env={"COLUMNS": "120"}).stdout
+    assert re.search(r"left knee, RMS \(offset removed; told\) +│ +0\.00 deg \(0\.00; 3\.00\)", told)
+    assert re.search(r"left wrist \(offset removed; told\) +│ +20\.0 mm \(0\.0; 30\.0\)", told)
+    assert re.search(r"joints, error over told sigma +│ +0\.7", told)

@@ -97,7 +97,10 @@ def test_tables_hold_the_estimates_in_degrees_and_metres(recorded, tmp_path):
         np.testing.assert_allclose(values, estimate.q, atol=1e-5)
         assert float(sigma["torso_x_m"]) == pytest.approx(np.sqrt(estimate.covariance[0, 0]), abs=1e-5)
     joints = rows_of(tmp_path / "joints.csv")
-    assert list(joints[0]) == ["frame", "time_s", "person", "joint", "x_m", "y_m", "z_m", "status"]
+    assert list(joints[0]) == ["frame", "time_s", "person", "joint", "x_m", "y_m", "z_m", "status", "sigma_m"]
+    told = [float(row["sigma_m"]) for row in joints if row["frame"] == "0"]
+    first_estimate = steps[0].estimates[0]
+    np.testing.assert_allclose(told, body.landmark_sigmas(first_estimate.q, first_estimate.covariance), atol=1e-5)
     first = np.array([[float(row[axis]) for axis in ("x_m", "y_m", "z_m")] for row in joints if row["frame"] == "0"])
     np.testing.assert_allclose(first, body.landmarks_in_world(steps[0].estimates[0].q), atol=1e-5)
     assert {row["x_m"] for row in joints if row["frame"] == "2"} == {""}

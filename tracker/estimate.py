@@ -81,6 +81,10 @@ class Estimate:
         sure = {doubt.limb for doubt in self.doubts if not doubt.vague}
         return tuple(limb for limb in self.ambiguous if limb not in sure)
 
+    joint_sigmas_m: Array | None = None
+    """(L,) standard deviations of the landmarks, root of the summed variances of x, y, z, with what is not known of the
+    body; None where they follow from the covariance of the pose alone."""
+
     @property
     def verdict(self) -> Status:
         """What users are told: how the pose came about, unless it is doubtful."""

@@ -34,6 +34,9 @@ _ERRORS: dict[str, tuple[_Value, str]] = {
     "offset removed": (lambda one: one.elbows_removed_deg, ".1f"),
     "knees deg": (lambda one: one.knees_deg, ".1f"),
     "offset removed ": (lambda one: one.knees_removed_deg, ".1f"),
+    "over told sigma: joints": (lambda one: one.joints_over_sigma, ".1f"),
+    "elbows": (lambda one: one.elbows_over_sigma, ".1f"),
+    "knees": (lambda one: one.knees_over_sigma, ".1f"),
 }
 _FLAGS: dict[str, tuple[_Value, str]] = {
     "lost": (lambda one: one.lost, ".0f"),

@@ -46,6 +46,11 @@ class Score:
     elbows_removed_deg: float = np.nan
     knees_deg: float = np.nan
     knees_removed_deg: float = np.nan
+    elbows_over_sigma: float = np.nan
+    """Raw errors over the standard deviations that the run tells, RMS over both sides."""
+
+    knees_over_sigma: float = np.nan
+    joints_over_sigma: float = np.nan
     wrong: int = 0
     """Frames not lost and 100 mm off on average."""
 

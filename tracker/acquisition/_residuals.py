@@ -50,6 +50,9 @@ class Rows:
     weights: Array
     """(N,)"""
 
+    patches: Integers
+    """(N,) stretch of the body's surface that the model point lies on, see `patches_of`."""
+
     def joined(self, other: Rows) -> Rows:
         """These rows and others."""
         fields = self.__dataclass_fields__
@@ -59,7 +62,7 @@ class Rows:
 def no_rows() -> Rows:
     """Rows of nothing."""
     none, whole = np.zeros(0), np.zeros(0, dtype=np.int64)
-    return Rows(none, np.zeros((0, _N_ASKED)), none, whole, whole, np.zeros(0, dtype=np.bool_), none)
+    return Rows(none, np.zeros((0, _N_ASKED)), none, whole, whole, np.zeros(0, dtype=np.bool_), none, whole)
 
 
 def look_rows(look: Look, bodies: Bodies, q: Array, synthesis: Synthesis, gate: tuple[float, float]) -> Rows:
@@ -122,7 +125,7 @@ def _matched(
     edges: Array32 = observation.packed.points
     sample = contours.positions[0][views, samples].astype(np.float64)
     points, parts = contours.points[0][views, samples].astype(np.float64), contours.parts[0][views, samples]
-    across = _across(rig, points, views, sample[:, 2:4])
+    across = across_normals(rig, points, views, sample[:, 2:4])
     gap = ((sample[:, :2] - edges[scene, :2]) * sample[:, 2:4]).sum(axis=1)
     return Rows(
         residuals=gap / scale[views],
@@ -132,7 +135,38 @@ def _matched(
         views=views,
         inner=np.full(len(pairs), inner),
         weights=np.ones(len(pairs)),
+        patches=patches_of(bodies[0], q, points, parts),
     )
+
+
+_PATCH_M, _MOST_PATCHES = 0.1, 32
+"""Side of a patch of surface, metres, see `FitSettings.correlation_m`; patches along a part, and around it, at most."""
+
+
+def patches_of(body: BodyModel, q: Array, points: Array, parts: Integers) -> Integers:
+    """(N,) the stretch of a part's surface that points lie on, numbered over all parts: what is there stays there.
+
+    Args:
+        body: the body.
+        q: (dof,) pose.
+        points: (N, 3) in the world, metres.
+        parts: (N,) their parts.
+    """
+    placed = body.world_from_part(q)[parts]
+    local = np.einsum("nij,ni->nj", placed[:, :3, :3], points - placed[:, :3, 3])
+    across, deep, long = body.shapes[parts, :3].T
+    along = _numbered(local[:, 2] / (2 * long) + 0.5, 2 * long)
+    turned = np.arctan2(local[:, 1] / deep, local[:, 0] / across) / (2 * np.pi) + 0.5
+    around = _numbered(turned, 2 * np.pi * np.sqrt(across * deep))
+    found: Integers = (parts * _MOST_PATCHES + along) * _MOST_PATCHES + around
+    return found
+
+
+def _numbered(shares: Array, lengths_m: Array) -> Integers:
+    """(N,) which of the stretches of some lengths places are in, that are given as shares of the length."""
+    n_stretches = np.clip(np.rint(lengths_m / _PATCH_M), 1, _MOST_PATCHES)
+    found: Integers = np.clip(np.floor(shares * n_stretches), 0, n_stretches - 1).astype(np.int64)
+    return found
 
 
 def _pairs(contours: Contours, observation: Observation, gate_px: float, direction_deg: float) -> Integers:
@@ -143,8 +177,15 @@ def _pairs(contours: Contours, observation: Observation, gate_px: float, directi
     return pairs[: match_oriented(contours.positions[0], contours.counts[0], scene, first, gate, pairs)]
 
 
-def _across(rig: Rig, points: Array, views: Integers, normals: Array) -> Array:
-    """(N, 3) derivative of the pixel along its normal by the world point, px per metre."""
+def across_normals(rig: Rig, points: Array, views: Integers, normals: Array) -> Array:
+    """(N, 3) derivative of a pixel along its normal by the world point, px per metre.
+
+    Args:
+        rig: the cameras.
+        points: (N, 3) in the world, metres.
+        views: (N,) the view of each.
+        normals: (N, 2) in its image.
+    """
     across = np.zeros_like(points)
     for v, camera in enumerate(rig.cameras):
         rows = views == v

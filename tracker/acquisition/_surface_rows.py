@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.acquisition._residuals import Rows, asks_of
+from tracker.acquisition._residuals import Rows, asks_of, patches_of
 from tracker.acquisition.clouds import Cloud
 from tracker.arrays import Array, Integers
 from tracker.body import BodyModel
@@ -70,4 +70,5 @@ def surface_rows(
         views=np.full(len(part), -1),
         inner=np.zeros(len(part), dtype=np.bool_),
         weights=worth / (1 + (residuals / (0.5 * gate_m)) ** 2) ** 2,
+        patches=patches_of(body, q, feet, part),
     )

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tracker.acquisition._bounded_step import bounded_step
+from tracker.acquisition._lasting import Lasting
 from tracker.acquisition._residuals import Bodies, Direct, Rows, height_row, look_rows, mark_rows, part_slopes
 from tracker.acquisition._surface_rows import surface_rows
 from tracker.acquisition._tied import Tied, Tracks, tied
-from tracker.acquisition.fit_task import Task, free_at, pose_sigmas, prior_of, room_of, shape_sigmas
+from tracker.acquisition.fit_task import Task, free_at, prior_of, room_of
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapeSpace
 from tracker.arrays import Array, frozen
@@ -58,7 +59,6 @@ def fit(task: Task, shape: Array, poses: Array, free: Sequence[str] = ("pose", "
     """
     settings, start = task.settings, poses
     gates = np.geomspace(settings.gate_m, settings.final_gate_m, settings.iterations)
-    sigmas = pose_sigmas(task)
     kinds = [free_at(k / settings.iterations, settings.rigid_share, free) for k in range(settings.iterations)]
     matrix = np.zeros((0, 0))
     rows: tuple[Rows, ...] = ()
@@ -70,12 +70,12 @@ def fit(task: Task, shape: Array, poses: Array, free: Sequence[str] = ("pose", "
         bodies = (body, neighbours, steps)
         rows = tuple(_rows(task, look, bodies, poses[look.columns], gate) for look in task.looks)
         matrix, vector, variance = _equations(task, rows, bodies, poses, gate)
-        prior, pull = prior_of(task, (shape, poses - start, poses), (shape_sigmas(task.space, kind), sigmas))
+        prior, pull = prior_of(task, (shape, poses - start), poses, kind)
         room = room_of(task, body, shape, poses)
         step = bounded_step(matrix + variance * prior, vector + variance * pull, *room)
         shape, poses = shape + step[: len(shape)], poses + step[len(shape) :]
     task.progress("fitting shape and pose", settings.iterations, settings.iterations)
-    prior, _ = prior_of(task, (shape, poses - start, poses), (shape_sigmas(task.space, kinds[-1]), sigmas))
+    prior, _ = prior_of(task, (shape, poses - start), poses, kinds[-1])
     covariance = np.asarray(np.linalg.inv(matrix / variance + prior), dtype=np.float64)
     return Fit(task.space, task.looks, frozen(shape), frozen(poses), covariance[: len(shape), : len(shape)], rows)
 
@@ -113,22 +113,29 @@ def _equations(
     """J^T W J, J^T W r and the variance of a residual, m^2."""
     n_shape, n = len(bodies[2]), len(bodies[2]) + len(poses)
     matrix, vector, squares, total = np.zeros((n, n)), np.zeros(n), 0.0, 0.0
-    if task.tracks is not None:
-        found = _tied(task, task.tracks, bodies, poses, gate_m)
-        matrix, vector, squares, total = found.matrix, found.vector, found.squares, found.total
-    for k, (look, one) in enumerate(zip(task.looks, rows, strict=True)):
+    lasting = Lasting(n, task.settings.lasting)
+    for look, one in zip(task.looks, rows, strict=True):
         q = poses[look.columns]
-        own, pull = _summed(one, part_slopes(bodies, q))
+        slopes = part_slopes(bodies, q)
+        own, pull = _summed(one, slopes)
+        unknowns = np.concatenate([np.arange(n_shape), n_shape + look.columns])
+        lasting.add(one, slopes, unknowns)
         squares += float((one.weights * one.residuals**2).sum())
         total += float(one.weights.sum())
-        for direct in _direct(task, k, bodies, q):
-            own += direct.jacobian.T @ direct.jacobian
-            pull += direct.jacobian.T @ direct.residuals
-            squares += float((direct.residuals**2).sum())
-            total += len(direct.residuals)
-        unknowns = np.concatenate([np.arange(n_shape), n_shape + look.columns])
         matrix[np.ix_(unknowns, unknowns)] += own
         vector[unknowns] += pull
+    matrix, vector = lasting.taken_from(matrix, vector)
+    for k, look in enumerate(task.looks):
+        unknowns = np.concatenate([np.arange(n_shape), n_shape + look.columns])
+        for direct in _direct(task, k, bodies, poses[look.columns]):
+            matrix[np.ix_(unknowns, unknowns)] += direct.jacobian.T @ direct.jacobian
+            vector[unknowns] += direct.jacobian.T @ direct.residuals
+            squares += float((direct.residuals**2).sum())
+            total += len(direct.residuals)
+    if task.tracks is not None:
+        found = _tied(task, task.tracks, bodies, poses, gate_m)
+        matrix, vector = matrix + found.matrix, vector + found.vector
+        squares, total = squares + found.squares, total + found.total
     return matrix, vector, max(task.settings.noise_m**2, squares / total if total else 0.0)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from tracker.acquisition._variants import heights
 from tracker.acquisition.fitting import Fit
+from tracker.acquisition.variations import variations_of
 from tracker.arrays import Array
 from tracker.body import BodyModel
 from tracker.body.description import BodyDescription
@@ -139,7 +140,14 @@ def model_of(found: Fit, name: str, about: str, carried: Collection[str] = ()) -
         for one in part_residuals(found)
         for what, sigma in zip(("depth", "width", "length"), one.sigma_mm, strict=True)
     }
-    changes = {"name": name, "about": about, "stature_m": stature_of(found.body, carried), "sigmas": bones | parts}
+    poses = [found.pose(k) for k in range(len(found.looks))]
+    changes = {
+        "name": name,
+        "about": about,
+        "stature_m": stature_of(found.body, carried),
+        "sigmas": bones | parts,
+        "variations": variations_of(found.space, found.shape, found.covariance, poses),
+    }
     return found.space.described(found.shape).model_copy(update=changes)
 
 

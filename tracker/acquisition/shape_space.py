@@ -88,6 +88,11 @@ class ShapeSpace:
         return tuple(_parameters(Anatomy.of(self.description), self.description, self.prior))
 
     @cached_property
+    def general(self) -> BodyModel:
+        """The body that others differ from."""
+        return self.description.build()
+
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters."""
         return tuple(parameter.name for parameter in self.parameters)

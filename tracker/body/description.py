@@ -15,6 +15,7 @@ from tracker.body.entries import (
     LandmarkEntry,
     PartEntry,
     SegmentEntry,
+    Variation,
     Vector,
     of_segment,
     part_of,
@@ -71,6 +72,9 @@ class BodyDescription(Entry):
     sigmas: dict[str, OrInfinite] = pydantic.Field(default={})
     """Standard deviations of what was measured on the person, metres or plain numbers; empty for a general model."""
 
+    variations: tuple[Variation, ...] = ()
+    """What is not known of the person's body, which the sigmas of its poses hold; empty for a body that is known."""
+
     def mirrored(self, name: str) -> str:
         """The name of the other side's segment, part or landmark; the same name on the midline."""
         return Mirror(self.sides, self.across).of(name)
@@ -115,6 +119,7 @@ class BodyDescription(Entry):
             "parts": parts,
             "landmarks": landmarks,
             "stature_m": factor * self.stature_m,
+            "variations": tuple(one.scaled(factor) for one in self.variations),
             "keypoints": {name: one.scaled(factor) for name, one in self.keypoints.items()},
             "skin": None if self.skin is None else self.skin.scaled(factor),
             "movements": {name: self._scaled_movement(one, factor) for name, one in self.movements.items()},
@@ -158,6 +163,7 @@ def _build(model: BodyDescription) -> BodyModel:
         for name, mark in model.landmarks.items()
     )
     _check_names(model, names)
+    _check_variations(model)
     body = BodyModel(
         name=model.name,
         parameters=tuple(parameters),
@@ -188,3 +194,13 @@ def _check_names(model: BodyDescription, parameters: list[str]) -> None:
         for end in link:
             if end not in model.landmarks:
                 raise ModelError(f'link {link}: no landmark "{end}"; {nearest(end, model.landmarks)}')
+
+
+def _check_variations(model: BodyDescription) -> None:
+    n_parts = len(model.parts)
+    most = {"joints": len(model.segments), "landmarks": len(model.landmarks)}
+    for k, one in enumerate(model.variations):
+        for name in Variation.model_fields:
+            found, n = len(getattr(one, name)), most.get(name, n_parts)
+            if found > n:
+                raise ModelError(f"variations[{k}]: {name}: {found} entries, expected at most the model's {n}")

@@ -67,6 +67,35 @@ class LandmarkEntry(Entry):
     at: Vector
 
 
+Pair = tuple[Finite, Finite]
+
+
+class Variation(Entry):
+    """One way in which a person may differ from the model, by one standard deviation; independent of the others.
+
+    Changes of what a model file has, in its order: joints of the segments, starts and ends of the parts and landmarks
+    in metres, natural logarithms of radii, and the exponents. Entries that the lists lack stay as they are.
+    """
+
+    joints: tuple[Vector, ...] = ()
+    starts: tuple[Vector, ...] = ()
+    ends: tuple[Vector, ...] = ()
+    radii: tuple[Pair, ...] = ()
+    squareness: tuple[Pair, ...] = ()
+    taper: tuple[Pair, ...] = ()
+    landmarks: tuple[Vector, ...] = ()
+
+    def scaled(self, factor: float) -> Variation:
+        """The same way of a body whose every length is multiplied by a factor."""
+
+        def times(vectors: tuple[Vector, ...]) -> tuple[Vector, ...]:
+            return tuple((factor * x, factor * y, factor * z) for x, y, z in vectors)
+
+        return self.model_copy(
+            update={name: times(getattr(self, name)) for name in ("joints", "starts", "ends", "landmarks")}
+        )
+
+
 def tree_of(entries: tuple[SegmentEntry, ...]) -> tuple[list[Parameter], tuple[Segment, ...]]:
     """All parameters and segments; parents come before what hangs on them."""
     parameters: list[Parameter] = []

@@ -151,6 +151,18 @@ class KinematicTree:
         inside: Array = np.clip(q, self.limits[:, 0], self.limits[:, 1])
         return inside
 
+    def landmark_sigmas(self, q: Array, covariance: Array) -> Array:
+        """(L,) standard deviations of the landmarks, root of the summed variances of x, y, z, metres.
+
+        Args:
+            q: (dof,) pose.
+            covariance: (dof, dof) of it.
+        """
+        ends = np.array([mark.parameter for mark in self.landmarks], dtype=np.int64)
+        moved = self.point_jacobian(q, self.landmarks_in_world(q), ends)
+        sigmas: Array = np.sqrt(np.maximum(np.einsum("lik,km,lim->l", moved, covariance, moved, optimize=True), 0.0))
+        return sigmas
+
     def rarity(self, q: Array) -> Array:
         """How unusual poses (..., dof) are: squares (...) of the standard deviations from the rest pose, summed."""
         squares: Array = (((q - self.rest()) / self.spreads) ** 2).sum(axis=-1)

@@ -89,7 +89,7 @@ def _headline(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
     if any(person.parameters for person in persons):
         rows.append(("joint angles, RMS", [f"{p.angles_rms_deg:.2f} deg" if p.parameters else "-" for p in persons]))
     for hinge in dict.fromkeys(hinge for person in persons for hinge in person.hinges_deg):
-        rows.append((f"{hinge.replace('_', ' ')}, RMS (offset removed)", [_hinge(p, hinge) for p in persons]))
+        rows.append((f"{hinge.replace('_', ' ')}, RMS (offset removed; told)", [_hinge(p, hinge) for p in persons]))
     rows.append(("frames lost", [f"{p.n_missing} of {p.n_frames}" for p in persons]))
     return rows
 
@@ -97,7 +97,10 @@ def _headline(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
 def _joint_rows(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
     persons = evaluation.persons
     names = sorted({name for person in persons for name in person.joints_mm})
-    return [(f"{name.replace('_', ' ')} (offset removed)", [_joint(p, name) for p in persons]) for name in names]
+    rows = [(f"{name.replace('_', ' ')} (offset removed; told)", [_joint(p, name) for p in persons]) for name in names]
+    if any(person.joint_sigmas_mm for person in persons):
+        rows.append(("joints, error over told sigma", [_ratio(person.over_sigma()) for person in persons]))
+    return rows
 
 
 def _details(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
@@ -117,14 +120,23 @@ def _hinge(person: PersonErrors, hinge: str) -> str:
     if hinge not in person.hinges_deg:
         return "-"
     raw, removed = person.hinges_deg[hinge]
-    return f"{raw:.2f} deg ({removed:.2f})"
+    return f"{raw:.2f} deg ({removed:.2f}{_told(person.hinge_sigmas_deg.get(hinge), '.2f')})"
 
 
 def _joint(person: PersonErrors, joint: str) -> str:
     if joint not in person.joints_mm:
         return "-"
     raw, removed = person.joints_mm[joint]
-    return f"{raw:.1f} mm ({removed:.1f})"
+    return f"{raw:.1f} mm ({removed:.1f}{_told(person.joint_sigmas_mm.get(joint), '.1f')})"
+
+
+def _told(sigma: float | None, shown: str) -> str:
+    """The standard deviation that the run tells, where it does."""
+    return "" if sigma is None else f"; {sigma:{shown}}"
+
+
+def _ratio(value: float) -> str:
+    return f"{value:.1f}" if math.isfinite(value) else "-"
 
 
 def _tell_incomplete(person: PersonErrors) -> None:

@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from tracker.arrays import Array
 from tracker.errors import SequenceError
 from tracker.evaluation.joint_names import JointNames, names_of
-from tracker.evaluation.person_errors import PersonErrors, errors_of, with_parameters
+from tracker.evaluation.person_errors import PersonErrors, errors_of, with_parameters, with_sigmas
 from tracker.evaluation.tables import Frames, JointTable, read_joints, read_rows
 from tracker.result import CHANGED, remarks
 from tracker.source_files import frame_in, json_of, one_line
@@ -75,6 +75,7 @@ def evaluate(result: Path, truth: Path) -> Evaluation:
     for person, other in pairs:
         mine, theirs = _named(found.persons[person], names[person]), _named(true.persons[other], names[person])
         table, curve = errors_of((person, other), (mine, theirs), names[person], frames_run)
+        table = with_sigmas(table, result, names[person].joints)
         if poses.is_file() and poses != path:
             table = with_parameters(table, result / "poses.csv", poses)
         errors.append(table)

@@ -9,9 +9,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tracker.arrays import Array
+from tracker.body.sections import Joints
 from tracker.errors import SequenceError
 from tracker.evaluation.joint_names import JointNames
 from tracker.evaluation.tables import NOBODY, Frames, read_rows
+from tracker.evaluation.told_sigmas import hinge_sigmas_deg, joint_sigmas_mm
 from tracker.source_files import frame_in, number_in
 
 # Two points don't tell how a trunk is turned about the line between them.
@@ -53,8 +55,27 @@ class PersonErrors:
     parameters: dict[str, float]
     """Pose parameter -> RMS error in degrees or metres; empty without a pose truth."""
 
+    joint_sigmas_mm: dict[str, float] = field(default_factory=dict)
+    """Joint -> RMS of the standard deviation that the run tells of it; without those of which it tells none."""
+
+    hinge_sigmas_deg: dict[str, float] = field(default_factory=dict)
+    """Hinge -> the same of its angle."""
+
     incomplete_frames: dict[str, int] = field(default_factory=dict)
     """Joint that is not known to both in every frame with a pose -> frames that it is compared in; 0: in none."""
+
+    def over_sigma(self, hinges: str = "") -> float:
+        """Raw errors over the standard deviations told, RMS over the joints, or over the hinges named so; NaN of none.
+
+        Args:
+            hinges: end of the names of hinges, for instance `elbow`; empty for joints.
+        """
+        if hinges:
+            pairs = [(self.hinges_deg[n][0], s) for n, s in self.hinge_sigmas_deg.items() if n.endswith(hinges)]
+        else:
+            pairs = [(self.joints_mm[n][0], s) for n, s in self.joint_sigmas_mm.items()]
+        ratios = [error / sigma for error, sigma in pairs if sigma > 0]
+        return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else float("nan")
 
     @property
     def angles_rms_deg(self) -> float:
@@ -202,6 +223,16 @@ def _hinges(
                 continue
             errors[hinge] = float(np.sqrt((gap**2).mean())), float(gap.std())
     return errors
+
+
+def with_sigmas(table: PersonErrors, result: Path, joints: Joints) -> PersonErrors:
+    """Adds what the run tells of how far off it may be."""
+    told_mm, told_deg = joint_sigmas_mm(result, table.person), hinge_sigmas_deg(result, table.person, joints)
+    return replace(
+        table,
+        joint_sigmas_mm={name: told_mm[name] for name in table.joints_mm if name in told_mm},
+        hinge_sigmas_deg={name: told_deg[name] for name in table.hinges_deg if name in told_deg},
+    )
 
 
 def with_parameters(table: PersonErrors, result: Path, truth: Path) -> PersonErrors:

@@ -15,6 +15,7 @@ from tracker.acquisition.moving_along import How
 from tracker.acquisition.result import model_of
 from tracker.acquisition.shape_space import space_of
 from tracker.acquisition.things import Thing, carried_of, entry_of, told_of_things, told_of_uncarried
+from tracker.acquisition.variations import of_people
 from tracker.body.description import BodyDescription
 from tracker.body.files import read_description, save_description
 from tracker.estimate import Estimate
@@ -110,7 +111,10 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
         if k in found.fits:
             carried = {one.name for one in (*(persons[k].carries or ()), *carried_of(found.things.get(k, ())))}
             models[name] = model_of(found.fits[k], models[name].name, f"{models[name].name}, {words}", carried)
+        elif not models[name].variations:
+            models[name] = models[name].model_copy(update={"variations": of_people(spaces[k])})
     scene = opened.scene.with_bodies({k: models[persons[k].name].build() for k in found.fits})
+    opened = replace(opened, models=models)
     if not found.steps:
         return opened, cycle
     of_views = told_of_views(found.steps, scene, sequence.interval_s, cycle.progress)
@@ -119,7 +123,7 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     findings = (*of_views, *itertools.chain.from_iterable((*of_statures, *of_things)))
     steps = [as_kept(step) for step in found.steps]
     known = {step.frame.index: step.estimates for step in steps}
-    opened = replace(opened, models=models, scene=scene, fitted_at=tuple(map(line_of, steps)), findings=findings)
+    opened = replace(opened, scene=scene, fitted_at=tuple(map(line_of, steps)), findings=findings)
     # with the same bodies the same start would be found again, and those begun the other way round as they were before
     return opened, knowing(cycle, known, found.start, believed=not found.fits)
 

@@ -12,6 +12,7 @@ from typing import Annotated, ClassVar
 
 import pydantic
 
+from tracker.acquisition.variations import telling_bodies
 from tracker.components import ReadBy, component, find, standard
 from tracker.errors import ConfigError, name_fault
 from tracker.estimation import Estimation
@@ -239,6 +240,7 @@ class TrackJob:
             if self.inspection and not (opened.fitted_at or opened.known):
                 findings.add(tracked.told(opened.scene, sequence, progress))
 
+        steps = telling_bodies(steps, opened.models, opened.done or ())
         steps = tracked.kept(telling(map(as_kept, steps), findings.add))
         outcome = recorded(self.recordings, context, steps, folder, (progress, stop), conclude)
         if self.smoothing is not None and outcome.n_frames:

@@ -93,6 +93,7 @@ def _to_json(estimate: Estimate) -> dict[str, Any]:
         "search_s": estimate.search_s,
         "status": str(estimate.status),
         "doubts": [doubt.as_row() for doubt in estimate.doubts],
+        **({} if estimate.joint_sigmas_m is None else {"joint_sigmas_m": _packed(estimate.joint_sigmas_m, "<f4")}),
     }
 
 
@@ -123,6 +124,7 @@ def _estimate(values: dict[str, Any]) -> Estimate:
         search_s=float(values["search_s"]),
         status=Status(values["status"]),
         doubts=_untold(values) if "doubts" not in values else tuple(map(Doubt.of_row, values["doubts"])),
+        joint_sigmas_m=_sigmas(values.get("joint_sigmas_m")),
     )
 
 
@@ -134,8 +136,22 @@ def _untold(values: dict[str, Any]) -> tuple[Doubt, ...]:
     return (*whole, *(Doubt(limb, Because.HARDLY_SEEN if limb in vague else Because.UNTOLD) for limb in limbs))
 
 
+def _sigmas(text: str | None) -> Array | None:
+    """Those of joints; None for none.
+
+    Raises:
+        SequenceError: they cannot be standard deviations.
+    """
+    sigmas_m = None if text is None else _unpacked(text, "<f4")
+    if sigmas_m is not None and not (np.isfinite(sigmas_m).all() and (sigmas_m >= 0).all()):
+        raise SequenceError("sigmas of joints that are negative or not finite")
+    return sigmas_m
+
+
 def _as_kept(estimate: Estimate) -> Estimate:
-    return replace(estimate, covariance=covariance_of(kept(estimate.covariance)))
+    sigmas_m = estimate.joint_sigmas_m
+    short = None if sigmas_m is None else sigmas_m.astype(np.float32).astype(np.float64)
+    return replace(estimate, covariance=covariance_of(kept(estimate.covariance)), joint_sigmas_m=short)
 
 
 def _places(mask: Mask | None) -> list[list[int]]:
@@ -158,12 +174,12 @@ def _mask(places: list[list[int]], shape: tuple[int, int]) -> Mask | None:
     return mask
 
 
-def _packed(values: Array) -> str:
-    return b85encode(np.asarray(values, dtype="<f8").tobytes()).decode()
+def _packed(values: Array, kind: str = "<f8") -> str:
+    return b85encode(np.asarray(values, dtype=kind).tobytes()).decode()
 
 
-def _unpacked(text: str) -> Array:
-    return np.frombuffer(b85decode(text), dtype="<f8").astype(np.float64)
+def _unpacked(text: str, kind: str = "<f8") -> Array:
+    return np.frombuffer(b85decode(text), dtype=kind).astype(np.float64)
 
 
 def _deflated(values: Array) -> str:

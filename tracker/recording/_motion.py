@@ -67,6 +67,9 @@ class Motion:
     frames: tuple[int, ...] = ()
     """Numbers of the frames in the recording; none of a movement that was brought to even times."""
 
+    joint_sigmas_m: Array | None = None
+    """(T, L) standard deviations of the landmarks that hold what is not known of the body, too; NaN where not told."""
+
     @cached_property
     def doubted(self) -> Mask:
         """(T,) frames that were found, or filled in, and of which nothing can be relied on."""
@@ -122,6 +125,7 @@ class Motion:
             self.lost[nearest] | gap,
             self.covariances[nearest],
             self.shares[nearest],
+            joint_sigmas_m=None if self.joint_sigmas_m is None else self.joint_sigmas_m[nearest],
         )
 
     def local(self, q: Array) -> Array:
@@ -158,7 +162,14 @@ class Motion:
         for q, points, covariance in zip(self.q, world, self.covariances, strict=True):
             jacobian = self.body.point_jacobian(q, points, parameters)
             rows.append(np.sqrt(np.maximum(np.einsum("mik,kl,mil->m", jacobian, covariance, jacobian), 0)))
-        return np.array(rows)
+        sigmas_m = np.array(rows)
+        if self.joint_sigmas_m is not None:
+            names = self.body.landmark_names
+            for m, mark in enumerate(chosen):
+                if mark.name in names:
+                    told = self.joint_sigmas_m[:, names.index(mark.name)]
+                    sigmas_m[:, m] = np.where(np.isfinite(told), told, sigmas_m[:, m])
+        return sigmas_m
 
 
 class Motions:
@@ -166,7 +177,7 @@ class Motions:
 
     def __init__(self, run: RunContext) -> None:
         self._run = run
-        self._steps: list[tuple[float, list[tuple[Array, bool, Array, Array]]]] = []
+        self._steps: list[tuple[float, list[tuple[Array, bool, Array, Array, Array]]]] = []
         self._frames: list[int] = []
 
     def add(self, step: Step) -> None:
@@ -180,7 +191,9 @@ class Motions:
                 shares[person.body.parts_of(group)] = 0
             if estimate.doubtful or estimate.status is Status.FILLED:
                 shares[:] = 0
-            rows.append((estimate.q, estimate.lost, estimate.covariance, shares))
+            sigmas_m = estimate.joint_sigmas_m
+            told = np.full(len(person.body.landmarks), np.nan) if sigmas_m is None else sigmas_m
+            rows.append((estimate.q, estimate.lost, estimate.covariance, shares, told))
         self._steps.append((step.frame.time_s, rows))
         self._frames.append(step.frame.index)
 
@@ -192,11 +205,11 @@ class Motions:
 
     def _of(self, k: int, person: Person) -> Motion:
         times = np.array([time_s for time_s, _ in self._steps])
-        q, lost, covariances, shares = (
+        q, lost, covariances, shares, sigmas_m = (
             np.array(column) for column in zip(*(r[k] for _, r in self._steps), strict=True)
         )
         told = person.name, person.body, times, self._run.interval_s
-        return Motion(*told, q, lost, covariances, shares, tuple(self._frames))
+        return Motion(*told, q, lost, covariances, shares, tuple(self._frames), sigmas_m)
 
 
 def euler_angles(matrices: Array, order: Literal["ZXY", "XYZ"]) -> Array:

@@ -17,7 +17,7 @@ from tracker.recording import RunContext
 from tracker.scene import Person
 from tracker.trajectory import Step
 
-_JOINT_COLUMNS = ("frame", "time_s", "person", "joint", "x_m", "y_m", "z_m", "status")
+_JOINT_COLUMNS = ("frame", "time_s", "person", "joint", "x_m", "y_m", "z_m", "status", "sigma_m")
 _DOUBT_COLUMNS = ("frame", "time_s", "person", "limb", "because", "value", "limit")
 _POSE_COLUMNS = ("frame", "time_s", "person", "status", "ambiguous", "distance_px")
 
@@ -61,10 +61,11 @@ class CsvRecorder:
             poses.append([*head, *self._values(person, estimate, estimate.q)])
             sigmas.append([*head, *self._values(person, estimate, sigma)])
             points = person.body.landmarks_in_world(estimate.q)
-            statuses = joint_statuses(person, estimate)
+            statuses, sigmas_m = joint_statuses(person, estimate), joint_sigmas(person, estimate)
             for mark in person.body.reported:
                 where = ["", "", ""] if estimate.lost else [self._text(value) for value in points[mark]]
-                joints.append([*start, person.body.landmark_names[mark], *where, statuses[mark]])
+                spread = "" if estimate.lost else self._text(sigmas_m[mark])
+                joints.append([*start, person.body.landmark_names[mark], *where, statuses[mark], spread])
             doubts += [[*start, *self._reason(doubt)] for doubt in estimate.doubts]
         for file, rows in zip(self._files, (poses, sigmas, joints, doubts), strict=True):
             file.add(csv_lines(rows))
@@ -98,6 +99,13 @@ def joint_statuses(person: Person, estimate: Estimate) -> list[str]:
         for group in estimate.ambiguous:
             statuses[person.body.landmarks_of(group)] = "ambiguous"
     return statuses.tolist()
+
+
+def joint_sigmas(person: Person, estimate: Estimate) -> Array:
+    """(L,) standard deviation of each landmark, root of the summed variances of x, y, z, metres; NaN where unknown."""
+    if estimate.joint_sigmas_m is not None:
+        return estimate.joint_sigmas_m
+    return person.body.landmark_sigmas(estimate.q, estimate.covariance)
 
 
 def parameter_columns(persons: Sequence[Person]) -> tuple[str, ...]:

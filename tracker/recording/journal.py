@@ -96,6 +96,9 @@ class Expected:
     """Parameters of each person."""
 
     n_parts: tuple[int, ...]
+    n_joints: tuple[int, ...]
+    """Landmarks of each person."""
+
     n_views: int
     start: int | None = None
     """First frame; None for any."""
@@ -107,7 +110,8 @@ class Expected:
         """What a run of a scene writes."""
         bodies = [person.body for person in scene.persons]
         dofs, n_parts = tuple(body.dof for body in bodies), tuple(len(body.parts) for body in bodies)
-        return Expected(dofs, n_parts, len(scene.rig), start, stride)
+        n_joints = tuple(len(body.landmarks) for body in bodies)
+        return Expected(dofs, n_parts, n_joints, len(scene.rig), start, stride)
 
     def fault(self, replay: Replay, before: int | None) -> str:
         """Why a line cannot be one of this run's; empty if it can.
@@ -121,10 +125,12 @@ class Expected:
             return f"frame {replay.index} where frame {after} is expected"
         if tuple(len(estimate.q) for estimate in replay.estimates) != self.dofs:
             return "poses of other models"
-        for estimate, n_parts in zip(replay.estimates, self.n_parts, strict=True):
-            account = estimate.account
+        for estimate, n_parts, n_joints in zip(replay.estimates, self.n_parts, self.n_joints, strict=True):
+            account, sigmas_m = estimate.account, estimate.joint_sigmas_m
             if len(account.per_view_px) != self.n_views or len(account.per_part_px) != n_parts:
                 return "other views or parts"
+            if sigmas_m is not None and len(sigmas_m) != n_joints:
+                return "sigmas of other joints"
         if replay.overlap is not None and len(replay.overlap) != self.n_views:
             return "other views"
         return ""
