@@ -105,7 +105,7 @@ def test_the_ways_kept_hold_nearly_all_that_is_unsure_of_angles(step):
     assert 8 <= len(few) <= 32
     every = SPACE.directions * SPACE.sigmas
     rest, n = SPACE.general.rest(), len(SPACE.names)
-    alone = variations_of(SPACE, np.zeros(n), np.diag(SPACE.sigmas**2), (rest,))
+    alone = variations_of(SPACE, np.zeros(n), SPACE.covariance, (rest,))
     assert few == alone
     found = told(step, few)
     still = HUMAN.model_copy(update={"variations": few})
@@ -173,7 +173,7 @@ def test_twelve_looks_are_no_twelve_witnesses_of_what_is_wrong_in_all_alike():
     looks = tuple(Look(rig, own, None) for own in columns)
     task = Task(SPACE, looks, CpuSynthesis(), FitSettings(pose_deg=8.0))
     n, poses = len(SPACE.names), np.tile(body.rest(), n_looks)
-    matrix, pull = prior_of(task, (np.zeros(n), np.zeros(len(poses))), poses, "form")
+    matrix, pull = prior_of(task, (np.zeros(n), np.zeros(len(poses))), poses, "form", 2.0)
     assert not pull.any()
     spread = np.linalg.inv(matrix)[n:, n:]
 
@@ -186,3 +186,21 @@ def test_twelve_looks_are_no_twelve_witnesses_of_what_is_wrong_in_all_alike():
     usual_deg = np.degrees(body.spreads[body.index("left_collar_elevation")])
     both_deg = 1 / np.sqrt(1 / usual_deg**2 + 1 / mean_deg("left_arm_extension") ** 2)
     assert mean_deg("left_collar_elevation") == pytest.approx(both_deg)
+
+
+def test_who_has_long_thighs_has_a_short_trunk():
+    """ANSUR II, of one stature; what it does not tell, and bodies that are no person's, are independent."""
+
+    def correlation(space, one, other):
+        k, j = space.names.index(one), space.names.index(other)
+        return space.covariance[k, j] / (space.sigmas[k] * space.sigmas[j])
+
+    assert correlation(SPACE, "left_thigh.length", "chest.height") == pytest.approx(-0.74)
+    assert correlation(SPACE, "left_hand.length", "left_foot.length") == pytest.approx(0.61)
+    assert correlation(SPACE, "left_hand.length", "left_hand.radius_side") == 0
+    np.testing.assert_allclose(np.sqrt(np.diag(SPACE.covariance)), SPACE.sigmas)
+    assert (np.linalg.eigvalsh(SPACE.covariance) > 0).all()
+    dog = space_of(read_description(model_path("quadruped")), ShapePrior())
+    np.testing.assert_allclose(dog.covariance, np.diag(dog.sigmas**2))
+    sided = space_of(HUMAN, ShapePrior(symmetric=False))
+    assert correlation(sided, "left_thigh.length", "chest.height") == pytest.approx(-0.74)

@@ -12,7 +12,7 @@ from tracker.acquisition._lasting import Lasting
 from tracker.acquisition._residuals import Bodies, Direct, Rows, height_row, look_rows, mark_rows, part_slopes
 from tracker.acquisition._surface_rows import surface_rows
 from tracker.acquisition._tied import Tied, Tracks, tied
-from tracker.acquisition.fit_task import Task, free_at, prior_of, room_of
+from tracker.acquisition.fit_task import ALIKE, Task, free_at, prior_of, room_of
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapeSpace
 from tracker.arrays import Array, frozen
@@ -75,7 +75,7 @@ def fit(task: Task, shape: Array, poses: Array, free: Sequence[str] = ("pose", "
         step = bounded_step(matrix + variance * prior, vector + variance * pull, *room)
         shape, poses = shape + step[: len(shape)], poses + step[len(shape) :]
     task.progress("fitting shape and pose", settings.iterations, settings.iterations)
-    prior, _ = prior_of(task, (shape, poses - start), poses, kinds[-1])
+    prior, _ = prior_of(task, (shape, poses - start), poses, kinds[-1], ALIKE)
     covariance = np.asarray(np.linalg.inv(matrix / variance + prior), dtype=np.float64)
     return Fit(task.space, task.looks, frozen(shape), frozen(poses), covariance[: len(shape), : len(shape)], rows)
 

@@ -11,6 +11,7 @@ import pydantic
 
 from tracker.acquisition._anatomy import MOST_TAPER, SQUARENESS, Anatomy
 from tracker.acquisition._growth import end_moved, fattened, grown, lengthened, shifted, widened
+from tracker.acquisition._proportions import correlated
 from tracker.acquisition._variants import Variants
 from tracker.arrays import Array, frozen
 from tracker.body import BodyModel
@@ -35,8 +36,9 @@ class ShapePrior:
     girth: float = pydantic.Field(default=0.1, gt=0)
     """All radii together, relative."""
 
-    length: float = pydantic.Field(default=0.035, gt=0)
-    """Length of a segment, relative: proportions of adults of one stature differ by 3 to 4 %."""
+    length: float = pydantic.Field(default=0.04, gt=0)
+    """Length of a segment, relative: those of adults of one stature differ by 3.3 % (upper arms) to 4.9 % (thighs), and
+    go together as `tracker.acquisition._proportions` has it."""
 
     joint_m: float = pydantic.Field(default=0.015, gt=0)
     """Place of a joint on a segment with several ones (shoulders and hips on the torso), metres."""
@@ -101,6 +103,12 @@ class ShapeSpace:
     def sigmas(self) -> Array:
         """(S,) standard deviations of the prior."""
         return frozen([parameter.sigma for parameter in self.parameters])
+
+    @cached_property
+    def covariance(self) -> Array:
+        """(S, S) covariance of the prior."""
+        correlations = correlated(self.names, self.description.sides)
+        return frozen(self.sigmas[:, None] * correlations * self.sigmas)
 
     @cached_property
     def limits(self) -> Array:

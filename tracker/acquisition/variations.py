@@ -69,7 +69,7 @@ def variations_of(space: ShapeSpace, shape: Array, covariance: Array, poses: Seq
 
 def of_people(space: ShapeSpace) -> tuple[Variation, ...]:
     """The ways in which persons differ from a model that could not be fitted to one of them."""
-    return variations_of(space, np.zeros(len(space.names)), np.diag(space.sigmas**2), ())
+    return variations_of(space, np.zeros(len(space.names)), space.covariance, ())
 
 
 def _effects(bodies: Bodies, q: Array) -> Array:
