@@ -24,9 +24,10 @@ class Lasting:
     """Unknowns: shape, and poses of all looks."""
 
     share: float
-    """Of the variance of a residual: what stays on the body."""
+    """Of the variance of a residual: what stays on the body; 0 for residuals that are all independent."""
 
-    _found: list[tuple[Integers, Array, Array, Array]] = field(default_factory=list)
+    _found: list[tuple[Integers, Integers, Array, Array]] = field(default_factory=list)
+    """Of each look its patches (M,), unknowns (U,), sums of weights and of weighted residuals (M, 2), slopes (M, U)."""
 
     def add(self, rows: Rows, slopes: Array, unknowns: Integers) -> None:
         """Adds a look's rows.
@@ -36,34 +37,31 @@ class Lasting:
             slopes: (P, 25, U) see `part_slopes`.
             unknowns: (U,) where its unknowns are among all.
         """
-        for p in np.unique(rows.parts):
-            mine = np.flatnonzero(rows.parts == p)
-            patches, places = np.unique(rows.patches[mine], return_inverse=True)
-            weighted = rows.weights[mine, None] * rows.asks[mine]
-            sums = np.zeros((len(patches), weighted.shape[1]))
-            np.add.at(sums, places, weighted)
-            totals = _summed(places, rows.weights[mine], len(patches))
-            pulls = _summed(places, rows.weights[mine] * rows.residuals[mine], len(patches))
-            whole = np.zeros((len(patches), self.n))
-            whole[:, unknowns] = sums @ slopes[p]
-            self._found.append((patches, totals, pulls, whole))
+        if not self.share or not len(rows.residuals):
+            return
+        order = np.argsort(rows.patches, kind="stable")
+        patches, first = np.unique(rows.patches[order], return_index=True)
+        weights = rows.weights[order]
+        sums = np.add.reduceat(np.column_stack([weights, weights * rows.residuals[order]]), first)
+        asks = np.add.reduceat(weights[:, None] * rows.asks[order], first)
+        parts = rows.parts[order][first]
+        found = np.empty((len(patches), len(unknowns)))
+        for p in np.unique(parts):
+            found[parts == p] = asks[parts == p] @ slopes[p]
+        self._found.append((patches, unknowns, sums, found))
 
     def taken_from(self, matrix: Array, vector: Array) -> tuple[Array, Array]:
         """J^T W J (n, n) and J^T W r (n,) of independent residuals without what is known of the patches' departures."""
         if not self._found:
             return matrix, vector
-        patches, places = np.unique(np.concatenate([one[0] for one in self._found]), return_inverse=True)
-        totals = _summed(places, np.concatenate([one[1] for one in self._found]), len(patches))
-        pulls = _summed(places, np.concatenate([one[2] for one in self._found]), len(patches))
-        slopes = np.zeros((len(patches), self.n))
-        np.add.at(slopes, places, np.concatenate([one[3] for one in self._found]))
+        patches = np.unique(np.concatenate([one[0] for one in self._found]))
+        sums, slopes = np.zeros((len(patches), 2)), np.zeros((len(patches), self.n))
+        for own, unknowns, some, found in self._found:
+            places = np.searchsorted(patches, own)
+            sums[places] += some
+            slopes[np.ix_(places, unknowns)] += found
         # of a residual's variance 1 - share is its own: weights grow by that, and a departure's is `share`
-        own = 1 / (1 - self.share)
-        gain = own**2 / (own * totals + 1 / self.share)
-        scaled = gain[:, None] * slopes
-        return own * matrix - slopes.T @ scaled, own * vector - scaled.T @ pulls
-
-
-def _summed(places: Integers, values: Array, n: int) -> Array:
-    """(n,) sums of values by their places."""
-    return np.asarray(np.bincount(places, values, n), dtype=np.float64)
+        grown = 1 / (1 - self.share)
+        gain = grown / np.sqrt(grown * sums[:, 0] + 1 / self.share)
+        slopes *= gain[:, None]
+        return grown * matrix - slopes.T @ slopes, grown * vector - slopes.T @ (gain * sums[:, 1])

@@ -56,8 +56,8 @@ class FitSettings:
     correlation_m: float = pydantic.Field(default=0.1, gt=0)
     """Length of contour over which it departs from the model alike, metres: so much counts as one observation."""
 
-    lasting: float = pydantic.Field(default=0.5, gt=0, lt=1)
-    """Share of that variance that stays on the body from look to look and from view to view."""
+    lasting: float = pydantic.Field(default=0.0, ge=0, lt=1)
+    """Share of that variance that stays on the body from look to look and from view to view, as clothes do."""
 
     stature_sigma_m: float = pydantic.Field(default=0.005, gt=0)
     """Standard deviation of a height that was given, metres."""
@@ -126,7 +126,7 @@ ALIKE = 2.0
 Poses were found with one body, and what is wrong of it bends a joint the same way in each: twelve looks are no twelve
 witnesses. With the scaled body D-TwoElbowRot's arms and legs are 1 to 11 degrees off in all looks alike. The fit itself
 holds each pose, which was found by more than contours: let go, the same looks were 27 mm off instead of 23, and an
-elbow 7 degrees instead of 1."""
+elbow 7 degrees instead of 1: docs/lab/sure_bodies.md."""
 
 
 def _around_start(task: Task, n: int, alike: float) -> Array:

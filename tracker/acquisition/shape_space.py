@@ -38,7 +38,7 @@ class ShapePrior:
 
     length: float = pydantic.Field(default=0.04, gt=0)
     """Length of a segment, relative: those of adults of one stature differ by 3.3 % (upper arms) to 4.9 % (thighs), and
-    go together as `tracker.acquisition._proportions` has it."""
+    go together as `tracker.acquisition._proportions` has it: docs/lab/sure_bodies.md."""
 
     joint_m: float = pydantic.Field(default=0.015, gt=0)
     """Place of a joint on a segment with several ones (shoulders and hips on the torso), metres."""
