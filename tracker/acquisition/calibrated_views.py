@@ -52,7 +52,8 @@ class ViewSettings:
         lasting=0.5,
     )
     """The refinement of shape and poses. Clothes of persons who move depart from superquadrics by 4 mm where a fit has
-    bent these to them; with 5 mm of noise elbows and knees were 3 times as far off as their sigmas: docs/lab/sure_bodies.md."""
+    bent these to them; with 5 mm of noise elbows and knees were 3 times as far off as their sigmas:
+    docs/lab/sure_bodies.md."""
 
     frames: int = pydantic.Field(default=12, ge=1)
     """Frames used: of so many stretches of those tracked the one that leaves least over."""
