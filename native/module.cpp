@@ -12,6 +12,7 @@ void bind_images(nb::module_ &module);
 void bind_movements(nb::module_ &module);
 void bind_patches(nb::module_ &module);
 void bind_pictures(nb::module_ &module);
+void bind_projection(nb::module_ &module);
 void bind_regions(nb::module_ &module);
 void bind_skins(nb::module_ &module);
 
@@ -42,6 +43,7 @@ NB_MODULE(_native, module) {
     bodytrack::bind_movements(module);
     bodytrack::bind_patches(module);
     bodytrack::bind_pictures(module);
+    bodytrack::bind_projection(module);
     bodytrack::bind_regions(module);
     bodytrack::bind_skins(module);
 }

@@ -1,6 +1,5 @@
 #!/bin/sh
 # Sets everything up in .venv and passes the tests: lint, format, types, pytest. Arguments go to pytest.
-# The kernels are compiled first, by a core that the types leave free: both workers of pytest would compile all of them.
 set -eu
 cd "$(dirname "$0")/.."
 . scripts/environment.sh
@@ -22,18 +21,8 @@ say "ruff"
 .venv/bin/ruff check .
 .venv/bin/ruff format --check .
 
-say "mypy, and compiling kernels besides"
-log=$(mktemp)
-.venv/bin/bodytrack warmup >"$log" 2>&1 &
-warmup=$!
-trap 'kill "$warmup" 2>/dev/null || :; rm -f "$log"' EXIT
-trap 'exit 130' INT TERM
+say "mypy"
 .venv/bin/mypy tracker scripts
-# those that the tracking does without, while the other core is at those of the tracking
-.venv/bin/python -c "from tracker.kernels.ahead import GROUPS, warm_up; [warm_up(group=one) for one in GROUPS[1:]]"
-wait "$warmup" || { cat "$log" >&2; fail "bodytrack warmup failed"; }
-trap - EXIT INT TERM
-rm -f "$log"
 
 # files in the order of their names: the last ones are quick, so that no worker waits a minute for the other
 say "pytest"; OPENBLAS_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 exec .venv/bin/python -m pytest -n auto --dist loadfile --no-loadscope-reorder "$@"

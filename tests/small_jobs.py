@@ -9,7 +9,6 @@ from tracker.components import available, component, find
 from tracker.errors import SequenceError
 from tracker.files import write_whole
 from tracker.jobs import ResultFolder
-from tracker.kernels.ahead import Group
 from tracker.progress import Progress
 
 JOBS = available("jobs")
@@ -39,7 +38,6 @@ def smallest(use: str) -> dict[str, Any]:
 class Waiting:
     """Computes, fails or is interrupted as it is told."""
 
-    kernels: ClassVar[Group | None] = None
     resumable: ClassVar[bool] = False
 
     name: str = "waiting"

@@ -196,51 +196,6 @@ def poor_files(modules: Modules) -> list[str]:
     return faults
 
 
-KERNELS, COMPILATION, CALLS = "tracker.kernels", "tracker.kernels.compilation", "tracker.kernels.calls"
-
-
-def unlike_kernels(modules: Modules) -> list[str]:
-    """Compiled functions are plain ones of a module, and all are compiled in one way."""
-    faults = []
-    for module in modules.values():
-        top = {id(node) for node in module.tree.body}
-        faults += [
-            f"{module.name}.{node.name}: a compiled closure is never kept on disk"
-            for node in module.nodes
-            if isinstance(node, Function) and _compiled(node) and id(node) not in top
-        ]
-        ways = {name for target, name in imported(module, modules) if target == "numba"} & _WAYS_TO_COMPILE
-        if module.name != COMPILATION:
-            faults += [f"{module.name}: {way}, expected {COMPILATION}.compiled" for way in sorted(ways)]
-    return faults
-
-
-_WAYS_TO_COMPILE = {"", "jit", "njit", "vectorize", "guvectorize", "cfunc", "stencil"}
-
-
-def _compiled(function: Function) -> bool:
-    return any(ast.unparse(mark).partition("(")[0] == "compiled" for mark in function.decorator_list)
-
-
-def compiled_late(modules: Modules) -> list[str]:
-    """Every kernel that is called from outside the kernels is compiled ahead, not in the first frame."""
-    kernels = {
-        (module.name, node.name)
-        for module in modules.values()
-        for node in module.tree.body
-        if isinstance(node, Function) and _compiled(node)
-    }
-    calling = (module for name, module in modules.items() if name.startswith(f"{CALLS}."))
-    ahead = {kernel for module in calling for kernel in imported(module, modules)}
-    return [
-        f"{module.name} calls {target}.{name}, which {CALLS} does not call ahead"
-        for module in modules.values()
-        if not f"{module.name}.".startswith(f"{KERNELS}.")
-        for target, name in imported(module, modules)
-        if (target, name) in kernels - ahead
-    ]
-
-
 def stray_optional_imports(modules: Modules) -> list[str]:
     """Optional libraries are imported by components only, which load when a configuration names them."""
     faults, optional = [], {name: _optional(module, modules) for name, module in modules.items()}
@@ -267,7 +222,7 @@ def bare_constants(modules: Modules) -> list[str]:
     """
     faults = []
     for module in modules.values():
-        if module.name.startswith(f"{KERNELS}.rows."):
+        if module.name.startswith("tracker.kernels.rows."):
             continue
         lines, below = module.source.split("\n"), [*module.tree.body[1:], None]
         for node, after in zip(module.tree.body, below, strict=True):
@@ -307,8 +262,6 @@ LAWS: tuple[Law, ...] = (
     printing_or_exiting,
     foreign_errors,
     poor_files,
-    unlike_kernels,
-    compiled_late,
     stray_optional_imports,
     bare_constants,
 )
@@ -338,13 +291,6 @@ VIOLATIONS: tuple[tuple[Law, dict[str, str]], ...] = (
     (poor_files, {"tracker.jobs": "from __future__ import annotations"}),
     (poor_files, {"tracker.jobs": '"""Runs."""\ndef f() -> int: ...'}),
     (poor_files, {"tracker.imaging._helpers": '"""Helps."""'}),
-    (unlike_kernels, {"tracker.kernels.x": "from numba import njit"}),
-    (unlike_kernels, {"tracker.kernels.x": "import numba"}),
-    (unlike_kernels, {"tracker.kernels.x": "def f():\n    @compiled(fastmath=True)\n    def g(): ..."}),
-    (
-        compiled_late,
-        {"tracker.kernels.x": "@compiled\ndef f(): ...", "tracker.rig": "from tracker.kernels.x import f"},
-    ),
     (stray_optional_imports, {"tracker.synthesis": "import moderngl"}),
     (
         stray_optional_imports,

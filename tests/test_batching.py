@@ -84,7 +84,7 @@ def alone(written, tmp_path_factory) -> Path:
 class InTurn:
     """Does tasks in this process: that others do them is shown above."""
 
-    def work(self, tasks, kernels):
+    def work(self, tasks):
         return map(do, tasks)
 
 
@@ -178,9 +178,9 @@ def test_rows_of_what_is_done_stay_as_they_were(configs, alone, tmp_path):
     out = tmp_path / "out"
     shutil.copytree(alone, out / "anna")
     before = Summary("anna", out / "anna", "done", 6, 2, 1, 3, seconds=1.5)
-    run(Batch((), (before,), (), out), Processes(jobs=1))
+    run(Batch((), (before,), out), Processes(jobs=1))
     assert plan(configs[:1], GIVEN, out, resume=True).finished == (before,)
-    run(Batch((), (replace(before, n_frames=5),), (), out), Processes(jobs=1))
+    run(Batch((), (replace(before, n_frames=5),), out), Processes(jobs=1))
     assert plan(configs[:1], GIVEN, out, resume=True).finished == (Summary("anna", out / "anna", "done", 6),)
 
 
@@ -242,7 +242,7 @@ def test_ctrl_c_leaves_usable_results_and_says_what_waits(sequence, tmp_path):
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     journal = tmp_path / "out" / "anna" / "steps.jsonl"
-    end = time.monotonic() + 600  # kernels may have to be compiled first
+    end = time.monotonic() + 600
     while not (journal.is_file() and journal.stat().st_size > 4_000):
         assert process.poll() is None, process.communicate()[0]
         assert time.monotonic() < end
@@ -263,7 +263,7 @@ def test_the_command_tells_a_row_a_recording(configs, tmp_path, monkeypatch):
     monkeypatch.setattr(
         Processes,
         "work",
-        lambda self, tasks, kernels: (Summary(t.name, t.folder, "failed", fault="broken") for t in tasks),
+        lambda self, tasks: (Summary(t.name, t.folder, "failed", fault="broken") for t in tasks),
     )
     arguments = ["run", *map(str, configs), "--output", str(tmp_path / "out"), "--jobs", "3"]
     told = CliRunner().invoke(app, arguments)

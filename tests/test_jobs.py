@@ -53,11 +53,7 @@ def test_every_field_of_a_job_is_documented(use: str) -> None:
 
 
 @pytest.mark.parametrize("use", [use for use in JOBS if "reading" in smallest(use)])
-def test_inputs_are_missed_before_kernels_are_compiled_or_a_folder_is_made(
-    use: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("tracker.jobs.all_cached", lambda group: False)
-    monkeypatch.setattr("tracker.jobs.warm_up", lambda progress, group: pytest.fail("compiled for nothing"))
+def test_inputs_are_missed_before_a_folder_is_made(use: str, tmp_path: Path) -> None:
     with pytest.raises(TrackerError):
         execute(job_from(use, smallest(use), "job.toml", tmp_path, "mine"), tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
@@ -136,7 +132,6 @@ from typing import ClassVar
 from tracker.components import component
 from tracker.files import write_whole
 from tracker.jobs import ResultFolder
-from tracker.kernels.ahead import Group
 from tracker.progress import Progress
 
 
@@ -144,7 +139,6 @@ from tracker.progress import Progress
 class CountJob:
     """Counts."""
 
-    kernels: ClassVar[Group | None] = None
     resumable: ClassVar[bool] = False
 
     name: str = "count"

@@ -140,11 +140,10 @@ def test_an_earlier_spelling_writes_where_and_as_often_as_it_did(command, result
     ],
 )
 def test_several_recordings_are_tracked_side_by_side(words, names, recordings, tmp_path, monkeypatch):
-    def work(self, tasks, kernels):
+    def work(self, tasks):
         return (Summary(task.name, task.folder, "done", n_frames=4, seconds=1.0) for task in tasks)
 
     monkeypatch.setattr(Processes, "work", work)
-    monkeypatch.setattr("tracker.batching.compile_kernels", lambda *_: None)
     paths = dict(zip(("anna", "bert"), recordings, strict=True))
     done = CliRunner().invoke(app, [*(paths.get(word, word) for word in words), "--output", str(tmp_path / "study")])
     assert done.exit_code == 0, done.output

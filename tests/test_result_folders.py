@@ -16,7 +16,6 @@ from tracker.errors import CalibrationError, ConfigError, SequenceError
 from tracker.files import GrowingFile, remove_unfinished, replacing, whole_folder, write_json, write_whole
 from tracker.jobs import execute, job_from
 from tracker.jobs._folder import result_folder
-from tracker.kernels.ahead import all_cached, warm_up
 from tracker.progress import silent, within
 
 # Result folders
@@ -211,13 +210,6 @@ def test_progress_says_what_it_is_a_step_of() -> None:
     within(lambda what, done=0, total=0, detail="": said.append((what, done, total)), "left - right")("seeds", 1, 2)
     assert said == [("left - right: seeds", 1, 2)]
     silent("anything")
-
-
-def test_compiling_is_told_to_its_end() -> None:
-    said: list[tuple[int, int]] = []
-    warm_up(lambda what, done=0, total=0, detail="": said.append((done, total)), "calibration")
-    assert all_cached("calibration")
-    assert [done for done, _ in said] == list(range(said[0][1] + 1))
 
 
 def test_two_processes_do_not_write_to_one_folder(tmp_path: Path) -> None:

@@ -26,7 +26,6 @@ from tracker.commands.simulate import simulate
 from tracker.commands.surface import measure
 from tracker.commands.terminal import console, print_any_sign, print_error, quiet_libraries
 from tracker.commands.view import view
-from tracker.commands.warmup import warmup
 from tracker.errors import ConfigError, TrackerError, os_fault
 from tracker.plugins import ask_before_plugins
 
@@ -36,7 +35,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Model-based, marker-less motion capture from calibrated views.",
 )
-for _command in (demo, init, run, view, show, acquire, simulate, warmup):
+for _command in (demo, init, run, view, show, acquire, simulate):
     app.command()(_command)
 app.command("surface")(measure)
 app.add_typer(calibrate_app, name="calibrate")

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from tracker.jobs import execute, load_job
 from tracker.jobs.track import OpenedTrack, TrackJob
-from tracker.kernels.ahead import all_cached, warm_up
-from tracker.progress import Progress, shown, silent
+from tracker.progress import Progress, shown
 from tracker.result import Result, load_result
 from tracker.scene import Scene
 from tracker.tracking import track
@@ -52,16 +51,9 @@ class Run:
         Raises:
             TrackerError: an input cannot be used, or no start pose was found in the first frames.
         """
-        self.compile_kernels()
         opened, cycle = self.job.fitted(self.opened, self.job.cycle(self.opened))
         way = track if self.job.passes == 1 else track_twice
         return way(opened.frames(), opened.scene, cycle, {}, opened.frames)
-
-    def compile_kernels(self, progress: Progress = silent) -> None:
-        """Compiles what tracking needs and is not kept on disk yet: a minute once, which an iteration does unasked."""
-        kernels = self.job.kernels
-        if kernels is not None and not all_cached(kernels):
-            warm_up(progress, kernels)
 
     def execute(
         self, output: Path | str | None = None, resume: bool = False, progress: Progress | None = None

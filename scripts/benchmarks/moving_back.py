@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numba
 import numpy as np
 
 from tracker.arrays import Array, Image, Mask
 from tracker.following.births import chosen_evenly, points_of_surface
 from tracker.following.newborn import NewPoints
 from tracker.frame import Frame
-from tracker.kernels.compilation import compiled
 from tracker.lsm.growth import Growth
 from tracker.lsm.surface import SurfaceMeasurement, measure_surface
 from tracker.rig import Rig
@@ -98,5 +98,5 @@ def _truth_of(folder: Path) -> Any:
     written, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     truth: Any = importlib.import_module("truth")
     sys.dont_write_bytecode = written
-    truth._raster = compiled(truth._raster.py_func)
+    truth._raster = numba.njit(nogil=True, error_model="numpy")(truth._raster.py_func)
     return truth

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -15,7 +15,6 @@ from tracker.batching._table import TABLE, State, Summary, earlier_rows, finishe
 from tracker.errors import ConfigError, TrackerError, os_fault
 from tracker.jobs import CONFIG, begin_anew, check_same, described, execute, job_from, load_job
 from tracker.jobs.track import TrackJob, TrackOutcome
-from tracker.kernels.ahead import Group, all_cached, warm_up
 from tracker.progress import Progress, silent
 from tracker.recording.journal import FILE, Journal
 
@@ -27,7 +26,6 @@ __all__ = [
     "State",
     "Summary",
     "Task",
-    "compile_kernels",
     "do",
     "n_cores",
     "plan",
@@ -60,12 +58,11 @@ class Task:
 class Batching(Protocol):
     """A component that gets tasks done somewhere."""
 
-    def work(self, tasks: Sequence[Task], kernels: Sequence[Group]) -> Iterator[Summary]:
+    def work(self, tasks: Sequence[Task]) -> Iterator[Summary]:
         """Does tasks, each by `do`, whatever becomes of the others.
 
         Args:
             tasks: what to do.
-            kernels: compiled on each host before the first task.
 
         Yields:
             One summary a task as soon as it ends, in any order; after Ctrl-C those of what was begun.
@@ -81,7 +78,6 @@ class Batch:
     finished: tuple[Summary, ...]
     """Those that an earlier batch has finished."""
 
-    kernels: tuple[Group, ...]
     folder: Path
 
 
@@ -112,8 +108,7 @@ def plan(configs: Sequence[Path], overrides: Sequence[str], folder: Path, resume
             done.append(summary)
         else:
             tasks.append(Task(name, described(job), here, resume=begun and not anew, anew=anew))
-    kernels = tuple(dict.fromkeys(job.kernels for job in jobs.values() if job.kernels is not None))
-    return Batch(tuple(tasks), tuple(done), kernels, target)
+    return Batch(tuple(tasks), tuple(done), target)
 
 
 def _checked(configs: Sequence[Path], overrides: Sequence[str]) -> dict[str, TrackJob]:
@@ -172,13 +167,6 @@ def _summary(task: Task, outcome: TrackOutcome) -> Summary:
     return Summary(task.name, task.folder, state, *found, seconds=outcome.seconds)
 
 
-def compile_kernels(groups: Iterable[Group], progress: Progress = silent) -> None:
-    """Compiles what is not yet kept on disk."""
-    for group in groups:
-        if not all_cached(group):
-            warm_up(progress, group)
-
-
 def run(batch: Batch, batching: Batching, progress: Progress = silent) -> tuple[Summary, ...]:
     """Tracks all recordings; `batch.csv` tells at any time how far they are.
 
@@ -196,7 +184,7 @@ def run(batch: Batch, batching: Batching, progress: Progress = silent) -> tuple[
     write_table(batch.folder / TABLE, summaries.values())
     n_tasks = len(batch.tasks)
     progress("recordings", 0, n_tasks)
-    for n_done, summary in enumerate(batching.work(batch.tasks, batch.kernels), start=1):
+    for n_done, summary in enumerate(batching.work(batch.tasks), start=1):
         summaries[summary.name] = summary
         progress("recordings", n_done, n_tasks, f"{summary.name} {summary.state}")
         write_table(batch.folder / TABLE, summaries.values())

@@ -10,10 +10,9 @@ from typing import Any
 import pydantic
 from distributed import Client, LocalCluster, as_completed
 
-from tracker.batching import THREADS, Summary, Task, compile_kernels, do, n_cores
+from tracker.batching import THREADS, Summary, Task, do, n_cores
 from tracker.components import component
 from tracker.errors import ConfigError
-from tracker.kernels.ahead import Group
 
 
 @component
@@ -29,13 +28,11 @@ class Dask:
     timeout_s: float = pydantic.Field(default=10.0, gt=0)
     """How long the scheduler is waited for, seconds."""
 
-    def work(self, tasks: Sequence[Task], kernels: Sequence[Group]) -> Iterator[Summary]:
-        """Submits all tasks; kernels are compiled once a host before."""
+    def work(self, tasks: Sequence[Task]) -> Iterator[Summary]:
+        """Submits all tasks."""
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # tells the user's errors with a traceback each
         with contextlib.ExitStack() as closing:
             client = self._connected(closing)
-            hosts = {str(worker["host"]): address for address, worker in client.scheduler_info(-1)["workers"].items()}
-            client.run(compile_kernels, list(kernels), workers=list(hosts.values()))
             futures = {client.submit(do, task, pure=False): task for task in tasks}
             try:
                 for future in as_completed(list(futures)):

@@ -12,9 +12,8 @@ from multiprocessing.context import SpawnProcess
 
 import pydantic
 
-from tracker.batching import THREADS, Summary, Task, compile_kernels, do, n_cores
+from tracker.batching import THREADS, Summary, Task, do, n_cores
 from tracker.components import component
-from tracker.kernels.ahead import Group
 
 
 @component
@@ -24,9 +23,8 @@ class Processes:
     jobs: int = pydantic.Field(default_factory=n_cores, ge=1)
     """Recordings that are tracked at a time."""
 
-    def work(self, tasks: Sequence[Task], kernels: Sequence[Group]) -> Iterator[Summary]:
+    def work(self, tasks: Sequence[Task]) -> Iterator[Summary]:
         """Begins the next task as soon as one ends; Ctrl-C lets the present frames be finished."""
-        compile_kernels(kernels)
         waiting, running = list(tasks)[::-1], dict[Connection, tuple[Task, SpawnProcess]]()
         while waiting or running:
             try:

@@ -52,7 +52,7 @@ def print_any_sign() -> None:
 
 
 def quiet_libraries() -> None:
-    """Keeps off the terminal what libraries warn of: decoders of pictures in C, numpy, numba, matplotlib, FFmpeg.
+    """Keeps off the terminal what libraries warn of: decoders of pictures in C, numpy, matplotlib, FFmpeg.
 
     What this program logs where no file takes it down is told in a line of its own. What is written by compiled code
     to the descriptor of the standard error goes nowhere, only Python writes there from now on.

@@ -30,7 +30,6 @@ from tracker.jobs._folder import result_folder as _result_folder
 from tracker.jobs._foreign import read_own
 from tracker.jobs._inputs import INPUTS, Fingerprints, check_inputs, fingerprints
 from tracker.jobs._resuming import check_same
-from tracker.kernels.ahead import Group, all_cached, warm_up
 from tracker.progress import Progress, silent
 
 __all__ = [
@@ -56,9 +55,6 @@ log = logging.getLogger("tracker")
 @runtime_checkable
 class Job(Protocol):
     """A component whose fields are the sections of its configuration."""
-
-    kernels: ClassVar[Group | None]
-    """The kernels that it needs, compiled before the folder is made."""
 
     resumable: ClassVar[bool]
     """Whether an interrupted one can be continued; what it opens has the recording as its `sequence` then."""
@@ -143,7 +139,7 @@ def described(job: Job) -> Table:
 
 
 def execute(job: Job, output: Path | None = None, resume: bool = False, progress: Progress = silent) -> Any:
-    """Does a job: opens its inputs, compiles its kernels, makes its folder, and writes its results there.
+    """Does a job: opens its inputs, makes its folder, and writes its results there.
 
     Args:
         job: what to do.
@@ -164,7 +160,6 @@ def execute(job: Job, output: Path | None = None, resume: bool = False, progress
     with remembered() as remarks:
         opened = job.open()
     _tell(remarks, progress)
-    _compile(job, progress)
     with _result_folder(job.name, output) as folder:
         for remark in remarks:
             log.handle(remark)
@@ -185,7 +180,6 @@ def _resumed(job: Job, folder: Path, progress: Progress) -> Any:
         inputs = _inputs(job, opened)
         check_inputs(folder, inputs)
         _tell(remarks, progress)
-        _compile(job, progress)
         write_json(folder / INPUTS, inputs)
         write_whole(folder / CONFIG, tomli_w.dumps(described(job)))
         return job.execute(opened, ResultFolder(folder, latest=False, kept=True, inputs=inputs), progress)
@@ -203,15 +197,10 @@ def _tell(remarks: Sequence[logging.LogRecord], progress: Progress) -> None:
             progress(remark.getMessage())
 
 
-def _compile(job: Job, progress: Progress) -> None:
-    if job.kernels is not None and not all_cached(job.kernels):
-        warm_up(progress, job.kernels)
-
-
 def versions() -> dict[str, str]:
     """What a result was made with."""
     found = {"python": platform.python_version(), "platform": platform.platform()}
-    for package in ("bodytrack", "numpy", "scipy", "numba", "opencv-python-headless", "av"):
+    for package in ("bodytrack", "numpy", "scipy", "opencv-python-headless", "av"):
         try:
             found[package] = version(package)
         except PackageNotFoundError:

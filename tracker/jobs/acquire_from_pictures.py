@@ -16,7 +16,6 @@ from tracker.body.files import read_buildable
 from tracker.components import ModelFile, component
 from tracker.jobs import ResultFolder, described
 from tracker.jobs._acquired import Acquired, AcquireOutcome
-from tracker.kernels.ahead import Group
 from tracker.progress import Progress
 from tracker.resources import model_path
 from tracker.subject import Stature
@@ -26,7 +25,6 @@ from tracker.subject import Stature
 class PictureJob:
     """Makes a person's model from front and side silhouettes: `model.toml`, a picture and the figures of the fit."""
 
-    kernels: ClassVar[Group | None] = "tracking"
     resumable: ClassVar[bool] = False
 
     name: str = "model"

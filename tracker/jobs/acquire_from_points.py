@@ -26,7 +26,6 @@ from tracker.following.read_tables import PointTable, read_trajectories
 from tracker.initialization.given import GivenInitialization
 from tracker.jobs import ResultFolder, described
 from tracker.jobs._acquired import Acquired, AcquireOutcome
-from tracker.kernels.ahead import Group
 from tracker.outlines import outline_observation, overlap
 from tracker.progress import Progress
 from tracker.resources import model_path
@@ -54,7 +53,6 @@ class OpenedPoints:
 class PointsJob:
     """Makes a person's model from surface points: `model.toml`, a picture and the figures of the fit."""
 
-    kernels: ClassVar[Group | None] = "tracking"
     resumable: ClassVar[bool] = False
 
     name: str = "model"

@@ -12,7 +12,6 @@ from tracker.files import write_json
 from tracker.jobs import ResultFolder, described
 from tracker.jobs._acquired import MODEL, AcquireOutcome
 from tracker.jobs._skinned import save_with_skin, skinned_outcome
-from tracker.kernels.ahead import Group
 from tracker.progress import WARNING, Progress
 from tracker.robots import Robot
 from tracker.robots.mjcf import read_mjcf
@@ -24,7 +23,6 @@ from tracker.source_files import xml_of
 class RobotJob:
     """Makes a body model of a robot's description: `model.toml`, its skin, a picture and figures."""
 
-    kernels: ClassVar[Group | None] = "tracking"
     resumable: ClassVar[bool] = False
 
     robot: RobotFile

@@ -16,7 +16,6 @@ from tracker.files import write_json
 from tracker.jobs import ResultFolder, described
 from tracker.jobs._acquired import MODEL, AcquireOutcome
 from tracker.jobs._skinned import save_with_skin, skinned_outcome
-from tracker.kernels.ahead import Group
 from tracker.mirror import Mirror
 from tracker.progress import Progress
 from tracker.resources import model_path
@@ -26,7 +25,6 @@ from tracker.resources import model_path
 class ScanJob:
     """Makes a person's model from a laser scan and its joints: `model.toml`, its skin, a picture and figures."""
 
-    kernels: ClassVar[Group | None] = "tracking"
     resumable: ClassVar[bool] = False
 
     scan: ScanFiles

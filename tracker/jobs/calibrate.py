@@ -17,7 +17,6 @@ from tracker.errors import CalibrationError, ConfigError
 from tracker.files import write_whole
 from tracker.jobs import ResultFolder, job_from, read_own
 from tracker.jobs._interiors import then_alone
-from tracker.kernels.ahead import Group
 from tracker.progress import Progress
 from tracker.reading import Reading
 from tracker.rig_check import check_rig
@@ -29,7 +28,6 @@ from tracker.views import Views
 class CalibrateJob:
     """Calibrates cameras: `rig.toml`, a report of what is weak in it, and the residuals."""
 
-    kernels: ClassVar[Group | None] = "calibration"
     resumable: ClassVar[bool] = False
 
     name: str = "calibrate"

@@ -13,7 +13,6 @@ from tracker.components import component
 from tracker.evaluation.comparison import Evaluation, evaluate
 from tracker.jobs import ResultFolder, execute, load_job
 from tracker.jobs.track import TrackOutcome
-from tracker.kernels.ahead import Group
 from tracker.progress import Progress
 from tracker.resources import model_path
 from tracker.simulation.movements import movement_of
@@ -25,7 +24,6 @@ from tracker.simulation.sequence_files import write_sequence
 class DemoJob:
     """Simulates a clothed person in a cluttered room, tracks it from bootstrapping, and compares with the truth."""
 
-    kernels: ClassVar[Group | None] = "tracking"
     resumable: ClassVar[bool] = False
 
     name: str = "demo"

@@ -36,7 +36,6 @@ from tracker.jobs._born import Born, Places, position
 from tracker.jobs._second_look import SecondLook
 from tracker.jobs._sightings import RECORD, begun, record_sightings
 from tracker.jobs._trajectory_files import Around, TrajectoryFiles
-from tracker.kernels.ahead import Group
 from tracker.lsm.surface import SurfaceMeasurement
 from tracker.point_trajectories import PointFrame
 from tracker.progress import Progress, silent
@@ -50,7 +49,6 @@ from tracker.rig_layouts import save_rig
 class FollowJob:
     """Follows points through a recording: trajectories with velocities, accelerations and sigmas, and a report."""
 
-    kernels: ClassVar[Group | None] = "matching"
     resumable: ClassVar[bool] = True
 
     name: str = "follow"

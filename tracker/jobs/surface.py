@@ -13,7 +13,6 @@ import pydantic
 from tracker.components import component
 from tracker.files import replacing, write_json
 from tracker.jobs import ResultFolder, described
-from tracker.kernels.ahead import Group
 from tracker.lsm.surface import Surface, SurfaceMeasurement, measure_surface, residual_rms_px
 from tracker.lsm.surface_files import write_csv, write_ply
 from tracker.lsm.surface_pictures import cloud_figure, matches_figure
@@ -27,7 +26,6 @@ from tracker.rig_layouts import save_rig
 class SurfaceJob(SurfaceMeasurement):
     """Measures the surface that two or more views show: a point cloud with sigmas, pictures, CSV."""
 
-    kernels: ClassVar[Group | None] = "matching"
     resumable: ClassVar[bool] = False
 
     name: str = "surface"

@@ -29,7 +29,6 @@ from tracker.jobs._starts import telling
 from tracker.jobs._stopping import Stop
 from tracker.jobs._told import Findings, run_context, tell_choices, told_before
 from tracker.jobs._views import Tracks
-from tracker.kernels.ahead import Group
 from tracker.loss import LossRule
 from tracker.plate import Plate
 from tracker.prediction import Prediction
@@ -62,7 +61,6 @@ _FEWEST_VIEWS = 2
 class TrackJob:
     """Follows persons through a recording: poses, sigmas, joints, pictures and a report."""
 
-    kernels: ClassVar[Group | None] = "tracking"
     resumable: ClassVar[bool] = True
 
     name: str = "track"

@@ -21,7 +21,7 @@ class LiveRun:
         """Begins to track.
 
         Args:
-            run: its inputs are opened here, and kernels compiled.
+            run: its inputs are opened here.
             server: where it is shown.
             progress: told how far it is.
 
@@ -29,7 +29,6 @@ class LiveRun:
             TrackerError: an input cannot be used.
         """
         n_frames = len(run)
-        run.compile_kernels(progress)
         self.viewer = Viewer(server, run.scene, run.opened.sequence.interval_s, n_frames)
         self.viewer.follow()
         self._run, self._progress = run, progress
