@@ -163,8 +163,8 @@ class Motion:
             jacobian = self.body.point_jacobian(q, points, parameters)
             rows.append(np.sqrt(np.maximum(np.einsum("mik,kl,mil->m", jacobian, covariance, jacobian), 0)))
         sigmas_m = np.array(rows)
-        if self.joint_sigmas_m is not None:
-            names = self.body.landmark_names
+        names = self.body.landmark_names
+        if self.joint_sigmas_m is not None and self.joint_sigmas_m.shape[1] == len(names):
             for m, mark in enumerate(chosen):
                 if mark.name in names:
                     told = self.joint_sigmas_m[:, names.index(mark.name)]
