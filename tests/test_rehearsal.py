@@ -120,6 +120,20 @@ def test_where_all_hypotheses_are_doubtful_a_rehearsal_ends(
     assert joint_errors_mm(simulation, 0, 0, start.poses[0]).mean() < 10
 
 
+@pytest.mark.parametrize(("decides", "first"), [(0.2, "truth"), (1.0, "wrong")])
+def test_frames_in_which_all_are_doubtful_decide_by_a_clear_lead_alone(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch, decides: float, first: str
+) -> None:
+    """Else the ranking of the first frame holds, and nobody is sure."""
+    monkeypatch.setattr("tracker.tracking.rehearsal._BEATEN", np.inf)
+    monkeypatch.setattr("tracker.tracking.rehearsal._DECIDES", decides)
+    rule = LossRule(doubtful_above=0.0, sure=1.0)
+    start = ranked(simulation, cycle_for(simulation, WrongFirst(simulation, sure=0.1), loss=rule))
+    right = joint_errors_mm(simulation, 0, 0, start.poses[0]).mean() < 10
+    assert right == (first == "truth")
+    assert (start.least_sureness > 0) == right
+
+
 def test_who_is_beaten_is_not_followed_to_the_end(simulation: Simulation, seen: list[int]) -> None:
     start = ranked(simulation, cycle_for(simulation, WrongFirst(simulation, sure=0.1)))
     assert sorted(seen) == sorted([*range(1, 4)] * 2), "three frames tell, and one alone is left"
