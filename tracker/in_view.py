@@ -74,8 +74,9 @@ def _judged(person: Person, estimate: Estimate, n_shown: int, n_views: Integers,
 def _shown(sight: Sight, scene: Scene, person: Person, silhouettes: Sequence[Mask]) -> Mask:
     """(V,) views that show a person, or may do so.
 
-    Those that others hide him from do not count where a view which could show him does not. In a woman's name, who had
-    not come in yet, the model stood beside a man: two views had her behind him, one had half of her before the floor.
+    A view in which somebody else hides the person does not count if another view could show the person and does not. A
+    woman had not come in yet, and her model stood beside a man: in two views it was behind him, in one half of it was
+    before the floor.
     """
     inside: Mask = _inside(scene, person.body.landmarks_in_world(person.q)).mean(axis=1) >= _LEAST_INSIDE
     shown, hidden = inside.copy(), np.zeros_like(inside)

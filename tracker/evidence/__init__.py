@@ -79,7 +79,7 @@ class Evidence(Protocol):
         return
 
     def takes_part_plates(self) -> bool:
-        """Whether it is made for plates that know nothing behind those who stay; see `tracking.recorded_plates`."""
+        """Whether it uses plates that are unknown behind persons who stay; see `tracking.recorded_plates`."""
         return False
 
     def told(self, known: Sequence[object | None]) -> str:

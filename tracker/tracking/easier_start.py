@@ -77,7 +77,7 @@ def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack 
 
 
 class _NoOtherStart(Initialization):
-    """Finds nobody: what a start leads back to is not what others that are found on the way lead to.
+    """Finds nobody on the way back from a start: the way shows where this start leads, and not where another one would.
 
     Balancing without plates, from frame 10, was led back from a wrong start in frame 40 with a search of 60 s in every
     frame or two: 22 minutes of processor time for what is 31 mm off either way.

@@ -137,9 +137,9 @@ def _lone(places: Array, tracked: Mask, least_m: float) -> Array:
 def _apart(one: Array, other: Array) -> Array:
     """(...,) how far landmarks (..., L, 3) of a limb are from others, m: the second farthest.
 
-    A hand that turns at its wrist, which the images hardly show, is one. By 14 cm of the mean of the two farthest it
-    was two: in all results at hand 132 limbs 10 cm and more off were doubted beside jumps, and 248 others; now 131 and
-    139.
+    The farthest one may be a hand that turns at its wrist, which the images hardly show. With 14 cm of the mean of the
+    two farthest, the hand counted: in all results at hand 132 limbs 10 cm and more off were doubted beside jumps, and
+    248 others; now 131 and 139.
     """
     gaps = np.sort(np.linalg.norm(one - other, axis=-1), axis=-1)
     second: Array = gaps[..., -2:].min(axis=-1)

@@ -54,11 +54,11 @@ def finished(
 
 
 def judged_as_wholes(step: Step) -> Step:
-    """The step; persons are doubtful of whom most limbs are ambiguous, and of lost ones no limb is.
+    """The step; a person most of whose limbs are ambiguous is doubtful, and no limb of a lost person is ambiguous.
 
     Of who is cut by the edges of images a pose was 100 mm off and more on average in three frames, its four limbs
     ambiguous, and of R-UpperBody in nine, three of them. Of 52 000 frames of other results 6 had three and were not
-    doubtful, of a skirt. Of bodies of two limbs these say little of the trunk.
+    doubtful, of a skirt. A body of two limbs is left out: its limbs say little of its trunk.
     """
     estimates = list(step.estimates)
     for k, (person, estimate) in enumerate(zip(step.scene.persons, step.estimates, strict=True)):

@@ -185,9 +185,9 @@ def _hopeless(trial: _Trial, rule: LossRule) -> bool:
 def _on_average(trial: _Trial, body: BodyModel) -> Hypothesis:
     """The hypothesis with what it explains and leaves over in all frames, and the pose that they were tracked from.
 
-    That is what the first frame made of it, but of one that was given. Of DO-Two's frame 0, without plates, the one
-    chosen had a leg beside its place that was looked for and found before it was tracked on; begun at again as it had
-    been, the run found the leg 0.11 m off in all frames, and nothing in doubt.
+    The pose is the one that the first frame ended with; a pose that was given stays as given. Of DO-Two's frame 0,
+    without plates, the one chosen had a leg beside its place that was looked for and found before it was tracked on.
+    Begun at again as it had been, the run found the leg 0.11 m off in all frames, and nothing in doubt.
     """
     accounts = [estimate.account for estimate in trial.found]
     limbs = [limbs_left_over(body, account) for account in accounts]

@@ -1,9 +1,9 @@
 """Windows of a recording, tracked forwards and then back, the poses of both weighed frame by frame.
 
-Windows with doubt in them are, and the first frames of somebody who is found: what is wrong from the start on nothing
-need tell. There the first pass stays as it is where the way back ends in the same places. The errors of the two
-directions hardly coincide: a limb is lost on the way into its hiding, not on the way out of it. See
-`tracker.tracking.rivals`.
+A window with doubt in it is tracked back, and so are the first frames of somebody who is found: a pose that is wrong
+from the start on may raise no doubt. In these frames the poses of the first pass stay if the way back ends in the same
+places. The errors of the two directions hardly coincide: a limb is lost on the way into its hiding place, and not on
+the way out of it. See `tracker.tracking.rivals`.
 """
 
 from __future__ import annotations
