@@ -118,8 +118,8 @@ def test_what_is_in_doubt_on_the_way_back_is_tracked_the_other_way_as_well(
     told: list[str] = []
     doubting = replace(cycle.loss, doubtful_above=0.0, again_after=100)
     steps = tracked(simulation, frames, replace(cycle, loss=doubting, progress=lambda line, *_: told.append(line)))
-    for way in ("first pass, frame", "second pass, back to frame"):
-        assert any(line == f"{way} {IN_VIEW + 1}" for line in told)
+    for way in ("forwards", "back"):
+        assert any(line.startswith(f"{way}: frame {IN_VIEW + 1}, ") for line in told)
     errors = [joint_errors_mm(simulation, 0, step.frame.index, step.estimates[0].q).mean() for step in steps]
     assert max(errors[IN_VIEW:]) < 15
 

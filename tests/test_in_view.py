@@ -331,7 +331,10 @@ def test_a_run_of_persons_who_are_never_apart_waits_for_the_first_one(
     job = SimpleNamespace(initialization=None, reading=SimpleNamespace(start=0), passes=2)
     assert TrackJob._first_in_view(job, opened, cycle) == 3  # type: ignore[arg-type]
     assert asked == [2, 1]
-    assert told == ["nobody is seen whole before frame 3: looked for from there on, and followed back"]
+    assert told == [
+        "nobody is seen whole before frame 3: the start is looked for there, "
+        "and the frames before are tracked back from it"
+    ]
 
 
 @pytest.mark.parametrize(("since", "n_views", "lost"), [(0, 0, False), (3, 0, True), (3, 1, True), (3, 4, False)])

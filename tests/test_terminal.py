@@ -6,22 +6,28 @@ import io
 import os
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from rich.console import Console, Group
 from rich.table import Table
+from typer.testing import CliRunner
 
+from tracker.cli import app
 from tracker.commands import evaluate, terminal
 from tracker.commands.run import _print_tracked
 from tracker.commands.terminal import ProgressBar
+from tracker.doubts import Doubts
+from tracker.errors import ConfigError
 from tracker.evaluation.comparison import Evaluation
 from tracker.evaluation.person_errors import PersonErrors
 from tracker.jobs import load_job
+from tracker.jobs._recorded import _Pace
 from tracker.jobs.track import TrackOutcome
 
-DETAIL = "12.5 frames/s (search 41 evidence 20 synthesis 9 ms), 3 lost, 12 doubtful"
+DETAIL = "12.5 frames/s, about 2 min 10 s left, 3 lost, 12 doubtful"
 
 
 @pytest.mark.parametrize(("width", "n_lines"), [(60, 2), (80, 2), (99, 2), (100, 1), (140, 1)])
@@ -58,7 +64,7 @@ def test_a_warning_is_a_line_of_its_own_beside_a_bar_too():
     shown = Console(width=80, file=io.StringIO())
     bar = ProgressBar(shown)
     bar("tracking", 1, 4, DETAIL)
-    bar("first pass, frame 3")
+    bar("forwards: frame 3, 4 to go")
     bar("input: nobody moves [in any view]")
     assert shown.file.getvalue().splitlines() == ["input: nobody moves [in any view]"]
 
@@ -81,17 +87,17 @@ def test_what_was_told_with_other_numbers_moves_along_in_the_last_line():
     shown = Console(width=80, file=io.StringIO())
     with ProgressBar(shown) as bar:
         for frame in range(100):
-            bar(f"first pass, frame {frame}")
+            bar(f"forwards: frame {frame}, {100 - frame} to go")
             if frame == 50:
                 bar("input: nobody moves")
-                assert [task.description for task in bar._bar.tasks] == ["first pass, frame 50"]
+                assert [task.description for task in bar._bar.tasks] == ["forwards: frame 50, 50 to go"]
         bar("tracking", 1, 4, DETAIL)
-        bar("second pass, back to frame 3")
+        bar("back: frame 3, 2 to go")
         assert [task.description for task in bar._bar.tasks] == ["tracking"]
         bar("tracking", 4, 4)
     lines = shown.file.getvalue().splitlines()
-    assert lines[:2] == ["first pass, frame 0", "input: nobody moves"]
-    assert "first pass" not in "".join(lines[1:])
+    assert lines[:2] == ["forwards: frame 0, 100 to go", "input: nobody moves"]
+    assert "forwards" not in "".join(lines[1:])
 
 
 def test_names_and_paths_are_shown_as_they_are():
@@ -115,7 +121,9 @@ def test_a_sentence_with_a_path_stays_in_one_line():
     folder, told = Path("results") / ("long" * 30), "the doubts, in one line of more than forty columns"
     ProgressBar(shown)(f"squat: 4 frames, results in {folder}")
     assert len(shown.file.getvalue().splitlines()) == 1
-    outcome = TrackOutcome(folder, 4, SimpleNamespace(none=True, advice=str, sentence=lambda: told), seconds=75.0)
+    outcome = TrackOutcome(
+        folder, 4, SimpleNamespace(none=True, advice=str, sentence=lambda: told, why=str), seconds=75.0
+    )
     with terminal.console.capture() as capture:
         _print_tracked(outcome)
     first = "tracked 4 frames in 1 min 15 s, 0.1 frames/s all included"
@@ -171,3 +179,24 @@ def test_the_shell_completes_commands_and_options():
     assert completed("bodytrack result ev", 2) == ["evaluate"]
     assert completed("bodytrack ev", 1) == []
     assert completed("bodytrack run --res", 2) == ["--resume"]
+
+
+def test_a_pace_says_what_is_left_and_keeps_how_long_stages_took():
+    pace = _Pace(4)
+    told = [pace.after(SimpleNamespace(seconds={"search": 20.0, "synthesis": 5.0}), Doubts()) for _ in range(4)]
+    assert told[:3] == [f"0.0 frames/s, about {left} left" for left in ("1 min 15 s", "50 s", "25 s")]
+    assert "left" not in told[3]
+    assert pace.in_all == {"search": 80.0, "synthesis": 20.0}
+
+
+@pytest.mark.parametrize("asked", [[], ["--verbose"]])
+def test_times_of_stages_are_told_where_they_are_asked_for(monkeypatch, tmp_path, asked):
+    outcome = TrackOutcome(tmp_path, 4, Doubts(n_frames=4, found=frozenset({"anna"})), seconds=1.0)
+    outcome = replace(outcome, stages_s={"synthesis": 0.02, "search": 0.16})
+    monkeypatch.setattr("tracker.jobs.load_job", lambda *_: None)
+    monkeypatch.setattr("tracker.commands.run.done", lambda *_: outcome)
+    told = CliRunner().invoke(app, ["run", "run.toml", *asked])
+    assert told.exit_code == 0, told.output
+    assert ("stages of tracking, ms a frame: search 40, synthesis 5" in told.output) == bool(asked)
+    both = CliRunner().invoke(app, ["run", "a.toml", "b.toml", "--verbose"])
+    assert isinstance(both.exception, ConfigError)

@@ -170,7 +170,7 @@ def test_what_is_fixed_to_the_world_is_simulated_in_its_place_and_found_by_itsel
     bent = replace(simulation, poses=(np.array([q, q]),))
     lost = simulation.scene.with_pose(0, np.radians([-80.0, 100.0]))
     auto, frame = AutoInitialization(), next(bent.frames())
-    assert auto.check(lost, simulation.plates) == "person1 in its place"
+    assert auto.check(lost, simulation.plates) == "person1 where its model stands"
     found = auto.start(frame, lost, stages_of(bent))
     assert joint_errors_mm(bent, 0, 0, found.poses[0]).max() < 12.5  # a pixel
     assert np.degrees(np.abs(found.poses[0] - q)).max() < 2

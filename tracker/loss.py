@@ -174,7 +174,7 @@ class Troubles:
     """One after the other that were doubtful, or had an ambiguous limb."""
 
     losses: int = 0
-    """Times lost or found anew. The count ends when the person is there without doubt, or in doubt three times as long."""
+    """Times lost or found anew; none once the person is there without doubt, or in doubt for three frames a loss."""
 
     seen: int = 0
     """One after the other in which the person was neither, in doubt."""

@@ -14,6 +14,12 @@ WARNING = "input: "
 """What a message begins with that stays to be read: something is wrong with the input."""
 
 
+def in_words(seconds: float) -> str:
+    """A time as it is told: `40 s`, `2 min 10 s`."""
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
 class Progress(Protocol):
     """Told how far a piece of work is."""
 

@@ -113,7 +113,7 @@ def fit_bodies(
         way = following.back(way)
         things = _all_things(way, spaces, untold, settings)
     if any(map(carried_of, things.values())):
-        cycle.progress("bodies: tracked anew with what is carried")
+        cycle.progress("bodies: the frames are tracked anew, with what the persons carry")
         with_things = {k: _with(spaces[k], carried_of(some)) for k, some in things.items()}
         laden = scene.with_bodies({k: space.description.build() for k, space in with_things.items()})
         known = knowing(cycle, *_as_found(way.found.steps), believed=True)
@@ -149,24 +149,25 @@ class _Following:
 
     def there(self, scene: Scene, spaces: Spaces, cycle: Cycle) -> _Way:
         """Frames tracked with the bodies of a scene and those fitted to them."""
-        cycle.progress("bodies: tracked as their models have them")
+        cycle.progress(f"step 1 of 3: tracking the first {len(self.frames)} frames with the average body")
 
         def follow(by: Cycle) -> tuple[list[Step], State]:
             return there(self.frames, scene, by, self.reopen)
 
         steps, state = follow(cycle)
         if any(len(best_seen(steps, k, len(steps), self.settings.frames)) < LEAST_SEEN for k in spaces):
-            cycle.progress("bodies: tracked back, for hardly a frame is without doubt")
+            cycle.progress("bodies: the frames are tracked back as well, since hardly one is without doubt")
             steps = back(steps, cycle, state)
         doubted = frozenset(k for k in spaces if n_sure(steps, k) < LEAST_SEEN)
         unlike = frozenset(k for k in doubted if _found_for_sure(steps, k, cycle))
         steps, state, cycle = the_better_way_round(steps, state, cycle, sorted(doubted - unlike), follow)
+        cycle.progress("step 2 of 3: fitting the body to these frames")
         found = Round({}, scene, steps).fitted(spaces, cycle, self.settings, unlike)
         return _Way(found, spaces, cycle, state, unlike)
 
     def back(self, way: _Way) -> _Way:
         """The same frames tracked back with the bodies fitted, and bodies fitted to that."""
-        way.cycle.progress("bodies: tracked back as fitted")
+        way.cycle.progress("bodies: the frames are tracked back with the fitted body")
         found = replace(way.found, steps=back(way.found.steps, way.cycle, way.state)).cleared(way.unlike)
         return replace(way, found=found.fitted(way.spaces, way.cycle, self.settings))
 
@@ -177,12 +178,12 @@ def _named(way: _Way, scene: Scene, following: _Following) -> _Way:
     order = None if told else whose(*_bodies(scene, way.found))
     if order is None:
         return way
-    way.cycle.progress("bodies: under each other's names, for one is as tall as another is told to be")
+    way.cycle.progress("bodies: the persons may have each other's names, since one is as tall as another should be")
     known = knowing(way.cycle, *_as_found(way.found.steps, order), believed=True)
     other, whom = following.there(scene, way.spaces, known), way.found.fits.keys()
     if apart_m(*_bodies(scene, other.found), whom) >= apart_m(*_bodies(scene, way.found), whom):
         return way
-    way.cycle.progress("bodies: names are exchanged")
+    way.cycle.progress("bodies: the persons' names are exchanged")
     return replace(other, cycle=way.cycle)
 
 

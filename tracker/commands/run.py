@@ -12,6 +12,7 @@ from tracker.commands.evaluate import print_evaluation
 from tracker.commands.options import Frames, Overrides, done, with_range
 from tracker.commands.terminal import ProgressBar, console
 from tracker.errors import ConfigError
+from tracker.progress import in_words
 
 if TYPE_CHECKING:
     from tracker.doubts import Doubts
@@ -30,6 +31,7 @@ def run(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Check all, track a few frames, say what it takes.")
     ] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Also say how long each stage of tracking took.")] = False,
     jobs: Annotated[int | None, typer.Option(min=1, help="Recordings at a time; default: as many as cores.")] = None,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://HOST:8786.")] = None,
     batch: Annotated[
@@ -41,16 +43,18 @@ def run(
     if batch or jobs or scheduler or len(configs) > 1:
         if dry_run:
             raise ConfigError("--dry-run: of one configuration at a time, without --batch, --jobs and --scheduler")
+        if verbose:
+            raise ConfigError("--verbose: of one configuration at a time, without --batch, --jobs and --scheduler")
         track_many(configs, overrides, output, resume, Side(jobs, scheduler))
         return
-    _track(configs[0], overrides, output, (resume, dry_run))
+    _track(configs[0], overrides, output, (resume, dry_run, verbose))
 
 
-def _track(config: Path, overrides: list[str], output: Path | None, asked: tuple[bool, bool]) -> None:
-    """One recording: `asked` is whether to go on with a run, and whether to look only what it takes."""
+def _track(config: Path, overrides: list[str], output: Path | None, asked: tuple[bool, bool, bool]) -> None:
+    """One recording: `asked` is whether to go on with a run, to look only what it takes, and to tell stages' times."""
     from tracker.jobs import load_job
 
-    resume, dry_run = asked
+    resume, dry_run, verbose = asked
     job = load_job("track", config, overrides)
     if dry_run:
         if resume:
@@ -58,6 +62,8 @@ def _track(config: Path, overrides: list[str], output: Path | None, asked: tuple
         _print_forecast(job)
         return
     outcome = done(job, output, resume)
+    if verbose:
+        _print_stages(outcome)
     _print_tracked(outcome)
     _end_with(outcome)
 
@@ -101,23 +107,24 @@ def _print_forecast(job: TrackJob) -> None:
         highlight=False,
     )
     _print_doubts(told.doubts)
-    about = _duration(told.seconds)
+    about = in_words(told.seconds)
     console.print(f"all of them take about {about} on this machine; nothing was written", highlight=False)
 
 
 def _print_tracked(outcome: TrackOutcome) -> None:
     rate = outcome.n_frames / outcome.seconds if outcome.seconds else 0.0
     state = "interrupted after" if outcome.interrupted else "tracked"
-    took = _duration(outcome.seconds)
+    took = in_words(outcome.seconds)
     console.print(f"{state} {outcome.n_frames} frames in {took}, {rate:.1f} frames/s all included", highlight=False)
     files = ", ".join(path.name for path in outcome.files) or "no recordings chosen"
     console.print(f"results in {outcome.folder}: {files}", highlight=False, soft_wrap=True)
     _print_doubts(outcome.doubts)
 
 
-def _duration(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest} s" if minutes else f"{rest} s"
+def _print_stages(outcome: TrackOutcome) -> None:
+    by_time = sorted(outcome.stages_s.items(), key=lambda one: -one[1])
+    told = ", ".join(f"{stage} {1000 * seconds / outcome.n_frames:.0f}" for stage, seconds in by_time)
+    console.print(f"stages of tracking, ms a frame: {told}", highlight=False, soft_wrap=True)
 
 
 def _print_doubts(doubts: Doubts) -> None:

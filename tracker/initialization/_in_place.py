@@ -46,7 +46,7 @@ class InPlace:
         """Hypotheses of the scene's last person, the best first."""
         body, k = scene.persons[-1].body, len(scene.persons) - 1
         poses = _everywhere(body)
-        stages.progress(f"start: {len(poses)} poses of {scene.persons[-1].name}, in its place")
+        stages.progress(f"start: {len(poses)} poses of {scene.persons[-1].name}, where its model stands")
         objective = stages.objective(frame, scene, k)
         distances = np.concatenate([objective(poses[i : i + _BATCH]) for i in range(0, len(poses), _BATCH)])
         apart_m = _APART * float(body.extents_m.max())

@@ -55,7 +55,7 @@ class AutoInitialization:
         fixed = [] if self.poses is not None else staying(scene)
         moving = tuple(person for k, person in enumerate(scene.persons) if k not in fixed)
         told = [self._told(replace(scene, persons=moving), plates)] if moving else []
-        return "; ".join([*told, *(f"{scene.persons[k].name} in its place" for k in fixed)])
+        return "; ".join([*told, *(f"{scene.persons[k].name} where its model stands" for k in fixed)])
 
     def _told(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """What the start of persons who do not stay in their place goes by."""

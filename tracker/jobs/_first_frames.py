@@ -49,6 +49,6 @@ def first_sought(opened: OpenedTrack, cycle: Cycle, start: int, passes: int) -> 
         return 0
     if found > start:
         who = "nobody is" if n == 1 else f"not all {n} persons are"
-        back = ", and followed back" if passes == 2 else ""
-        cycle.progress(f"{who} seen whole before frame {found}: looked for from there on{back}")
+        back = ", and the frames before are tracked back from it" if passes == 2 else ""
+        cycle.progress(f"{who} seen whole before frame {found}: the start is looked for there{back}")
     return found

@@ -5,16 +5,17 @@ from __future__ import annotations
 import contextlib
 import logging
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 
 from tracker.doubts import Doubts
 from tracker.errors import TrackerError
 from tracker.files import remove_unfinished
 from tracker.jobs import ResultFolder
 from tracker.jobs._stopping import Stop, stopping
-from tracker.progress import Progress
+from tracker.progress import Progress, in_words
 from tracker.recording import Recorder, Recording, RunContext
 from tracker.trajectory import Step
 
@@ -37,6 +38,9 @@ class TrackOutcome:
     seconds: float = 0.0
     """How long the run took, with the start looked for, bodies fitted and the result smoothed."""
 
+    stages_s: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    """How long the stages of tracking took in all frames, seconds."""
+
 
 def recorded(
     recordings: Iterable[Recording],
@@ -57,7 +61,7 @@ def recorded(
         conclude: called after the last frame, before the recorders finish; not of an interrupted run.
     """
     progress, stop = running
-    doubts, n_frames, interrupted, pace = Doubts(), 0, False, _Pace()
+    doubts, n_frames, interrupted, pace = Doubts(), 0, False, _Pace(context.n_frames)
     files: list[Path] = []
     with stopping(stop), _tidied(context.folder), contextlib.ExitStack() as finishing:
         recorders: list[Recorder] = []
@@ -89,7 +93,8 @@ def recorded(
         finally:
             if n_frames < len(context.resumed):
                 finishing.pop_all()  # what the interrupted run has left is more
-    return TrackOutcome(context.folder, n_frames, doubts, interrupted, tuple(files))
+    stages_s = MappingProxyType(pace.in_all)
+    return TrackOutcome(context.folder, n_frames, doubts, interrupted, tuple(files), stages_s=stages_s)
 
 
 @contextlib.contextmanager
@@ -114,22 +119,26 @@ def _finish(recorder: Recorder, files: list[Path]) -> None:
 
 
 class _Pace:
-    """Frames per second and the stages that take longest, over the last second of a usual recording."""
+    """Frames per second over the last second of a usual recording, and how long the other frames take at that pace."""
 
-    def __init__(self) -> None:
-        self._recent: deque[dict[str, float]] = deque(maxlen=25)
+    def __init__(self, n_frames: int) -> None:
+        self._recent: deque[float] = deque(maxlen=25)
+        self._to_go = n_frames
+        self.in_all = Counter[str]()
+        """Seconds of each stage in all frames."""
 
     def after(self, step: Step, doubts: Doubts) -> str:
         """What is shown after a frame."""
-        self._recent.append(step.seconds)
-        total = Counter[str]()
-        for seconds in self._recent:
-            total.update(seconds)
-        n = len(self._recent)
-        stages = " ".join(f"{stage} {1000 * value / n:.0f}" for stage, value in total.most_common(3))
-        lost = f", {len(doubts.lost)} lost" if doubts.lost else ""
-        lost += f", {len(doubts.doubtful)} doubtful" if doubts.doubtful else ""
-        return f"{n / max(sum(total.values()), 1e-9):.1f} frames/s ({stages} ms){lost}"
+        self.in_all.update(step.seconds)
+        self._recent.append(sum(step.seconds.values()))
+        self._to_go -= 1
+        frame_s = max(sum(self._recent), 1e-9) / len(self._recent)
+        told = [f"{1 / frame_s:.1f} frames/s"]
+        if self._to_go > 0:
+            told.append(f"about {in_words(self._to_go * frame_s)} left")
+        told += [f"{len(doubts.lost)} lost"] * bool(doubts.lost)
+        told += [f"{len(doubts.doubtful)} doubtful"] * bool(doubts.doubtful)
+        return ", ".join(told)
 
 
 def _log_step(step: Step) -> None:

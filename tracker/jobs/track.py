@@ -224,6 +224,8 @@ class TrackJob:
         if self.inspection:
             findings.add(looked_at(opened, cycle, getattr(self.reading, "stride", 1)))
         opened, cycle = self.fitted(opened, cycle)
+        if opened.fitted_at and not opened.done:
+            progress(f"step 3 of 3: tracking all {sequence.n_frames} frames with the fitted body")
         findings.add(opened.findings)
         if any(plate is not None and plate.stays for plate in cycle.plates):
             choices["evidence"] = self.evidence.told(cycle.plates)

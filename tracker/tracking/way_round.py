@@ -58,7 +58,7 @@ def the_better_way_round(
         if any(one.lost for one in steps[0].estimates):
             break
         name = steps[0].scene.persons[k].name
-        cycle.progress(f"{name} begun the other way round, for hardly a frame is without doubt")
+        cycle.progress(f"{name}: tracked once more facing the other way, since hardly a frame is without doubt")
         begun = _begun_turned_round(cycle, steps, k)
         others, other = follow(begun)
         if cycle.leaving():

@@ -219,7 +219,7 @@ def _forwards(frames: Sequence[Frame], begin: Pass, cycle: Cycle, reopen: Reopen
                 sight = ahead.next(at.before)
             if sight is None:
                 break
-            cycle.progress(f"first pass, frame {sight.frame.index}")
+            cycle.progress(f"forwards: frame {sight.frame.index}, {len(frames) - len(steps)} to go")
             n = at.n_frames + (sight.frame.index >= cycle.nobody_before)
             looking = Looking(n >= cycle.loss.start_within, reopen, at.back)
             step, back = tracked(sight, at.scene, cycle, at.state, looking, clock)
@@ -238,10 +238,10 @@ def back(first: Sequence[Step], cycle: Cycle, state: State) -> list[Step]:
     """
 
     def frames() -> Iterator[Frame]:
-        for step in reversed(first[:-1]):
+        for left, step in zip(range(len(first) - 1, 0, -1), reversed(first[:-1]), strict=True):
             if cycle.leaving():
                 return
-            cycle.progress(f"second pass, back to frame {step.frame.index}")
+            cycle.progress(f"back: frame {step.frame.index}, {left} to go")
             yield step.frame
 
     others = {step.frame.index: step for step in first}
