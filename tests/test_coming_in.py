@@ -109,7 +109,7 @@ def test_an_empty_room_is_not_gone_through_for_long(
     monkeypatch.setattr(tracker.tracking.coming_in, "_LONGEST", 2)
     steps = tracked(simulation, frames, replace(cycle, progress=lambda line, *_: told.append(line)))
     assert [step.estimates[0].lost for step in steps] == [True] * IN_VIEW + [False] * (14 - IN_VIEW)
-    assert sum("to go" in line for line in told) == n_pieces
+    assert sum(line.startswith("back to the first frame") for line in told) == n_pieces
 
 
 def test_what_is_in_doubt_on_the_way_back_is_tracked_the_other_way_as_well(
