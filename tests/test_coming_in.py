@@ -174,7 +174,7 @@ def test_who_leaves_before_gets_what_there_is_and_it_is_done_again(
     back = itertools.count()
 
     def leaving() -> bool:
-        return any("to go" in line for line in told) and next(back) >= 1
+        return any(line.startswith("back to the first frame") for line in told) and next(back) >= 1
 
     told: list[str] = []
     steps = tracked(simulation, frames, replace(cycle, leaving=leaving, progress=lambda line, *_: told.append(line)))

@@ -301,7 +301,7 @@ def test_a_run_that_is_stopped_in_its_first_window_has_nothing_to_smooth_yet(con
     overrides = [*more, "reading.stop=4"]
 
     def stop(what, done=0, total=0, detail=""):
-        if what == "first pass, frame 1":
+        if what.startswith("forwards: frame 1,"):
             signal.raise_signal(signal.SIGINT)
 
     outcome = execute(load_job("track", path, overrides), tmp_path / "out", progress=stop)

@@ -105,7 +105,7 @@ def test_who_is_doubtful_throughout_and_was_not_found_for_sure_is_begun_the_othe
     start = facing(simulation, turned, sure)
     cycle = cycle_for(simulation, start, loss=rule, progress=lambda line, *_: said.append(line))
     steps = twice(simulation, cycle)
-    assert any("the other way round" in line for line in said) == tried
+    assert any("facing the other way" in line for line in said) == tried
     errors = errors_mm(simulation, steps)
     assert max(errors) < 10 if right else min(errors) > 50
     assert [step.frame.index for step in steps if step.start is not None] == [0]
