@@ -40,7 +40,7 @@ from tracker.errors import TrackerError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 # A table cut at the 80 columns of a pipe cannot be read.
-console = Console() if Console().is_terminal else Console(width=180)
+console = Console() if Console().is_terminal else Console(width=230)
 ROOT = Path(__file__).parents[1]
 Quick = Annotated[bool, typer.Option("--quick", help="Small images and few frames: only to see that it runs.")]
 

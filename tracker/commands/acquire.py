@@ -46,9 +46,10 @@ def acquire(
         table: dict[str, Any] = {"robot": {"file": config.name}}
         override_table(table, set_ or ())
     else:
-        table = read_own("acquire", config, with_range(set_, frames))
+        table = read_own("acquire", config, set_ or ())
     if frames is not None and "reading" not in table:
         raise ConfigError(f"--frames {frames}: only of a run's configuration; {config} has no [reading]")
+    override_table(table, with_range(None, frames))
     job = acquisition_from(table, config.name, config.parent, config.stem)
     if output is not None and not output.suffix:
         print_acquisition(console, done(job, output))

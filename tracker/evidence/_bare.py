@@ -74,7 +74,7 @@ def bare_in(views: Sequence[tuple[Mask | None, Mask | None]], factor: int, missi
             pair = _core(departed), _core(departed | stays)
             pictures.append(np.stack(pair, axis=-1).reshape(-1, 2))
     masks = tuple(departed for departed, _ in views)
-    return Bare(factor, frozen(regions, np.int64), frozen(np.concatenate(pictures)), masks, missing)
+    return Bare(factor, frozen(regions, np.int64), frozen(np.concatenate(pictures), np.float32), masks, missing)
 
 
 def covered_by_skins(asked: Comparison, poses: Array) -> Array:

@@ -28,6 +28,11 @@ _EDGE_PERCENT = 1.0
 _SHADOW_M = 0.08
 
 
+def has_axis(body: BodyModel) -> bool:
+    """Whether a body says which of its landmarks lie on its long axis, and can be placed and turned."""
+    return bool(body.start.head and body.start.base and body.start.turn and len(body.root.columns))
+
+
 def axis_marks(body: BodyModel) -> Integers:
     """(2,) numbers of the landmarks at the head's end and the other end of the body's axis.
 
@@ -35,7 +40,7 @@ def axis_marks(body: BodyModel) -> Integers:
         ModelError: the model file does not say, and its landmarks do not tell; or its root cannot be placed.
     """
     names = (body.start.head, body.start.base)
-    if not all(names) or not body.start.turn or not len(body.root.columns):
+    if not has_axis(body):
         raise ModelError(
             f'model "{body.name}": bootstrapping needs two landmarks on the body\'s long axis and a root that moves '
             "along x, y and z and turns about the vertical: give head, base and turn in [start] of the model file, see "

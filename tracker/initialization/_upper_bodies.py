@@ -15,7 +15,7 @@ from scipy import ndimage
 from tracker.arrays import Array, Mask
 from tracker.body import BodyModel
 from tracker.initialization._foregrounds import cleaned
-from tracker.initialization._placement import axis_marks, stands_upright
+from tracker.initialization._placement import axis_marks, has_axis, stands_upright
 from tracker.initialization._stances import Stance, posed, turned
 from tracker.initialization._visual_hull import Hull, visual_hull
 from tracker.rig import Rig
@@ -45,7 +45,12 @@ def has_upper_body_alone(body: BodyModel) -> bool:
     placed = body.world_from_part(body.rest())
     lowest = int(np.argmin(placed[:, 2, 3] - np.abs(placed[:, 2, 2]) * body.shapes[:, 2]))
     arms = [limb for limb in body.limbs if body.partner_of(limb)]
-    return bool(arms) and stands_upright(body) and not any(body.parts_of(limb)[lowest] for limb in body.limbs)
+    return (
+        bool(arms)
+        and has_axis(body)
+        and stands_upright(body)
+        and not any(body.parts_of(limb)[lowest] for limb in body.limbs)
+    )
 
 
 def upper_poses(

@@ -53,6 +53,10 @@ class Cycle:
     known: Mapping[int, Sequence[Estimate]] = field(default_factory=dict)
     """Frame -> what was found there for each person in another way; poses tracked forwards are weighed against it."""
 
+    refines_known: bool = True
+    """Whether these poses are refined where nothing doubts them, see `found_before.gone_again`; else all are predicted
+    and weighed. Found in views that are out of step they keep of it: of delays of 24 and 36 ms 19 and 30 were told."""
+
     @property
     def stages(self) -> Stages:
         """What the initialization may use: no plates that somebody stays before, who hardly stands out from them."""

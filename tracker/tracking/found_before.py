@@ -54,7 +54,7 @@ def gone_again(scene: Scene, cycle: Cycle, index: int) -> tuple[Array | None, ..
         index: number of the frame.
     """
     here = cycle.known.get(index, ())
-    if not here:
+    if not (here and cycle.refines_known):
         return ()
     before = cycle.known.get(max((k for k in cycle.known if k < index), default=index), here)
     poses: list[Array | None] = []
