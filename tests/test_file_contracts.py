@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sections
+from osim_samples import osim_like_rajagopals
 from recordings import cycle_for, small_simulation
 from sections import each, made
 
@@ -34,6 +36,15 @@ def simulation() -> Simulation:
 def scene(simulation: Simulation) -> Scene:
     """The person as it is in frame 0."""
     return simulation.scene
+
+
+@pytest.fixture(scope="module", autouse=True)
+def osim(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A model of OpenSim that a recording moves."""
+    path = osim_like_rajagopals(tmp_path_factory.mktemp("osim"))
+    sections.GIVEN["recording", "opensim"] = {"model": str(path)}
+    yield
+    del sections.GIVEN["recording", "opensim"]
 
 
 @each("reading")

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from exported import FOUND
 from motions import INTERVAL_S, MODELS, made_up, performed
+from osim_samples import osim_like_rajagopals
 from typer.testing import CliRunner
 
-from tracker.body.files import load_body, read_description
+from tracker.body.files import load_body
 from tracker.cli import app
 from tracker.config import build
 from tracker.errors import ConfigError, ModelError
@@ -23,37 +24,12 @@ from tracker.recording._motion import Y_UP
 from tracker.recording._osim_model import FILES, OsimName
 from tracker.recording._osim_outcome import opensim_installed
 from tracker.recording.opensim import Opensim
-from tracker.recording.osim import Osim
-
-OF_LIMBS = (
-    *(("thigh", "femur"), ("shin", "tibia"), ("foot", "talus"), ("shoulder", "scapulaPhantom")),
-    *(("upper_arm", "humerus"), ("forearm", "ulna"), ("hand", "hand")),
-    *(("leg_extension", "knee_angle"), ("leg_elevation", "hip_flexion"), ("arm_extension", "elbow_flex")),
-)
-"""What we call bodies and coordinates, and what Rajagopal's model does."""
-
-THEIRS = {f"{side}_{ours}": f"{theirs}_{side[0]}" for side in ("left", "right") for ours, theirs in OF_LIMBS}
-THEIRS["chest"] = "torso"
 
 
 @pytest.fixture
 def model(tmp_path):
     """A model whose bodies and coordinates are called as Rajagopal's, with our joints, taller, unable to turn round."""
-    tall = read_description(MODELS / "human.toml").scaled(1.1).build()
-    (made,) = performed(tall, np.zeros((1, tall.dof))).record(Osim(), tmp_path)
-    root = ElementTree.parse(made).getroot()
-    for element in root.iter():
-        if "name" in element.attrib:
-            element.set("name", THEIRS.get(element.get("name"), element.get("name")))
-        path, slash, name = (element.text or "").rpartition("/")
-        element.text = f"{path}{slash}{THEIRS.get(name, name)}" or None
-        if element.tag == "clamped":
-            element.text = "true"
-    for markers in root.iter("MarkerSet"):
-        markers.find("objects").clear()
-    path = tmp_path / "own.osim"
-    ElementTree.ElementTree(root).write(path)
-    return path
+    return osim_like_rajagopals(tmp_path)
 
 
 def walking(turned_deg=0.0, n_frames=20):
