@@ -15,6 +15,7 @@ import pytest
 from doubted import in_doubt
 from motions import estimate_of
 from recordings import small_simulation
+from test_run import killed_after
 from typer.testing import CliRunner
 
 from tracker.acquisition.calibrated_views import ViewSettings
@@ -303,9 +304,12 @@ GIVEN = (
 """What runs need not find out here; the start is where the person is when the first view looks."""
 
 
-def ran(config, output, *settings):
+FITTED = "persons.0.shape=recording", "recordings=[{use='csv_table'},{use='journal'},{use='run_json'}]"
+
+
+def ran(config, output, *settings, options=()):
     """What the command prints."""
-    words = [word for setting in (*GIVEN, *settings) for word in ("--set", setting)]
+    words = [*options, *(word for setting in (*GIVEN, *settings) for word in ("--set", setting))]
     done = CliRunner().invoke(app, ["run", str(config), "--output", str(output), *words])
     assert done.exit_code == 0, done.output
     return " ".join(done.output.split())
@@ -317,11 +321,10 @@ def run_out_of_step(tmp_path_factory):
     folder = tmp_path_factory.mktemp("late")
     recipe = Recipe("walking_on_the_spot", seconds=2.4, fps=FPS, delays_s=DELAYS_S, size=(360, 288))
     config = write_sequence(recipe, folder / "recording")
-    outputs = "recordings=[{use='csv_table'},{use='journal'},{use='run_json'}]"
     few = ViewSettings(frames=4, rounds=1, fit=FitSettings(iterations=4, pose_deg=8.0, pose_m=0.05, rigid_share=0.2))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tracker.jobs._persons.ViewSettings", lambda: few)
-        printed = ran(config, folder / "result", "persons.0.shape=recording", outputs)
+        printed = ran(config, folder / "result", *FITTED)
     return folder / "result", printed
 
 
@@ -329,6 +332,14 @@ def test_a_run_tells_that_views_are_out_of_step(run_out_of_step):
     folder, output = run_out_of_step
     assert "input: views are out of step with" in output
     assert any("out of step" in line for line in json.loads((folder / "run.json").read_text())["findings"])
+
+
+def test_a_resumed_run_knows_that_views_are_out_of_step(run_out_of_step, tmp_path):
+    """Poses that bodies were fitted at are then not refined, in whichever run."""
+    folder, _ = run_out_of_step
+    part = killed_after(12, folder, tmp_path / "part")
+    ran(folder.parent / "recording" / "config.toml", part, *FITTED, options=["--resume"])
+    assert (part / "poses.csv").read_bytes() == (folder / "poses.csv").read_bytes()
 
 
 def test_views_in_step_are_said_to_be_so():

@@ -18,7 +18,6 @@ from tracker.estimation.hybrid import HybridEstimation
 from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.evidence.auto import AutoEvidence
 from tracker.frame import Frame
-from tracker.in_space import judged_in_space, shared
 from tracker.in_view import judged_in_view
 from tracker.inspection import first_in_view
 from tracker.jobs.track import TrackJob
@@ -26,7 +25,7 @@ from tracker.loss import LossRule
 from tracker.plate import Plate
 from tracker.progress import Progress
 from tracker.rig import Rig
-from tracker.scene import Person, Scene
+from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.simulation.sequence import Simulation
 from tracker.synthesis.cpu import CpuSynthesis
@@ -291,28 +290,6 @@ def test_who_leaves_and_comes_back_is_looked_for_now_and_then(joined_later: Simu
     assert not any(step.estimates[0].lost for step in steps)
     errors = [joint_errors_mm(joined_later, k, 7, steps[7].estimates[k].q).mean() for k in (0, 1)]
     assert max(errors) < 15
-
-
-@pytest.mark.parametrize(("apart_m", "lost"), [(0.0, True), (0.05, True), (0.35, False), (1.0, False)])
-def test_of_two_persons_in_one_place_the_one_who_leaves_more_over_is_lost(
-    simulation: Simulation, frames: tuple[Frame, ...], apart_m: float, lost: bool
-) -> None:
-    person = simulation.scene.persons[0]
-    q = person.q.copy()
-    q[person.body.root.shifts[0]] += apart_m
-    scene = Scene((Person("beside", person.body, q), person), simulation.scene.rig)
-    cycle = cycle_for(simulation)
-    observed = cycle.evidence.observe(Sight(frames[0], simulation.plates), CpuSynthesis().contours(simulation.scene))
-    nothing = np.eye(person.body.dof)
-    one, other = (objective_of(Scene((who,), scene.rig), 0, cycle, observed) for who in scene.persons)
-    right = other.estimate(person.q, nothing, 0)
-    wrong = replace(one.estimate(q, nothing, 0), account=replace(right.account, missed_px=right.account.missed_px + 50))
-    assert shared(scene, 0, 1) == pytest.approx(shared(scene, 1, 0))
-    found = judged_in_space(scene, (wrong, right))
-    assert [estimate.lost for estimate in found] == [lost, False]
-    assert [doubt.because for estimate in found for doubt in estimate.doubts] == [Because.SAME_PLACE] * lost
-    before = replace(wrong, status=Status.LOST)
-    assert judged_in_space(scene, (before, right)) == (before, right), "who is lost is in nobody's place"
 
 
 def test_a_run_of_persons_who_are_never_apart_waits_for_the_first_one(

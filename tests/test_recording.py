@@ -5,11 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import re
-import sys
 from base64 import b85encode
 from dataclasses import replace
-from pathlib import Path
-from types import ModuleType
 
 import av
 import numpy as np
@@ -21,11 +18,10 @@ from recordings import TrueStart, cycle_for, small_simulation
 
 from tracker.account import Account
 from tracker.body.files import load_body
-from tracker.components import component
 from tracker.doubt import Because
-from tracker.errors import ConfigError, SequenceError
+from tracker.errors import SequenceError
 from tracker.estimate import Estimate, Status
-from tracker.recording import DEFAULTS, RunContext, chosen_recordings
+from tracker.recording import RunContext
 from tracker.recording._kept_covariance import covariance_of, kept, unpacked
 from tracker.recording._series import AMBIGUOUS, Series
 from tracker.recording._series_figures import parameter_figure
@@ -348,55 +344,3 @@ def test_headline_numbers_are_of_the_poses_that_were_found(recorded, tmp_path):
         record(recording, (scene, at_times([steps[2]] * N_FRAMES, 0.04 * np.arange(N_FRAMES))), tmp_path)
     assert '"mean_distance_px": null' in (tmp_path / "run.json").read_text()
     assert "<b>-</b><span>mean distance" in (tmp_path / "report.html").read_text()
-
-
-def uses(entry):
-    return tuple(type(r).__module__.rpartition(".")[2] for r in chosen_recordings(entry, "run.toml", Path()))
-
-
-@pytest.mark.parametrize(
-    ("entry", "chosen"),
-    [
-        ({}, DEFAULTS),
-        ({"overlay": False}, tuple(use for use in DEFAULTS if use != "overlay")),
-        ({"overlay": True}, DEFAULTS),
-        ({"report": {"pictures": 3}}, DEFAULTS),
-        ({"my_lab.recordings:Nothing": True}, (*DEFAULTS, "recordings")),
-        (["csv_table"], ("csv_table",)),
-        (["journal", {"use": "overlay", "width_px": 320}], ("journal", "overlay")),
-        ([], ()),
-    ],
-)
-def test_recordings_change_the_defaults_or_replace_them(entry, chosen, monkeypatch):
-    laboratory = ModuleType("my_lab.recordings")
-    laboratory.Nothing = component(
-        type("Nothing", (), {"__module__": "my_lab.recordings", "begin": lambda self, run: None})
-    )
-    monkeypatch.setitem(sys.modules, "my_lab", ModuleType("my_lab"))
-    monkeypatch.setitem(sys.modules, "my_lab.recordings", laboratory)
-    assert uses(entry) == chosen
-
-
-def test_the_settings_of_a_default_recording_are_changed_in_its_place():
-    assert chosen_recordings({"overlay": {"width_px": 320}}, "", Path())[2] == Overlay(width_px=320)
-
-
-@pytest.mark.parametrize(
-    ("entry", "words"),
-    [
-        ({"overlaj": False}, 'no recording "overlaj"; did you mean "overlay"'),
-        (["overlaj"], 'use = "overlaj": no such component; did you mean "overlay"'),
-        ({"overlay": "no"}, "overlay = 'no', expected true, false or a table"),
-        ({"overlay": {"use": "plots"}}, "no `use` expected"),
-        ({"overlay": {"width": 320}}, 'unknown key "width"; did you mean "width_px"'),
-        ([{"width_px": 320}], "no `use`"),
-        ([3], "3 found, expected a name"),
-        ("overlay", "'overlay' found, expected a list of names, or a table"),
-        (["overlay", {"use": "overlay", "quality": 30}], '"overlay" is asked for twice'),
-    ],
-)
-def test_a_wrong_choice_of_recordings_is_one_clear_line(entry, words):
-    with pytest.raises(ConfigError, match=re.escape(words)) as caught:
-        chosen_recordings(entry, "run.toml [recordings]", Path())
-    assert str(caught.value).startswith("run.toml [recordings]")
-    assert "\n" not in str(caught.value)

@@ -117,16 +117,17 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     opened = replace(opened, models=models)
     if not found.steps:
         return opened, cycle
-    findings_of_views = told_of_views(found.steps, scene, sequence.interval_s, cycle.progress)
+    steps = [as_kept(step) for step in found.steps]
+    # as kept, so that a resumed run comes to the same
+    of_views = told_of_views(steps, scene, sequence.interval_s, cycle.progress)
     of_things = (_told(persons[k].name, things, k in found.fits) for k, things in found.things.items())
     of_statures = (_unlike(persons[k], models[persons[k].name].stature_m) for k in found.fits)
-    findings = (*findings_of_views, *itertools.chain.from_iterable((*of_statures, *of_things)))
-    steps = [as_kept(step) for step in found.steps]
+    findings = (*of_views, *itertools.chain.from_iterable((*of_statures, *of_things)))
     known = {step.frame.index: step.estimates for step in steps}
     opened = replace(opened, scene=scene, fitted_at=tuple(map(line_of, steps)), findings=findings)
     # with the same bodies the same start would be found again, and those begun the other way round as they were before
     cycle = knowing(cycle, known, found.start, believed=not found.fits)
-    return opened, replace(cycle, refines_known=not findings_of_views)
+    return opened, replace(cycle, refines_known=not of_views)
 
 
 def _unlike(person: Subject, fitted_m: float) -> Iterator[str]:

@@ -6,7 +6,7 @@ import contextlib
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -108,7 +108,8 @@ def _tidied(folder: Path) -> Iterator[None]:
 
 
 def _written(step: Step, recorders: Iterable[Recorder]) -> None:
-    """Gives a frame to every recorder."""
+    """Gives a frame to every recorder, its images unpacked once for all of them."""
+    step = replace(step, frame=step.frame.unpacked())
     for recorder in recorders:
         recorder.write(step)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import takewhile
 
 from tracker.alignment.adjustment import align
 from tracker.alignment.moments import Tracked, chosen_moments, moments_of
+from tracker.estimate import Estimate
 from tracker.frame import Frame
-from tracker.progress import Progress
+from tracker.progress import Progress, silent
 from tracker.reading import Sequence as Recording
 from tracker.scene import Scene
 from tracker.trajectory import Step
@@ -31,6 +33,23 @@ def told_of_views(steps: Sequence[Step], scene: Scene, interval_s: float, progre
     """
     frames = [Tracked(step.frame.index, step.frame.time_s, step.estimates) for step in steps]
     return _told(frames, (step.frame for step in steps), scene, interval_s, progress)
+
+
+def told_of_known(
+    known: Mapping[int, Sequence[Estimate]], frames: Iterable[Frame], scene: Scene, interval_s: float
+) -> tuple[str, ...]:
+    """As `told_of_views`, of frames whose poses an interrupted run has kept.
+
+    Args:
+        known: frame -> the poses of all persons.
+        frames: of the recording, from the first one on.
+        scene: the persons with the bodies that they were tracked with.
+        interval_s: from one frame to the next, seconds.
+    """
+    until = takewhile(lambda frame: frame.index <= max(known), frames)
+    seen = [frame for frame in until if frame.index in known]
+    tracked = [Tracked(frame.index, frame.time_s, tuple(known[frame.index])) for frame in seen]
+    return _told(tracked, seen, scene, interval_s, silent)
 
 
 class Tracks:

@@ -28,7 +28,7 @@ from tracker.jobs._smooth_result import check_smoothing, smoothed
 from tracker.jobs._starts import telling
 from tracker.jobs._stopping import Stop
 from tracker.jobs._told import Findings, run_context, tell_choices, told_before
-from tracker.jobs._views import Tracks
+from tracker.jobs._views import Tracks, told_of_known
 from tracker.loss import LossRule
 from tracker.plate import Plate
 from tracker.prediction import Prediction
@@ -209,7 +209,8 @@ class TrackJob:
         if not opened.done:
             opened, cycle = with_fitted_bodies(opened, self.persons, cycle)
         elif opened.known:
-            cycle = knowing(cycle, opened.known)
+            of_views = told_of_known(opened.known, opened.frames(), opened.scene, sequence.interval_s)
+            cycle = replace(knowing(cycle, opened.known), refines_known=not of_views)
         return opened, cycle
 
     def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> TrackOutcome:

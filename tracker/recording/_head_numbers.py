@@ -69,5 +69,5 @@ def _fit(summary: dict[str, Any], run: RunContext) -> list[HeadNumber]:
 def _pace(summary: dict[str, Any], run: RunContext) -> HeadNumber:
     pace = summary["frames_per_second"]
     times = 1 / (run.interval_s * pace) if pace else 0.0
-    told = f"{times:.0f} times as long as the recording" if times >= 1 else "faster than the recording"
+    told = f"{times:.1f} times as long as the recording" if times >= 1 else "faster than the recording"
     return HeadNumber(f"{pace:.1f}", "frames/s tracked", told if pace else "times were not kept")
