@@ -78,7 +78,7 @@ def _effects(bodies: Bodies, q: Array) -> Array:
     points, parts, normals = _surfaces(body, q)
     weights = np.full(len(points), 1e6 / len(points))  # as firmly as some 300 pixels of contour, in a world of metres
     turned = _turned(bodies, q, (asks_of(body, q, points, parts, normals), parts, weights))
-    moved = _moved(bodies, q, turned)
+    moved = _moved(bodies, q, _by_pose(body, q), turned)
     scales = np.where(body.rotates, _ANGLE, _LENGTH_M)
     return np.concatenate([turned / scales[:, None], moved.reshape(-1, len(steps)) / _LENGTH_M])
 
@@ -113,13 +113,17 @@ def _turned(bodies: Bodies, q: Array, rows: tuple[Array, Integers, Array]) -> Ar
     return np.asarray(-np.linalg.solve(matrix[n_ways:, n_ways:] + np.diag(held + usual), matrix[n_ways:, :n_ways]))
 
 
-def _moved(bodies: Bodies, q: Array, turned: Array) -> Array:
+def _by_pose(body: BodyModel, q: Array) -> Array:
+    """(L, 3, dof) how the landmarks move in the world by the pose."""
+    ends = np.array([mark.parameter for mark in body.landmarks], dtype=np.int64)
+    return body.point_jacobian(q, body.landmarks_in_world(q), ends)
+
+
+def _moved(bodies: Bodies, q: Array, by_pose: Array, turned: Array) -> Array:
     """(L, 3, S) how the landmarks move in the world, by the shape and by the pose (dof, S) that goes with it."""
     body, neighbours, steps = bodies
-    points = body.landmarks_in_world(q)
-    by_shape = np.moveaxis(neighbours.placements(q)[1] - points, 0, -1) / steps
-    ends = np.array([mark.parameter for mark in body.landmarks], dtype=np.int64)
-    moved: Array = by_shape + body.point_jacobian(q, points, ends) @ turned
+    by_shape = np.moveaxis(neighbours.placements(q)[1] - body.landmarks_in_world(q), 0, -1) / steps
+    moved: Array = by_shape + by_pose @ turned
     return moved
 
 
@@ -157,11 +161,9 @@ class Unsure:
         if estimate.lost or not np.isfinite(estimate.covariance).all():
             return estimate
         turned = _turned(self.bodies, q, _contour_rows(body, q, rig, contours, first_part))
-        points = body.landmarks_in_world(q)
-        ends = np.array([mark.parameter for mark in body.landmarks], dtype=np.int64)
-        by_pose = body.point_jacobian(q, points, ends)
+        by_pose = _by_pose(body, q)
         found = by_pose @ estimate.covariance @ by_pose.transpose(0, 2, 1)
-        variances = np.einsum("lii->l", found) + (_moved(self.bodies, q, turned) ** 2).sum(axis=(1, 2))
+        variances = np.einsum("lii->l", found) + (_moved(self.bodies, q, by_pose, turned) ** 2).sum(axis=(1, 2))
         return replace(
             estimate,
             covariance=estimate.covariance + turned @ turned.T,
