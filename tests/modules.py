@@ -13,8 +13,8 @@ import tracker.errors
 ROOT = Path(tracker.errors.__file__).resolve().parents[1]
 
 LAYERS = (
-    "errors arrays freed_memory lengths plugins components config config_files field_types schema resources files "
-    "source_files pages progress clock patience keypoint_names geometry imaging kernels "
+    "errors arrays c3d_format freed_memory lengths plugins components config config_files field_types schema resources "
+    "files source_files pages progress clock patience keypoint_names geometry imaging kernels "
     "native_sources _native",
     "camera lens fisheye rig world rig_layouts frame shape skin skin_files segments mirror point_trajectories body "
     "limbs scene contours expectation observation keypoints keypoint_layouts skeletons markers marker_layouts account "

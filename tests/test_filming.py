@@ -15,8 +15,9 @@ from typer.testing import CliRunner
 from tracker.body.files import load_body
 from tracker.camera import Camera
 from tracker.cli import app
-from tracker.correspondences import PX_PER_OBSERVATION
+from tracker.contours import PX_PER_OBSERVATION
 from tracker.errors import CalibrationError, ConfigError, TrackerError
+from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.resources import model_path
 from tracker.rig import Rig
 from tracker.rig_layouts import load_rig, save_rig
@@ -159,6 +160,10 @@ def test_information_is_that_of_contours_moved_by_the_pose():
             rows[:, k] = ((images[0] - images[1]) / (2 * step) * samples[:, 2:4]).sum(axis=1)
         expected = (rows * samples[:, 4:5]).T @ rows / PX_PER_OBSERVATION / edge_px**2
         np.testing.assert_allclose(found[v], expected, rtol=1e-4, atol=1e-3 * np.abs(expected).max())
+
+
+def test_the_prior_is_that_of_the_estimation():
+    assert TwistIcpEstimation(prior_deg=precision.PRIOR_DEG, prior_m=precision.PRIOR_M) == TwistIcpEstimation()
 
 
 def test_a_view_less_is_never_better_and_the_best_views_are_the_best():

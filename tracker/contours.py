@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 
 from tracker.arrays import Array32, Integers, Mask
 
+# A contour sample and its neighbours share one edge and one interpolation: 8 px of contour count as one
+# observation, and each is used about twice, from the model to the scene and back.
+PX_PER_OBSERVATION = 16.0
+
 
 @dataclass(frozen=True)
 class ViewContours:

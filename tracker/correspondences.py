@@ -9,16 +9,12 @@ import numpy as np
 from tracker.arrays import Array, Integers, Mask, frozen
 from tracker.body import BodyModel
 from tracker.comparison import Comparison
-from tracker.contours import Contours
+from tracker.contours import PX_PER_OBSERVATION, Contours
 from tracker.kernels.contours.oriented_matching import match_oriented
 from tracker.kernels.rows import sample, scene_point
 from tracker.observation import PackedEdges
 from tracker.rig import Rig
 from tracker.scene import Scene
-
-# A contour sample and its neighbours share one edge and one interpolation: 8 px of contour count as one
-# observation, and each is used about twice, from the model to the scene and back.
-PX_PER_OBSERVATION = 16.0
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from tracker.arrays import Array, Integers
+from tracker.c3d_format import c3d_library, check_frames
 from tracker.files import replacing
 from tracker.following.tables import Names
-from tracker.recording.c3d import c3d_library, check_frames
 
 
 @dataclass(frozen=True)

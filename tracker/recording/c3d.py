@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import logging
 from pathlib import Path
 from typing import Any
@@ -11,8 +10,8 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
+from tracker.c3d_format import c3d_library, check_frames
 from tracker.components import component
-from tracker.errors import ConfigError
 from tracker.files import replacing
 from tracker.recording import RunContext
 from tracker.recording._motion import Y_UP, Motion, MotionRecorder, markers_of
@@ -24,9 +23,6 @@ _ROTATION_FLOATS = 17
 
 _POINT_BYTES = 16
 """Of a point in a frame: x, y, z and residual."""
-
-_MOST_FRAMES = 2**16 - 1
-"""The header counts them in two bytes."""
 
 _LAST_BLOCK = 2**15 - 1
 """In which a ROTATION signal may begin, as a parameter of two bytes with a sign says."""
@@ -79,32 +75,6 @@ class C3d:
             if whole:
                 _write_reliabilities(unfinished, _reliabilities(motion), n_markers)
         return path
-
-
-def check_frames(n_frames: int, asked: str) -> None:
-    """Refuses what the format cannot hold: ezc3d writes it without the last frames.
-
-    Args:
-        n_frames: of the file.
-        asked: what was asked for, for the message.
-
-    Raises:
-        ConfigError: there are more than 65535.
-    """
-    if n_frames > _MOST_FRAMES:
-        raise ConfigError(f"{asked}: {n_frames} frames, a C3D file holds at most {_MOST_FRAMES}: write parts, or TRC")
-
-
-def c3d_library(asked: str = 'recording "c3d"') -> Any:
-    """The package ezc3d, for what was asked for.
-
-    Raises:
-        ConfigError: it is not installed.
-    """
-    try:
-        return importlib.import_module("ezc3d")
-    except ImportError as error:
-        raise ConfigError(f"{asked} needs the Python package ezc3d: pip install ezc3d") from error
 
 
 def _content(motion: Motion, y_up: bool) -> Any:

@@ -9,7 +9,8 @@ import pydantic
 from tracker.arrays import Array
 from tracker.comparison import Comparison
 from tracker.components import component
-from tracker.correspondences import PX_PER_OBSERVATION, limbs_of, oriented_pairs, voted_pairs
+from tracker.contours import PX_PER_OBSERVATION
+from tracker.correspondences import limbs_of, oriented_pairs, voted_pairs
 from tracker.equations import Equations
 from tracker.kernels.contours.oriented_matching import normal_equations
 

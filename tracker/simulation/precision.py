@@ -10,10 +10,12 @@ import numpy as np
 
 from tracker.arrays import Array
 from tracker.body import BodyModel
-from tracker.correspondences import PX_PER_OBSERVATION
-from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.contours import PX_PER_OBSERVATION
 from tracker.scene import Scene
 from tracker.synthesis import Synthesis
+
+PRIOR_DEG, PRIOR_M = 15.0, 0.15
+"""Standard deviations of angles and places before the images are looked at: the defaults of `estimation.twist_icp`."""
 
 _MOST_SUBSETS = 300
 """Subsets of one size that are looked through; of more views, the least useful are left out one by one."""
@@ -59,8 +61,7 @@ def covariances(body: BodyModel, information: Array, views: Sequence[int]) -> Ar
         information: (B, V, dof, dof) of `view_information`.
         views: numbers of the views.
     """
-    usual = TwistIcpEstimation()
-    spread = np.where(body.rotates, np.radians(usual.prior_deg), usual.prior_m)
+    spread = np.where(body.rotates, np.radians(PRIOR_DEG), PRIOR_M)
     total = information[:, list(views)].sum(axis=1) + np.diag(1 / spread**2)
     covariance: Array = np.linalg.inv(total)
     return covariance
