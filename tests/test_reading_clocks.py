@@ -19,6 +19,7 @@ from numbered_pictures import FPS, N_FRAMES, VIEWS, picture, pictures_of, seen, 
 
 from tracker.arrays import Image
 from tracker.errors import SequenceError
+from tracker.footage import header
 from tracker.reading.images import ImageReading
 from tracker.reading.video import VideoReading, open_clip
 
@@ -261,6 +262,17 @@ def test_usual_files_are_told_nothing_of(tmp_path: Path, caplog: pytest.LogCaptu
     assert not remarks(write(tmp_path / "view.mp4", pictures_of(1), **plain), caplog)
     assert not remarks(write(tmp_path / "view.mkv", pictures_of(1)), caplog)
     assert not remarks(write(tmp_path / "view.gif", pictures_of(1), codec="gif", pix_fmt="rgb8"), caplog)
+
+
+def test_metadata_that_are_no_unicode_stop_neither_a_run_nor_a_draft(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = write(
+        tmp_path / "view.mkv", pictures_of(1), metadata={"title": "QQQQ"}, of_stream={"stereo_mode": "left_right"}
+    )
+    path.write_bytes(path.read_bytes().replace(b"QQQQ", b"Q\xff\xe4Q"))
+    assert "(left_right)" in remarks(path, caplog)
+    assert header(path, "view").fps == FPS
 
 
 @pytest.mark.parametrize("matrix", [(-1, 0, 0, 1), (1, 0, 0, -1), (0, 1, 1, 0)])

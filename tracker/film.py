@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import struct
-from collections.abc import Iterator
-from typing import cast
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, cast
 
 import av
 from av.container import InputContainer
-from av.sidedata.sidedata import SideDataContainer, Type
+from av.sidedata.sidedata import SideData, Type
 from av.stream import Disposition
 from av.video.stream import VideoStream
 
@@ -29,6 +30,20 @@ _CAPTURED = "com.android.capture.fps"
 
 _OTHER_RATE = 1.1
 """Factor between two rates that no clock explains: slow motion has 2 and more, a rate that varies in the dark 1.05."""
+
+
+_ANY_SIGNS: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__version__.split(".")[0]) < 19 else {}
+"""Metadata may be no UTF-8, which PyAV refuses before 19; from 19 on, it has no such setting, and takes all."""
+
+
+def opened(path: Path) -> InputContainer:
+    """A file to read; whoever opens it closes it, by `with`.
+
+    Raises:
+        av.FFmpegError: it is no file that FFmpeg knows.
+    """
+    container: InputContainer = av.open(str(path), **_ANY_SIGNS)
+    return container
 
 
 def films_of(container: InputContainer) -> list[VideoStream]:
@@ -105,16 +120,16 @@ def told_of_pictures(container: InputContainer, film: VideoStream, fps: float) -
             f"its pixels are shown {float(ratio):.4g} times as wide as high ({ratio.numerator}:{ratio.denominator}); "
             "they are read as stored, and so must the images be that it is calibrated by"
         )
-    if film.metadata.get("stereo_mode", "mono") != "mono":
-        yield f"it is a stereo film ({film.metadata['stereo_mode']}): each image holds the pictures of two cameras"
+    if (mode := film.metadata.get("stereo_mode", "mono")) != "mono":
+        yield f"it is a stereo film ({ascii(mode)[1:-1]}): each image holds the pictures of two cameras"
     with contextlib.suppress(av.FFmpegError, StopIteration, ValueError):  # what cannot be decoded is said by a run
         yield from _told_of_image(next(container.decode(film)), "stereo_mode" in film.metadata)
 
 
 def _told_of_image(image: av.VideoFrame, stereo_told: bool) -> Iterator[str]:
-    kinds = {data.type: bytes(data) for data in cast("SideDataContainer", image.side_data)}
+    kinds = cast("Mapping[Type, SideData]", image.side_data)  # by kind: PyAV 19 walks them otherwise than 18
     if Type.DISPLAYMATRIX in kinds:
-        _check_shown(kinds[Type.DISPLAYMATRIX])
+        _check_shown(bytes(kinds[Type.DISPLAYMATRIX]))
     if image.interlaced_frame:
         yield (
             "it is interlaced: the even and the odd rows of an image are of two moments, half a frame apart; "

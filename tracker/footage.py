@@ -15,7 +15,7 @@ from av.container import InputContainer
 from av.video.stream import VideoStream
 
 from tracker.errors import SequenceError
-from tracker.film import film_of, has_clock
+from tracker.film import film_of, has_clock, opened
 from tracker.reading.images import intact_image
 from tracker.rig import Rig
 
@@ -212,7 +212,7 @@ def header(source: Path, view: str) -> Footage:
         height, width = intact_image(files[0]).shape[:2]
         return Footage(source, view, (width, height), 0.0, len(files))
     try:
-        with av.open(str(source)) as container:
+        with opened(source) as container:
             stream = container.streams.video[film_of(container)[0]]
             rate = float(stream.average_rate or stream.guessed_rate or 0) if has_clock(container) else 0.0
             return Footage(source, view, _shown_size(container, stream), rate, stream.frames)

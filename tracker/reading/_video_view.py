@@ -15,7 +15,7 @@ from av.video.reformatter import VideoReformatter
 
 from tracker.arrays import Image
 from tracker.errors import SequenceError
-from tracker.film import film_of, has_clock, hinted_fps, told_of_pictures
+from tracker.film import film_of, has_clock, hinted_fps, opened, told_of_pictures
 from tracker.reading._footage import ImageStream
 from tracker.reading._timeline import Timeline, timeline_of
 
@@ -113,7 +113,7 @@ class _Converter:
 
 def _decoded(path: Path, film: int, timed: bool) -> Iterator[tuple[int, av.VideoFrame]]:
     """Time stamps, or numbers where there are none, and images; without those that are damaged."""
-    with av.open(str(path), metadata_errors="replace") as container:
+    with opened(path) as container:
         stream, number, whole = container.streams.video[film], 0, True
         packets = container.demux(stream)
         while True:
@@ -154,9 +154,9 @@ def timeline(path: Path, name: str, whole: bool, size: tuple[int, int] | None = 
     if not path.is_file():
         raise SequenceError(f'view "{name}": no file {path}')
     try:
-        with av.open(str(path), metadata_errors="replace") as container:
+        with opened(path) as container:
             found = _timeline(container, *film_of(container, size), whole)
-        with av.open(str(path), metadata_errors="replace") as container:
+        with opened(path) as container:
             told = told_of_pictures(container, container.streams.video[found.film], found.fps)
             return replace(found, told=(*found.told, *told))
     except SequenceError as error:
