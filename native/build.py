@@ -45,8 +45,13 @@ def build(*, sanitize: bool = False) -> Path:
     }
     _run([*configuring, *(f"-D{name}={value}" for name, value in settings.items())])
     _run([cmake, "--build", folder, "--", "-k", "0"])
-    (built,) = (file for pattern in ("_native*.so", "_native*.pyd") for file in folder.glob(pattern))
-    return built
+    files = (file for pattern in ("_native*.so", "_native*.pyd") for file in folder.glob(pattern))
+    return max(files, key=lambda file: file.stat().st_mtime)  # one, except where an older build had another name
+
+
+def is_stable(extension: Path) -> bool:
+    """Whether an extension is for the stable ABI: one file serves all Python from 3.12."""
+    return extension.name in ("_native.abi3.so", "_native.pyd")
 
 
 def _found(name: str, path: str) -> str:

@@ -20,5 +20,10 @@ class NativeHook(BuildHookInterface):
         else:
             built = building["build"]()
             build_data["force_include"][str(built)] = f"tracker/{built.name}"
+            build_data["tag"] = self._tag(stable=building["is_stable"](built))
         build_data["pure_python"] = False
-        build_data["infer_tag"] = True
+
+    def _tag(self, *, stable: bool) -> str:
+        """Which Python and machines the wheel is for; one extension of the stable ABI serves all Python from 3.12."""
+        tag: str = self.build_config.builder.get_best_matching_tag()
+        return f"cp312-abi3-{tag.split('-')[2]}" if stable else tag

@@ -1,6 +1,10 @@
 // The module: refuses machines that it was not built for, then binds one folder after the other.
 #include <nanobind/nanobind.h>
 
+#ifdef _MSC_VER
+#include <windows.h>
+#endif
+
 namespace nb = nanobind;
 
 namespace bodytrack {
@@ -22,6 +26,8 @@ bool machine_will_do() {
 #if (defined(__x86_64__) || defined(_M_X64)) && defined(__GNUC__)
     __builtin_cpu_init();
     return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2");
+#elif defined(_M_X64)
+    return IsProcessorFeaturePresent(PF_AVX2_INSTRUCTIONS_AVAILABLE);
 #else
     return true;
 #endif
