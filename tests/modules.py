@@ -21,14 +21,14 @@ LAYERS = (
     "robots "
     "hidden doubt equations plate plate_changes sight estimate in_view in_space loss start carried subject trajectory "
     "doubts triangulation views shown_size seen_pixels film first_frames",
-    "reading calibration prediction synthesis analysis recording smoothing",
+    "reading detection calibration prediction synthesis analysis recording smoothing",
     "comparison outlines correspondences strangers part_colours lsm following person_track result ball_joints",
     "similarity evidence objective",
     "estimation initialization",
     "tracking",
     "acquisition alignment recognition evaluation simulation inspection",
     "jobs rig_check epipolar_picture exports programs smoothed aligned batching run forecast draft draft_rig "
-    "draft_plates footage viewing",
+    "draft_plates draft_keypoints footage viewing detecting detected_pictures",
     "cli commands __main__ scripts",
 )
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}

@@ -25,7 +25,18 @@ from modules import (
     unit_of,
 )
 
-OPTIONAL = {"moderngl", "glcontext", "pyrender", "OpenGL", "dask", "distributed", "rerun", "viser"}
+OPTIONAL = {
+    "moderngl",
+    "glcontext",
+    "pyrender",
+    "OpenGL",
+    "dask",
+    "distributed",
+    "rerun",
+    "viser",
+    "mediapipe",
+    "rtmlib",
+}
 """Libraries that a plain installation lacks: imported by the one component that needs them."""
 
 VAGUE_NAMES = {"utils", "util", "helpers", "helper", "core", "common", "manager", "misc", "base"}

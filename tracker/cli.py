@@ -15,6 +15,7 @@ from rich.console import Console
 
 from tracker.commands.acquire import acquire
 from tracker.commands.calibrate import calibrate_app
+from tracker.commands.detect import detect
 from tracker.commands.earlier_names import Commands
 from tracker.commands.init import init
 from tracker.commands.job import add_jobs
@@ -35,7 +36,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Model-based, marker-less motion capture from calibrated views.",
 )
-for _command in (demo, init, run, view, show, acquire, simulate):
+for _command in (demo, init, detect, run, view, show, acquire, simulate):
     app.command()(_command)
 app.command("surface")(measure)
 app.add_typer(calibrate_app, name="calibrate")

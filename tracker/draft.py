@@ -10,10 +10,12 @@ from pathlib import Path
 
 import tomli_w
 
+from tracker.draft_keypoints import found_keypoints
 from tracker.draft_plates import found_plates
 from tracker.draft_rig import FoundRig, found_rigs, given_rig
 from tracker.errors import CalibrationError
 from tracker.footage import Footage, header, pattern_of, sources
+from tracker.keypoint_layouts.views import USUAL
 from tracker.schema import SCHEMA
 from tracker.subject import UNMEASURED
 from tracker.world import told_world, world_doubts
@@ -29,6 +31,9 @@ class Draft:
     rig: Path | None
     plates: str
     """Pattern with `{view}`; empty where there are none."""
+
+    keypoints: str
+    """Pattern of the folders of 2-D keypoints; empty where there are none."""
 
     world: str
     """Where the calibration has the floor; empty where there is none."""
@@ -64,14 +69,17 @@ def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
         )
     footage = tuple(header(path, view) for view, path in sorted(views.items()))
     plates = found_plates(folder, footage)
+    keypoints = found_keypoints(folder, footage)
     remarks = (
         *faults,
         *_remarks(footage, found, sorted(set(there) - set(views.values()))),
         *_others("calibrations", [one.path for one in rigs[1:]], "--rig"),
         *plates.told(),
+        *_others("keypoints", keypoints[1:], "`keypoints`"),
     )
     start = target.resolve().parent
     near = {"rig": found.path if found else None, "background": plates.pattern if plates.whole else None}
+    near["keypoints"] = keypoints[0] if keypoints else None
     told = {key: _relative(path, start) for key, path in near.items() if path is not None}
     if found and found.mapped:
         path: str | dict[str, str] = {view: _relative(source, start) for view, source in views.items()}
@@ -83,7 +91,15 @@ def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
     others = [_relative(one.path, start) for one in rigs[1:]], [_relative(one, start) for one in plates.others]
     text = _text(_name(folder.resolve()), (path, guessed), told, chosen_views, others)
     world = told_world(found.rig) if found else ""
-    return Draft(footage, found.path if found else None, str(plates.pattern or ""), world, remarks, text)
+    return Draft(
+        footage,
+        found.path if found else None,
+        str(plates.pattern or ""),
+        str(keypoints[0]) if keypoints else "",
+        world,
+        remarks,
+        text,
+    )
 
 
 def _others(what: str, paths: list[Path], setting: str) -> Iterator[str]:
@@ -159,6 +175,11 @@ def _text(
     images = "{frame}" in str(path[0])
     use = 'use = "images"' if images else 'use = "video"'
     rate = "# fps = 25.0              # missing: images do not tell how many there are a second\n" if images else ""
+    keypoint_line = (
+        f"keypoints = {{ path = {_quoted(near['keypoints'])} }}   # 2-D detections: persons are found by them, too"
+        if "keypoints" in near
+        else f'# keypoints = {{ path = "{USUAL}" }}   # 2-D detections: `bodytrack detect THIS` makes some'
+    )
     chosen = f"views = {_quoted(views)}\n" if views else ""
     plate_line = told.get("background", '# background = "background/{view}.png"  # clean plates; else of the recording')
     rigs, plates = (
@@ -172,6 +193,7 @@ def _text(
 # "human" bends its spine, "gavrila22" is rigid and quicker. The stature scales it: measure the person, with shoes, and
 # write metres in place of "{UNMEASURED}", for instance stature_m = 1.75: no run begins before.
 persons = [{{ name = "person1", model = "human", stature_m = "{UNMEASURED}" }}]
+{keypoint_line}
 
 [reading]
 {use}

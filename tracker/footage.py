@@ -32,8 +32,11 @@ _FEWEST = 2
 """Images that are a recording, and folders of cameras."""
 
 PLATE_WORDS = "background", "backdrop", "plate", "empty", "bg"
-_BESIDE_WORDS = (*PLATE_WORDS, "calib", "charuco", "chess", "checker", "board", "intrinsic", "extrinsic")
-"""What files and folders beside a recording are called: the empty room, and what calibrates the cameras."""
+KEYPOINT_WORDS = "keypoint", "detection", "openpose"
+_CALIBRATION_WORDS = "calib", "charuco", "chess", "checker", "board", "intrinsic", "extrinsic"
+_BESIDE_WORDS = (*PLATE_WORDS, *KEYPOINT_WORDS, *_CALIBRATION_WORDS)
+"""What files and folders beside a recording are called: the empty room, what a detector has found, what calibrates the
+cameras."""
 
 _CAMERA_WORDS = "cam", "camera", "view", "gopro", "webcam", "phone", "kinect"
 """What folders of a camera each are called where they hold several videos."""

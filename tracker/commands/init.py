@@ -36,7 +36,9 @@ def init(
         rate = f", {one.fps:.4g} frames/s" if one.fps else ""
         console.print(f"{one.view}: {one.size[0]}x{one.size[1]} px{rate}{frames}", highlight=False)
     console.print(
-        f"calibration: {found.rig or 'none'}; plates: {found.plates or 'none'}", highlight=False, soft_wrap=True
+        f"calibration: {found.rig or 'none'}; plates: {found.plates or 'none'}; keypoints: {found.keypoints or 'none'}",
+        highlight=False,
+        soft_wrap=True,
     )
     if found.world:
         console.print(found.world, highlight=False, soft_wrap=True)

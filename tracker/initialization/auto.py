@@ -15,6 +15,7 @@ from tracker.initialization._in_place import InPlace, beside, staying
 from tracker.initialization._person_sized import check_size
 from tracker.initialization._upper_bodies import has_upper_body_alone
 from tracker.initialization.given import GivenInitialization
+from tracker.initialization.keypoints import KeypointInitialization
 from tracker.initialization.pca import PcaInitialization
 from tracker.initialization.stance import StanceInitialization
 from tracker.plate import Plate
@@ -28,7 +29,8 @@ class AutoInitialization:
     """Given poses if there are any; `pca` with the background plates of two views or more.
 
     Without plates `pca` before what the views show most of the time; where that does not show a person, `stance`, also
-    in a frame whose light is so far from that of the plates that nobody stands out against them. Several persons
+    in a frame whose light is so far from that of the plates that nobody stands out against them. Where there are 2-D
+    keypoints, they are asked first, and the rest where they do not show everybody. Several persons
     without plates are looked for by `stance` where something moves. Bodies that stay in their place, an arm of a robot,
     are looked for in poses all over their limits.
     """
@@ -36,6 +38,9 @@ class AutoInitialization:
     poses: FilePath | None = None
     """CSV of start poses or joints, as for `given`. Who is lost later is looked for before the background plates, if
     two views have one."""
+
+    keypoints: KeypointInitialization | None = None
+    """How persons are found by 2-D keypoints, where there are some; `keypoints` of a run sets it."""
 
     pca: PcaInitialization = PcaInitialization()
     """How persons are found before known backgrounds."""
@@ -60,6 +65,9 @@ class AutoInitialization:
     def _told(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """What the start of persons who do not stay in their place goes by."""
         chosen = self._chosen(plates)
+        if self.keypoints is not None and self.poses is None:
+            others = replace(self, keypoints=None)._told(scene, plates)
+            return f"{self.keypoints.check(scene, plates)}; where they do not show everybody, {others}"
         if chosen is self.stance and _upper_body_alone(scene, ()):
             return "an upper body, where what moves has its tops; no background plates"
         return chosen.check(scene, plates)
@@ -78,6 +86,11 @@ class AutoInitialization:
 
     def _of_moving(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons but those that stay in their place, which are held."""
+        if self.keypoints is not None and (self.poses is None or stages.seen_before):
+            try:
+                return self.keypoints.start(frame, scene, stages)
+            except InitializationError as error:
+                stages.progress(f"start: not by keypoints, {error}")
         known = tuple(frame.mask(v) if plate is None else plate for v, plate in enumerate(stages.plates))
         chosen = self._chosen(known, stages.seen_before)
         alone = len(scene.persons) - len(stages.held) == 1

@@ -42,6 +42,7 @@ __all__ = [
     "check_same",
     "described",
     "execute",
+    "fingerprints",
     "job_from",
     "link_latest",
     "load_job",

@@ -22,6 +22,7 @@ from tracker.initialization import Initialization
 from tracker.jobs import ResultFolder
 from tracker.jobs._delivered import delivered, opened_even, sized
 from tracker.jobs._first_frames import first_sought, looked_at
+from tracker.jobs._keypoints import beside, count
 from tracker.jobs._persons import OpenedTrack, description_of, known_before, save_inputs, with_fitted_bodies
 from tracker.jobs._recorded import TrackOutcome, recorded
 from tracker.jobs._smooth_result import check_smoothing, smoothed
@@ -29,6 +30,7 @@ from tracker.jobs._starts import telling
 from tracker.jobs._stopping import Stop
 from tracker.jobs._told import Findings, run_context, tell_choices, told_before
 from tracker.jobs._views import Tracks, told_of_known
+from tracker.keypoint_layouts.views import KeypointFiles
 from tracker.loss import LossRule
 from tracker.plate import Plate
 from tracker.prediction import Prediction
@@ -91,6 +93,11 @@ class TrackJob:
     initialization: Initialization = standard("initialization", "auto")
     """How it is found without a prediction."""
 
+    keypoints: KeypointFiles | None = None
+    """2-D keypoints of the recording, of `bodytrack detect` or another program, for instance
+    `{ path = "keypoints/{view}_json" }`: where `evidence` and `initialization` are left to `auto`, persons are found by
+    them, and they are looked at beside the rest."""
+
     loss: LossRule = LossRule()
     """When a person counts as lost."""
 
@@ -118,6 +125,19 @@ class TrackJob:
         if getattr(reading, "rig", reading) is None:
             raise ValueError('the key "rig" is missing, expected the cameras\' calibration, e.g. rig = "Calib.toml"')
         return sized(reading)
+
+    @pydantic.model_validator(mode="after")
+    def _looks_at_keypoints(self) -> TrackJob:
+        if self.keypoints is not None:
+            if not count(self.evidence, self.initialization):
+                raise ValueError(
+                    "keypoints: evidence and initialization are both chosen and look at none: leave one of them to "
+                    "`auto`, or name the keypoints there"
+                )
+            evidence, start = beside(self.keypoints, self.evidence, self.initialization)
+            object.__setattr__(self, "evidence", evidence)
+            object.__setattr__(self, "initialization", start)
+        return self
 
     @pydantic.field_validator("persons")
     @classmethod

@@ -19,6 +19,9 @@ from tracker.keypoint_layouts import KeypointSource, open_keypoints
 from tracker.keypoint_layouts.orders import LAYOUTS, Order
 from tracker.rig import Rig
 
+USUAL = "keypoints/{view}_json"
+"""Where keypoints are written, and proposed to be, where nothing is said: beside the configuration."""
+
 _MOST_OUTSIDE = 0.3
 """Share of a view's keypoints that may lie outside of its image; detectors guess feet below the edge."""
 
