@@ -67,6 +67,8 @@ CONDITIONS = (
     Condition("bad start", "V-Dance", 0, 40, settings=(_TURNED,)),
     Condition("keypoints", "P-Floor", 0, 40, plates=False, keypoints=True),
     Condition("two persons", "DO-Two", 20, 30),
+    Condition("8 frames a second", "K-Kick", 0, 80, settings=("reading.stride=3",)),
+    Condition("8 frames a second", "V-Dance", 0, 90, settings=("reading.stride=3",)),
 )
 """Hard stretches of recordings; half of the rules were made for one of these, none for all."""
 
@@ -127,6 +129,9 @@ def compare(console: Console, rules: str, only: str, n_starts: int, checkout: Pa
     with suppress(KeyboardInterrupt):
         for n, (condition, k, words) in enumerate(plan, start=1):
             begin, told = time.perf_counter(), f"{n} of {len(plan)}: {condition.title}, {k}"
+            if (same := _unchanged(runs, condition, words)) is not None:
+                runs.append(same)
+                continue
             with console.status(f"{told}, without {words or 'nothing'}"):
                 runs.append(_run(condition, k, words, found[condition.recording], code, output))
             mm = [f"{one.failed or f'{one.mean_mm:.1f} ({one.removed_mm:.1f}) mm'}" for one in runs[-1].scores]
@@ -140,6 +145,16 @@ def compare(console: Console, rules: str, only: str, n_starts: int, checkout: Pa
         style="dim",
         soft_wrap=True,
     )
+
+
+def _unchanged(runs: Sequence[Run], condition: Condition, words: str) -> Run | None:
+    """The run with all rules under another name, where those to be left out made no difference in it: runs repeat."""
+    with_all = next((one for one in reversed(runs) if not one.without), None)
+    if not words or with_all is None or with_all.condition != condition or not with_all.asked:
+        return None
+    if any(with_all.noticed.get(rule.name, 0) for rule in chosen(words)):
+        return None
+    return replace(with_all, without=words, asked={}, noticed={})
 
 
 def _run(condition: Condition, k: int, without: str, recording: Recorded, code: Code, output: Path) -> Run:

@@ -23,7 +23,7 @@ from tracker.evaluation.comparison import evaluate
 from tracker.evaluation.person_errors import PersonErrors
 from tracker.evaluation.tables import read_rows
 
-_RECORDINGS = ["csv_table", "run_json", "benchmarks.processor_clock:ProcessorClock"]
+_RECORDINGS = ["csv_table", "run_json", "benchmarks.limb_table:LimbTable", "benchmarks.processor_clock:ProcessorClock"]
 # Frames of a window are written together: what each of them took is known in runs of one pass alone.
 _ONE_PASS = "passes=1"
 _WARNINGS = {"doubtful", "ambiguous", "lost"}
