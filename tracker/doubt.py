@@ -35,8 +35,8 @@ class Because(StrEnum):
     IMPRECISE = "imprecise", "the images hardly tell where a joint lies", "m"
     TWO_POSES = "two_poses", "two poses explain the images alike", "px"
     JUMP = "jump", "it jumps from one frame to another", "m"
-    BRIDGED = "bridged", "it was found elsewhere, and is led evenly past that", "m"
     UNTOLD = "untold", "an older version of the program kept no reason"
+    BRIDGED = "bridged", "an older version led it evenly past where it was found", "m"
     HARDLY_SEEN = "hardly_seen", "an older version kept only that the images tell little of it"
 
 

@@ -21,7 +21,6 @@ from tracker.scene import Scene
 from tracker.sight import Sight
 from tracker.tracking import Ahead, Looking, tracked
 from tracker.tracking.backwards import tracked_back, turned
-from tracker.tracking.bridges import bridged
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.easier_start import LedBack
 from tracker.tracking.jumps import with_jumps
@@ -143,14 +142,13 @@ def both_ways(
     if cycle.leaving():
         return [replace(step, provisional=True) for step in first], reached
     found = first if again is None else again
-    even = bridged(found, cycle, begin.state, begin.before)
-    judged = [judged_as_wholes(step) for step in with_jumps(even, begin.before)]
+    judged = [judged_as_wholes(step) for step in with_jumps(found, begin.before)]
     if again is not None:
         judged = _found_anew(judged, first, begin.before)
     unconfirmed, led = _unconfirmed(begin, judged), reached.back
     if unconfirmed:
         judged = doubtful_in_all(judged, unconfirmed)
-    if unconfirmed or even is not first:
+    if unconfirmed or found is not first:
         # of what is told: a resumed run has nothing else to learn from
         reached = after(begin, judged, cycle)
     return judged, replace(reached, back=_still_to_tell(led, window[-1]))
