@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 import pydantic
 
+from tracker.c3d_format import c3d_library, check_frames
 from tracker.components import component
 from tracker.errors import ConfigError, nearest
 from tracker.files import replacing, write_json, write_whole
@@ -40,7 +41,6 @@ from tracker.lsm.surface import SurfaceMeasurement
 from tracker.point_trajectories import PointFrame
 from tracker.progress import Progress, silent
 from tracker.reading import Reading, Sequence
-from tracker.recording.c3d import c3d_library, check_frames
 from tracker.rig import Rig
 from tracker.rig_layouts import save_rig
 
