@@ -89,7 +89,7 @@ def test_a_start_that_is_rather_wrong_is_a_doubt_though_no_frame_is_in_any(tmp_p
 def test_what_few_look_at_is_folded_away_and_tables_are_linked(folder: Path) -> None:
     page = (folder / "report.html").read_text()
     links = re.findall(r'href="([^":]+)"', page)
-    assert links == ["poses.csv", "sigmas.csv", "joints.csv", "doubts.csv"]
+    assert links == ["poses.csv", "sigmas.csv", "joints.csv", "doubts.csv", "limbs.csv"]
     assert all((folder / name).is_file() for name in links)
     folded = re.findall(r"<details><summary>(.*?)</summary>(.*?)</details>", page, flags=re.DOTALL)
     assert [title.split()[0] for title, _ in folded] == ["Range", "Time", "Configuration"]

@@ -37,6 +37,7 @@ RESULTS = [
     "sigmas.csv",
     "joints.csv",
     "doubts.csv",
+    "limbs.csv",
     "run.json",
     "steps.jsonl",
     "overlay.mp4",
@@ -74,7 +75,7 @@ def killed_after(n_frames: int, whole: Path, folder: Path) -> Path:
     lines = (folder / "steps.jsonl").read_bytes().splitlines(keepends=True)
     assert len(lines) > n_frames
     (folder / "steps.jsonl").write_bytes(b"".join(lines[:n_frames]))
-    for name in ("poses.csv", "joints.csv", "doubts.csv", "run.json"):
+    for name in ("poses.csv", "joints.csv", "doubts.csv", "limbs.csv", "run.json"):
         (folder / name).unlink()
     return folder
 
@@ -213,7 +214,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def exact(folder: Path) -> dict[str, bytes]:
     """What does not depend on the clock."""
-    names = ("poses.csv", "sigmas.csv", "joints.csv", "doubts.csv", "overlay.mp4")
+    names = ("poses.csv", "sigmas.csv", "joints.csv", "doubts.csv", "limbs.csv", "overlay.mp4")
     tables = {name: (folder / name).read_bytes() for name in names}
     lines = [json.loads(line) for line in (folder / "steps.jsonl").read_text().splitlines()]
     timeless = [[{**one, "search_s": 0} for one in line["estimates"]] for line in lines]

@@ -12,7 +12,7 @@ from tracker.loss import left_over_of, limb_spreads_m, limbs_left_over
 from tracker.recording import RunContext
 from tracker.trajectory import Step
 
-FILE = "limbs.csv"
+FILE = "limbs_known.csv"
 COLUMNS = (
     "frame", "person", "limb", "joints", "status", "left_over", "explained", "visible_px", "spread_m", "whole",
     "doubts", "whole_doubts", "views",
@@ -21,7 +21,7 @@ COLUMNS = (
 
 @component
 class LimbTable:
-    """`limbs.csv`: a row a frame, person and limb; the trunk is the limb without a name."""
+    """`limbs_known.csv`: a row a frame, person and limb; the trunk is the limb without a name."""
 
     def begin(self, run: RunContext) -> LimbRecorder:
         """Makes the file."""

@@ -13,18 +13,23 @@ from tracker.components import component
 from tracker.doubt import Doubt
 from tracker.estimate import Estimate, Status
 from tracker.files import GrowingFile, csv_lines
+from tracker.loss import probabilities
 from tracker.recording import RunContext
 from tracker.scene import Person
 from tracker.trajectory import Step
 
 _JOINT_COLUMNS = ("frame", "time_s", "person", "joint", "x_m", "y_m", "z_m", "status", "sigma_m")
 _DOUBT_COLUMNS = ("frame", "time_s", "person", "limb", "because", "value", "limit")
+_LIMB_COLUMNS = ("frame", "time_s", "person", "limb", "probability")
 _POSE_COLUMNS = ("frame", "time_s", "person", "status", "ambiguous", "distance_px")
 
 
 @component
 class CsvTable:
-    """`poses.csv`, `sigmas.csv` and `joints.csv`, in lost frames with empty values; `doubts.csv`, a row a reason."""
+    """`poses.csv`, `sigmas.csv` and `joints.csv`, in lost frames with empty values; `doubts.csv`, a row a reason.
+
+    `limbs.csv` has a row a limb: how probable it is that its joints are within 150 mm, see `loss.probabilities`.
+    """
 
     decimals: int = pydantic.Field(default=5, ge=0, le=15)
     """Digits after the point: 0.01 mm and 0.00001 degrees."""
@@ -44,6 +49,7 @@ class CsvRecorder:
         self._sigmas = self._open("sigmas.csv", (*_POSE_COLUMNS, *self._columns))
         self._joints = self._open("joints.csv", _JOINT_COLUMNS)
         self._doubts = self._open("doubts.csv", _DOUBT_COLUMNS)
+        self._limbs = self._open("limbs.csv", _LIMB_COLUMNS)
 
     def _open(self, name: str, columns: Sequence[str]) -> GrowingFile:
         file = GrowingFile(self._run.folder / name, waits=bool(self._run.resumed))
@@ -52,7 +58,7 @@ class CsvRecorder:
 
     def write(self, step: Step) -> None:
         """Adds the rows of one frame."""
-        poses, sigmas, joints, doubts = [], [], [], []
+        poses, sigmas, joints, doubts, limbs = [], [], [], [], []
         for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
             start = [step.frame.index, f"{step.frame.time_s:.6f}", person.name]
             distance = "" if estimate.lost else f"{estimate.distance_px:.4f}"
@@ -67,14 +73,16 @@ class CsvRecorder:
                 spread = "" if estimate.lost else self._text(sigmas_m[mark])
                 joints.append([*start, person.body.landmark_names[mark], *where, statuses[mark], spread])
             doubts += [[*start, *self._reason(doubt)] for doubt in estimate.doubts]
-        for file, rows in zip(self._files, (poses, sigmas, joints, doubts), strict=True):
+            right = {} if estimate.lost else probabilities(person.body, estimate)
+            limbs += [[*start, limb, f"{right[limb]:.3f}" if right else ""] for limb in person.body.limbs]
+        for file, rows in zip(self._files, (poses, sigmas, joints, doubts, limbs), strict=True):
             file.add(csv_lines(rows))
             if step.frame.index not in self._run.resumed:
                 file.take_place()
 
     @property
     def _files(self) -> tuple[GrowingFile, ...]:
-        return self._poses, self._sigmas, self._joints, self._doubts
+        return self._poses, self._sigmas, self._joints, self._doubts, self._limbs
 
     def _reason(self, doubt: Doubt) -> list[str]:
         numbers = ("" if number is None else self._text(number) for number in (doubt.value, doubt.limit))

@@ -34,6 +34,7 @@ _TABLES = {
     "sigmas.csv": "their standard deviations",
     "joints.csv": "joint centres",
     "doubts.csv": "why frames and limbs are in doubt",
+    "limbs.csv": "how probable it is that limbs are right",
     "velocities.csv": "how fast parameters change",
     "accelerations.csv": "how their velocities change",
     "joint_motion.csv": "velocities and accelerations of joint centres",
