@@ -55,9 +55,11 @@ def judged_in_view(
 
 def _outside(silhouettes: Sequence[Mask], others: Sequence[Sequence[Mask]]) -> list[Mask]:
     """Of a person's silhouettes (H, W) what is outside those of others; nothing where that is little."""
+    if not others:
+        return list(silhouettes)
     found = []
     for v, silhouette in enumerate(silhouettes):
-        own: Mask = silhouette & ~np.any([other[v] for other in others], axis=0) if others else silhouette
+        own: Mask = silhouette & ~np.any([other[v] for other in others], axis=0)
         enough = np.count_nonzero(own) >= _LEAST_OWN * np.count_nonzero(silhouette)
         found.append(own if enough else np.zeros_like(silhouette))
     return found

@@ -60,6 +60,9 @@ class _View:
     model: Mask
     """(h, w) the persons' silhouettes."""
 
+    px_per_m: float
+    """Its pixels of a metre where the persons are."""
+
 
 def hide_strangers(sight: Sight, scene: Scene, synthesis: Synthesis) -> None:
     """Takes whoever is none of the persons for what hides them in a sight, from now on.
@@ -91,7 +94,7 @@ def strangers(sight: Sight, scene: Scene, synthesis: Synthesis) -> dict[int, Mas
     """
     bones = _bones(scene)
     views = _views(sight, scene, synthesis, bones)
-    if sum(_stands_out(view, bones) for view in views) < 2 or _covered(views) < _LEAST_COVERED:
+    if sum(map(_stands_out, views)) < 2 or _covered(views) < _LEAST_COVERED:
         return {}
     bodies = _bodies(views, bones)
     shown = {view.number: _shown(view, bodies, bones.mean(axis=0)) for view in views} if bodies else {}
@@ -122,15 +125,16 @@ def _views(sight: Sight, scene: Scene, synthesis: Synthesis, bones: Array) -> li
             continue
         camera, unknown = scene.rig.cameras[v], sight.unknown(v)
         model = np.ascontiguousarray(models[v][::SAMPLING, ::SAMPLING])
-        apart = differing & ~grown(model, _OWN_M * _px_per_m(camera, bones))
+        px_per_m = _px_per_m(camera, bones)
+        apart = differing & ~grown(model, _OWN_M * px_per_m)
         changed = differing if unknown is None else differing | unknown[::SAMPLING, ::SAMPLING]
-        views.append(_View(v, camera, changed, apart, model))
+        views.append(_View(v, camera, changed, apart, model, px_per_m))
     return views
 
 
-def _stands_out(view: _View, bones: Array) -> bool:
+def _stands_out(view: _View) -> bool:
     """Whether something is high enough beside the persons: their shadows, on a floor, are not."""
-    return _has_piece_of(view.apart, (_FROM_M + _LEAST_HIGH_M) * _px_per_m(view.camera, bones))
+    return _has_piece_of(view.apart, (_FROM_M + _LEAST_HIGH_M) * view.px_per_m)
 
 
 def _has_piece_of(mask: Mask, least_px: float) -> bool:
