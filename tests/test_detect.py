@@ -165,7 +165,7 @@ def test_mediapipe_finds_a_person_and_nobody_where_nobody_is(data):
     pytest.importorskip("mediapipe", reason="needs the extra: pip install mediapipe==0.10.21")
     import av
 
-    folder = data / "room" / "V-Dance"
+    folder = data("room/V-Dance")
     image = next(av.open(str(folder / "FRONT.mp4")).decode(video=0)).to_ndarray(format="bgr24")
     finder = find("detection", "mediapipe")().open()
     persons = finder(image)
