@@ -25,7 +25,7 @@ def beside(files: KeypointFiles, evidence: Evidence, start: Initialization) -> t
     """Evidence and start that go by keypoints as well, where they are left to `auto`."""
     told: dict[str, Any] = {field.name: getattr(files, field.name) for field in fields(KeypointFiles)}
     if isinstance(evidence, AutoEvidence):
-        # with weights of 1 it is as it was measured; see docs/results_tracking.md, 2-D keypoints beside the rest
+        # See docs/lab/detections_beside.md.
         evidence = TogetherEvidence(of=(evidence, KeypointEvidence(**told)), ranking=(1.0, 1.0), refining=(1.0, 1.0))
     if isinstance(start, AutoInitialization) and start.keypoints is None:
         start = replace(start, keypoints=KeypointInitialization(**told))
