@@ -33,7 +33,7 @@ def build(*, sanitize: bool = False) -> Path:
     folder = ROOT / "build" / f"native-{sys.implementation.cache_tag}{'-sanitize' if sanitize else ''}"
     folder.mkdir(parents=True, exist_ok=True)
     sys.path.insert(0, str(ROOT))
-    digest = importlib.import_module("tracker.native_sources").digest_of(ROOT / "native")
+    digest = importlib.import_module("tracker.foundation.native_sources").digest_of(ROOT / "native")
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     cmake, ninja = (_found(name, path) for name in ("cmake", "ninja"))
     configuring = [cmake, "-S", ROOT / "native", "-B", folder, "-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={ninja}"]

@@ -7,11 +7,11 @@ from typing import Annotated, Any
 
 import typer
 
-from tracker.commands.acquire import print_acquisition
-from tracker.commands.terminal import ProgressBar, console, print_error
-from tracker.config_files import read_config
-from tracker.errors import TrackerError
-from tracker.jobs.acquire import acquire_to, acquisition_from
+from tracker.foundation.configuration.files import read_config
+from tracker.foundation.errors import TrackerError
+from tracker.running.commands.acquire import print_acquisition
+from tracker.running.commands.terminal import ProgressBar, console, print_error
+from tracker.running.jobs.acquire import acquire_to, acquisition_from
 
 
 def main(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import typer
 
-from tracker.commands.compare import compare
-from tracker.commands.terminal import print_error
-from tracker.errors import TrackerError
+from tracker.foundation.errors import TrackerError
+from tracker.running.commands.compare import compare
+from tracker.running.commands.terminal import print_error
 
 
 def main() -> None:

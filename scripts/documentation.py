@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import tracker
-from tracker.body import BodyModel
-from tracker.camera import Camera
-from tracker.components import available, contract, find, stages
-from tracker.config import component_name
-from tracker.estimate import Estimate
-from tracker.evaluation.comparison import Evaluation
-from tracker.field_types import component_stage
-from tracker.programs import Simulated
-from tracker.rig import Rig
-from tracker.trajectory import Step
+from tracker.bodies.body import BodyModel
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.foundation.configuration.components import available, contract, find, stages
+from tracker.foundation.configuration.field_types import component_stage
+from tracker.foundation.configuration.tables import component_name
+from tracker.results.evaluation.comparison import Evaluation
+from tracker.running.programs import Simulated
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.trajectory import Step
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:

@@ -15,7 +15,7 @@ from benchmarks.limb_fit import fitted, left_out, limbs_of, picture, reliability
 from benchmarks.recorded import recorded
 from rich.console import Console
 
-from tracker.errors import SequenceError
+from tracker.foundation.errors import SequenceError
 
 
 def main(folders: list[Path], picture_path: Annotated[Path | None, typer.Option("--picture")] = None) -> None:

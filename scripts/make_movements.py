@@ -17,14 +17,14 @@ import numpy as np
 import typer
 from benchmarks.motion_files import read_deepmimic
 
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.commands.terminal import print_error
-from tracker.recognition.additions import add_performance
-from tracker.recognition.library import Description, bundled_library
-from tracker.recognition.limb_directions import Course, course, course_of
-from tracker.resources import model_path
-from tracker.simulation.movements import poses_of
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.foundation.resources import model_path
+from tracker.results.recognition.additions import add_performance
+from tracker.results.recognition.library import Description, bundled_library
+from tracker.results.recognition.limb_directions import Course, course, course_of
+from tracker.running.commands.terminal import print_error
+from tracker.synthesis.simulation.movements import poses_of
 
 _CLIPS = {
     "walk": ("walk", "walking", True),

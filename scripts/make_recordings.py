@@ -31,21 +31,21 @@ from benchmarks.moved_scans import poses_like
 from benchmarks.refilmed import grey, grey_plates, refilmed
 from benchmarks.rooms import filmed_with, picture_of, placed, turned_cameras
 
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.body.files import load_body, read_description
-from tracker.commands.terminal import ProgressBar, print_error
-from tracker.config_files import read_config
-from tracker.errors import ConfigError, TrackerError, nearest
-from tracker.files import whole_folder
-from tracker.jobs.acquire import acquire_to, acquisition_from
-from tracker.plate import Plate
-from tracker.progress import Progress
-from tracker.rig import Rig
-from tracker.rig_layouts import load_rig, save_rig
-from tracker.scene import Person, Scene
-from tracker.simulation.sequence import Recipe, Simulation
-from tracker.simulation.sequence_files import fill_folder
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body, read_description
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import load_rig, save_rig
+from tracker.foundation.arrays import Array
+from tracker.foundation.configuration.files import read_config
+from tracker.foundation.errors import ConfigError, TrackerError, nearest
+from tracker.foundation.files import whole_folder
+from tracker.foundation.progress import Progress
+from tracker.images.plate import Plate
+from tracker.running.commands.terminal import ProgressBar, print_error
+from tracker.running.jobs.acquire import acquire_to, acquisition_from
+from tracker.synthesis.simulation.sequence import Recipe, Simulation
+from tracker.synthesis.simulation.sequence_files import fill_folder
 
 # Between the joints of any two persons, metres.
 _LEAST_APART_M = 0.3

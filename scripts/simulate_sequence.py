@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from tracker.commands.terminal import ProgressBar, console, print_error
-from tracker.errors import TrackerError
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
+from tracker.foundation.errors import TrackerError
+from tracker.running.commands.terminal import ProgressBar, console, print_error
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
 
 
 def main(

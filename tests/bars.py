@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from tracker.arrays import Mask
-from tracker.calibration._bundle import Observations, State
-from tracker.calibration._objects import Bars
-from tracker.calibration._start import bar_observations
-from tracker.calibration._states import state_of
-from tracker.calibration.reference_bar import BarImages, ReferenceBarCalibration
+from tracker.cameras.calibration._bundle import Observations, State
+from tracker.cameras.calibration._objects import Bars
+from tracker.cameras.calibration._start import bar_observations
+from tracker.cameras.calibration._states import state_of
+from tracker.cameras.calibration.reference_bar import BarImages, ReferenceBarCalibration
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Mask
 from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
-from tracker.rig import Rig
-from tracker.simulation.bars import SIZE, BarRecording, Faults, four_around, three_in_line, wave
+from tracker.synthesis.simulation.bars import SIZE, BarRecording, Faults, four_around, three_in_line, wave
 
 CLEAN = Faults(0.1, 0.0, 0.0)
 LENGTH_M = 0.8

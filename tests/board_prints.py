@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tracker.arrays import Array, Image
-from tracker.camera import Camera
+from tracker.cameras.camera import Camera
+from tracker.foundation.arrays import Array, Image
 
 SQUARE_PX, SQUARE_M = 40, 0.05
 

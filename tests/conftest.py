@@ -12,11 +12,11 @@ from motions import Movement, made_up
 from numbered_pictures import record
 from observations import bent, four_views, ideal
 
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.observation import Observation
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Person, Scene
+from tracker.foundation.resources import model_path
+from tracker.images.observation import Observation
 
 
 @pytest.fixture(scope="session")

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker.arrays import Array
-from tracker.keypoint_layouts.orders import LAYOUTS
-from tracker.keypoints import meant
-from tracker.scene import Scene
+from tracker.bodies.keypoint_layouts.orders import LAYOUTS
+from tracker.bodies.keypoints import meant
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array
 
 NAMES = LAYOUTS["coco_17"]
 

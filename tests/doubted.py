@@ -9,14 +9,14 @@ from functools import reduce
 import numpy as np
 from observations import objective_of
 
-from tracker.doubt import Because, Doubt
-from tracker.doubts import Doubts
-from tracker.estimate import Estimate
-from tracker.frame import Frame
-from tracker.loss import LossRule, judged
-from tracker.observation import Observation
-from tracker.scene import Scene
-from tracker.trajectory import Step
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.images.observation import Observation
+from tracker.tracking.doubt import Because, Doubt
+from tracker.tracking.doubts import Doubts
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.loss import LossRule, judged
+from tracker.tracking.trajectory import Step
 
 IMAGES = (np.zeros((2, 2, 3), np.uint8),) * 4
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from motions import LOST, N_FRAMES
 
-from tracker.recording._motion import Motions, markers_of
+from tracker.results.recording._motion import Motions, markers_of
 
 HUNDREDTH_MM = 1e-5
 FOUND = [t for t in range(N_FRAMES) if not LOST.start <= t < LOST.stop]

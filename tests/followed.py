@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker.arrays import Array, Integers
-from tracker.body import BodyModel
-from tracker.geometry.superquadrics import signed_distance, spread, surface
-from tracker.rig import Rig
+from tracker.bodies.body import BodyModel
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Integers
+from tracker.foundation.geometry.superquadrics import signed_distance, spread, surface
 
 FACING = 0.4
 """Points are seen where the surface faces the camera by this cosine."""

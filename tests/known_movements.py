@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from tracker.body.files import load_body
-from tracker.recognition.library import load_library
-from tracker.resources import model_path
+from tracker.bodies.body.files import load_body
+from tracker.foundation.resources import model_path
+from tracker.results.recognition.library import load_library
 
 BODY = load_body(model_path("gavrila22"))
 

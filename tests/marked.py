@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tracker.body import BodyModel
-from tracker.evaluation.marker_set import MarkerSet
-from tracker.markers import Markers
+from tracker.bodies.body import BodyModel
+from tracker.results.evaluation.marker_set import MarkerSet
+from tracker.results.markers import Markers
 
 JOINTS = ("left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow", "right_wrist")
 HINGES = [(0, 1, 2), (3, 4, 5)]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker.markers import Markers
+from tracker.results.markers import Markers
 
 KEYS = ("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataRate", "OrigDataStartFrame")
 NAMES = ("LSHO", "LELB", "LWRI")

@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 from rig_samples import sample_rig
 
-from tracker.account import Account
-from tracker.arrays import Array, Mask
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.contours import Contours
-from tracker.estimate import Estimate, Status
-from tracker.frame import Frame
-from tracker.recording import RunContext
-from tracker.recording.journal import Journal
-from tracker.recording.run_json import RunJson
-from tracker.rig_layouts import save_rig
-from tracker.scene import Person, Scene
-from tracker.trajectory import Step
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig_layouts import save_rig
+from tracker.evidence.measures.account import Account
+from tracker.foundation.arrays import Array, Mask
+from tracker.results.recording import RunContext
+from tracker.results.recording.journal import Journal
+from tracker.results.recording.run_json import RunJson
+from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.trajectory import Step
 
 MODELS = Path(__file__).parents[1] / "models"
 LOST = slice(4, 7)

@@ -11,12 +11,12 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker.arrays import Image
-from tracker.camera import Camera
-from tracker.reading.images import ImageReading
-from tracker.reading.video import VideoReading
-from tracker.rig import Rig
-from tracker.rig_layouts import save_rig
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import save_rig
+from tracker.foundation.arrays import Image
+from tracker.images.reading.images import ImageReading
+from tracker.images.reading.video import VideoReading
 
 Recording = VideoReading | ImageReading
 

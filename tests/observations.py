@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tracker.arrays import Array, Mask
-from tracker.body import BodyModel
-from tracker.camera import Camera
-from tracker.comparison import Comparison
-from tracker.contours import Contours, ViewContours
+from tracker.bodies.body import BodyModel
+from tracker.bodies.contours import Contours, ViewContours
+from tracker.bodies.scene import Scene
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
 from tracker.evidence.contours import ContourEvidence
-from tracker.objective import Objective
-from tracker.observation import Observation, ViewObservation
-from tracker.rig import Rig
-from tracker.scene import Scene
+from tracker.evidence.measures.comparison import Comparison
+from tracker.foundation.arrays import Array, Mask
+from tracker.images.observation import Observation, ViewObservation
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.objective import Objective
 
 REACH_PX = 40.0
 PLACES = {"a": (3.7, 3.7, 2.3), "b": (-3.6, 3.6, 2.3), "c": (-3.4, -3.9, 1.5), "d": (3.8, -3.5, 2.0)}

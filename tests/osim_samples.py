@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 import numpy as np
 from motions import MODELS, performed
 
-from tracker.body.files import read_description
-from tracker.recording.osim import Osim
+from tracker.bodies.body.files import read_description
+from tracker.results.recording.osim import Osim
 
 OF_LIMBS = (
     *(("thigh", "femur"), ("shin", "tibia"), ("foot", "talus"), ("shoulder", "scapulaPhantom")),

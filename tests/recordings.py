@@ -8,21 +8,21 @@ from functools import cached_property
 
 import numpy as np
 
-from tracker.arrays import Array, Image
-from tracker.estimate import Estimate
-from tracker.estimation.hybrid import HybridEstimation
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence.contours import ContourEvidence
-from tracker.frame import Frame
-from tracker.initialization import Initialization, Stages
-from tracker.initialization.pca import PcaInitialization
-from tracker.loss import LossRule
-from tracker.objective import Objective
-from tracker.prediction.polynomial import PolynomialPrediction
-from tracker.scene import Scene
-from tracker.simulation.sequence import Recipe, Simulation, simulate
-from tracker.start import Start
+from tracker.foundation.arrays import Array, Image
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.sequence import Recipe, Simulation, simulate
 from tracker.tracking.cycle import Cycle
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.estimation.hybrid import HybridEstimation
+from tracker.tracking.initialization import Initialization, Stages
+from tracker.tracking.initialization.pca import PcaInitialization
+from tracker.tracking.loss import LossRule
+from tracker.tracking.objective import Objective
+from tracker.tracking.prediction.polynomial import PolynomialPrediction
+from tracker.tracking.start import Start
 
 SMALL = (360, 288)
 """Image size of quick tests; a pixel is 12.5 mm at the person."""

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from sections import made
 
-from tracker.errors import RenderError
-from tracker.scene import Scene
+from tracker.bodies.scene import Scene
+from tracker.foundation.errors import RenderError
 
 
 def working(use: str, scene: Scene) -> Any:

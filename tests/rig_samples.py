@@ -10,8 +10,8 @@ import numpy as np
 import tomli_w
 from scipy.spatial.transform import Rotation
 
-from tracker.camera import Camera
-from tracker.rig import Rig
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
 
 NORTH = np.array([[0.0, 1, 0], [0, 0, -1], [-1, 0, 0]])
 """Rotation of a camera on the x axis that looks at the origin, z up."""

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from tracker.components import available, find
-from tracker.config import build
+from tracker.foundation.configuration.components import available, find
+from tracker.foundation.configuration.tables import build
 
 GIVEN: dict[tuple[str, str], dict[str, Any]] = {}
 """Fields of components that need files which a test has made."""

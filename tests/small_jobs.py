@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, ClassVar
 
-from tracker.components import available, component, find
-from tracker.errors import SequenceError
-from tracker.files import write_whole
-from tracker.jobs import ResultFolder
-from tracker.progress import Progress
+from tracker.foundation.configuration.components import available, component, find
+from tracker.foundation.errors import SequenceError
+from tracker.foundation.files import write_whole
+from tracker.foundation.progress import Progress
+from tracker.running.jobs import ResultFolder
 
 JOBS = available("jobs")
 SECTIONS = {

@@ -8,17 +8,17 @@ import numpy as np
 from rig_samples import FISHEYE
 from scipy.spatial.transform import Rotation
 
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.camera import Camera
-from tracker.contours import ViewContours
-from tracker.geometry.superquadrics import inside_outside
-from tracker.resources import model_path
-from tracker.rig import Rig
-from tracker.scene import Person
-from tracker.segments import Parameter, Part
-from tracker.shape import TaperedSuperquadric
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.contours import ViewContours
+from tracker.bodies.scene import Person
+from tracker.bodies.segments import Parameter, Part
+from tracker.bodies.shape import TaperedSuperquadric
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array
+from tracker.foundation.geometry.superquadrics import inside_outside
+from tracker.foundation.resources import model_path
 
 SHAPES = {
     "sphere": (0.2, 0.2, 0.2, 1.0, 1.0, 0.0, 0.0),

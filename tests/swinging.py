@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.smoothing import Stretch
+from tracker.results.smoothing import Stretch
 
 FPS = 50.0
 

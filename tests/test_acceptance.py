@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from rounding import assert_alike
 
-from tracker.analysis._observe import accepted_segments
-from tracker.arrays import Array32
-from tracker.imaging.edges import EdgeSegments
+from tracker.foundation.arrays import Array32
+from tracker.images.analysis._observe import accepted_segments
+from tracker.images.operations.edges import EdgeSegments
 from tracker.kernels.images.acceptance import expected_distances, marked
 
 

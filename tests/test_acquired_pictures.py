@@ -8,8 +8,8 @@ import numpy as np
 
 from tracker.acquisition.figures import shaded_views
 from tracker.acquisition.result import stature_of
-from tracker.body import BodyModel
-from tracker.outlines import largest_region
+from tracker.bodies.body import BodyModel
+from tracker.evidence.measures.outlines import largest_region
 
 
 def test_a_body_that_does_not_tell_its_stature_is_drawn_as_high_as_its_parts(body: BodyModel) -> None:

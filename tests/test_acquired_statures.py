@@ -14,11 +14,11 @@ from tracker.acquisition.result import bone_lengths, model_of, stature_of
 from tracker.acquisition.scan import read_scan
 from tracker.acquisition.scan_rigging import rigged
 from tracker.acquisition.shape_space import ShapePrior, space_of
-from tracker.body.files import read_description
-from tracker.body.sections import KeypointEntry, Movement, Term
-from tracker.carried import Carried, with_carried
-from tracker.mirror import Mirror
-from tracker.resources import model_path
+from tracker.bodies.belongings import Carried, with_carried
+from tracker.bodies.body.files import read_description
+from tracker.bodies.body.sections import KeypointEntry, Movement, Term
+from tracker.bodies.mirror import Mirror
+from tracker.foundation.resources import model_path
 
 POLE = Carried(name="pole", by="right_wrist", start=(0.1, 0, -0.8), end=(0.1, 0, 1.2), radii=(0.02, 0.02))
 

@@ -20,24 +20,24 @@ from typer.testing import CliRunner
 
 from tracker.acquisition.calibrated_views import ViewSettings
 from tracker.acquisition.fit_task import FitSettings
-from tracker.aligned import described
-from tracker.alignment import ViewAlignment
-from tracker.alignment._gauge import without_common_motion
-from tracker.alignment._looks import by_turn
-from tracker.alignment.adjustment import FEWEST, align, turned
-from tracker.alignment.in_step import in_step
-from tracker.alignment.moments import MOST_MOMENTS, Tracked, chosen_moments, moments_of, rates_of
-from tracker.cli import app
-from tracker.frame import Frame
-from tracker.initialization._person_sized import enlarged
-from tracker.jobs._views import told_of_views
-from tracker.result import load_result
-from tracker.rig_layouts import load_rig
-from tracker.scene import Scene
-from tracker.simulation.movements import poses_of
-from tracker.simulation.sequence import Recipe, simulate
-from tracker.simulation.sequence_files import write_sequence
-from tracker.viewing.images import reading_of
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig_layouts import load_rig
+from tracker.results.alignment import ViewAlignment
+from tracker.results.alignment._gauge import without_common_motion
+from tracker.results.alignment._looks import by_turn
+from tracker.results.alignment.adjustment import FEWEST, align, turned
+from tracker.results.alignment.in_step import in_step
+from tracker.results.alignment.moments import MOST_MOMENTS, Tracked, chosen_moments, moments_of, rates_of
+from tracker.results.result import load_result
+from tracker.running.aligned_result import described
+from tracker.running.cli import app
+from tracker.running.jobs._views import told_of_views
+from tracker.running.viewing.images import reading_of
+from tracker.synthesis.simulation.movements import poses_of
+from tracker.synthesis.simulation.sequence import Recipe, simulate
+from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.tracking.initialization._person_sized import enlarged
 
 FPS = 12.5
 DELAYS_S = 0.0, 0.024, -0.016, 0.036
@@ -323,7 +323,7 @@ def run_out_of_step(tmp_path_factory):
     config = write_sequence(recipe, folder / "recording")
     few = ViewSettings(frames=4, rounds=1, fit=FitSettings(iterations=4, pose_deg=8.0, pose_m=0.05, rigid_share=0.2))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tracker.jobs._persons.ViewSettings", lambda: few)
+        patch.setattr("tracker.running.jobs._persons.ViewSettings", lambda: few)
         printed = ran(config, folder / "result", *FITTED)
     return folder / "result", printed
 

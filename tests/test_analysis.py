@@ -8,24 +8,24 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker.analysis import Analysis
-from tracker.analysis._observe import thinned
-from tracker.analysis.contours import ContourAnalysis
-from tracker.analysis.silhouettes import SilhouetteAnalysis
-from tracker.arrays import Array, Array32, Mask
-from tracker.body.files import load_body
-from tracker.camera import Camera
-from tracker.components import available, find
-from tracker.contours import Contours, joined
-from tracker.errors import SequenceError
-from tracker.expectation import expected_samples, region_around
-from tracker.frame import Frame
-from tracker.observation import Observation, ViewObservation
-from tracker.plate import Plate
-from tracker.resources import model_path
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
-from tracker.sight import Sight
+from tracker.bodies.body.files import load_body
+from tracker.bodies.contours import Contours, joined
+from tracker.bodies.expectation import expected_samples, region_around
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.camera import Camera
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Array32, Mask
+from tracker.foundation.configuration.components import available, find
+from tracker.foundation.errors import SequenceError
+from tracker.foundation.resources import model_path
+from tracker.images.analysis import Analysis
+from tracker.images.analysis._observe import thinned
+from tracker.images.analysis.contours import ContourAnalysis
+from tracker.images.analysis.silhouettes import SilhouetteAnalysis
+from tracker.images.observation import Observation, ViewObservation
+from tracker.images.plate import Plate
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
 
 SIZE = 384, 288

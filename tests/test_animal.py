@@ -11,16 +11,16 @@ import pytest
 from recordings import cycle_for, joint_errors_mm, small_simulation
 from typer.testing import CliRunner
 
-from tracker.body.files import load_body
-from tracker.cli import app
-from tracker.initialization._persons import Found
-from tracker.initialization._placement import placements, stands_upright, without_legs
-from tracker.initialization._torso_axis import TorsoAxis
-from tracker.jobs import execute, load_job
-from tracker.resources import model_path
-from tracker.scene import Person
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Person
+from tracker.foundation.resources import model_path
+from tracker.running.cli import app
+from tracker.running.jobs import execute, load_job
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.tracking.initialization._persons import Found
+from tracker.tracking.initialization._placement import placements, stands_upright, without_legs
+from tracker.tracking.initialization._torso_axis import TorsoAxis
 
 SIZE, PIXEL_MM = (540, 432), 8.3
 """Pictures with lower legs nine pixels wide, and a pixel at the animal; in smaller ones blur joins a leg's edges."""

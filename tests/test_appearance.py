@@ -7,16 +7,16 @@ import pytest
 from observations import bent, four_views
 from painted import painted
 
-from tracker.account import Account
-from tracker.arrays import Array, Image, Region
-from tracker.body import BodyModel
-from tracker.comparison import Comparison
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
+from tracker.evidence.measures.account import Account
+from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.regions import RegionEvidence
-from tracker.frame import Frame
-from tracker.imaging.appearance import _TABLES, appearance, is_monochrome
+from tracker.foundation.arrays import Array, Image, Region
+from tracker.images.operations.appearance import _TABLES, appearance, is_monochrome
+from tracker.images.sight import Sight
 from tracker.kernels.images.appearance import mark_appearance
-from tracker.scene import Person, Scene
-from tracker.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
 
 RNG = np.random.default_rng(3)

@@ -178,7 +178,9 @@ def foreign_errors(modules: Modules) -> list[str]:
         }
         for node in module.nodes:
             if isinstance(node, ast.Raise) and id(node) not in validating and _builtin_error(node):
-                faults.append(f"{module.name}:{node.lineno}: {ast.unparse(node)}, expected one of tracker.errors")
+                faults.append(
+                    f"{module.name}:{node.lineno}: {ast.unparse(node)}, expected one of tracker.foundation.errors"
+                )
     return faults
 
 
@@ -278,37 +280,58 @@ LAWS: tuple[Law, ...] = (
 )
 
 VIOLATIONS: tuple[tuple[Law, dict[str, str]], ...] = (
-    (upward_imports, {"tracker.frame": "from tracker.tracking import track"}),
-    (upward_imports, {"tracker.geometry.axes": "from tracker import camera", "tracker.camera": ""}),
-    (upward_imports, {"tracker.rig": "def f():\n    import tracker.objective"}),
-    (upward_imports, {"tracker.rig": "if TYPE_CHECKING:\n    from tracker.jobs import Job"}),
-    (upward_imports, {"tracker.rig": "from .jobs import Job"}),
-    (upward_imports, {"tracker.jobs": "from scripts.benchmark import main"}),
+    (upward_imports, {"tracker.cameras.frame": "from tracker.tracking.sequence import track"}),
+    (
+        upward_imports,
+        {"tracker.foundation.geometry.axes": "from tracker.cameras import camera", "tracker.cameras.camera": ""},
+    ),
+    (upward_imports, {"tracker.cameras.rig": "def f():\n    import tracker.tracking.objective"}),
+    (upward_imports, {"tracker.cameras.rig": "if TYPE_CHECKING:\n    from tracker.running.jobs import Job"}),
+    (upward_imports, {"tracker.cameras.rig": "from .jobs import Job"}),
+    (upward_imports, {"tracker.running.jobs": "from scripts.benchmark import main"}),
     (upward_imports, {"tracker.novelty": ""}),
-    (upward_imports, {"tracker.jobs": "import tracker.novelty"}),
-    (sideways_imports, {"tracker.analysis.overlap": "from tracker.synthesis import Synthesis"}),
-    (sideways_imports, {"tracker.evaluation.report": "from tracker import simulation", "tracker.simulation": ""}),
-    (cycles, {"tracker.rig": "import tracker.camera", "tracker.camera": "from tracker.rig import Rig"}),
-    (cycles, {"tracker.geometry.a": "import tracker.arrays", "tracker.arrays": "import tracker.geometry.b"}),
-    (hidden_imports, {"tracker.rig": "def f():\n    import numpy"}),
-    (broken_privacy, {"tracker.jobs": "from tracker.reading._footage import ImageStream"}),
-    (broken_privacy, {"tracker.jobs": "from tracker.reading.video import _header"}),
-    (oversize, {"tracker.rig": "x = 1\n" * 401}),
-    (oversize, {"tracker.rig": "def f():\n" + "    x = 1\n" * 61}),
-    (printing_or_exiting, {"tracker.jobs": "print('done')"}),
-    (printing_or_exiting, {"tracker.jobs": "import sys\nsys.exit(1)"}),
-    (printing_or_exiting, {"tracker.jobs": "raise SystemExit(2)"}),
-    (foreign_errors, {"tracker.jobs": "raise ValueError('no')"}),
-    (poor_files, {"tracker.jobs": "from __future__ import annotations"}),
-    (poor_files, {"tracker.jobs": '"""Runs."""\ndef f() -> int: ...'}),
-    (poor_files, {"tracker.imaging._helpers": '"""Helps."""'}),
+    (upward_imports, {"tracker.running.jobs": "import tracker.novelty"}),
+    (sideways_imports, {"tracker.images.analysis.overlap": "from tracker.synthesis import Synthesis"}),
+    (
+        sideways_imports,
+        {
+            "tracker.results.evaluation.report": "from tracker.synthesis import simulation",
+            "tracker.synthesis.simulation": "",
+        },
+    ),
+    (
+        cycles,
+        {
+            "tracker.cameras.rig": "import tracker.cameras.camera",
+            "tracker.cameras.camera": "from tracker.cameras.rig import Rig",
+        },
+    ),
+    (
+        cycles,
+        {
+            "tracker.foundation.geometry.a": "import tracker.foundation.arrays",
+            "tracker.foundation.arrays": "import tracker.foundation.geometry.b",
+        },
+    ),
+    (hidden_imports, {"tracker.cameras.rig": "def f():\n    import numpy"}),
+    (broken_privacy, {"tracker.running.jobs": "from tracker.images.reading._footage import ImageStream"}),
+    (broken_privacy, {"tracker.running.jobs": "from tracker.images.reading.video import _header"}),
+    (oversize, {"tracker.cameras.rig": "x = 1\n" * 401}),
+    (oversize, {"tracker.cameras.rig": "def f():\n" + "    x = 1\n" * 61}),
+    (printing_or_exiting, {"tracker.running.jobs": "print('done')"}),
+    (printing_or_exiting, {"tracker.running.jobs": "import sys\nsys.exit(1)"}),
+    (printing_or_exiting, {"tracker.running.jobs": "raise SystemExit(2)"}),
+    (foreign_errors, {"tracker.running.jobs": "raise ValueError('no')"}),
+    (poor_files, {"tracker.running.jobs": "from __future__ import annotations"}),
+    (poor_files, {"tracker.running.jobs": '"""Runs."""\ndef f() -> int: ...'}),
+    (poor_files, {"tracker.images.operations._helpers": '"""Helps."""'}),
     (stray_optional_imports, {"tracker.synthesis": "import moderngl"}),
     (
         stray_optional_imports,
-        {"tracker.synthesis.egl": "import moderngl", "tracker.jobs": "import tracker.synthesis.egl"},
+        {"tracker.synthesis.egl": "import moderngl", "tracker.running.jobs": "import tracker.synthesis.egl"},
     ),
-    (bare_constants, {"tracker.rig": "_NEAR_M = 0.3"}),
-    (bare_constants, {"tracker.rig": "x = 1\n# Of something else.\nimport numpy\n\n_SIZE = np.array([1, 2])"}),
+    (bare_constants, {"tracker.cameras.rig": "_NEAR_M = 0.3"}),
+    (bare_constants, {"tracker.cameras.rig": "x = 1\n# Of something else.\nimport numpy\n\n_SIZE = np.array([1, 2])"}),
 )
 
 
@@ -325,11 +348,14 @@ def test_the_law_notices_a_violation(law: Law, sources: dict[str, str]) -> None:
 
 def test_the_whole_package_is_looked_at() -> None:
     modules = modules_of_the_project()
-    assert {"tracker", "tracker.tracking", "tracker.kernels.contours.chamfer", "tracker.similarity.chamfer"} <= set(
-        modules
-    )
-    assert modules["tracker.similarity"].package
-    assert not modules["tracker.rig"].package
+    assert {
+        "tracker",
+        "tracker.tracking",
+        "tracker.kernels.contours.chamfer",
+        "tracker.evidence.similarity.chamfer",
+    } <= set(modules)
+    assert modules["tracker.evidence.similarity"].package
+    assert not modules["tracker.cameras.rig"].package
 
 
 def test_importing_the_package_loads_no_library() -> None:

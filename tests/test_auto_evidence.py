@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 
-from tracker.comparison import Comparison
+from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.contours import ContourEvidence
+from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.regions import ObservedRegions
 from tracker.evidence.silhouettes import Foregrounds
 from tracker.evidence.together import TogetherEvidence
-from tracker.frame import Frame
-from tracker.recording._journal_line import line_of, replay_of
-from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
-from tracker.tracking import track
+from tracker.images.sight import Sight
+from tracker.results.recording._journal_line import line_of, replay_of
+from tracker.synthesis.simulation.sequence import Simulation
+from tracker.tracking.sequence import track
 
 EVIDENCE = AutoEvidence()
 

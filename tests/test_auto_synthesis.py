@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tracker.errors import RenderError
-from tracker.observation import Observation
-from tracker.scene import Scene
+from tracker.bodies.scene import Scene
+from tracker.foundation.errors import RenderError
+from tracker.images.observation import Observation
 from tracker.synthesis import auto
 from tracker.synthesis.auto import AutoSynthesis
 from tracker.synthesis.cpu import CpuSynthesis

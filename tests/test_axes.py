@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from observations import four_views
 
-from tracker.arrays import Array, Mask
-from tracker.body.files import load_body
-from tracker.camera import Camera
-from tracker.geometry.axes import line_from_planes, nearest_along_line
-from tracker.imaging.principal_axis import iterated_axes, region_points
-from tracker.initialization._torso_axis import region_axes, torso_axis
-from tracker.resources import model_path
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.geometry.axes import line_from_planes, nearest_along_line
+from tracker.foundation.resources import model_path
+from tracker.images.operations.principal_axis import iterated_axes, region_points
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.initialization._torso_axis import region_axes, torso_axis
 
 
 def unit(vectors: Array) -> Array:

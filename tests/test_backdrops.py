@@ -14,31 +14,31 @@ from test_recorded_plate import LEAVING, STILL, WALKING, filmed, room
 from test_silhouettes import asked
 
 from tracker.acquisition.calibrated_views import _silhouette
-from tracker.arrays import Mask
-from tracker.comparison import Comparison
-from tracker.errors import BackdropError, InitializationError
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import outline_observation
 from tracker.evidence.silhouettes import SilhouetteEvidence
-from tracker.frame import Frame
-from tracker.initialization import Backdrops, Stages
-from tracker.initialization._foregrounds import foregrounds, outlined, segmented
-from tracker.initialization._hypotheses import least_left
-from tracker.initialization.auto import AutoInitialization
-from tracker.initialization.pca import PcaInitialization, _likeliest_fault, _stand_out
-from tracker.initialization.stance import StanceInitialization
-from tracker.outlines import outline_observation
-from tracker.plate import Plate
-from tracker.plate_changes import changed
-from tracker.reading._plates import backdrop
-from tracker.reading._recorded_plate import recorded_plate
-from tracker.reading.video import VideoReading
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
-from tracker.start import Hypothesis, Start, sureness
+from tracker.foundation.arrays import Mask
+from tracker.foundation.errors import BackdropError, InitializationError
+from tracker.images.plate import Plate
+from tracker.images.plate_changes import changed
+from tracker.images.reading._plates import backdrop
+from tracker.images.reading._recorded_plate import recorded_plate
+from tracker.images.reading.video import VideoReading
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.found_before import StartedBefore
+from tracker.tracking.initialization import Backdrops, Stages
+from tracker.tracking.initialization._foregrounds import foregrounds, outlined, segmented
+from tracker.tracking.initialization._hypotheses import least_left
+from tracker.tracking.initialization.auto import AutoInitialization
+from tracker.tracking.initialization.pca import PcaInitialization, _likeliest_fault, _stand_out
+from tracker.tracking.initialization.stance import StanceInitialization
 from tracker.tracking.recorded_plates import without_persons
+from tracker.tracking.start import Hypothesis, Start, sureness
 
 BOX = slice(60, 200), slice(140, 180)
 QUICK = PcaInitialization(turn_step_deg=45.0, hypotheses=2, finalists=2)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracker.ball_joints import BallJoint, ball_joints, with_angles, with_vectors
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.resources import model_path
-from tracker.smoothing import Smoothed, Stretch
-from tracker.smoothing.rts import RauchTungStriebel
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.foundation.resources import model_path
+from tracker.results.ball_joints import BallJoint, ball_joints, with_angles, with_vectors
+from tracker.results.smoothing import Smoothed, Stretch
+from tracker.results.smoothing.rts import RauchTungStriebel
 
 FPS = 50.0
 SIGMA = np.radians(1.0)

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker.calibration._bar_images import follow
-from tracker.calibration._spheres import measure_sphere
-from tracker.calibration._targets import Target, measure_target
+from tracker.cameras.calibration._bar_images import follow
+from tracker.cameras.calibration._spheres import measure_sphere
+from tracker.cameras.calibration._targets import Target, measure_target
 
 
 def disc(rng: np.random.Generator, centre, radius: float, n: int = 49, noise: float = 1.0) -> np.ndarray:

@@ -17,18 +17,18 @@ from typer.testing import CliRunner
 
 from tracker.acquisition.silhouette_task import SilhouetteSettings
 from tracker.acquisition.things import _is_near_the_trunk
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.cli import app
-from tracker.errors import ModelError
-from tracker.initialization.auto import AutoInitialization
-from tracker.initialization.stance import StanceInitialization
-from tracker.jobs import execute, load_job
-from tracker.plate import Plate
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Person, Scene
+from tracker.foundation.errors import ModelError
+from tracker.foundation.resources import model_path
+from tracker.images.plate import Plate
+from tracker.running.cli import app
+from tracker.running.jobs import execute, load_job
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.tracking.initialization.auto import AutoInitialization
+from tracker.tracking.initialization.stance import StanceInitialization
 
 BARE = ("name", "segments", "parts")
 

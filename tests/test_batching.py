@@ -19,16 +19,16 @@ import tomli_w
 from typer.testing import CliRunner
 
 import tracker
-import tracker.smoothed
-from tracker.batching import Batch, Summary, Task, do, plan, run
-from tracker.batching.dask import Dask
-from tracker.batching.processes import Processes
-from tracker.cli import app
-from tracker.components import find
-from tracker.errors import ConfigError
-from tracker.jobs import described, execute, load_job
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
+import tracker.results.smoothed_result
+from tracker.foundation.configuration.components import find
+from tracker.foundation.errors import ConfigError
+from tracker.running.batching import Batch, Summary, Task, do, plan, run
+from tracker.running.batching.dask import Dask
+from tracker.running.batching.processes import Processes
+from tracker.running.cli import app
+from tracker.running.jobs import described, execute, load_job
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
 
 GIVEN = [
     "initialization.use=given",
@@ -200,7 +200,7 @@ def test_what_is_extended_or_lacks_its_smooth_poses_is_not_done(configs, tmp_pat
     (out / "anna" / "config.toml").write_text(text)  # as it began, and stopped when the raw poses were whole
     assert text != config
     assert resumed(with_smoothing) == [True]
-    tracker.smoothed.write_smoothed(tracker.load_result(out / "anna"), find("smoothing", "spline")())
+    tracker.results.smoothed_result.write_smoothed(tracker.load_result(out / "anna"), find("smoothing", "spline")())
     assert resumed(with_smoothing) == []
 
 
@@ -216,7 +216,7 @@ def _kill():
 
 
 def test_what_is_our_fault_is_told_in_one_line(tmp_path, monkeypatch):
-    monkeypatch.setattr("tracker.batching.job_from", lambda *_: 1 / 0)
+    monkeypatch.setattr("tracker.running.batching.job_from", lambda *_: 1 / 0)
     summary = do(Task("anna", {}, tmp_path))
     assert (summary.state, summary.fault.split(":")[0]) == ("failed", "ZeroDivisionError")
 

@@ -17,23 +17,23 @@ from test_run import killed_after
 import tracker.tracking.recorded_plates as recorded_plates
 from tracker.acquisition.calibrated_views import ViewSettings
 from tracker.evidence.auto import AutoEvidence
-from tracker.jobs import execute, load_job
-from tracker.jobs.track import TrackJob
-from tracker.loss import LossRule
-from tracker.plate import Plate
-from tracker.recording._journal_line import line_of, replay_of
-from tracker.sight import Sight
-from tracker.simulation.sequence import Recipe, Simulation
-from tracker.simulation.sequence_files import write_sequence
-from tracker.start import Start
+from tracker.images.plate import Plate
+from tracker.images.sight import Sight
+from tracker.results.recording._journal_line import line_of, replay_of
+from tracker.running.jobs import execute, load_job
+from tracker.running.jobs.track import TrackJob
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.tracking import Looking, tracked
+from tracker.synthesis.simulation.sequence import Recipe, Simulation
+from tracker.synthesis.simulation.sequence_files import write_sequence
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.easier_start import LedBack
 from tracker.tracking.found_before import StartedBefore
+from tracker.tracking.loss import LossRule
 from tracker.tracking.recorded_plates import behind_who_stays
+from tracker.tracking.sequence import Looking, tracked
+from tracker.tracking.start import Start
+from tracker.tracking.trajectory import Step
 from tracker.tracking.windows import there
-from tracker.trajectory import Step
 
 pytestmark = pytest.mark.usefixtures("limbs_stay")
 
@@ -140,7 +140,7 @@ def test_a_run_says_what_it_knows_of_who_stays_and_resumes_with_the_same(
 ) -> None:
     """Resumed with a body that is fitted already, it makes the same of the backdrops as before the fit."""
     once = ViewSettings(rounds=1)
-    monkeypatch.setattr("tracker.jobs._persons.ViewSettings", lambda: once)
+    monkeypatch.setattr("tracker.running.jobs._persons.ViewSettings", lambda: once)
     said: list[str] = []
     unplated = replace(unplated, persons=tuple(replace(one, shape=shape) for one in unplated.persons))
     whole = execute(unplated, tmp_path / "whole", progress=lambda what, *_: said.append(what))

@@ -12,14 +12,14 @@ import pytest
 from observations import bent, joint_errors_mm, objective_of, off
 from rounding import assert_alike
 
-from tracker.account import Account
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.estimate import Estimate
-from tracker.estimation.best_first import BestFirstEstimation
-from tracker.objective import Objective
-from tracker.observation import Observation
-from tracker.scene import Scene
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Scene
+from tracker.evidence.measures.account import Account
+from tracker.foundation.arrays import Array
+from tracker.images.observation import Observation
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.estimation.best_first import BestFirstEstimation
+from tracker.tracking.objective import Objective
 
 
 @dataclass

@@ -13,16 +13,16 @@ from board_prints import SQUARE_M, charuco, chessboard, filmed, held, shown_abou
 from modules import ROOT
 from scipy.spatial.transform import Rotation
 
-from tracker.arrays import Image
-from tracker.calibration import report_text
-from tracker.calibration._board_looks import shown_share, told_of
-from tracker.calibration._board_search import BoardSearch, patterns_of
-from tracker.calibration._boards import Pattern, find_board, find_corners, goes_on
-from tracker.calibration.chessboard import ChessboardCalibration
-from tracker.camera import Camera
-from tracker.errors import CalibrationError
-from tracker.jobs.calibrate import load_calibration
-from tracker.progress import silent
+from tracker.cameras.calibration import report_text
+from tracker.cameras.calibration._board_looks import shown_share, told_of
+from tracker.cameras.calibration._board_search import BoardSearch, patterns_of
+from tracker.cameras.calibration._boards import Pattern, find_board, find_corners, goes_on
+from tracker.cameras.calibration.chessboard import ChessboardCalibration
+from tracker.cameras.camera import Camera
+from tracker.foundation.arrays import Image
+from tracker.foundation.errors import CalibrationError
+from tracker.foundation.progress import silent
+from tracker.running.jobs.calibrate import load_calibration
 
 CHARUCO = Pattern(5, 6, 0.75, "4x4_50")
 

@@ -9,13 +9,13 @@ import pytest
 from board_prints import chessboard, filmed, shown_about, two_cameras
 from scipy.spatial.transform import Rotation
 
-from tracker.arrays import Array
-from tracker.calibration import Calibrated
-from tracker.calibration._board_order import turns_of
-from tracker.calibration._boards import find_corners
-from tracker.calibration.chessboard import BoardImages, ChessboardCalibration
-from tracker.camera import Camera
-from tracker.errors import CalibrationError
+from tracker.cameras.calibration import Calibrated
+from tracker.cameras.calibration._board_order import turns_of
+from tracker.cameras.calibration._boards import find_corners
+from tracker.cameras.calibration.chessboard import BoardImages, ChessboardCalibration
+from tracker.cameras.camera import Camera
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import CalibrationError
 
 SIZE, SQUARE_M, NOISE_PX = (640, 480), 0.03, 0.1
 MIDDLE = np.array([0.0, 1.0, 1.0])

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracker.camera import Camera
-from tracker.errors import CalibrationError, ConfigError
-from tracker.jobs.calibrate import load_calibration
-from tracker.progress import silent
+from tracker.cameras.camera import Camera
+from tracker.foundation.errors import CalibrationError, ConfigError
+from tracker.foundation.progress import silent
+from tracker.running.jobs.calibrate import load_calibration
 
 # Cameras that saw the board one at a time
 

@@ -10,21 +10,21 @@ import pytest
 from rounding import assert_alike
 from scipy.linalg import expm
 
-from tracker.arrays import Array, Image
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.camera import Camera
-from tracker.comparison import Comparison
-from tracker.contours import ViewContours
-from tracker.errors import ModelError
-from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.contours import ViewContours
+from tracker.bodies.scene import Person, Scene
+from tracker.bodies.shape import TaperedSuperquadric
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
 from tracker.evidence.contours import ContourEvidence
-from tracker.objective import Objective
-from tracker.observation import Observation, ViewObservation
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
-from tracker.shape import TaperedSuperquadric
+from tracker.evidence.measures.comparison import Comparison
+from tracker.foundation.arrays import Array, Image
+from tracker.foundation.errors import ModelError
+from tracker.images.observation import Observation, ViewObservation
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.objective import Objective
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 NAMES = ("gavrila22", "quadruped")

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import tomli_w
 
-from tracker.body import BodyModel
-from tracker.body.files import load_body, read_description, save_description
-from tracker.errors import ModelError
-from tracker.initialization._placement import axis_marks
-from tracker.mirror import Mirror
-from tracker.resources import model_path
-from tracker.simulation.movements import course, poses_of
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body, read_description, save_description
+from tracker.bodies.mirror import Mirror
+from tracker.foundation.errors import ModelError
+from tracker.foundation.resources import model_path
+from tracker.synthesis.simulation.movements import course, poses_of
+from tracker.tracking.initialization._placement import axis_marks
 
 MODELS = ("gavrila22", "human", "quadruped")
 SECTIONS = ("start", "joints", "clothes", "movements")

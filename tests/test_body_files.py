@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import tomli_w
 
-from tracker.body.files import load_body, read_description, save_description
-from tracker.errors import ModelError
-from tracker.jobs.acquire import acquisition_from
+from tracker.bodies.body.files import load_body, read_description, save_description
+from tracker.foundation.errors import ModelError
+from tracker.running.jobs.acquire import acquisition_from
 
 LAMP: dict[str, Any] = {
     "name": "lamp",

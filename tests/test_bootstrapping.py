@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 
-from tracker.arrays import Array
-from tracker.contours import Contours
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence.contours import ContourEvidence
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.observation import Observation
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
-from tracker.start import Start
+from tracker.foundation.arrays import Array
+from tracker.images.observation import Observation
+from tracker.images.sight import Sight
+from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking import bootstrapping
 from tracker.tracking.bootstrapping import bootstrap
+from tracker.tracking.initialization import Stages
+from tracker.tracking.start import Start
 
 
 @pytest.fixture(scope="module")

@@ -7,16 +7,16 @@ import pytest
 from bars import CLEAN, LENGTH_M, all_but_offsets, at_truth, calibration, images_of, recorded
 from scipy.spatial.transform import Rotation
 
-from tracker.calibration._bundle import Noise, State, adjust, normal_equations, residuals, solved
-from tracker.calibration._objects import Bars, Boards, MeasuredPoints
-from tracker.calibration._precision import precision
-from tracker.calibration._self_calibration import self_calibrated
-from tracker.calibration._states import GROUPS, PARAMETERS, camera_of, moved, rigid_motions, state_of
+from tracker.cameras.calibration._bundle import Noise, State, adjust, normal_equations, residuals, solved
+from tracker.cameras.calibration._objects import Bars, Boards, MeasuredPoints
+from tracker.cameras.calibration._precision import precision
+from tracker.cameras.calibration._self_calibration import self_calibrated
+from tracker.cameras.calibration._states import GROUPS, PARAMETERS, camera_of, moved, rigid_motions, state_of
 from tracker.kernels.adjustment.bundle import N_OBJECT
 from tracker.kernels.adjustment.projecting import project_with_slopes
 from tracker.kernels.rows import bundle_camera
 from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
-from tracker.simulation.bars import SIZE, Faults
+from tracker.synthesis.simulation.bars import SIZE, Faults
 
 
 def some_state(seed: int) -> np.ndarray:

@@ -23,9 +23,9 @@ from marker_files import (
     written,
 )
 
-from tracker.errors import SequenceError
-from tracker.evaluation.marker_set import MarkerSet, column, joints_of
-from tracker.marker_layouts import read_markers
+from tracker.foundation.errors import SequenceError
+from tracker.results.evaluation.marker_set import MarkerSet, column, joints_of
+from tracker.results.marker_layouts import read_markers
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")  # of the library, of parameters that are not there

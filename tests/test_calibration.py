@@ -13,22 +13,22 @@ from bars import at_truth, calibration, images_of, recorded
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from tracker.calibration import report_text
-from tracker.calibration._bundle import State
-from tracker.calibration._start import bar_observations
-from tracker.calibration._synchronization import time_offsets
-from tracker.calibration._world import WorldFrame, moved_rig
-from tracker.calibration.chessboard import BoardImages, ChessboardCalibration
-from tracker.calibration.reference_bar import BarImages
-from tracker.cli import app
-from tracker.errors import CalibrationError, ConfigError, TrackerError
-from tracker.geometry.rigid_motion import rigid_motion
-from tracker.jobs import execute
-from tracker.jobs.calibrate import load_calibration
-from tracker.progress import silent
-from tracker.rig import Rig
-from tracker.rig_layouts import load_rig
-from tracker.simulation.bars import SIZE, Faults
+from tracker.cameras.calibration import report_text
+from tracker.cameras.calibration._bundle import State
+from tracker.cameras.calibration._start import bar_observations
+from tracker.cameras.calibration._synchronization import time_offsets
+from tracker.cameras.calibration._world import WorldFrame, moved_rig
+from tracker.cameras.calibration.chessboard import BoardImages, ChessboardCalibration
+from tracker.cameras.calibration.reference_bar import BarImages
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import load_rig
+from tracker.foundation.errors import CalibrationError, ConfigError, TrackerError
+from tracker.foundation.geometry.rigid_motion import rigid_motion
+from tracker.foundation.progress import silent
+from tracker.running.cli import app
+from tracker.running.jobs import execute
+from tracker.running.jobs.calibrate import load_calibration
+from tracker.synthesis.simulation.bars import SIZE, Faults
 
 # From scratch
 

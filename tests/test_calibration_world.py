@@ -11,14 +11,14 @@ import pytest
 from bars import calibration, images_of, recorded
 from test_fisheye_calibration import boards_seen, three_cameras
 
-from tracker.calibration import Calibrated, report_text
-from tracker.calibration._adjustment import Adjustment
-from tracker.calibration._bundle import residuals
-from tracker.calibration.chessboard import ChessboardCalibration
-from tracker.errors import CalibrationError, ConfigError
-from tracker.jobs.calibrate import load_calibration, looked_over
-from tracker.rig_check import check_rig
-from tracker.rig_layouts import load_rig, read_rig, save_rig
+from tracker.cameras.calibration import Calibrated, report_text
+from tracker.cameras.calibration._adjustment import Adjustment
+from tracker.cameras.calibration._bundle import residuals
+from tracker.cameras.calibration.chessboard import ChessboardCalibration
+from tracker.cameras.rig_check import check_rig
+from tracker.cameras.rig_layouts import load_rig, read_rig, save_rig
+from tracker.foundation.errors import CalibrationError, ConfigError
+from tracker.running.jobs.calibrate import load_calibration, looked_over
 
 
 def a_bar() -> Calibrated:

@@ -11,13 +11,13 @@ import pytest
 from rig_samples import FISHEYE
 from rounding import assert_alike
 
-from tracker.arrays import Array
-from tracker.camera import Camera
-from tracker.errors import CalibrationError
+from tracker.cameras.camera import Camera
+from tracker.cameras.lens import Lens
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_check import check_rig
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import CalibrationError
 from tracker.kernels.lens import undistort
-from tracker.lens import Lens
-from tracker.rig import Rig
-from tracker.rig_check import check_rig
 
 TERMS = ("k1", "k2", "p1", "p2", "k3")
 LENSES = {

@@ -10,12 +10,12 @@ import pytest
 from rounding import assert_alike
 
 from tracker.acquisition.shape_space import ShapePrior, space_of
-from tracker.body.files import read_description
-from tracker.carried import with_carried
-from tracker.config import build_class, described_fields
-from tracker.errors import ConfigError
-from tracker.resources import model_path
-from tracker.subject import Subject
+from tracker.bodies.belongings import with_carried
+from tracker.bodies.body.files import read_description
+from tracker.bodies.subject import Subject
+from tracker.foundation.configuration.tables import build_class, described_fields
+from tracker.foundation.errors import ConfigError
+from tracker.foundation.resources import model_path
 
 RACKET = {
     "name": "racket",

@@ -13,19 +13,19 @@ from observations import bent, four_views, ideal
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial.distance import cdist
 
-from tracker.arrays import Array, Array32
-from tracker.body.files import load_body
-from tracker.comparison import Comparison
-from tracker.contours import Contours
+from tracker.bodies.body.files import load_body
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Person, Scene
 from tracker.evidence._shares import shares
 from tracker.evidence.contours import ContourEvidence
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.similarity.chamfer import ChamferSimilarity
+from tracker.foundation.arrays import Array, Array32
+from tracker.foundation.resources import model_path
+from tracker.images.observation import Observation, ViewObservation
 from tracker.kernels.contours.chamfer import chamfer_lookup, directed_distances, robust_mean
-from tracker.objective import Objective
-from tracker.observation import Observation, ViewObservation
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-from tracker.similarity.chamfer import ChamferSimilarity
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.objective import Objective
 
 THETA = 12.0
 rules = pytest.mark.parametrize("outliers", ["clamp", "reject"])

@@ -9,10 +9,10 @@ from types import ModuleType
 
 import pytest
 
-from tracker.components import component
-from tracker.errors import ConfigError
-from tracker.recording import DEFAULTS, chosen_recordings
-from tracker.recording.overlay import Overlay
+from tracker.foundation.configuration.components import component
+from tracker.foundation.errors import ConfigError
+from tracker.results.recording import DEFAULTS, chosen_recordings
+from tracker.results.recording.overlay import Overlay
 
 
 def uses(entry):

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from observations import four_views
 
-from tracker.body import BodyModel
-from tracker.errors import BackdropError
-from tracker.estimation.hybrid import HybridEstimation
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence.contours import ContourEvidence
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.initialization._drafts import Draft
-from tracker.initialization._persons import Found
-from tracker.initialization._stances import on_floor
-from tracker.initialization.pca import _stand_out
-from tracker.plate import Plate
-from tracker.scene import Person, Scene
-from tracker.start import Hypothesis
+from tracker.foundation.errors import BackdropError
+from tracker.images.plate import Plate
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.estimation.hybrid import HybridEstimation
+from tracker.tracking.initialization import Stages
+from tracker.tracking.initialization._drafts import Draft
+from tracker.tracking.initialization._persons import Found
+from tracker.tracking.initialization._stances import on_floor
+from tracker.tracking.initialization.pca import _stand_out
+from tracker.tracking.start import Hypothesis
 
 
 class _Looked(Exception):  # noqa: N818 - what is looked at is all that is asked

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from tracker.cli import _told, app
-from tracker.errors import TrackerError
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
+from tracker.foundation.errors import TrackerError
+from tracker.running.cli import _told, app
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
 
 
 def bodytrack(*arguments: object, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -108,7 +108,7 @@ def test_no_arguments_show_the_help(tmp_path):
 
 BORDER = """
 import os, sys
-from tracker.cli import app, main
+from tracker.running.cli import app, main
 
 @app.command()
 def fails():
@@ -139,7 +139,7 @@ def test_whatever_escapes_is_one_line(error, code, words):
 
 @pytest.mark.parametrize("arguments", [["--debug", "fails"], ["fails", "--debug"]])
 def test_debug_shows_the_traceback_and_may_stand_anywhere(arguments):
-    script = BORDER.format(error="__import__('tracker.errors').errors.ConfigError('no such file')")
+    script = BORDER.format(error="__import__('tracker.foundation.errors').errors.ConfigError('no such file')")
     done = subprocess.run([sys.executable, "-c", script, *arguments], capture_output=True, text=True, check=False)
     assert done.returncode != 0
     assert "Traceback" in done.stderr
@@ -166,7 +166,7 @@ def test_a_name_that_the_terminal_cannot_show_is_written_out():
 NOISE = """
 import logging, os, sys, warnings
 import numpy
-from tracker.cli import app, main
+from tracker.running.cli import app, main
 
 @app.command()
 def noisy():
@@ -192,7 +192,7 @@ def test_what_libraries_warn_of_does_not_reach_the_terminal():
 
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["calibrate", "--help"], ["--version"]])
 def test_what_the_command_line_is_like_is_told_without_loading_libraries(arguments):
-    script = "import sys\nfrom tracker.cli import app\napp(standalone_mode=False)\nprint(*sys.modules, file=sys.stderr)"
+    script = "import sys\nfrom tracker.running.cli import app\napp(standalone_mode=False)\nprint(*sys.modules, file=sys.stderr)"
     command = [sys.executable, "-c", script, *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout

@@ -12,17 +12,17 @@ from doubted import in_doubt
 from recordings import Staying, TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
 import tracker.tracking.coming_in
-from tracker.arrays import Image
-from tracker.estimate import Status
-from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
-from tracker.frame import Frame
-from tracker.loss import LossRule
-from tracker.simulation.sequence import Simulation
+from tracker.foundation.arrays import Image
+from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.backwards import as_replay, frames_before
 from tracker.tracking.cycle import Cycle
+from tracker.tracking.estimate import Status
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.loss import LossRule
+from tracker.tracking.trajectory import Replay, Step
 from tracker.tracking.two_passes import track_twice
-from tracker.trajectory import Replay, Step
 
 IN_VIEW, NOBODY_BEFORE = 5, 9
 """From which frame on the person is there, and is looked for: in the third window."""

@@ -20,12 +20,12 @@ import tomli_w
 from sections import made, minimal
 
 import tracker
-import tracker.similarity
-from tracker.components import available, find
-from tracker.config import build, describe
-from tracker.errors import ConfigError
-from tracker.field_types import component_stage
-from tracker.plugins import ask_before_plugins
+import tracker.evidence.similarity
+from tracker.foundation.configuration.components import available, find
+from tracker.foundation.configuration.field_types import component_stage
+from tracker.foundation.configuration.plugins import ask_before_plugins
+from tracker.foundation.configuration.tables import build, describe
+from tracker.foundation.errors import ConfigError
 
 UNITS = ("px", "degrees", "metres", "seconds", "grey levels", "share", "frames", "per second", "factor", "rate")
 UNITS += ("cosine", "observations", "standard deviations")
@@ -160,7 +160,7 @@ def test_a_nested_component_must_be_one_of_its_stage(stage, use, name):
 NEW = '''
 from __future__ import annotations
 import pydantic
-from tracker.components import component
+from tracker.foundation.configuration.components import component
 
 @component
 class {name}:
@@ -172,7 +172,7 @@ class {name}:
 
 def test_a_new_file_is_a_new_component(tmp_path, monkeypatch):
     (tmp_path / "novelty.py").write_text(NEW.format(name="Novelty"))
-    monkeypatch.setattr(tracker.similarity, "__path__", [*tracker.similarity.__path__, str(tmp_path)])
+    monkeypatch.setattr(tracker.evidence.similarity, "__path__", [*tracker.evidence.similarity.__path__, str(tmp_path)])
     importlib.invalidate_caches()
     assert "novelty" in available("similarity")
     component = build("similarity", {"use": "novelty", "step_px": 3.0}, "here", tmp_path)
@@ -244,7 +244,7 @@ def test_what_is_no_component_is_refused_in_one_line(use):
 
 
 def test_a_component_whose_package_is_missing_says_what_to_install(monkeypatch):
-    monkeypatch.delitem(sys.modules, "tracker.batching.dask", raising=False)
+    monkeypatch.delitem(sys.modules, "tracker.running.batching.dask", raising=False)
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ConfigError, match='"dask" needs the Python package distributed: pip install distributed'):
         find("batching", "dask")

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from tracker.config import build, describe
-from tracker.config_files import read_config
-from tracker.errors import ConfigError
-from tracker.jobs import described, job_from, load_job
+from tracker.foundation.configuration.files import read_config
+from tracker.foundation.configuration.tables import build, describe
+from tracker.foundation.errors import ConfigError
+from tracker.running.jobs import described, job_from, load_job
 
 CONFIGS = sorted((Path(__file__).parents[1] / "configs").glob("*.toml"))
 GOOD = """

@@ -20,24 +20,24 @@ from rounding import SINGLE
 from scipy.spatial import cKDTree
 from sections import each, made
 
-from tracker.analysis.contours import ContourAnalysis
-from tracker.comparison import Comparison
-from tracker.components import available
-from tracker.errors import ConfigError, InitializationError
-from tracker.estimate import Estimate
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence import GUESSED, Evidence
 from tracker.evidence.contours import ContourEvidence
+from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.regions import RegionEvidence
-from tracker.frame import Frame
+from tracker.foundation.configuration.components import available
+from tracker.foundation.errors import ConfigError, InitializationError
+from tracker.images.analysis.contours import ContourAnalysis
+from tracker.images.observation import Observation
+from tracker.images.sight import Sight
 from tracker.kernels.contours.chamfer import directed_distances
 from tracker.kernels.regions.lines import Lines
-from tracker.objective import Objective
-from tracker.observation import Observation
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
 from tracker.synthesis._pictures import misfits_of
+from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.cycle import Cycle
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.objective import Objective
 
 HINTS = {"departures", "motion"}
 """Evidence that is used beside other evidence only: of limbs that are missing (tests/test_departures.py), of what has

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracker.calibration import report_text
-from tracker.calibration._bundle import Noise, adjust, normal_equations
-from tracker.calibration._correlated import _equations_of, _left_out
-from tracker.calibration._states import PARAMETERS
-from tracker.calibration.chessboard import BoardImages, ChessboardCalibration
-from tracker.camera import Camera
+from tracker.cameras.calibration import report_text
+from tracker.cameras.calibration._bundle import Noise, adjust, normal_equations
+from tracker.cameras.calibration._correlated import _equations_of, _left_out
+from tracker.cameras.calibration._states import PARAMETERS
+from tracker.cameras.calibration.chessboard import BoardImages, ChessboardCalibration
+from tracker.cameras.camera import Camera
 from tracker.kernels.rows import bundle_unknown as unknown
 
 SIZE = 640, 480

@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 from observations import four_views
 
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.errors import ConfigError
-from tracker.estimation.hybrid import HybridEstimation
-from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
 from tracker.evidence.contours import ContourEvidence
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.initialization._directions import direction_images
-from tracker.initialization._edge_ranking import Clues, refined_on_edges
-from tracker.initialization._limbs_anew import _elsewhere, limbs_anew
-from tracker.initialization._stances import on_floor, posed, turned
-from tracker.initialization.stance import StanceInitialization
-from tracker.plate import Plate
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import ConfigError
+from tracker.images.plate import Plate
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.estimation.hybrid import HybridEstimation
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.initialization import Stages
+from tracker.tracking.initialization._directions import direction_images
+from tracker.tracking.initialization._edge_ranking import Clues, refined_on_edges
+from tracker.tracking.initialization._limbs_anew import _elsewhere, limbs_anew
+from tracker.tracking.initialization._stances import on_floor, posed, turned
+from tracker.tracking.initialization.stance import StanceInitialization
 
 RIG = four_views()
 WALL, CLOTHES = 190, (60, 90, 160)

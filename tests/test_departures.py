@@ -10,17 +10,17 @@ from observations import bent, four_views
 from painted import painted
 from test_skins import meshed
 
-from tracker.arrays import Array, Image, Mask
-from tracker.body import BodyModel
-from tracker.comparison import Comparison
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
 from tracker.evidence import GUESSED
 from tracker.evidence.departures import DeparturesEvidence
-from tracker.frame import Frame
-from tracker.objective import Objective
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
-from tracker.sight import Sight
+from tracker.evidence.measures.comparison import Comparison
+from tracker.foundation.arrays import Array, Image, Mask
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.objective import Objective
 
 EVIDENCE, SYNTHESIS = DeparturesEvidence(), CpuSynthesis()
 

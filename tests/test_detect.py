@@ -18,20 +18,20 @@ from detected import NAMES, detected, written
 from recordings import cycle_for, small_simulation
 from typer.testing import CliRunner
 
-from tracker.arrays import Array, Image
-from tracker.cli import app
-from tracker.components import available, find
-from tracker.detecting import USUAL, detect, wanted
-from tracker.draft import draft
-from tracker.errors import ConfigError
-from tracker.initialization.auto import AutoInitialization
-from tracker.initialization.keypoints import KeypointInitialization
-from tracker.initialization.pca import PcaInitialization
-from tracker.jobs import described, job_from
-from tracker.keypoint_layouts.orders import LAYOUTS
-from tracker.keypoint_layouts.views import KeypointViews
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
+from tracker.bodies.keypoint_layouts.orders import LAYOUTS
+from tracker.bodies.keypoint_layouts.views import KeypointViews
+from tracker.foundation.arrays import Array, Image
+from tracker.foundation.configuration.components import available, find
+from tracker.foundation.errors import ConfigError
+from tracker.running.cli import app
+from tracker.running.detecting import USUAL, detect, wanted
+from tracker.running.drafts.configuration import draft
+from tracker.running.jobs import described, job_from
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.tracking.initialization.auto import AutoInitialization
+from tracker.tracking.initialization.keypoints import KeypointInitialization
+from tracker.tracking.initialization.pca import PcaInitialization
 
 
 @dataclass(frozen=True)

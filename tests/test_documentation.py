@@ -22,16 +22,16 @@ from modules import imported, modules_of_the_project
 import tracker
 from scripts import architecture_picture
 from scripts.documentation import configuration_tables, reference_entries
-from tracker.body.description import BodyDescription
-from tracker.cli import app
-from tracker.commands.export import FORMATS
-from tracker.components import available, find, stages
-from tracker.doubt import Because
-from tracker.errors import ConfigError
-from tracker.jobs import execute, job_from, load_job
-from tracker.recording import chosen_recordings
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
+from tracker.bodies.body.description import BodyDescription
+from tracker.foundation.configuration.components import available, find, stages
+from tracker.foundation.errors import ConfigError
+from tracker.results.recording import chosen_recordings
+from tracker.running.cli import app
+from tracker.running.commands.export import FORMATS
+from tracker.running.jobs import execute, job_from, load_job
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.tracking.doubt import Because
 
 ROOT = Path(__file__).parents[1]
 COMPONENTS = {find(stage, use) for stage in stages() for use in available(stage)}
@@ -53,7 +53,7 @@ def test_the_site_is_built(tmp_path, monkeypatch):
     pages = {path.stem for path in (tmp_path / "site").glob("*.html")} - {"404"}
     assert pages == {name.removesuffix(".md") for name in PAGES}
     assert "<td><code>search_below</code></td>" in (tmp_path / "site" / "configuration.html").read_text()
-    assert 'id="tracker.result.load_result"' in (tmp_path / "site" / "reference.html").read_text()
+    assert 'id="tracker.results.result.load_result"' in (tmp_path / "site" / "reference.html").read_text()
     assert (tmp_path / "site" / "first_steps.ipynb").is_file()
     start = (tmp_path / "site" / "index.html").read_text()
     assert not re.findall(r'<(?:link|script)[^>]*(?:href|src)="https?://', start)  # asks nobody else for anything

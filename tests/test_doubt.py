@@ -15,12 +15,19 @@ from hypothesis import strategies as st
 from observations import ideal, objective_of
 from recordings import TrueStart, cycle_for, small_simulation, with_images
 
-from tracker.doubt import Because, Doubt
-from tracker.doubts import Doubts, ranges
-from tracker.estimate import Estimate, Status
-from tracker.frame import Frame
-from tracker.initialization._person_sized import enlarged
-from tracker.loss import (
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.images.observation import Observation
+from tracker.results.recording import RunContext
+from tracker.results.recording._drawing import states_of
+from tracker.results.recording._journal_line import line_of, replay_of
+from tracker.results.recording._series import Series
+from tracker.results.recording.csv_table import CsvTable
+from tracker.tracking.doubt import Because, Doubt
+from tracker.tracking.doubts import Doubts, ranges
+from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.initialization._person_sized import enlarged
+from tracker.tracking.loss import (
     LossRule,
     Troubles,
     doubted,
@@ -33,18 +40,11 @@ from tracker.loss import (
     sought_anew,
     trusted_parts,
 )
-from tracker.observation import Observation
-from tracker.recording import RunContext
-from tracker.recording._drawing import states_of
-from tracker.recording._journal_line import line_of, replay_of
-from tracker.recording._series import Series
-from tracker.recording.csv_table import CsvTable
-from tracker.scene import Scene
-from tracker.start import Start
-from tracker.tracking import track
 from tracker.tracking.outcome import judged_as_wholes
 from tracker.tracking.rivals import found_twice
-from tracker.trajectory import Step
+from tracker.tracking.sequence import track
+from tracker.tracking.start import Start
+from tracker.tracking.trajectory import Step
 
 
 def test_the_truth_is_not_doubted(truth: Scene, observation: Observation) -> None:

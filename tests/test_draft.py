@@ -16,14 +16,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tracker.cli import app
-from tracker.draft import draft
-from tracker.errors import ConfigError, SequenceError
-from tracker.jobs import load_job
-from tracker.rig import Rig
-from tracker.rig_layouts import load_rig, save_rig
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import load_rig, save_rig
+from tracker.foundation.errors import ConfigError, SequenceError
+from tracker.running.cli import app
+from tracker.running.drafts.configuration import draft
+from tracker.running.jobs import load_job
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
 
 MEASURED = ("persons.0.stature_m=1.75",)
 

@@ -11,22 +11,22 @@ import pytest
 from doubted import in_doubt
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
-from tracker.arrays import Array, Image
-from tracker.errors import InitializationError
-from tracker.estimate import Estimate, Status
-from tracker.estimation.twist_icp import TwistIcpEstimation
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.limbs import turned_round
-from tracker.loss import LossRule, Troubles, is_out_of_sight, sought_anew
-from tracker.objective import Objective
-from tracker.scene import Scene
-from tracker.simulation.sequence import Simulation
-from tracker.start import Hypothesis, Start
-from tracker.tracking import track
+from tracker.bodies.limbs import turned_round
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.foundation.arrays import Array, Image
+from tracker.foundation.errors import InitializationError
+from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.cycle_turn import settled
-from tracker.trajectory import Replay, Step
+from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.initialization import Stages
+from tracker.tracking.loss import LossRule, Troubles, is_out_of_sight, sought_anew
+from tracker.tracking.objective import Objective
+from tracker.tracking.sequence import track
+from tracker.tracking.start import Hypothesis, Start
+from tracker.tracking.trajectory import Replay, Step
 
 RULE = LossRule(look_ahead_s=(0.08, 0.2, 0.24), look_on_s=(), rehearse=0)
 """A twentieth of a second is a frame and a bit."""

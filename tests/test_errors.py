@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tracker.errors import nearest
+from tracker.foundation.errors import nearest
 
 
 @pytest.mark.parametrize(

@@ -10,18 +10,18 @@ import pytest
 from observations import bent, four_views, ideal, joint_errors_mm, objective_of, off
 from rounding import SINGLE, assert_alike
 
-from tracker.account import Account
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.comparison import Comparison
-from tracker.equations import Equations
-from tracker.estimate import Estimate
-from tracker.estimation.hybrid import HybridEstimation
-from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
 from tracker.evidence import Evidence
-from tracker.objective import Objective
-from tracker.observation import Observation
-from tracker.scene import Person, Scene
+from tracker.evidence.measures.account import Account
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.equations import Equations
+from tracker.foundation.arrays import Array
+from tracker.images.observation import Observation
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.estimation.hybrid import HybridEstimation
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.objective import Objective
 
 
 @pytest.mark.parametrize("seed", range(4))

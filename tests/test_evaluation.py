@@ -14,13 +14,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from tracker.body.files import load_body
-from tracker.cli import app
-from tracker.errors import SequenceError
-from tracker.evaluation.comparison import error_figure, evaluate
-from tracker.evaluation.joint_names import JointNames, names_of
-from tracker.evaluation.person_errors import flexion
-from tracker.resources import model_path
+from tracker.bodies.body.files import load_body
+from tracker.foundation.errors import SequenceError
+from tracker.foundation.resources import model_path
+from tracker.results.evaluation.comparison import error_figure, evaluate
+from tracker.results.evaluation.joint_names import JointNames, names_of
+from tracker.results.evaluation.person_errors import flexion
+from tracker.running.cli import app
 
 N_FRAMES = 12
 NAMES = {

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 
-from tracker.arrays import Array
-from tracker.comparison import Comparison
-from tracker.estimation.hybrid import HybridEstimation
 from tracker.evidence.contours import ContourEvidence
-from tracker.sight import Sight
+from tracker.evidence.measures.comparison import Comparison
+from tracker.foundation.arrays import Array
+from tracker.images.sight import Sight
 from tracker.tracking.cycle_turn import objective_of
+from tracker.tracking.estimation.hybrid import HybridEstimation
 
 
 class Counting(ContourEvidence):

@@ -9,10 +9,10 @@ import pytest
 from observations import bent
 from rounding import assert_alike
 
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.limbs import exchanged, mirrored
-from tracker.resources import model_path
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.limbs import exchanged, mirrored
+from tracker.foundation.resources import model_path
 
 PAIRS = [("gavrila22", "leg"), ("gavrila22", "arm"), ("human", "leg")]
 

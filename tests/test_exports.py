@@ -13,18 +13,18 @@ from exported import FOUND, HUNDREDTH_MM, motion_of, vars_of
 from motions import LOST, MODELS, N_FRAMES, SIGMA, made_up, performed
 from typer.testing import CliRunner
 
-from tracker.body.files import load_body
-from tracker.cli import app
-from tracker.commands.export import FORMATS
-from tracker.components import find
-from tracker.errors import ConfigError
-from tracker.estimate import Status
-from tracker.recording.bvh import Bvh
-from tracker.recording.glb import Glb
-from tracker.recording.mot import Mot
-from tracker.recording.osim import Osim
-from tracker.recording.trc import Trc
-from tracker.recording.wide_table import WideTable
+from tracker.bodies.body.files import load_body
+from tracker.foundation.configuration.components import find
+from tracker.foundation.errors import ConfigError
+from tracker.results.recording.bvh import Bvh
+from tracker.results.recording.glb import Glb
+from tracker.results.recording.mot import Mot
+from tracker.results.recording.osim import Osim
+from tracker.results.recording.trc import Trc
+from tracker.results.recording.wide_table import WideTable
+from tracker.running.cli import app
+from tracker.running.commands.export import FORMATS
+from tracker.tracking.estimate import Status
 
 
 def test_lost_frames_are_filled_between_their_neighbours(movement):

@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 from rounding import assert_alike
 
-from tracker.arrays import Array32
-from tracker.body import BodyModel
-from tracker.camera import Camera
-from tracker.fisheye import rational_of, told_end
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.camera import Camera
+from tracker.cameras.fisheye import rational_of, told_end
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_check import check_rig
+from tracker.cameras.rig_layouts import read_rig, save_rig
+from tracker.foundation.arrays import Array32
 from tracker.kernels.projection import project_grid, project_point
 from tracker.kernels.skins.depths import see_vertices
-from tracker.recording._player import _camera
-from tracker.rig import Rig
-from tracker.rig_check import check_rig
-from tracker.rig_layouts import read_rig, save_rig
-from tracker.scene import Person, Scene
-from tracker.simulation.room import background_plates
+from tracker.results.recording._player import _camera
 from tracker.synthesis._pictures import rasterized_ids
 from tracker.synthesis._pinhole import pinhole_of
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.room import background_plates
 
 BARREL = replace(
     Camera.looking_at("barrel", (1280, 720), 1100, (0, -4, 1), np.array([0, 0, 1.0])),

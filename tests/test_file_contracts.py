@@ -13,18 +13,18 @@ from osim_samples import osim_like_rajagopals
 from recordings import cycle_for, small_simulation
 from sections import each, made
 
-from tracker.analysis.contours import ContourAnalysis
-from tracker.comparison import Comparison
-from tracker.errors import TrackerError
-from tracker.estimate import Status
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence.contours import ContourEvidence
-from tracker.frame import Frame
-from tracker.objective import Objective
-from tracker.recording import RunContext
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
-from tracker.trajectory import Step
+from tracker.evidence.measures.comparison import Comparison
+from tracker.foundation.errors import TrackerError
+from tracker.images.analysis.contours import ContourAnalysis
+from tracker.images.sight import Sight
+from tracker.results.recording import RunContext
+from tracker.synthesis.simulation.sequence import Simulation
+from tracker.tracking.estimate import Status
+from tracker.tracking.objective import Objective
+from tracker.tracking.trajectory import Step
 
 
 @pytest.fixture(scope="module")

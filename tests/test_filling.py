@@ -9,10 +9,10 @@ import pytest
 from observations import four_views
 from scipy.spatial.transform import Rotation
 
-from tracker.arrays import Array, Mask
+from tracker.bodies.scene import Scene
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Mask
 from tracker.kernels.pictures.silhouettes import fill_parts
-from tracker.rig import Rig
-from tracker.scene import Scene
 from tracker.synthesis.cpu import CpuSynthesis, _grids
 
 LAYOUT = (13, 24)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from recordings import small_simulation
 
-from tracker.plate import Plate
-from tracker.simulation.sequence import Simulation
+from tracker.images.plate import Plate
+from tracker.synthesis.simulation.sequence import Simulation
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 

@@ -12,26 +12,34 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tracker.body.files import load_body
-from tracker.camera import Camera
-from tracker.cli import app
-from tracker.contours import PX_PER_OBSERVATION
-from tracker.errors import CalibrationError, ConfigError, TrackerError
-from tracker.estimation.twist_icp import TwistIcpEstimation
-from tracker.resources import model_path
-from tracker.rig import Rig
-from tracker.rig_layouts import load_rig, save_rig
-from tracker.scene import Person, Scene
-from tracker.simulation import precision, room
-from tracker.simulation.common_volume import Floor, best_place, check_asked, floor_seen, seen_whole, sees, sizes
-from tracker.simulation.filming import film, plan
-from tracker.simulation.movements import poses_of
-from tracker.simulation.precision import best_views, covariances, joint_sigmas, view_information
-from tracker.simulation.room import background_plates, default_rig, room_around
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.visibility import by_segment, visible_shares
-from tracker.simulation.volume_figure import volume_figure
+from tracker.bodies.body.files import load_body
+from tracker.bodies.contours import PX_PER_OBSERVATION
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import load_rig, save_rig
+from tracker.foundation.errors import CalibrationError, ConfigError, TrackerError
+from tracker.foundation.resources import model_path
+from tracker.running.cli import app
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation import precision, room
+from tracker.synthesis.simulation.common_volume import (
+    Floor,
+    best_place,
+    check_asked,
+    floor_seen,
+    seen_whole,
+    sees,
+    sizes,
+)
+from tracker.synthesis.simulation.filming import film, plan
+from tracker.synthesis.simulation.movements import poses_of
+from tracker.synthesis.simulation.precision import best_views, covariances, joint_sigmas, view_information
+from tracker.synthesis.simulation.room import background_plates, default_rig, room_around
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.visibility import by_segment, visible_shares
+from tracker.synthesis.simulation.volume_figure import volume_figure
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 
 BODY = load_body(model_path("gavrila22"))
 SMALL = default_rig((320, 256))

@@ -8,8 +8,8 @@ from itertools import islice
 
 import pytest
 
-from tracker.first_frames import FirstFrames
-from tracker.frame import Frame
+from tracker.cameras.frame import Frame
+from tracker.images.first_frames import FirstFrames
 
 
 class Recorded:

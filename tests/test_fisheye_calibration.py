@@ -10,10 +10,10 @@ import numpy as np
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
-from tracker.arrays import Array
-from tracker.calibration._board_start import board_start
-from tracker.calibration.chessboard import BoardImages, ChessboardCalibration
-from tracker.camera import Camera
+from tracker.cameras.calibration._board_start import board_start
+from tracker.cameras.calibration.chessboard import BoardImages, ChessboardCalibration
+from tracker.cameras.camera import Camera
+from tracker.foundation.arrays import Array
 from tracker.kernels.rows import bundle_camera
 
 SIZE = (1280, 720)

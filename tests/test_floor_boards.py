@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker.arrays import Image
-from tracker.calibration._world import WorldFrame
-from tracker.camera import Camera
-from tracker.errors import CalibrationError
-from tracker.rig import Rig
+from tracker.cameras.calibration._world import WorldFrame
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Image
+from tracker.foundation.errors import CalibrationError
 
 SQUARE_M, SQUARE_PX = 0.1, 60
 

@@ -12,17 +12,17 @@ import pytest
 import test_following as following
 from typer.testing import CliRunner
 
-from tracker.cli import app
-from tracker.errors import ConfigError, MatchingError, SequenceError, TrackerError
-from tracker.following.following import Following
-from tracker.following.record import read
-from tracker.frame import Frame
-from tracker.jobs import execute, load_job
-from tracker.jobs._born import Born
-from tracker.lsm.growth import Growth
-from tracker.lsm.surface import SurfaceMeasurement
-from tracker.rig import Rig
-from tracker.rig_layouts import save_rig
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import save_rig
+from tracker.foundation.errors import ConfigError, MatchingError, SequenceError, TrackerError
+from tracker.points.following.following import Following
+from tracker.points.following.record import read
+from tracker.points.surfaces.growth import Growth
+from tracker.points.surfaces.surface import SurfaceMeasurement
+from tracker.running.cli import app
+from tracker.running.jobs import execute, load_job
+from tracker.running.jobs._born import Born
 
 N_FRAMES = 7
 rig, frames = following.rig, following.frames
@@ -114,7 +114,7 @@ def test_the_table_has_what_is_known_of_a_point(outcome, rig):
 
 
 def test_an_interrupted_job_is_resumed_to_the_same_bytes(folder, outcome, monkeypatch):
-    from tracker.jobs import _sightings
+    from tracker.running.jobs import _sightings
 
     out, written = folder / "broken_off", _sightings.append
 
@@ -134,7 +134,7 @@ def test_an_interrupted_job_is_resumed_to_the_same_bytes(folder, outcome, monkey
 
 
 def test_ctrl_c_leaves_a_usable_result(folder, monkeypatch):
-    from tracker.jobs import _sightings
+    from tracker.running.jobs import _sightings
 
     written = _sightings.append
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from test_follow_job import folder, frames, outcome, rig
 from typer.testing import CliRunner
 
-from tracker.cli import app
-from tracker.jobs import _sightings, execute, load_job
+from tracker.running.cli import app
+from tracker.running.jobs import _sightings, execute, load_job
 
 __all__ = ["folder", "frames", "outcome", "rig"]
 
@@ -36,7 +36,7 @@ def test_ctrl_c_before_the_first_frame_leaves_nothing(folder, monkeypatch):
     def stopped(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tracker.jobs._born.measure_surface", stopped)
+    monkeypatch.setattr("tracker.running.jobs._born.measure_surface", stopped)
     told = CliRunner().invoke(app, ["follow", str(folder / "follow.toml"), "--output", str(folder / "at_once")])
     assert told.exit_code == 130, told.output
     assert not (folder / "at_once").exists()
@@ -48,6 +48,6 @@ class Outcome:
 
 
 def test_an_interrupted_job_ends_with_the_code_of_ctrl_c(folder, monkeypatch):
-    monkeypatch.setattr("tracker.commands.job.done", lambda *_: Outcome())
+    monkeypatch.setattr("tracker.running.commands.job.done", lambda *_: Outcome())
     told = CliRunner().invoke(app, ["follow", str(folder / "follow.toml")])
     assert told.exit_code == 130, told.output

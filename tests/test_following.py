@@ -10,24 +10,24 @@ import pytest
 from scipy.spatial.transform import Rotation
 from textures import Waves, pixels_of, sensed
 
-from tracker.camera import Camera
-from tracker.errors import SequenceError
-from tracker.following.births import chosen_evenly, points_of_image, points_of_surface
-from tracker.following.density import Density
-from tracker.following.following import Following
-from tracker.following.neighbours import expected
-from tracker.following.points import restored
-from tracker.following.saved_state import STATE, Counts, save_state, saved_state
-from tracker.following.sequence import follow
-from tracker.frame import Frame
+from tracker.cameras.camera import Camera
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.cameras.triangulation import triangulate
+from tracker.foundation.errors import SequenceError
 from tracker.kernels.adjustment.ray_intersection import intersect_rays
-from tracker.lsm.growth import Growth
-from tracker.lsm.matching import LeastSquaresMatching
-from tracker.lsm.surface import SurfaceMeasurement, measure_surface
-from tracker.lsm.views import Preparation
-from tracker.point_trajectories import PointStatus
-from tracker.rig import Rig
-from tracker.triangulation import triangulate
+from tracker.points.following.births import chosen_evenly, points_of_image, points_of_surface
+from tracker.points.following.density import Density
+from tracker.points.following.following import Following
+from tracker.points.following.neighbours import expected
+from tracker.points.following.points import restored
+from tracker.points.following.saved_state import STATE, Counts, save_state, saved_state
+from tracker.points.following.sequence import follow
+from tracker.points.surfaces.growth import Growth
+from tracker.points.surfaces.matching import LeastSquaresMatching
+from tracker.points.surfaces.surface import SurfaceMeasurement, measure_surface
+from tracker.points.surfaces.views import Preparation
+from tracker.points.trajectories import PointStatus
 
 SIZE, NOISE, N_FRAMES = (200, 160), 1.0, 9
 TEXTURE, OTHER = Waves(0.012, widest=16.0, n=120), Waves(0.012, seed=3, widest=16.0, n=120)

@@ -20,31 +20,31 @@ from tracker.acquisition.calibrated_views import ViewSettings, Watching, fit_to_
 from tracker.acquisition.fit_task import FitSettings
 from tracker.acquisition.from_recording import best_seen, fit_bodies
 from tracker.acquisition.shape_space import ShapePrior, space_of
-from tracker.body.description import BodyDescription
-from tracker.body.files import read_description, save_description
-from tracker.errors import InitializationError
-from tracker.estimate import Estimate
-from tracker.estimation.twist_icp import TwistIcpEstimation
-from tracker.initialization import Initialization
-from tracker.jobs import execute, load_job
-from tracker.jobs._persons import _unlike
-from tracker.jobs.track import TrackJob
-from tracker.loss import LossRule
-from tracker.objective import Objective
-from tracker.plate import Plate
-from tracker.progress import silent
-from tracker.resources import model_path
-from tracker.run import Run
-from tracker.scene import Person, Scene
-from tracker.simulation.sequence import Recipe, Simulation
-from tracker.simulation.sequence_files import write_sequence
-from tracker.start import Start
+from tracker.bodies.body.description import BodyDescription
+from tracker.bodies.body.files import read_description, save_description
+from tracker.bodies.scene import Person, Scene
+from tracker.foundation.errors import InitializationError
+from tracker.foundation.progress import silent
+from tracker.foundation.resources import model_path
+from tracker.images.plate import Plate
+from tracker.running.jobs import execute, load_job
+from tracker.running.jobs._persons import _unlike
+from tracker.running.jobs.track import TrackJob
+from tracker.running.run import Run
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.sequence import Recipe, Simulation
+from tracker.synthesis.simulation.sequence_files import write_sequence
 from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 from tracker.tracking.found_before import StartedBefore, gone_again, knowing
+from tracker.tracking.initialization import Initialization
+from tracker.tracking.loss import LossRule
+from tracker.tracking.objective import Objective
 from tracker.tracking.other_places import in_likeliest_places
+from tracker.tracking.start import Start
+from tracker.tracking.trajectory import Step
 from tracker.tracking.windows import back, there
-from tracker.trajectory import Step
 
 QUICK = ViewSettings(frames=4, rounds=1, fit=FitSettings(iterations=6, pose_deg=8.0, pose_m=0.05, rigid_share=0.2))
 N_FRAMES = 8
@@ -347,7 +347,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> TrackJob:
 def test_a_run_keeps_the_body_that_it_has_fitted_and_goes_on_with_it(
     run: TrackJob, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tracker.jobs._persons.ViewSettings", lambda: QUICK)
+    monkeypatch.setattr("tracker.running.jobs._persons.ViewSettings", lambda: QUICK)
     said: list[str] = []
     whole = execute(run, tmp_path / "whole", progress=lambda what, *_: said.append(what))
     words = "lengths and shapes fitted to 4 of the first 4 frames"

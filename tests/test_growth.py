@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from textures import Waves, deformed, pixels_of, sensed
 
-from tracker.arrays import frozen
+from tracker.foundation.arrays import frozen
 from tracker.kernels.patches.growth import stretch
 from tracker.kernels.patches.matching import HALF_PATCH, MATCHED
-from tracker.lsm.curvature import corrected_for_curvature
-from tracker.lsm.filters import NeighbourhoodFilter, voxel_members
-from tracker.lsm.growth import Growth, MatchField
-from tracker.lsm.matching import LeastSquaresMatching
+from tracker.points.surfaces.curvature import corrected_for_curvature
+from tracker.points.surfaces.filters import NeighbourhoodFilter, voxel_members
+from tracker.points.surfaces.growth import Growth, MatchField
+from tracker.points.surfaces.matching import LeastSquaresMatching
 
 SIZE = (160, 120)
 AFFINE, SHIFT = np.array([[1.05, 0.02], [-0.03, 0.97]]), np.array([2.0, 3.0])

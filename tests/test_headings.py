@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.body.files import load_body
-from tracker.camera import Camera
-from tracker.resources import model_path
-from tracker.rig import Rig
-from tracker.simulation.common_volume import best_heading_deg
-from tracker.simulation.movements import poses_of
-from tracker.simulation.sequence import Recipe
+from tracker.bodies.body.files import load_body
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.foundation.resources import model_path
+from tracker.synthesis.simulation.common_volume import best_heading_deg
+from tracker.synthesis.simulation.movements import poses_of
+from tracker.synthesis.simulation.sequence import Recipe
 
 
 def test_of_equal_headings_that_nearest_to_the_usual_one_is_taken() -> None:

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from bars import CLEAN, at_truth, images_of, recorded
 
-from tracker.calibration._self_calibration import chosen_unknowns, self_calibrated
-from tracker.calibration._start import bar_observations
+from tracker.cameras.calibration._self_calibration import chosen_unknowns, self_calibrated
+from tracker.cameras.calibration._start import bar_observations
 from tracker.kernels.rows import bundle_camera
 
 

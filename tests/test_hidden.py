@@ -10,19 +10,19 @@ import pytest
 from observations import bent, four_views
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
-from tracker.account import Account
-from tracker.arrays import Image, Mask
-from tracker.body import BodyModel
-from tracker.doubts import Doubts
-from tracker.estimate import Estimate
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
 from tracker.evidence.auto import AutoEvidence
-from tracker.hidden import LONG_FRAMES, hidden_limbs, not_shown_by
-from tracker.loss import trusted_parts
-from tracker.recording._drawing import draw_step
-from tracker.scene import Person, Scene
-from tracker.simulation.sequence import Simulation
-from tracker.tracking import track
-from tracker.trajectory import History, Step
+from tracker.evidence.measures.account import Account
+from tracker.evidence.measures.occlusion import LONG_FRAMES, hidden_limbs, not_shown_by
+from tracker.foundation.arrays import Image, Mask
+from tracker.results.recording._drawing import draw_step
+from tracker.synthesis.simulation.sequence import Simulation
+from tracker.tracking.doubts import Doubts
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.loss import trusted_parts
+from tracker.tracking.sequence import track
+from tracker.tracking.trajectory import History, Step
 
 ARM, BLUE = "left_arm", (220, 120, 60)
 

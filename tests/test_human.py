@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.initialization._inverse_kinematics import fitted_pose
-from tracker.keypoints import meant
-from tracker.resources import model_path
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.keypoints import meant
+from tracker.foundation.resources import model_path
+from tracker.tracking.initialization._inverse_kinematics import fitted_pose
 
 
 @pytest.fixture(scope="module")

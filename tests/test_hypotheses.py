@@ -10,15 +10,15 @@ from doubted import in_doubt
 
 from tests.motions import estimate_of
 from tests.observations import bent, four_views
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.frame import Frame
-from tracker.initialization._drafts import Draft, likeliest_of
-from tracker.initialization._hypotheses import apart, coarse_poses, finalists, hypothesis, ranked
-from tracker.limbs import turned_round
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-from tracker.start import Hypothesis, confidence, limbs_shown, sureness
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.limbs import turned_round
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
+from tracker.foundation.resources import model_path
+from tracker.tracking.initialization._drafts import Draft, likeliest_of
+from tracker.tracking.initialization._hypotheses import apart, coarse_poses, finalists, hypothesis, ranked
+from tracker.tracking.start import Hypothesis, confidence, limbs_shown, sureness
 
 # Of the same four poses in two foregrounds.
 LEFT_OVER = (0.3, 0.4, 0.5, 0.6), (0.45, 0.7, 0.8, 0.35)

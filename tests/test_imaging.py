@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker.arrays import Array, Image, Mask
-from tracker.imaging.edges import EdgeSegments, canny, chamfer_image, gradient, segment_edges
+from tracker.foundation.arrays import Array, Image, Mask
+from tracker.images.operations.edges import EdgeSegments, canny, chamfer_image, gradient, segment_edges
 
 RULE = (4, float(np.radians(20.0)), 8)
 DARK, BRIGHT = 60.0, 180.0

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from recordings import cycle_for, small_simulation
 
-from tracker.doubt import Because
-from tracker.estimate import Status
-from tracker.in_space import judged_in_space, shared
-from tracker.scene import Person, Scene
-from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
+from tracker.bodies.scene import Person, Scene
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.cycle_turn import objective_of
+from tracker.tracking.doubt import Because
+from tracker.tracking.estimate import Status
+from tracker.tracking.overlap import judged_in_space, shared
 
 
 @pytest.fixture(scope="module")

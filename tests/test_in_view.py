@@ -10,29 +10,29 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
-from tracker.arrays import Image
-from tracker.doubt import Because, Doubt
-from tracker.errors import InitializationError
-from tracker.estimate import Estimate, Status
-from tracker.estimation.hybrid import HybridEstimation
-from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
 from tracker.evidence.auto import AutoEvidence
-from tracker.frame import Frame
-from tracker.in_view import judged_in_view
-from tracker.inspection import first_in_view
-from tracker.jobs.track import TrackJob
-from tracker.loss import LossRule
-from tracker.plate import Plate
-from tracker.progress import Progress
-from tracker.rig import Rig
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
+from tracker.foundation.arrays import Image
+from tracker.foundation.errors import InitializationError
+from tracker.foundation.progress import Progress
+from tracker.images.inspection import first_in_view
+from tracker.images.plate import Plate
+from tracker.images.sight import Sight
+from tracker.running.jobs.track import TrackJob
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.tracking import track
+from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.cycle_turn import objective_of
+from tracker.tracking.doubt import Because, Doubt
+from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.estimation.hybrid import HybridEstimation
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.loss import LossRule
 from tracker.tracking.outcome import still_lost
+from tracker.tracking.sequence import track
 from tracker.tracking.two_passes import track_twice
+from tracker.tracking.visibility import judged_in_view
 
 NOBODY_BEFORE = 6
 BRIEF = HybridEstimation(scatter=48, restarts=1, rounds=1)
@@ -301,7 +301,7 @@ def test_a_run_of_persons_who_are_never_apart_waits_for_the_first_one(
         asked.append(n_persons)
         return 3 if n_persons == 1 else None
 
-    monkeypatch.setattr("tracker.jobs._first_frames.first_in_view", first)
+    monkeypatch.setattr("tracker.running.jobs._first_frames.first_in_view", first)
     told: list[str] = []
     cycle = cycle_for(joined_later, progress=lambda line, *_: told.append(line))
     opened = SimpleNamespace(scene=joined_later.scene, frames=joined_later.frames)

@@ -12,29 +12,29 @@ from observations import four_views
 from recordings import cycle_for, joint_errors_mm, small_simulation
 from typer.testing import CliRunner
 
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.cli import _told, app
-from tracker.contours import Contours
-from tracker.errors import ConfigError, InitializationError
-from tracker.estimation.hybrid import HybridEstimation
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
 from tracker.evidence.contours import ContourEvidence
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.initialization._directions import direction_images
-from tracker.initialization._floor import floor_places
-from tracker.initialization._stances import on_floor, posed, turned
-from tracker.initialization.auto import AutoInitialization
-from tracker.initialization.given import GivenInitialization
-from tracker.initialization.pca import PcaInitialization
-from tracker.initialization.stance import StanceInitialization
-from tracker.plate import Plate
-from tracker.resources import model_path
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
-from tracker.simulation.sequence import Recipe, Simulation
-from tracker.simulation.sequence_files import write_sequence
+from tracker.foundation.errors import ConfigError, InitializationError
+from tracker.foundation.resources import model_path
+from tracker.images.plate import Plate
+from tracker.running.cli import _told, app
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.sequence import Recipe, Simulation
+from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.tracking.estimation.hybrid import HybridEstimation
+from tracker.tracking.initialization import Stages
+from tracker.tracking.initialization._directions import direction_images
+from tracker.tracking.initialization._floor import floor_places
+from tracker.tracking.initialization._stances import on_floor, posed, turned
+from tracker.tracking.initialization.auto import AutoInitialization
+from tracker.tracking.initialization.given import GivenInitialization
+from tracker.tracking.initialization.pca import PcaInitialization
+from tracker.tracking.initialization.stance import StanceInitialization
 
 RIG = four_views()
 NEAR_M = 6.0

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from recordings import small_simulation
 
-from tracker.arrays import Array, Image
-from tracker.camera import Camera
-from tracker.components import available, find
-from tracker.frame import Frame
-from tracker.inspection import Inspection, Survey, findings, other_colours, survey
-from tracker.inspection._survey import N_FRAMES
-from tracker.inspection.timing import _surely_late
-from tracker.plate import Plate
-from tracker.reading.video import VideoReading
-from tracker.rig import Rig
-from tracker.scene import Scene
-from tracker.simulation.sequence import Simulation
+from tracker.bodies.scene import Scene
+from tracker.cameras.camera import Camera
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Image
+from tracker.foundation.configuration.components import available, find
+from tracker.images.inspection import Inspection, Survey, findings, other_colours, survey
+from tracker.images.inspection._survey import N_FRAMES
+from tracker.images.inspection.timing import _surely_late
+from tracker.images.plate import Plate
+from tracker.images.reading.video import VideoReading
+from tracker.synthesis.simulation.sequence import Simulation
 
 LATE = 6
 N_HALF = 70

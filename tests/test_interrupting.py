@@ -11,12 +11,12 @@ from types import FrameType, SimpleNamespace
 
 import pytest
 
-from tracker.errors import ConfigError
+from tracker.foundation.errors import ConfigError
 from tracker.synthesis import side_by_side
 
 AT_WORK = """
 import sys, threading, time
-import tracker.cli as cli
+import tracker.running.cli as cli
 
 def interrupted(standalone_mode):
     threading.Thread(target=time.sleep, args=(60,)).start()

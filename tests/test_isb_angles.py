@@ -10,11 +10,11 @@ import pytest
 from motions import LOST, MODELS, N_FRAMES, made_up
 from scipy.spatial.transform import Rotation
 
-from tracker.body.files import load_body
-from tracker.errors import ConfigError
-from tracker.recording._anatomical import joints_of, leaning_limb
-from tracker.recording._motion import Y_UP
-from tracker.recording.isb_angles import IsbAngles
+from tracker.bodies.body.files import load_body
+from tracker.foundation.errors import ConfigError
+from tracker.results.recording._anatomical import joints_of, leaning_limb
+from tracker.results.recording._motion import Y_UP
+from tracker.results.recording.isb_angles import IsbAngles
 
 HUMAN, GAVRILA = (load_body(MODELS / f"{name}.toml") for name in ("human", "gavrila22"))
 

@@ -12,13 +12,13 @@ import typer
 from small_jobs import JOBS, SECTIONS, Waiting, smallest
 from typer.testing import CliRunner
 
-import tracker.jobs
-from tracker.commands.job import add_jobs
-from tracker.components import find
-from tracker.errors import ConfigError, TrackerError
-from tracker.jobs import Job, described, execute, job_from, load_job
-from tracker.jobs._inputs import fingerprints
-from tracker.subject import Subject
+import tracker.running.jobs
+from tracker.bodies.subject import Subject
+from tracker.foundation.configuration.components import find
+from tracker.foundation.errors import ConfigError, TrackerError
+from tracker.running.commands.job import add_jobs
+from tracker.running.jobs import Job, described, execute, job_from, load_job
+from tracker.running.jobs._inputs import fingerprints
 
 # The contract
 
@@ -129,10 +129,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from tracker.components import component
-from tracker.files import write_whole
-from tracker.jobs import ResultFolder
-from tracker.progress import Progress
+from tracker.foundation.configuration.components import component
+from tracker.foundation.files import write_whole
+from tracker.running.jobs import ResultFolder
+from tracker.foundation.progress import Progress
 
 
 @component
@@ -173,8 +173,8 @@ def test_adding_a_job_is_adding_one_file(tmp_path: Path, monkeypatch: pytest.Mon
     (tmp_path / "jobs").mkdir()
     (tmp_path / "jobs" / "count.py").write_text(COUNTING)
     (tmp_path / "count.toml").write_text('job = "count"\nname = "mine"\n')
-    monkeypatch.setattr("tracker.jobs.__path__", [*tracker.jobs.__path__, str(tmp_path / "jobs")])
-    monkeypatch.setattr("tracker.commands.job._JOBS", tmp_path / "jobs")
+    monkeypatch.setattr("tracker.running.jobs.__path__", [*tracker.running.jobs.__path__, str(tmp_path / "jobs")])
+    monkeypatch.setattr("tracker.running.commands.job._JOBS", tmp_path / "jobs")
     monkeypatch.chdir(tmp_path)
     app = typer.Typer()
     app.command("other")(lambda: None)
@@ -186,7 +186,7 @@ def test_adding_a_job_is_adding_one_file(tmp_path: Path, monkeypatch: pytest.Mon
     wrong = CliRunner().invoke(app, ["count", "count.toml", "--set", "too=5"])
     assert isinstance(wrong.exception, ConfigError)
     assert 'did you mean "to"' in str(wrong.exception)
-    sys.modules.pop("tracker.jobs.count", None)
+    sys.modules.pop("tracker.running.jobs.count", None)
 
 
 def test_the_files_of_a_skin_are_inputs_as_the_model_is(tmp_path: Path) -> None:

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from observations import bent, four_views
 
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.errors import ConfigError
-from tracker.initialization.auto import AutoInitialization
-from tracker.initialization.given import GivenInitialization
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import ConfigError
+from tracker.tracking.initialization.auto import AutoInitialization
+from tracker.tracking.initialization.given import GivenInitialization
 
 OTHERS = {"left_elbow": "l_elbow", "right_elbow": "RElbow", "left_hip": "LHip", "right_wrist": "right wrist"}
 

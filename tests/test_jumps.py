@@ -9,14 +9,14 @@ import pytest
 from doubted import in_doubt
 from recordings import TrueStart, cycle_for, small_simulation
 
-from tracker.body.files import load_body
-from tracker.doubt import Because
-from tracker.estimate import Status
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-from tracker.tracking import track
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Person, Scene
+from tracker.foundation.resources import model_path
+from tracker.tracking.doubt import Because
+from tracker.tracking.estimate import Status
 from tracker.tracking.jumps import with_jumps
-from tracker.trajectory import Step
+from tracker.tracking.sequence import track
+from tracker.tracking.trajectory import Step
 
 N = 14
 

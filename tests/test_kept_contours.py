@@ -9,10 +9,10 @@ import pytest
 from observations import off
 from rounding import assert_alike
 
-from tracker.arrays import Array
-from tracker.contours import Contours
-from tracker.rig import Rig
-from tracker.scene import Scene
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array
 from tracker.synthesis import cpu
 from tracker.synthesis.cpu import CpuSynthesis
 

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 from motions import made_up
 
-from tracker.jobs import execute, load_job
-from tracker.programs import export
-from tracker.recording.run_json import RunJson
-from tracker.result import load_result
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
-from tracker.smoothed import write_smoothed
-from tracker.smoothing.rts import RauchTungStriebel
+from tracker.results.recording.run_json import RunJson
+from tracker.results.result import load_result
+from tracker.results.smoothed_result import write_smoothed
+from tracker.results.smoothing.rts import RauchTungStriebel
+from tracker.running.jobs import execute, load_job
+from tracker.running.programs import export
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
 
 EXCHANGED = "the videos of FRONT and BACK are exchanged"
 
@@ -26,11 +26,11 @@ def told(folder: Path) -> dict[str, object]:
 
 
 def test_a_resumed_run_tells_what_it_has_found_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tracker.jobs._first_frames.survey", lambda *_: None)
-    monkeypatch.setattr("tracker.jobs._first_frames.other_colours", lambda _: "")
-    monkeypatch.setattr("tracker.jobs._first_frames.findings", lambda _: (EXCHANGED,))
+    monkeypatch.setattr("tracker.running.jobs._first_frames.survey", lambda *_: None)
+    monkeypatch.setattr("tracker.running.jobs._first_frames.other_colours", lambda _: "")
+    monkeypatch.setattr("tracker.running.jobs._first_frames.findings", lambda _: (EXCHANGED,))
     late = "view BACK is late"  # told again at every end
-    monkeypatch.setattr("tracker.jobs._views.Tracks.told", lambda *_: (late,))
+    monkeypatch.setattr("tracker.running.jobs._views.Tracks.told", lambda *_: (late,))
     config = write_sequence(Recipe("arm_swing", seconds=0.16, size=(256, 208)), tmp_path / "sequence")
     start = ["initialization.use=given", "initialization.poses=truth_poses.csv", "passes=1"]
     job = load_job("track", config, [*start, 'recordings=["run_json","journal","report"]'])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from textures import Waves, deformed
 
-from tracker.following.keys import Keys, Quality, Starts, find_keys
 from tracker.kernels.patches.bending import LARGEST_PX, LEAST_NEIGHBOURS, NO_SHIFT_PX2, NO_SPREAD_PX2, bending_shifts
-from tracker.lsm.matching import LeastSquaresMatching
+from tracker.points.following.keys import Keys, Quality, Starts, find_keys
+from tracker.points.surfaces.matching import LeastSquaresMatching
 
 SIZE = (200, 160)
 

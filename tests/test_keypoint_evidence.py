@@ -11,18 +11,18 @@ import pytest
 from detected import NAMES, detected, exchanged, written
 from observations import bent, four_views
 
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.comparison import Comparison
-from tracker.errors import ConfigError
+from tracker.bodies.body import BodyModel
+from tracker.bodies.keypoint_layouts.orders import LAYOUTS
+from tracker.bodies.keypoints import limbs, meant, swapped_sides
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.keypoints import KeypointEvidence
+from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.together import TogetherEvidence
-from tracker.frame import Frame
-from tracker.keypoint_layouts.orders import LAYOUTS
-from tracker.keypoints import limbs, meant, swapped_sides
-from tracker.scene import Person, Scene
-from tracker.sight import Sight
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import ConfigError
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
 
 

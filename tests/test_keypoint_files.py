@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tracker.camera import Camera
-from tracker.errors import SequenceError
-from tracker.frame import Frame
-from tracker.keypoint_layouts import open_keypoints
-from tracker.keypoint_layouts.orders import LAYOUTS
-from tracker.keypoint_layouts.views import KeypointFiles, KeypointViews
-from tracker.rig import Rig
+from tracker.bodies.keypoint_layouts import open_keypoints
+from tracker.bodies.keypoint_layouts.orders import LAYOUTS
+from tracker.bodies.keypoint_layouts.views import KeypointFiles, KeypointViews
+from tracker.cameras.camera import Camera
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.foundation.errors import SequenceError
 
 PERSON = [value for k in range(17) for value in (300.0 + 7 * k, 200.0 + 11 * k, 0.9)]
 """A line of COCO-17."""

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tracker.camera import Camera
-from tracker.errors import SequenceError
-from tracker.frame import Frame
-from tracker.keypoint_layouts import open_keypoints
-from tracker.keypoint_layouts.orders import LAYOUTS
-from tracker.keypoint_layouts.views import KeypointViews
-from tracker.keypoint_names import plain_name
-from tracker.keypoints import swapped_sides
-from tracker.mirror import Mirror
-from tracker.rig import Rig
+from tracker.bodies.keypoint_layouts import open_keypoints
+from tracker.bodies.keypoint_layouts.orders import LAYOUTS
+from tracker.bodies.keypoint_layouts.views import KeypointViews
+from tracker.bodies.keypoint_names import plain_name
+from tracker.bodies.keypoints import swapped_sides
+from tracker.bodies.mirror import Mirror
+from tracker.cameras.camera import Camera
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.foundation.errors import SequenceError
 
 
 def written(folder: Path, frame: int, people: list[list[float]]) -> None:

@@ -11,21 +11,21 @@ from observations import four_views
 from recordings import cycle_for, small_simulation
 from rounding import assert_alike
 
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.body.files import load_body, read_description, save_description
-from tracker.comparison import Comparison
-from tracker.errors import ModelError
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body, read_description, save_description
+from tracker.bodies.keypoint_layouts.orders import LAYOUTS
+from tracker.bodies.keypoint_names import plain_name
+from tracker.bodies.keypoints import limbs, meant, swapped_sides
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence.keypoints import KeypointEvidence
-from tracker.frame import Frame
-from tracker.initialization.keypoints import KeypointInitialization
-from tracker.keypoint_layouts.orders import LAYOUTS
-from tracker.keypoint_names import plain_name
-from tracker.keypoints import limbs, meant, swapped_sides
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-from tracker.sight import Sight
+from tracker.evidence.measures.comparison import Comparison
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import ModelError
+from tracker.foundation.resources import model_path
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.initialization.keypoints import KeypointInitialization
 
 # Some of those of DeepLabCut's SuperAnimal-Quadruped, as they are spelt there, and one that the body does not know.
 SUPER_ANIMAL = (

@@ -14,22 +14,22 @@ from observations import bent, four_views
 from recordings import cycle_for, small_simulation
 from rounding import SINGLE, assert_alike
 
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.errors import ConfigError, InitializationError
+from tracker.bodies.body import BodyModel
+from tracker.bodies.keypoint_layouts.orders import LAYOUTS
+from tracker.bodies.keypoints import limbs, meant, swapped_sides
+from tracker.bodies.scene import Person, Scene
+from tracker.bodies.skeletons import skeletons
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
 from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.keypoints import KeypointEvidence
 from tracker.evidence.together import TogetherEvidence
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.initialization._inverse_kinematics import fitted_pose
-from tracker.initialization.keypoints import KeypointInitialization
-from tracker.keypoint_layouts.orders import LAYOUTS
-from tracker.keypoints import limbs, meant, swapped_sides
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
-from tracker.skeletons import skeletons
-from tracker.start import Hypothesis, Start
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import ConfigError, InitializationError
+from tracker.tracking.initialization import Stages
+from tracker.tracking.initialization._inverse_kinematics import fitted_pose
+from tracker.tracking.initialization.keypoints import KeypointInitialization
+from tracker.tracking.start import Hypothesis, Start
 
 MARKED = [k for k, name in enumerate(NAMES) if k > 4]
 """Keypoints that the 22-parameter body has as landmarks: all but those of the face."""

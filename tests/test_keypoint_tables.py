@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tracker.errors import SequenceError
-from tracker.keypoint_layouts import open_keypoints
+from tracker.bodies.keypoint_layouts import open_keypoints
+from tracker.foundation.errors import SequenceError
 
 HEAD = (
     "scorer,net,net,net,net,net,net\nbodyparts,nose,nose,nose,hip_l,hip_l,hip_l\ncoords,x,y,likelihood,x,y,likelihood\n"

@@ -11,18 +11,18 @@ import pytest
 from observations import off
 from painted import painted
 
-from tracker.arrays import Mask
-from tracker.comparison import Comparison
-from tracker.estimation.coupled import CoupledEstimation
-from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence import GUESSED
 from tracker.evidence._around import Reach, around
 from tracker.evidence.level_set import LevelSetEvidence
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import overlap
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.evidence.together import TogetherEvidence
-from tracker.frame import Frame
-from tracker.imaging.densities import colour_codes, densities, texture_codes
-from tracker.imaging.level_set import (
+from tracker.foundation.arrays import Mask
+from tracker.images.operations.densities import colour_codes, densities, texture_codes
+from tracker.images.operations.level_set import (
     Forces,
     descent,
     energy,
@@ -31,11 +31,11 @@ from tracker.imaging.level_set import (
     signed_distance,
     threshold_dynamics,
 )
-from tracker.objective import Objective
-from tracker.outlines import overlap
-from tracker.scene import Scene
-from tracker.sight import Sight
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.estimation.coupled import CoupledEstimation
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.objective import Objective
 
 SIZE = 96, 128
 

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from recordings import small_simulation
 
-from tracker.arrays import Array, Image, Mask
-from tracker.imaging.light import Light, light_of, sparse
+from tracker.foundation.arrays import Array, Image, Mask
+from tracker.images.operations.light import Light, light_of, sparse
+from tracker.images.plate import Plate, threshold_level
+from tracker.images.plate_changes import changed
+from tracker.images.reading.video import open_clip
 from tracker.kernels.images.light import DARK, block_ratios, connected_blocks, relight, smooth_surface
-from tracker.plate import Plate, threshold_level
-from tracker.plate_changes import changed
-from tracker.reading.video import open_clip
-from tracker.simulation.sequence import Simulation
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.sequence import Simulation
 
 
 def picture(seed: int, size: tuple[int, int] = (96, 144)) -> Image:
@@ -179,7 +179,7 @@ def test_silhouettes_are_found_in_changed_light(
         same.append(overlap(changed(image, plate).foreground, truth))
         assert threshold_level(other, plate) < 40
         with monkeypatch.context() as without:
-            without.setattr("tracker.plate.light_of", lambda now, plate: None)
+            without.setattr("tracker.images.plate.light_of", lambda now, plate: None)
             before.append(overlap(changed(other, plate).foreground, truth))
     assert np.mean(after) > np.mean(same) - 0.04
     assert np.mean(before) < np.mean(same) - 0.2

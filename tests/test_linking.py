@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from rounding import assert_alike
 
-from tracker.arrays import Array32, Image, Integers
-from tracker.imaging.edges import canny, gradient
+from tracker.foundation.arrays import Array32, Image, Integers
+from tracker.images.operations.edges import canny, gradient
 from tracker.kernels.images.constant_curvature import split_segments
 from tracker.kernels.images.edge_segments import trace_segments
 from tracker.kernels.images.linking import Pixels, link_edges

@@ -13,32 +13,32 @@ import pytest
 from observations import four_views
 from recordings import SMALL, cycle_for, small_simulation
 
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.components import find
-from tracker.errors import ConfigError, InitializationError
-from tracker.estimation.hybrid import HybridEstimation
-from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Person, Scene
+from tracker.bodies.subject import Subject
+from tracker.cameras.frame import Frame
 from tracker.evidence.contours import ContourEvidence
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.initialization._likeness import Size, like_a_person, size_of, smallest, standing, tall
-from tracker.initialization._placement import laid_in
-from tracker.initialization._scattering import ROUNDS, scattered
-from tracker.initialization._stances import on_floor, posed, turned
-from tracker.initialization._torso_axis import hull_axis
-from tracker.initialization._visual_hull import STEP_M, Hull
-from tracker.initialization.auto import AutoInitialization
-from tracker.initialization.pca import PcaInitialization
-from tracker.initialization.stance import StanceInitialization
-from tracker.jobs.track import TrackJob
-from tracker.plate import Plate
-from tracker.reading.video import VideoReading
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-from tracker.simulation.sequence import Simulation
-from tracker.subject import Subject
+from tracker.foundation.configuration.components import find
+from tracker.foundation.errors import ConfigError, InitializationError
+from tracker.foundation.resources import model_path
+from tracker.images.plate import Plate
+from tracker.images.reading.video import VideoReading
+from tracker.running.jobs.track import TrackJob
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.sequence import Simulation
+from tracker.tracking.estimation.hybrid import HybridEstimation
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.initialization import Stages
+from tracker.tracking.initialization._likeness import Size, like_a_person, size_of, smallest, standing, tall
+from tracker.tracking.initialization._placement import laid_in
+from tracker.tracking.initialization._scattering import ROUNDS, scattered
+from tracker.tracking.initialization._stances import on_floor, posed, turned
+from tracker.tracking.initialization._torso_axis import hull_axis
+from tracker.tracking.initialization._visual_hull import STEP_M, Hull
+from tracker.tracking.initialization.auto import AutoInitialization
+from tracker.tracking.initialization.pca import PcaInitialization
+from tracker.tracking.initialization.stance import StanceInitialization
 
 CAUGHT_MM = 50.0
 """Mean distance of the joints that tracking catches: half the 10 cm that a search of the default estimation covers."""

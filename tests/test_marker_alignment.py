@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from marked import HINGES, OFFSET_S, SET, SHIFT, TIMES_S, TURN, joints_at, simulated, turn_error_deg
 
-from tracker.body import BodyModel
-from tracker.errors import SequenceError
-from tracker.evaluation.marker_alignment import align
-from tracker.evaluation.marker_comparison import compare
-from tracker.evaluation.marker_fit import placed
-from tracker.evaluation.marker_set import MarkerJoints, joints_of
-from tracker.evaluation.time_correlation import Clocked, flexions, offsets_by_angles
-from tracker.geometry.rigid_motion import rigid_motion
+from tracker.bodies.body import BodyModel
+from tracker.foundation.errors import SequenceError
+from tracker.foundation.geometry.rigid_motion import rigid_motion
+from tracker.results.evaluation.marker_alignment import align
+from tracker.results.evaluation.marker_comparison import compare
+from tracker.results.evaluation.marker_fit import placed
+from tracker.results.evaluation.marker_set import MarkerJoints, joints_of
+from tracker.results.evaluation.time_correlation import Clocked, flexions, offsets_by_angles
 
 ROOT = Path(__file__).parents[1]
 

@@ -13,10 +13,10 @@ from doubted import in_doubt
 from exported import FOUND, HUNDREDTH_MM, motion_of, truth
 from motions import INTERVAL_S, LOST, N_FRAMES, SIGMA, made_up
 
-from tracker.errors import ConfigError
-from tracker.recording._motion import Y_UP, markers_of
-from tracker.recording.c3d import C3d
-from tracker.recording.trc import Trc
+from tracker.foundation.errors import ConfigError
+from tracker.results.recording._motion import Y_UP, markers_of
+from tracker.results.recording.c3d import C3d
+from tracker.results.recording.trc import Trc
 
 
 def test_markers_fix_every_segment_and_lie_on_its_surface(movement):
@@ -103,7 +103,7 @@ def test_c3d_tells_how_sure_it_is(movement, tmp_path):
 
 def test_c3d_of_a_long_recording_keeps_to_what_the_format_holds(tmp_path, caplog, monkeypatch):
     """Its rotations are left out where no parameter could say where they begin; the reliabilities spoilt points."""
-    monkeypatch.setattr("tracker.recording.c3d._LAST_BLOCK", 200)
+    monkeypatch.setattr("tracker.results.recording.c3d._LAST_BLOCK", 200)
     movement = made_up("gavrila22")
     places = truth(movement)[1]
     read = ezc3d.c3d(str(movement.record(C3d(), tmp_path)[0]))

@@ -18,10 +18,10 @@ from marker_files import (
     written,
 )
 
-from tracker.errors import ConfigError, SequenceError
-from tracker.evaluation.marker_set import MarkerSet, check_marker_set, column, load_marker_set
-from tracker.marker_layouts import read_markers
-from tracker.markers import Markers
+from tracker.foundation.errors import ConfigError, SequenceError
+from tracker.results.evaluation.marker_set import MarkerSet, check_marker_set, column, load_marker_set
+from tracker.results.marker_layouts import read_markers
+from tracker.results.markers import Markers
 
 
 @pytest.mark.parametrize(

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracker.body import BodyModel
-from tracker.evaluation.marker_fit import Placement, placed
-from tracker.evaluation.marker_set import MarkerJoints, MarkerSet, joints_of, load_marker_set
-from tracker.evaluation.time_correlation import Clocked
-from tracker.marker_layouts import read_markers
-from tracker.markers import Markers
+from tracker.bodies.body import BodyModel
+from tracker.results.evaluation.marker_fit import Placement, placed
+from tracker.results.evaluation.marker_set import MarkerJoints, MarkerSet, joints_of, load_marker_set
+from tracker.results.evaluation.time_correlation import Clocked
+from tracker.results.marker_layouts import read_markers
+from tracker.results.markers import Markers
 
 LIMBS = {
     f"{side}_{limb}": tuple(f"{side}_{joint}" for joint in joints)

@@ -18,14 +18,14 @@ from marker_files import C3d as C3dFile
 from marker_files import rotation_bytes
 from scipy.spatial.transform import Rotation
 
-from tracker.body import BodyModel
-from tracker.errors import ConfigError, SequenceError, TrackerError
-from tracker.evaluation.marker_comparison import compare
-from tracker.evaluation.marker_set import joints_of, load_marker_set
-from tracker.following.marker_files import Markers as FollowedMarkers
-from tracker.following.marker_files import write_c3d
-from tracker.marker_layouts import read_markers
-from tracker.markers import Markers
+from tracker.bodies.body import BodyModel
+from tracker.foundation.errors import ConfigError, SequenceError, TrackerError
+from tracker.points.following.marker_files import Markers as FollowedMarkers
+from tracker.points.following.marker_files import write_c3d
+from tracker.results.evaluation.marker_comparison import compare
+from tracker.results.evaluation.marker_set import joints_of, load_marker_set
+from tracker.results.marker_layouts import read_markers
+from tracker.results.markers import Markers
 
 ROOT = Path(__file__).parents[1]
 

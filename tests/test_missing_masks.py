@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from recordings import small_simulation
 
-from tracker.analysis.silhouettes import SilhouetteAnalysis
-from tracker.body.files import load_body
-from tracker.frame import Frame
-from tracker.inspection import findings, first_in_view, survey
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
+from tracker.foundation.resources import model_path
+from tracker.images.analysis.silhouettes import SilhouetteAnalysis
+from tracker.images.inspection import findings, first_in_view, survey
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.sequence import Simulation
 
 
 @pytest.fixture(scope="module")

@@ -8,24 +8,24 @@ import numpy as np
 import pytest
 from observations import four_views
 
-from tracker.arrays import Array, Image, Mask
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.comparison import Comparison
-from tracker.equations import Equations
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
 from tracker.evidence import GUESSED
 from tracker.evidence._anchors import Anchors, attached
 from tracker.evidence._attaching import met_by_rays
 from tracker.evidence._shown import seen_parts
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.equations import Equations
 from tracker.evidence.motion import MotionEvidence, Remembered
-from tracker.frame import Frame
+from tracker.foundation.arrays import Array, Image, Mask
+from tracker.foundation.resources import model_path
+from tracker.images.sight import Sight
 from tracker.kernels.body.rays import meet_parts
-from tracker.resources import model_path
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
-from tracker.sight import Sight
-from tracker.simulation.rendering import draw_persons, mesh_of
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.rendering import draw_persons, mesh_of
 
 EVIDENCE, SYNTHESIS = MotionEvidence(), CpuSynthesis()
 TURN_DEG = 6.0

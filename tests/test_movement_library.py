@@ -10,13 +10,13 @@ import pytest
 import typer
 from known_movements import LIBRARY, known
 
-from tracker.errors import ConfigError
-from tracker.recognition.additions import add_performance
-from tracker.recognition.library import Description, load_library
-from tracker.recognition.limb_directions import (
+from tracker.foundation.errors import ConfigError
+from tracker.foundation.resources import model_path
+from tracker.results.recognition.additions import add_performance
+from tracker.results.recognition.library import Description, load_library
+from tracker.results.recognition.limb_directions import (
     Course,
 )
-from tracker.resources import model_path
 
 
 def test_a_library_on_disk_is_what_was_added(tmp_path):

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import tracker._native as native
-from tracker.errors import InstallationError
-from tracker.native_sources import digest_of, load_extension
+from tracker.foundation.errors import InstallationError
+from tracker.foundation.native_sources import digest_of, load_extension
 
 ROOT = Path(native.__file__).parents[1]
 
@@ -89,6 +89,6 @@ def test_a_build_of_other_sources_is_refused(tmp_path):
 
 
 def test_an_extension_that_is_missing_says_how_to_build_it(tmp_path, monkeypatch):
-    monkeypatch.setattr("tracker.native_sources._EXTENSION", "tracker._absent")
+    monkeypatch.setattr("tracker.foundation.native_sources._EXTENSION", "tracker._absent")
     with pytest.raises(InstallationError, match=r"No module named 'tracker\._absent'; .*scripts/build_native\.sh"):
         load_extension(tmp_path)

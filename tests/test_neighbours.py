@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from observations import bent, four_views, ideal, joint_errors_mm, objective_of
 
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.estimate import Estimate
-from tracker.estimation.neighbours import NeighboursEstimation
-from tracker.estimation.twist_icp import TwistIcpEstimation
-from tracker.limbs import scattered
-from tracker.objective import Objective
-from tracker.observation import Observation
-from tracker.scene import Person, Scene
+from tracker.bodies.body import BodyModel
+from tracker.bodies.limbs import scattered
+from tracker.bodies.scene import Person, Scene
+from tracker.foundation.arrays import Array
+from tracker.images.observation import Observation
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.estimation.neighbours import NeighboursEstimation
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.objective import Objective
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 
-from tracker.config import build, describe
-from tracker.estimate import Status
-from tracker.simulation.sequence import Simulation
-from tracker.tracking import track
+from tracker.foundation.configuration.tables import build, describe
+from tracker.synthesis.simulation.sequence import Simulation
+from tracker.tracking.estimate import Status
+from tracker.tracking.sequence import track
 
 HAUSDORFF = '''
 """The partial Hausdorff distance (Huttenlocher, Klanderman, Rucklidge 1993)."""
@@ -22,11 +22,11 @@ import numpy as np
 import pydantic
 from scipy.spatial import cKDTree
 
-from tracker.arrays import Array
-from tracker.comparison import Comparison
-from tracker.components import component
-from tracker.correspondences import correspondences
-from tracker.equations import Equations
+from tracker.foundation.arrays import Array
+from tracker.evidence.measures.comparison import Comparison
+from tracker.foundation.configuration.components import component
+from tracker.evidence.measures.correspondences import correspondences
+from tracker.evidence.measures.equations import Equations
 
 
 @component
@@ -66,14 +66,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.account import Account
-from tracker.arrays import Array
-from tracker.comparison import Comparison
-from tracker.components import FilePath, component
-from tracker.contours import Contours
-from tracker.equations import Equations
+from tracker.evidence.measures.account import Account
+from tracker.foundation.arrays import Array
+from tracker.evidence.measures.comparison import Comparison
+from tracker.foundation.configuration.components import FilePath, component
+from tracker.bodies.contours import Contours
+from tracker.evidence.measures.equations import Equations
 from tracker.evidence import Evidence
-from tracker.sight import Sight
+from tracker.images.sight import Sight
 
 
 @component

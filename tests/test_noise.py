@@ -9,14 +9,14 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker.arrays import Image
-from tracker.imaging.noise import noise_grey, smoothed
-from tracker.jobs.track import TrackJob
-from tracker.reading.images import ImageReading
-from tracker.reading.video import VideoReading
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
-from tracker.subject import Subject
+from tracker.bodies.subject import Subject
+from tracker.foundation.arrays import Image
+from tracker.images.operations.noise import noise_grey, smoothed
+from tracker.images.reading.images import ImageReading
+from tracker.images.reading.video import VideoReading
+from tracker.running.jobs.track import TrackJob
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
 
 
 def shots(sigma: float, flicker: float = 0.0, covered: float = 0.0) -> tuple[Image, Image]:

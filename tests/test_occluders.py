@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 from recordings import small_simulation
 
-from tracker.analysis.contours import ContourAnalysis
-from tracker.analysis.silhouettes import SilhouetteAnalysis
-from tracker.comparison import Comparison
-from tracker.errors import CalibrationError, SequenceError
 from tracker.evidence.contours import ContourEvidence
-from tracker.observation import HIDDEN
-from tracker.plate import Plate
-from tracker.plate_changes import changed
-from tracker.reading._occluders import load_occluders, with_occluders
-from tracker.reading.images import ImageReading
-from tracker.reading.video import VideoReading
-from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
-from tracker.simulation.sequence_files import write_sequence
+from tracker.evidence.measures.comparison import Comparison
+from tracker.foundation.errors import CalibrationError, SequenceError
+from tracker.images.analysis.contours import ContourAnalysis
+from tracker.images.analysis.silhouettes import SilhouetteAnalysis
+from tracker.images.observation import HIDDEN
+from tracker.images.plate import Plate
+from tracker.images.plate_changes import changed
+from tracker.images.reading._occluders import load_occluders, with_occluders
+from tracker.images.reading.images import ImageReading
+from tracker.images.reading.video import VideoReading
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.sequence import Simulation
+from tracker.synthesis.simulation.sequence_files import write_sequence
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
-from tracker.arrays import Mask
-from tracker.imaging.growing import grown
-from tracker.imaging.opening import opened
+from tracker.foundation.arrays import Mask
+from tracker.images.operations.growing import grown
+from tracker.images.operations.opening import opened
 
 
 @pytest.fixture(params=range(5))

@@ -11,9 +11,9 @@ from exported import HUNDREDTH_MM, motion_of, truth
 from motions import N_FRAMES, made_up
 from scipy.spatial.transform import Rotation
 
-from tracker.recording._motion import Y_UP, markers_of
-from tracker.recording.mot import Mot
-from tracker.recording.osim import Osim
+from tracker.results.recording._motion import Y_UP, markers_of
+from tracker.results.recording.mot import Mot
+from tracker.results.recording.osim import Osim
 
 
 def read_mot(path):

@@ -15,15 +15,15 @@ from motions import INTERVAL_S, MODELS, made_up, performed
 from osim_samples import osim_like_rajagopals
 from typer.testing import CliRunner
 
-from tracker.body.files import load_body
-from tracker.cli import app
-from tracker.config import build
-from tracker.errors import ConfigError, ModelError
-from tracker.marker_layouts import read_markers
-from tracker.recording._motion import Y_UP
-from tracker.recording._osim_model import FILES, OsimName
-from tracker.recording._osim_outcome import opensim_installed
-from tracker.recording.opensim import Opensim
+from tracker.bodies.body.files import load_body
+from tracker.foundation.configuration.tables import build
+from tracker.foundation.errors import ConfigError, ModelError
+from tracker.results.marker_layouts import read_markers
+from tracker.results.recording._motion import Y_UP
+from tracker.results.recording._osim_model import FILES, OsimName
+from tracker.results.recording._osim_outcome import opensim_installed
+from tracker.results.recording.opensim import Opensim
+from tracker.running.cli import app
 
 
 @pytest.fixture

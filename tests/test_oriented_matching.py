@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from observations import four_views, ideal, objective_of, off
 
-from tracker.arrays import Array, Integers
-from tracker.body import BodyModel
-from tracker.correspondences import Correspondences, correspondences
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Scene
+from tracker.cameras.rig import Rig
+from tracker.evidence.measures.correspondences import Correspondences, correspondences
+from tracker.foundation.arrays import Array, Integers
+from tracker.images.observation import Observation
 from tracker.kernels.contours.oriented_matching import match_oriented, normal_equations
-from tracker.observation import Observation
-from tracker.rig import Rig
-from tracker.scene import Scene
 
 
 def directed_points(rng: np.random.Generator, n: int, reach: float = 60.0) -> Array:

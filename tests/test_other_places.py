@@ -10,27 +10,27 @@ import pytest
 from recordings import Staying, cycle_for, joint_errors_mm, small_simulation
 from rounding import SINGLE, assert_alike
 
-from tracker.arrays import Array
-from tracker.comparison import Comparison
-from tracker.errors import InitializationError
-from tracker.estimate import Status
-from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.loss import Troubles
-from tracker.objective import Objective
-from tracker.part_colours import part_colours
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
-from tracker.start import Start
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.part_colours import part_colours
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import InitializationError
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.bootstrapping import bootstrap
 from tracker.tracking.cycle import State
 from tracker.tracking.cycle_turn import advance
+from tracker.tracking.estimate import Status
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.initialization import Stages
+from tracker.tracking.loss import Troubles
+from tracker.tracking.objective import Objective
 from tracker.tracking.other_places import in_likeliest_places
-from tracker.trajectory import History
+from tracker.tracking.start import Start
+from tracker.tracking.trajectory import History
 
 
 @pytest.fixture(scope="module")

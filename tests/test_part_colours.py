@@ -9,12 +9,12 @@ import pytest
 from recordings import small_simulation
 from rounding import assert_alike
 
-from tracker.arrays import Array
-from tracker.frame import Frame
-from tracker.part_colours import PartColours, part_colours
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.evidence.measures.part_colours import PartColours, part_colours
+from tracker.foundation.arrays import Array
+from tracker.images.sight import Sight
+from tracker.synthesis.simulation.sequence import Simulation
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter1d, map_coordinates, spline_filter
 from scipy.optimize import least_squares
 from textures import Waves, deformed
 
-from tracker.errors import ConfigError
+from tracker.foundation.errors import ConfigError
 from tracker.kernels.patches.growth import grow
 from tracker.kernels.patches.matching import (
     COVARIANCE,
@@ -21,8 +21,8 @@ from tracker.kernels.patches.matching import (
     WEAK,
 )
 from tracker.kernels.patches.splines import reaches_out, sample_gradient, sample_patch, sample_whole_pixels
-from tracker.lsm._noise import gaussian_taps, noise_powers
-from tracker.lsm.matching import LeastSquaresMatching
+from tracker.points.surfaces._noise import gaussian_taps, noise_powers
+from tracker.points.surfaces.matching import LeastSquaresMatching
 
 SIZE = (180, 140)
 AFFINE = np.array([[1.02, 0.03], [-0.02, 0.98]])

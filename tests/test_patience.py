@@ -9,20 +9,20 @@ from itertools import count
 import pytest
 from recordings import cycle_for, small_simulation
 
-from tracker.errors import GivenUpError, InitializationError
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.initialization.pca import PcaInitialization
-from tracker.loss import LossRule
-from tracker.plate import Plate
-from tracker.progress import Tally, silent
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
-from tracker.start import Start
-from tracker.tracking import track
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.foundation.errors import GivenUpError, InitializationError
+from tracker.foundation.progress import Tally, silent
+from tracker.images.plate import Plate
+from tracker.images.sight import Sight
+from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.bootstrapping import bootstrap
+from tracker.tracking.initialization import Stages
+from tracker.tracking.initialization.pca import PcaInitialization
+from tracker.tracking.loss import LossRule
 from tracker.tracking.recorded_plates import without_persons
+from tracker.tracking.sequence import track
+from tracker.tracking.start import Start
 
 
 class InVain:
@@ -46,7 +46,7 @@ def simulation() -> Simulation:
 def slow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Between two looks at the clock ten seconds of processor time pass."""
     clock = count(0.0, 10.0)
-    monkeypatch.setattr("tracker.patience.time.process_time", lambda: next(clock))
+    monkeypatch.setattr("tracker.tracking.patience.time.process_time", lambda: next(clock))
 
 
 @pytest.mark.usefixtures("slow")

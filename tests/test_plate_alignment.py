@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker.arrays import Array, Image
-from tracker.imaging.plate_alignment import LEAST_INLIERS, aligned
+from tracker.foundation.arrays import Array, Image
+from tracker.images.operations.plate_alignment import LEAST_INLIERS, aligned
 
 
 def textured(seed: int, size: tuple[int, int] = (360, 480)) -> Image:

@@ -19,14 +19,14 @@ from motions import LOST, N_FRAMES, made_up
 from recordings import TrueStart, cycle_for, small_simulation
 from rig_samples import FISHEYE
 
-from tracker.estimate import Status
-from tracker.estimation.twist_icp import TwistIcpEstimation
-from tracker.recording import RunContext
-from tracker.recording._motion import Motions
-from tracker.recording._preview import Preview, windows_of
-from tracker.recording.report import Report
-from tracker.rig import Rig
-from tracker.tracking import track
+from tracker.cameras.rig import Rig
+from tracker.results.recording import RunContext
+from tracker.results.recording._motion import Motions
+from tracker.results.recording._preview import Preview, windows_of
+from tracker.results.recording.report import Report
+from tracker.tracking.estimate import Status
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.sequence import track
 
 
 @pytest.fixture(scope="module")

@@ -9,15 +9,15 @@ import pytest
 from solids import RIGS, posed
 
 from tests.recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
-from tracker.comparison import Comparison
-from tracker.correspondences import Correspondences
-from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.bodies.scene import Scene
 from tracker.evidence.contours import ContourEvidence
-from tracker.scene import Scene
-from tracker.similarity import pluecker
-from tracker.similarity.pluecker import PlueckerSimilarity, incidence
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.correspondences import Correspondences
+from tracker.evidence.similarity import pluecker
+from tracker.evidence.similarity.pluecker import PlueckerSimilarity, incidence
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.tracking import track
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.sequence import track
 
 
 @pytest.mark.parametrize("rig", ["narrow", "distorted", "fisheye"])

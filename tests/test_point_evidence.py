@@ -11,17 +11,17 @@ import pytest
 from followed import followed, in_space, on_body, outer, seen_from, written
 from observations import four_views
 
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.comparison import Comparison
-from tracker.errors import SequenceError
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.points import PointEvidence
-from tracker.frame import Frame
-from tracker.resources import model_path
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
-from tracker.sight import Sight
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import SequenceError
+from tracker.foundation.resources import model_path
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
 
 NOISE_PX = 0.3

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from test_trajectories import trajectories
 
-from tracker.errors import SequenceError
-from tracker.following.motion import motion_of
-from tracker.following.read_tables import read_trajectories
-from tracker.following.tables import csv_header, csv_lines
+from tracker.foundation.errors import SequenceError
+from tracker.points.following.motion import motion_of
+from tracker.points.following.read_tables import read_trajectories
+from tracker.points.following.tables import csv_header, csv_lines
 
 HEAD = "frame,time_s,point,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m"
 

@@ -21,18 +21,18 @@ from tracker.acquisition._tied import Tied, Tracks, tied
 from tracker.acquisition.clouds import Cloud, cloud_of, read_cloud
 from tracker.acquisition.from_points import FromPoints, Moment, PointSettings, acquire_from_points
 from tracker.acquisition.result import bone_lengths
-from tracker.arrays import Array, Mask
-from tracker.body import BodyModel
-from tracker.camera import Camera
-from tracker.cli import _told, app
-from tracker.errors import ConfigError, SequenceError, TrackerError
-from tracker.following.read_tables import read_trajectories
-from tracker.jobs.acquire import acquire_to, acquisition_from
-from tracker.lsm.points import SurfacePoints
-from tracker.lsm.surface_files import write_ply
-from tracker.rig import Rig
-from tracker.rig_layouts import save_rig
-from tracker.scene import Person, Scene
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import save_rig
+from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.errors import ConfigError, SequenceError, TrackerError
+from tracker.points.following.read_tables import read_trajectories
+from tracker.points.surfaces.points import SurfacePoints
+from tracker.points.surfaces.surface_files import write_ply
+from tracker.running.cli import _told, app
+from tracker.running.jobs.acquire import acquire_to, acquisition_from
 from tracker.synthesis.cpu import CpuSynthesis
 
 NOISE_M, SPACING_M = 0.003, 0.015

@@ -9,12 +9,12 @@ from recordings import around
 from rounding import assert_alike
 from sections import each, made
 
-from tracker.account import Account
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.estimate import Estimate, Status
-from tracker.prediction.polynomial import PolynomialPrediction
-from tracker.trajectory import KEPT, History
+from tracker.bodies.body import BodyModel
+from tracker.evidence.measures.account import Account
+from tracker.foundation.arrays import Array
+from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.prediction.polynomial import PolynomialPrediction
+from tracker.tracking.trajectory import KEPT, History
 
 DT = 0.04
 

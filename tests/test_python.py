@@ -14,15 +14,15 @@ import pytest
 from motions import LOST, N_FRAMES, made_up
 
 import tracker
-from tracker import programs
-from tracker.commands.export import FORMATS
-from tracker.errors import ConfigError, ModelError
-from tracker.jobs import execute, load_job
-from tracker.progress import shown, silent
-from tracker.recording.csv_table import CsvTable
-from tracker.recording.wide_table import WideTable
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
+from tracker.foundation.errors import ConfigError, ModelError
+from tracker.foundation.progress import shown, silent
+from tracker.results.recording.csv_table import CsvTable
+from tracker.results.recording.wide_table import WideTable
+from tracker.running import programs
+from tracker.running.commands.export import FORMATS
+from tracker.running.jobs import execute, load_job
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "python.md").read_text()
@@ -246,6 +246,6 @@ def test_what_the_package_offers_has_types():
     typed = set(re.findall(r" as (\w+)", (ROOT / "tracker" / "__init__.pyi").read_text()))
     assert typed == set(tracker._OFFERED)
     assert all(hasattr(tracker, name) and name in dir(tracker) for name in typed)
-    script = "import sys, tracker; tracker.load_result; print('tracker.jobs' in sys.modules)"
+    script = "import sys, tracker; tracker.load_result; print('tracker.running.jobs' in sys.modules)"
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT)
     assert told.stdout.strip() == "False"  # reading a result needs no cameras, evidence or estimators

@@ -28,12 +28,12 @@ from numbered_pictures import (
     write_video,
 )
 
-from tracker import reading
-from tracker.errors import CalibrationError, SequenceError
-from tracker.frame import Packed, Pictures
-from tracker.reading.video import VideoReading, VideoView
-from tracker.rig import Rig
-from tracker.rig_layouts import load_rig, save_rig
+from tracker.cameras.frame import Packed, Pictures
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import load_rig, save_rig
+from tracker.foundation.errors import CalibrationError, SequenceError
+from tracker.images import reading
+from tracker.images.reading.video import VideoReading, VideoView
 
 
 @both

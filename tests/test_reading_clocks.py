@@ -17,11 +17,11 @@ import pytest
 from av.stream import Disposition
 from numbered_pictures import FPS, N_FRAMES, VIEWS, picture, pictures_of, seen, shown, videos, write_images, write_video
 
-from tracker.arrays import Image
-from tracker.errors import SequenceError
-from tracker.footage import header
-from tracker.reading.images import ImageReading
-from tracker.reading.video import VideoReading, open_clip
+from tracker.foundation.arrays import Image
+from tracker.foundation.errors import SequenceError
+from tracker.images.footage import header
+from tracker.images.reading.images import ImageReading
+from tracker.images.reading.video import VideoReading, open_clip
 
 RAW = {
     "h264": ("h264", "libx264", 90),

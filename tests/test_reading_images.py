@@ -21,8 +21,8 @@ from numbered_pictures import (
     write_images,
 )
 
-from tracker.errors import SequenceError
-from tracker.reading.images import intact_image
+from tracker.foundation.errors import SequenceError
+from tracker.images.reading.images import intact_image
 
 
 def test_what_is_appended_to_a_jpeg_does_no_harm_and_a_preview_in_it_hides_no_cut(tmp_path: Path) -> None:

@@ -17,9 +17,9 @@ from numbered_pictures import (
     write_images,
 )
 
-from tracker.errors import CalibrationError, SequenceError
-from tracker.reading._pictures import read_painted
-from tracker.reading.images import ImageReading
+from tracker.foundation.errors import CalibrationError, SequenceError
+from tracker.images.reading._pictures import read_painted
+from tracker.images.reading.images import ImageReading
 
 
 def write_masks(copied: Path, numbers: range = range(N_FRAMES), first: int = 0) -> None:

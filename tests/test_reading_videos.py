@@ -24,11 +24,11 @@ from numbered_pictures import (
     write_video,
 )
 
-from tracker.arrays import Image
-from tracker.errors import SequenceError
-from tracker.reading._rates import _apart
-from tracker.reading._timeline import Timeline, at_one_pace, timeline_of
-from tracker.reading.video import open_clip
+from tracker.foundation.arrays import Image
+from tracker.foundation.errors import SequenceError
+from tracker.images.reading._rates import _apart
+from tracker.images.reading._timeline import Timeline, at_one_pace, timeline_of
+from tracker.images.reading.video import open_clip
 
 
 def truncate(path: Path, view: int, share: float) -> None:

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 import typer.main
 
-from tracker.cli import app
-from tracker.jobs import job_from
-from tracker.recording.csv_table import _JOINT_COLUMNS, _POSE_COLUMNS
+from tracker.results.recording.csv_table import _JOINT_COLUMNS, _POSE_COLUMNS
+from tracker.running.cli import app
+from tracker.running.jobs import job_from
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()

@@ -8,12 +8,12 @@ from dataclasses import replace
 import pytest
 from doubted import after_all, estimate_of, in_doubt, steps_of
 
-from tracker.doubt import Because, Doubt
-from tracker.errors import SequenceError
-from tracker.loss import LossRule, judged, limbs_left_over
-from tracker.observation import Observation
-from tracker.recording._journal_line import line_of, replay_of
-from tracker.scene import Scene
+from tracker.bodies.scene import Scene
+from tracker.foundation.errors import SequenceError
+from tracker.images.observation import Observation
+from tracker.results.recording._journal_line import line_of, replay_of
+from tracker.tracking.doubt import Because, Doubt
+from tracker.tracking.loss import LossRule, judged, limbs_left_over
 
 
 def test_the_reason_of_a_doubt_is_measured(truth: Scene, observation: Observation) -> None:

@@ -13,13 +13,14 @@ import pytest
 from known_movements import BODY, LIBRARY, known
 from scipy.spatial.transform import Rotation
 
-from tracker.body.files import load_body
-from tracker.errors import ConfigError, ModelError
+from tracker.bodies.body.files import load_body
+from tracker.bodies.keypoints import meant
+from tracker.foundation.errors import ConfigError, ModelError
+from tracker.foundation.resources import model_path
 from tracker.kernels.movements.warping import direction_gaps, warp_sequence
-from tracker.keypoints import meant
-from tracker.recognition.additions import one_round
-from tracker.recognition.library import Description, Library, Movement
-from tracker.recognition.limb_directions import (
+from tracker.results.recognition.additions import one_round
+from tracker.results.recognition.library import Description, Library, Movement
+from tracker.results.recognition.limb_directions import (
     FEATURES,
     JOINTS,
     RATE_HZ,
@@ -28,11 +29,10 @@ from tracker.recognition.limb_directions import (
     course_of,
     limb_directions,
 )
-from tracker.recognition.matching import Recognized, _together, angles_deg, recognize
-from tracker.recognition.segment_directions import features_of
-from tracker.recognition.timeline import strip, table_rows, timeline
-from tracker.resources import model_path
-from tracker.simulation.movements import poses_of
+from tracker.results.recognition.matching import Recognized, _together, angles_deg, recognize
+from tracker.results.recognition.segment_directions import features_of
+from tracker.results.recognition.timeline import strip, table_rows, timeline
+from tracker.synthesis.simulation.movements import poses_of
 
 
 def joints_of(body, poses):

@@ -10,16 +10,16 @@ import pytest
 from motions import made_up, performed
 from typer.testing import CliRunner
 
-from tracker.body.files import load_body
-from tracker.cli import app
-from tracker.errors import ConfigError, ModelError
-from tracker.recognition.additions import add_performance
-from tracker.recognition.library import Description, load_library
-from tracker.recognition.limb_directions import (
+from tracker.bodies.body.files import load_body
+from tracker.foundation.errors import ConfigError, ModelError
+from tracker.foundation.resources import model_path
+from tracker.results.recognition.additions import add_performance
+from tracker.results.recognition.library import Description, load_library
+from tracker.results.recognition.limb_directions import (
     Course,
 )
-from tracker.resources import model_path
-from tracker.simulation.movements import poses_of
+from tracker.running.cli import app
+from tracker.synthesis.simulation.movements import poses_of
 
 BODY = load_body(model_path("gavrila22"))
 LIBRARY = load_library(())

@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker.arrays import Image
+from tracker.foundation.arrays import Image
+from tracker.images.reading._plates import _LEAST_KNOWN, recorded_plates
+from tracker.images.reading._recorded_plate import N_SAMPLES, recorded_plate
+from tracker.images.reading.video import VideoReading
 from tracker.kernels.images.modes import dominant_modes
-from tracker.reading._plates import _LEAST_KNOWN, recorded_plates
-from tracker.reading._recorded_plate import N_SAMPLES, recorded_plate
-from tracker.reading.video import VideoReading
 
 SIZE = 240, 320
 

@@ -16,24 +16,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recordings import TrueStart, cycle_for, small_simulation
 
-from tracker.account import Account
-from tracker.body.files import load_body
-from tracker.doubt import Because
-from tracker.errors import SequenceError
-from tracker.estimate import Estimate, Status
-from tracker.recording import RunContext
-from tracker.recording._kept_covariance import covariance_of, kept, unpacked
-from tracker.recording._series import AMBIGUOUS, Series
-from tracker.recording._series_figures import parameter_figure
-from tracker.recording.csv_table import CsvTable
-from tracker.recording.journal import FILE, Expected, Journal, as_kept, open_journal
-from tracker.recording.overlay import Overlay
-from tracker.recording.plots import Plots
-from tracker.recording.report import Report
-from tracker.recording.run_json import RunJson
-from tracker.resources import model_path
-from tracker.scene import Person
-from tracker.tracking import track
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Person
+from tracker.evidence.measures.account import Account
+from tracker.foundation.errors import SequenceError
+from tracker.foundation.resources import model_path
+from tracker.results.recording import RunContext
+from tracker.results.recording._kept_covariance import covariance_of, kept, unpacked
+from tracker.results.recording._series import AMBIGUOUS, Series
+from tracker.results.recording._series_figures import parameter_figure
+from tracker.results.recording.csv_table import CsvTable
+from tracker.results.recording.journal import FILE, Expected, Journal, as_kept, open_journal
+from tracker.results.recording.overlay import Overlay
+from tracker.results.recording.plots import Plots
+from tracker.results.recording.report import Report
+from tracker.results.recording.run_json import RunJson
+from tracker.tracking.doubt import Because
+from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.sequence import track
 
 N_FRAMES = 5
 

@@ -9,16 +9,16 @@ import pytest
 from observations import bent, four_views
 from painted import painted
 
-from tracker.arrays import Array, Mask
-from tracker.body import BodyModel
-from tracker.comparison import Comparison
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence import GUESSED
 from tracker.evidence._colours import Colours, corrected
+from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.regions import RegionEvidence
-from tracker.frame import Frame
+from tracker.foundation.arrays import Array, Mask
+from tracker.images.sight import Sight
 from tracker.kernels.regions.colours import N_COLOURS, Tables
-from tracker.scene import Person, Scene
-from tracker.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
 
 EVIDENCE, SYNTHESIS = RegionEvidence(), CpuSynthesis()

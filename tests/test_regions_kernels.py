@@ -7,9 +7,11 @@ import pytest
 from observations import bent, four_views
 from painted import RULE, colour_numbers, encoded, looks_of, painted, samples_of, scattered_tables
 
-from tracker.arrays import Array, Integers, Mask
-from tracker.body import BodyModel
-from tracker.contours import Contours
+from tracker.bodies.body import BodyModel
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.kernels.regions.colours import EVEN, N_COLOURS, Picture, Tables
 from tracker.kernels.regions.equations import shift_equations
 from tracker.kernels.regions.learning import learn_lines
@@ -17,8 +19,6 @@ from tracker.kernels.regions.lines import SPOTS, Lines, Looks, Samples
 from tracker.kernels.regions.misfits import score_lines
 from tracker.kernels.regions.shifts import find_shifts
 from tracker.kernels.regions.sides import parts_beside
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
 from tracker.synthesis.cpu import CpuSynthesis, _grids
 
 COLOURS = np.random.default_rng(5).integers(20, 236, (40, 3)).astype(np.float64)

@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 from recordings import Staying, cycle_for, joint_errors_mm, small_simulation
 
-from tracker.arrays import Array
-from tracker.doubts import Doubts
+from tracker.bodies.limbs import turned_round
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.initialization.given import GivenInitialization
-from tracker.jobs._starts import told_of_start
-from tracker.limbs import turned_round
-from tracker.loss import LossRule
-from tracker.scene import Scene
-from tracker.simulation.sequence import Simulation
-from tracker.start import Hypothesis, Start, sureness
-from tracker.tracking import track
+from tracker.foundation.arrays import Array
+from tracker.running.jobs._starts import told_of_start
+from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.cycle_turn import advance
+from tracker.tracking.doubts import Doubts
+from tracker.tracking.initialization import Stages
+from tracker.tracking.initialization.given import GivenInitialization
+from tracker.tracking.loss import LossRule
 from tracker.tracking.rehearsal import _following, _in_order, rehearsed
+from tracker.tracking.sequence import track
+from tracker.tracking.start import Hypothesis, Start, sureness
 
 
 class WrongFirst:

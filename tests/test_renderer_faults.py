@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from tracker.errors import RenderError
-from tracker.scene import Scene
+from tracker.bodies.scene import Scene
+from tracker.foundation.errors import RenderError
 from tracker.synthesis import _atlas, _graphics
 from tracker.synthesis.osmesa import OsmesaSynthesis
 

@@ -19,15 +19,15 @@ from renderers import working
 from rig_samples import FISHEYE
 from scipy.spatial import cKDTree
 
-from tracker.arrays import Array, Integers, Mask
-from tracker.body import BodyModel
-from tracker.contours import ViewContours
-from tracker.errors import RenderError
+from tracker.bodies.body import BodyModel
+from tracker.bodies.contours import ViewContours
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.foundation.errors import RenderError
+from tracker.images.observation import Observation
 from tracker.kernels.contours.chamfer import directed_distances
 from tracker.kernels.pictures.id_contours import id_contours
-from tracker.observation import Observation
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
 from tracker.synthesis import _atlas
 from tracker.synthesis._pictures import rasterized_ids
 from tracker.synthesis.cpu import FINEST, CpuSynthesis
@@ -337,9 +337,9 @@ ELSEWHERE = """
 import sys
 import numpy as np
 from observations import bent, four_views
-from tracker.body.files import load_body
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
+from tracker.bodies.body.files import load_body
+from tracker.foundation.resources import model_path
+from tracker.bodies.scene import Person, Scene
 from tracker.synthesis.osmesa import OsmesaSynthesis
 
 body = load_body(model_path("gavrila22"))

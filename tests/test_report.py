@@ -17,18 +17,18 @@ from doubted import in_doubt
 from motions import LOST, N_FRAMES, Movement, made_up
 
 import tracker
-from tracker.doubt import Because, Doubt
-from tracker.errors import SequenceError
-from tracker.frame import Frame
-from tracker.recording._anatomical import angles_of, joints_of
-from tracker.recording._head_numbers import head_numbers
-from tracker.recording._isb_series import IsbSeries
-from tracker.recording._series import Series
-from tracker.recording.csv_table import CsvTable
-from tracker.recording.overlay import Overlay
-from tracker.recording.report import Report
-from tracker.smoothed import Pictures, write_smoothed
-from tracker.smoothing.rts import RauchTungStriebel
+from tracker.cameras.frame import Frame
+from tracker.foundation.errors import SequenceError
+from tracker.results.recording._anatomical import angles_of, joints_of
+from tracker.results.recording._head_numbers import head_numbers
+from tracker.results.recording._isb_series import IsbSeries
+from tracker.results.recording._series import Series
+from tracker.results.recording.csv_table import CsvTable
+from tracker.results.recording.overlay import Overlay
+from tracker.results.recording.report import Report
+from tracker.results.smoothed_result import Pictures, write_smoothed
+from tracker.results.smoothing.rts import RauchTungStriebel
+from tracker.tracking.doubt import Because, Doubt
 
 
 def page_of(movement: Movement, folder: Path, **settings: object) -> str:

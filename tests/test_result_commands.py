@@ -9,12 +9,12 @@ import pytest
 from motions import made_up
 from typer.testing import CliRunner
 
-from tracker.batching import Summary
-from tracker.batching.processes import Processes
-from tracker.cli import app
-from tracker.commands.earlier_names import EARLIER
-from tracker.errors import ConfigError
-from tracker.recording.csv_table import CsvTable
+from tracker.foundation.errors import ConfigError
+from tracker.results.recording.csv_table import CsvTable
+from tracker.running.batching import Summary
+from tracker.running.batching.processes import Processes
+from tracker.running.cli import app
+from tracker.running.commands.earlier_names import EARLIER
 
 COMMANDS = {
     "evaluate": ["--truth", "TRUTH"],

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from small_jobs import Waiting, smallest
 
-from tracker.camera import Camera
-from tracker.config_files import read_config
-from tracker.errors import CalibrationError, ConfigError, SequenceError
-from tracker.files import GrowingFile, remove_unfinished, replacing, whole_folder, write_json, write_whole
-from tracker.jobs import execute, job_from
-from tracker.jobs._folder import result_folder
-from tracker.progress import silent, within
+from tracker.cameras.camera import Camera
+from tracker.foundation.configuration.files import read_config
+from tracker.foundation.errors import CalibrationError, ConfigError, SequenceError
+from tracker.foundation.files import GrowingFile, remove_unfinished, replacing, whole_folder, write_json, write_whole
+from tracker.foundation.progress import silent, within
+from tracker.running.jobs import execute, job_from
+from tracker.running.jobs._folder import result_folder
 
 # Result folders
 
@@ -24,7 +24,7 @@ from tracker.progress import silent, within
 RACE = """
 import multiprocessing, sys, time
 from pathlib import Path
-from tracker.jobs._folder import result_folder
+from tracker.running.jobs._folder import result_folder
 
 def job(k, begin):
     begin.wait()
@@ -171,7 +171,7 @@ def test_a_replaced_file_keeps_its_mode_and_a_new_one_has_the_usual(tmp_path: Pa
 LIMITED = """
 import resource, signal, sys
 from pathlib import Path
-from tracker.files import GrowingFile
+from tracker.foundation.files import GrowingFile
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 file = GrowingFile(Path(sys.argv[1]))
@@ -215,7 +215,7 @@ def test_progress_says_what_it_is_a_step_of() -> None:
 def test_two_processes_do_not_write_to_one_folder(tmp_path: Path) -> None:
     """A run that is still at work is not resumed beside itself."""
     with result_folder("one", tmp_path / "out") as folder:
-        script = "import sys; from pathlib import Path; from tracker.jobs._folder import logged\n"
+        script = "import sys; from pathlib import Path; from tracker.running.jobs._folder import logged\n"
         script += "with logged(Path(sys.argv[1])): pass"
         command = [sys.executable, "-c", script, str(folder.path)]
         other = subprocess.run(command, capture_output=True, text=True, check=False)

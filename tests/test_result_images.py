@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import tomli_w
 
-from tracker.errors import ConfigError
-from tracker.jobs import described, execute, load_job
-from tracker.jobs._delivered import opened_even
-from tracker.result import load_result
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
-from tracker.viewing.images import images_of
+from tracker.foundation.errors import ConfigError
+from tracker.results.result import load_result
+from tracker.running.jobs import described, execute, load_job
+from tracker.running.jobs._delivered import opened_even
+from tracker.running.viewing.images import images_of
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
 
 START = ["initialization.use=given", "initialization.poses=truth_poses.csv"]
 

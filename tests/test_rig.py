@@ -10,10 +10,10 @@ import pytest
 from rounding import assert_alike
 from scipy.optimize import least_squares
 
-from tracker.arrays import Array
-from tracker.camera import Camera
-from tracker.errors import CalibrationError
-from tracker.rig import Rig
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import CalibrationError
 
 LENS = np.array([-0.2, 0.05, 0.001, -0.002, -0.01])
 PLACES = {"front": (4.0, 0.3, 1.6), "left": (-0.4, 4.5, 2.2), "back": (-4.2, -0.2, 1.4), "right": (0.5, -3.8, 2.6)}

@@ -15,8 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rig_samples import ANIPOSE, CALISCOPE, QUALISYS, assert_equal, easymocap, entries, sample_rig, tables, written
 
-from tracker.errors import CalibrationError, TrackerError
-from tracker.rig_layouts import load_rig, save_rig
+from tracker.cameras.rig_layouts import load_rig, save_rig
+from tracker.foundation.errors import CalibrationError, TrackerError
 
 
 def drop(key: str) -> Callable[[dict[str, Any]], None]:

@@ -19,12 +19,12 @@ from hypothesis import strategies as st
 from rig_samples import FREEMOCAP, assert_equal, sample_rig
 from typer.testing import CliRunner
 
-from tracker.camera import Camera
-from tracker.cli import app
-from tracker.errors import CalibrationError
-from tracker.rig import AXES, Rig
-from tracker.rig_layouts import load_rig, read_rig, save_rig
-from tracker.rig_layouts._pickled import pickled_table
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import AXES, Rig
+from tracker.cameras.rig_layouts import load_rig, read_rig, save_rig
+from tracker.cameras.rig_layouts._pickled import pickled_table
+from tracker.foundation.errors import CalibrationError
+from tracker.running.cli import app
 
 SESSION = Path("OpenCapData_1/Videos")
 

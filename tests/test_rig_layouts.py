@@ -32,14 +32,14 @@ from rig_samples import (
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from tracker.camera import Camera
-from tracker.cli import app
-from tracker.commands.rig import LAYOUTS
-from tracker.components import available, find
-from tracker.errors import CalibrationError, ConfigError
-from tracker.fisheye import rational_of
-from tracker.rig import Rig
-from tracker.rig_layouts import load_rig, read_rig, save_rig
+from tracker.cameras.camera import Camera
+from tracker.cameras.fisheye import rational_of
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import load_rig, read_rig, save_rig
+from tracker.foundation.configuration.components import available, find
+from tracker.foundation.errors import CalibrationError, ConfigError
+from tracker.running.cli import app
+from tracker.running.commands.rig import LAYOUTS
 
 
 def some_camera(seed: int, k: int) -> Camera:

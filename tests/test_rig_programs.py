@@ -15,10 +15,10 @@ from rig_samples import ANIPOSE, FREEMOCAP, NORTH, QUALISYS, assert_equal, easym
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from tracker.camera import Camera
-from tracker.cli import app
-from tracker.errors import CalibrationError
-from tracker.rig_layouts import load_rig, read_rig, save_rig
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig_layouts import load_rig, read_rig, save_rig
+from tracker.foundation.errors import CalibrationError
+from tracker.running.cli import app
 
 PLAIN = (0.0, 0.0, 0.0, 0.0, 0.0)
 RADIAL = "Vicon3Parameter 650 352 4.1e-8 -6e-15 1e-21"

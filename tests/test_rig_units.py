@@ -14,11 +14,11 @@ import pytest
 from rig_samples import NORTH, assert_equal, entries, sample_rig, tables, written
 from typer.testing import CliRunner
 
-from tracker.cli import app
-from tracker.components import available, find
-from tracker.errors import CalibrationError
-from tracker.rig import Rig
-from tracker.rig_layouts import load_rig, read_rig, save_rig
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import load_rig, read_rig, save_rig
+from tracker.foundation.configuration.components import available, find
+from tracker.foundation.errors import CalibrationError
+from tracker.running.cli import app
 
 READ_ONLY = ("freemocap", "middlebury", "opencap", "panoptic", "vicon")
 WRITTEN = [use for use in available("rig_layouts") if use not in READ_ONLY]

@@ -10,13 +10,13 @@ import pytest
 from observations import bent
 from test_best_first import Landscape
 
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.estimate import Estimate
-from tracker.limbs import taken_over
-from tracker.objective import Objective
-from tracker.resources import model_path
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.limbs import taken_over
+from tracker.foundation.arrays import Array
+from tracker.foundation.resources import model_path
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.objective import Objective
 from tracker.tracking.rivals import weighed
 
 LIMBS = "left_arm", "right_leg"

@@ -11,13 +11,13 @@ from trimesh.creation import icosphere
 from typer.testing import CliRunner
 
 from tracker.acquisition.from_robot import body_of, stands_at
-from tracker.body.files import load_body
-from tracker.body.surface import segments_in_world
-from tracker.cli import app
-from tracker.errors import ConfigError, ModelError
-from tracker.robots.mjcf import read_mjcf
-from tracker.robots.urdf import read_urdf
-from tracker.skin_files import ScannedSurface, write_surface
+from tracker.bodies.body.files import load_body
+from tracker.bodies.body.surface import segments_in_world
+from tracker.bodies.robots.mjcf import read_mjcf
+from tracker.bodies.robots.urdf import read_urdf
+from tracker.bodies.skin_files import ScannedSurface, write_surface
+from tracker.foundation.errors import ConfigError, ModelError
+from tracker.running.cli import app
 
 LEGS = {f"{front}{side}": (x, y) for front, x in (("F", 0.2), ("H", -0.2)) for side, y in (("L", 0.11), ("R", -0.11))}
 

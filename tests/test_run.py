@@ -15,22 +15,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tracker.body.files import load_body
-from tracker.errors import ConfigError, SequenceError, TrackerError
-from tracker.initialization.given import GivenInitialization
-from tracker.jobs import described, execute, job_from, load_job
-from tracker.jobs._recorded import TrackOutcome
-from tracker.jobs.track import TrackJob
-from tracker.loss import LossRule
-from tracker.progress import Progress
-from tracker.recording import Recording
-from tracker.recording.csv_table import CsvTable
-from tracker.recording.journal import Journal
-from tracker.recording.overlay import Overlay
-from tracker.recording.run_json import RunJson
-from tracker.rig_layouts import load_rig
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
+from tracker.bodies.body.files import load_body
+from tracker.cameras.rig_layouts import load_rig
+from tracker.foundation.errors import ConfigError, SequenceError, TrackerError
+from tracker.foundation.progress import Progress
+from tracker.results.recording import Recording
+from tracker.results.recording.csv_table import CsvTable
+from tracker.results.recording.journal import Journal
+from tracker.results.recording.overlay import Overlay
+from tracker.results.recording.run_json import RunJson
+from tracker.running.jobs import described, execute, job_from, load_job
+from tracker.running.jobs._recorded import TrackOutcome
+from tracker.running.jobs.track import TrackJob
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.tracking.initialization.given import GivenInitialization
+from tracker.tracking.loss import LossRule
 
 RESULTS = [
     "poses.csv",

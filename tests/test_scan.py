@@ -16,15 +16,15 @@ from tests.test_skins import meshed
 from tracker.acquisition.scan import ScanFiles, read_scan
 from tracker.acquisition.scan_rigging import rigged
 from tracker.acquisition.superquadric_fit import Fitted, fit_superquadric
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.body.files import load_body, read_description
-from tracker.cli import app
-from tracker.errors import ConfigError, ModelError
-from tracker.geometry.superquadrics import surface
-from tracker.mirror import Mirror
-from tracker.resources import model_path
-from tracker.skin_files import Rigging, ScannedSurface, read_surface, write_rigging, write_surface
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body, read_description
+from tracker.bodies.mirror import Mirror
+from tracker.bodies.skin_files import Rigging, ScannedSurface, read_surface, write_rigging, write_surface
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import ConfigError, ModelError
+from tracker.foundation.geometry.superquadrics import surface
+from tracker.foundation.resources import model_path
+from tracker.running.cli import app
 
 POSE_DEG = {"arm_abduction": 35.0, "arm_elevation": 8.0, "arm_twist": -6.0, "arm_extension": 12.0}
 CENTRES = {

@@ -12,12 +12,12 @@ import tomli_w
 from small_jobs import JOBS, smallest
 from typer.testing import CliRunner
 
-from tracker.cli import app
-from tracker.commands.show import FILES, _schema
-from tracker.components import available, find
-from tracker.config import describe
-from tracker.jobs import described, job_from
-from tracker.recording import DEFAULTS
+from tracker.foundation.configuration.components import available, find
+from tracker.foundation.configuration.tables import describe
+from tracker.results.recording import DEFAULTS
+from tracker.running.cli import app
+from tracker.running.commands.show import FILES, _schema
+from tracker.running.jobs import described, job_from
 
 ROOT = Path(__file__).parents[1]
 

@@ -11,19 +11,19 @@ import pytest
 from doubted import in_doubt
 from typer.testing import CliRunner
 
-from tracker.arrays import Image, Mask
-from tracker.cli import app
-from tracker.errors import TrackerError
-from tracker.estimate import Status
 from tracker.evidence.level_set import LevelSetEvidence
-from tracker.jobs import execute, load_job
-from tracker.outlines import overlap
-from tracker.result import Result, load_result
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
+from tracker.evidence.measures.outlines import overlap
+from tracker.foundation.arrays import Image, Mask
+from tracker.foundation.errors import TrackerError
+from tracker.results.result import Result, load_result
+from tracker.running.cli import app
+from tracker.running.jobs import execute, load_job
+from tracker.running.viewing.segmentation import STEPS, Chosen, Segmented, segmented
+from tracker.running.viewing.segmentation_picture import picture_of
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.viewing.segmentation import STEPS, Chosen, Segmented, segmented
-from tracker.viewing.segmentation_picture import picture_of
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.tracking.estimate import Status
 
 
 def tracked_to(folder: Path, constant_rate_factor: int) -> Path:

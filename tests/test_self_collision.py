@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from rounding import SINGLE, assert_alike
 
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.geometry.superquadrics import inside_outside
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Scene
+from tracker.foundation.geometry.superquadrics import inside_outside
+from tracker.foundation.resources import model_path
+from tracker.images.observation import Observation
 from tracker.kernels.body.self_collision import depth
-from tracker.observation import Observation
-from tracker.resources import model_path
-from tracker.scene import Scene
-from tracker.simulation.sequence import Recipe, simulate
+from tracker.synthesis.simulation.sequence import Recipe, simulate
 
 from observations import objective_of  # isort: skip
 

@@ -11,24 +11,24 @@ import pytest
 from recordings import cycle_for, small_simulation
 from rounding import SINGLE, assert_alike
 
-from tracker.arrays import Array
-from tracker.errors import InitializationError
-from tracker.estimation.twist_icp import TwistIcpEstimation
-from tracker.frame import Frame
-from tracker.initialization import stance
-from tracker.initialization._covering import NOTHING, moved
-from tracker.initialization._directions import direction_images
-from tracker.initialization._edge_ranking import Clues
-from tracker.initialization.auto import AutoInitialization
-from tracker.initialization.stance import StanceInitialization
-from tracker.jobs.track import TrackJob
+from tracker.bodies.scene import Person, Scene
+from tracker.bodies.subject import Subject
+from tracker.cameras.frame import Frame
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import InitializationError
+from tracker.foundation.resources import model_path
+from tracker.images.reading.video import VideoReading
 from tracker.kernels.pictures.rods import covered_by_rods
-from tracker.reading.video import VideoReading
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-from tracker.start import Start
-from tracker.subject import Subject
+from tracker.running.jobs.track import TrackJob
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.initialization import stance
+from tracker.tracking.initialization._covering import NOTHING, moved
+from tracker.tracking.initialization._directions import direction_images
+from tracker.tracking.initialization._edge_ranking import Clues
+from tracker.tracking.initialization.auto import AutoInitialization
+from tracker.tracking.initialization.stance import StanceInitialization
+from tracker.tracking.start import Start
 
 
 def moved_by(scene: Scene, metres: float) -> Array:

@@ -9,9 +9,9 @@ from observations import bent
 from tracker.acquisition._anatomy import Anatomy
 from tracker.acquisition._residuals import asks_of, part_slopes
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace, space_of
-from tracker.body.files import read_description
-from tracker.geometry.superquadrics import shape_derivatives, surface
-from tracker.resources import model_path, models_folder
+from tracker.bodies.body.files import read_description
+from tracker.foundation.geometry.superquadrics import shape_derivatives, surface
+from tracker.foundation.resources import model_path, models_folder
 
 MODELS = sorted(path.stem for path in models_folder().glob("*.toml"))
 

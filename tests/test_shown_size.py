@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from tracker.camera import Camera
-from tracker.errors import CalibrationError
-from tracker.jobs.track import TrackJob
-from tracker.reading.video import VideoReading
-from tracker.rig import Rig
-from tracker.rig_layouts import save_rig
-from tracker.shown_size import fitting_downscale, shown_px
-from tracker.subject import Subject
+from tracker.bodies.subject import Subject
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import save_rig
+from tracker.cameras.shown_size import fitting_downscale, shown_px
+from tracker.foundation.errors import CalibrationError
+from tracker.images.reading.video import VideoReading
+from tracker.running.jobs.track import TrackJob
 
 
 def ring(size: tuple[int, int], focal_px: float, apart_m: float = 5.0) -> Rig:

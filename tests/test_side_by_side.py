@@ -10,17 +10,17 @@ import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 from rounding import SINGLE, assert_alike
 
-from tracker.estimation.best_first import BestFirstEstimation
-from tracker.estimation.twist_icp import TwistIcpEstimation
-from tracker.initialization._scattering import ROUNDS
-from tracker.initialization.pca import PcaInitialization
-from tracker.initialization.stance import StanceInitialization
-from tracker.start import Start
 from tracker.synthesis import side_by_side
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.egl import EglSynthesis
 from tracker.synthesis.osmesa import OsmesaSynthesis
+from tracker.tracking.estimation.best_first import BestFirstEstimation
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.initialization._scattering import ROUNDS
+from tracker.tracking.initialization.pca import PcaInitialization
+from tracker.tracking.initialization.stance import StanceInitialization
 from tracker.tracking.rehearsal import rehearsed
+from tracker.tracking.start import Start
 
 
 @pytest.mark.parametrize("synthesis", [CpuSynthesis(), EglSynthesis(), OsmesaSynthesis()])
@@ -62,8 +62,8 @@ def started(in_threads: bool, monkeypatch: pytest.MonkeyPatch) -> tuple[Start, S
 def on_edges(in_threads: bool, monkeypatch: pytest.MonkeyPatch) -> tuple[Start]:
     """A start without plates, limbs looked for anew."""
     monkeypatch.setattr(CpuSynthesis, "threads", in_threads)
-    monkeypatch.setattr("tracker.initialization._limbs_anew._LEFT_OVER", 0.0)
-    monkeypatch.setattr("tracker.initialization.stance.ROUNDS", ROUNDS[-1:])
+    monkeypatch.setattr("tracker.tracking.initialization._limbs_anew._LEFT_OVER", 0.0)
+    monkeypatch.setattr("tracker.tracking.initialization.stance.ROUNDS", ROUNDS[-1:])
     simulation = small_simulation("two_elbow_rotation", n_frames=1)
     stages = replace(cycle_for(simulation, estimation=TwistIcpEstimation()).stages, plates=(None,) * 4)
     initialization = StanceInitialization(hypotheses=2, finalists=2, step_m=0.6, farthest_m=6.0, least_score=1e-3)

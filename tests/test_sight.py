@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
-from tracker.arrays import Image
-from tracker.doubts import Doubts
-from tracker.errors import InitializationError
-from tracker.frame import Frame
-from tracker.initialization.auto import AutoInitialization
-from tracker.initialization.pca import PcaInitialization
-from tracker.plate import Plate
-from tracker.plate_changes import changed
-from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
+from tracker.cameras.frame import Frame
+from tracker.foundation.arrays import Image
+from tracker.foundation.errors import InitializationError
+from tracker.images.plate import Plate
+from tracker.images.plate_changes import changed
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.tracking import track
+from tracker.synthesis.simulation.sequence import Simulation
+from tracker.tracking.doubts import Doubts
+from tracker.tracking.initialization.auto import AutoInitialization
+from tracker.tracking.initialization.pca import PcaInitialization
+from tracker.tracking.sequence import track
 
 SIZE = 240, 320
 WHOLE = 0, 0, SIZE[1], SIZE[0]

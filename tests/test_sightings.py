@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.camera import Camera
-from tracker.following.following import Following
-from tracker.following.keys import Keys, Sighting
-from tracker.following.newborn import NewPoints, born
-from tracker.following.sightings import NewKeys, Prepared, Sightings
-from tracker.point_trajectories import PointStatus
-from tracker.rig import Rig
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.points.following.following import Following
+from tracker.points.following.keys import Keys, Sighting
+from tracker.points.following.newborn import NewPoints, born
+from tracker.points.following.sightings import NewKeys, Prepared, Sightings
+from tracker.points.trajectories import PointStatus
 
 HALF = 6
 UNIT, TURNED = np.eye(2)[None], np.array([[[0.8, 0.1], [-0.1, 1.2]]])

@@ -8,15 +8,15 @@ import pytest
 from observations import off
 from rounding import assert_alike
 
-from tracker.arrays import Array, Mask
-from tracker.comparison import Comparison
-from tracker.errors import ConfigError
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.silhouettes import Foregrounds, SilhouetteEvidence
 from tracker.evidence.together import TogetherEvidence
-from tracker.frame import Frame
+from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.errors import ConfigError
+from tracker.images.sight import Changes, Sight
 from tracker.kernels.pictures.coverage import cover_shares
-from tracker.scene import Scene
-from tracker.sight import Changes, Sight
 from tracker.synthesis.cpu import CpuSynthesis
 
 

@@ -13,18 +13,18 @@ import pytest
 import typer
 from recordings import small_simulation
 
-from tracker.body.files import load_body
-from tracker.camera import Camera
-from tracker.errors import ConfigError
-from tracker.resources import model_path
-from tracker.rig_layouts import load_rig
-from tracker.simulation.filming import plan
-from tracker.simulation.movements import poses_of
-from tracker.simulation.rendering import draw_persons, mesh_of
-from tracker.simulation.room import default_rig
-from tracker.simulation.sequence import Recipe, Simulation, simulate
-from tracker.simulation.sequence_files import write_sequence
+from tracker.bodies.body.files import load_body
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig_layouts import load_rig
+from tracker.foundation.errors import ConfigError
+from tracker.foundation.resources import model_path
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.filming import plan
+from tracker.synthesis.simulation.movements import poses_of
+from tracker.synthesis.simulation.rendering import draw_persons, mesh_of
+from tracker.synthesis.simulation.room import default_rig
+from tracker.synthesis.simulation.sequence import Recipe, Simulation, simulate
+from tracker.synthesis.simulation.sequence_files import write_sequence
 
 TIMES = np.arange(0, 4, 0.02)
 

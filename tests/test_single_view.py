@@ -9,13 +9,13 @@ import pytest
 from doubted import in_doubt
 from observations import ideal, objective_of
 
-from tracker.doubt import Because
-from tracker.estimate import Estimate, Status
-from tracker.limbs import are_apart, taken_over
-from tracker.loss import LossRule, judged
-from tracker.objective import Objective
-from tracker.rig import Rig
-from tracker.scene import Scene
+from tracker.bodies.limbs import are_apart, taken_over
+from tracker.bodies.scene import Scene
+from tracker.cameras.rig import Rig
+from tracker.tracking.doubt import Because
+from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.loss import LossRule, judged
+from tracker.tracking.objective import Objective
 from tracker.tracking.single_view import with_vague_limbs
 
 LIMBS = ("left_arm", "right_arm", "left_leg", "right_leg")

@@ -16,13 +16,13 @@ from exported import HUNDREDTH_MM, motion_of
 from motions import INTERVAL_S, LOST, N_FRAMES, made_up
 from scipy.spatial.transform import Rotation
 
-from tracker.body.files import load_body
-from tracker.body.surface import surface_of
-from tracker.estimate import Status
-from tracker.recording._motion import Y_UP, Motion
-from tracker.recording.bvh import Bvh
-from tracker.recording.glb import Glb
-from tracker.skin import Skin
+from tracker.bodies.body.files import load_body
+from tracker.bodies.body.surface import surface_of
+from tracker.bodies.skin import Skin
+from tracker.results.recording._motion import Y_UP, Motion
+from tracker.results.recording.bvh import Bvh
+from tracker.results.recording.glb import Glb
+from tracker.tracking.estimate import Status
 
 
 def test_bvh_is_read_back(movement, tmp_path):

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import tomli_w
 
-from tracker.body.files import load_body, read_description, save_description
-from tracker.errors import ModelError
-from tracker.skin import Skin
-from tracker.skin_files import Rigging, ScannedSurface, read_rigging, read_surface, write_rigging, write_surface
+from tracker.bodies.body.files import load_body, read_description, save_description
+from tracker.bodies.skin import Skin
+from tracker.bodies.skin_files import Rigging, ScannedSurface, read_rigging, read_surface, write_rigging, write_surface
+from tracker.foundation.errors import ModelError
 
 # Two parts one above the other, and a strip of surface over both.
 POINTS = np.array([[x, 0.1 * y, 0.2 * z] for z in range(5) for y in (-1, 1) for x in (0.0,)])

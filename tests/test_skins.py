@@ -10,15 +10,15 @@ import pytest
 from rounding import assert_alike
 from solids import RIGS, outline_errors, posed, solid, thing
 
-from tracker.arrays import Array, Mask
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.contours import Contours, ViewContours
-from tracker.geometry.superquadric_meshes import meshes_of
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.contours import Contours, ViewContours
+from tracker.bodies.scene import Person, Scene
+from tracker.bodies.skin import Skin
+from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.geometry.superquadric_meshes import meshes_of
+from tracker.foundation.resources import model_path
 from tracker.kernels.pictures.rasterization import rasterize
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-from tracker.skin import Skin
 from tracker.synthesis.cpu import CpuSynthesis
 
 CPU = CpuSynthesis()

@@ -17,20 +17,20 @@ from swinging import FPS, observed, rms, swinging
 from typer.testing import CliRunner
 
 import tracker
-from tracker.cli import app
-from tracker.components import available, find
-from tracker.errors import ConfigError
-from tracker.estimate import Status
-from tracker.jobs import execute, load_job
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
-from tracker.smoothed import joint_motion, smooth_track, write_smoothed
-from tracker.smoothing import LEAST_FRAMES, Stretch, stretches_of
-from tracker.smoothing.butterworth import Butterworth
-from tracker.smoothing.one_euro import OneEuro
-from tracker.smoothing.rts import RauchTungStriebel, _likeliest
-from tracker.smoothing.spline import Spline
-from tracker.tracking import track
+from tracker.foundation.configuration.components import available, find
+from tracker.foundation.errors import ConfigError
+from tracker.results.smoothed_result import joint_motion, smooth_track, write_smoothed
+from tracker.results.smoothing import LEAST_FRAMES, Stretch, stretches_of
+from tracker.results.smoothing.butterworth import Butterworth
+from tracker.results.smoothing.one_euro import OneEuro
+from tracker.results.smoothing.rts import RauchTungStriebel, _likeliest
+from tracker.results.smoothing.spline import Spline
+from tracker.running.cli import app
+from tracker.running.jobs import execute, load_job
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.tracking.estimate import Status
+from tracker.tracking.sequence import track
 
 every_smoothing = pytest.mark.parametrize("use", available("smoothing"))
 WITHOUT_LAG = [RauchTungStriebel(), Butterworth(), Spline()]
@@ -127,7 +127,7 @@ def test_long_stretches_are_smoothed_in_pieces_to_the_same_result(monkeypatch):
     stretch = observed(truth, known=(np.arange(90) % 11 != 5))
     whole = RauchTungStriebel().smooth([stretch])[0]
     for chunk in (1, 30, 89, 90, 91):
-        monkeypatch.setattr("tracker.smoothing.rts._CHUNK", chunk)
+        monkeypatch.setattr("tracker.results.smoothing.rts._CHUNK", chunk)
         pieces = RauchTungStriebel().smooth([stretch])[0]
         for name in ("poses", "velocities", "accelerations", "covariances"):
             assert_alike(getattr(pieces, name), getattr(whole, name))

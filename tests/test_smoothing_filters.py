@@ -12,11 +12,11 @@ from scipy.interpolate import make_interp_spline, make_smoothing_spline
 from swinging import FPS, observed, rms, swinging
 
 import tracker
-from tracker.errors import ConfigError
-from tracker.smoothed import write_smoothed
-from tracker.smoothing import LEAST_FRAMES, Stretch
-from tracker.smoothing.butterworth import Butterworth
-from tracker.smoothing.spline import Spline, _validated
+from tracker.foundation.errors import ConfigError
+from tracker.results.smoothed_result import write_smoothed
+from tracker.results.smoothing import LEAST_FRAMES, Stretch
+from tracker.results.smoothing.butterworth import Butterworth
+from tracker.results.smoothing.spline import Spline, _validated
 
 
 @pytest.mark.parametrize("n", [LEAST_FRAMES, 9, 60])

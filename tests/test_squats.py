@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from known_movements import LIBRARY
 
-from tracker.body.files import load_body
-from tracker.recognition.limb_directions import (
+from tracker.bodies.body.files import load_body
+from tracker.foundation.resources import model_path
+from tracker.results.recognition.limb_directions import (
     RATE_HZ,
     course_of,
 )
-from tracker.recognition.matching import recognize
-from tracker.recognition.timeline import table_rows, timeline
-from tracker.resources import model_path
+from tracker.results.recognition.matching import recognize
+from tracker.results.recognition.timeline import table_rows, timeline
 
 
 def squatting(depth, seconds, arms):

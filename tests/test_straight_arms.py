@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from observations import bent, four_views, ideal, joint_errors_mm, objective_of
 
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.estimation.twist_icp import TwistIcpEstimation
-from tracker.scene import Person, Scene
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.foundation.arrays import Array
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 
 
 def held_sideways(body: BodyModel, extension_deg: float, twist_deg: float = 0.0) -> Array:

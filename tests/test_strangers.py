@@ -9,26 +9,26 @@ import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 from scipy import ndimage
 
-from tracker.arrays import Mask
-from tracker.body.files import load_body
-from tracker.doubts import Doubts
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
-from tracker.frame import Frame
-from tracker.initialization._persons import find_persons, in_order, ways_to_find
-from tracker.initialization.pca import PcaInitialization
-from tracker.jobs._starts import told_of_start
-from tracker.loss import LossRule
-from tracker.recording._journal_line import as_kept, line_of, replay_of
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-from tracker.sight import Sight
-from tracker.simulation.sequence import Simulation
-from tracker.start import Hypothesis, Start
-from tracker.strangers import _has_piece_of, hide_strangers, strangers
+from tracker.foundation.arrays import Mask
+from tracker.foundation.resources import model_path
+from tracker.images.sight import Sight
+from tracker.results.recording._journal_line import as_kept, line_of, replay_of
+from tracker.running.jobs._starts import told_of_start
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.tracking import track
+from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.cycle import Cycle
-from tracker.trajectory import Step
+from tracker.tracking.doubts import Doubts
+from tracker.tracking.initialization._persons import find_persons, in_order, ways_to_find
+from tracker.tracking.initialization.pca import PcaInitialization
+from tracker.tracking.loss import LossRule
+from tracker.tracking.sequence import track
+from tracker.tracking.start import Hypothesis, Start
+from tracker.tracking.strangers import _has_piece_of, hide_strangers, strangers
+from tracker.tracking.trajectory import Step
 
 SYNTHESIS = CpuSynthesis()
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tracker.arrays import Array
-from tracker.errors import ModelError
-from tracker.geometry.superquadrics import inside_outside, signed_distance, spread, surface
-from tracker.shape import TaperedSuperquadric
+from tracker.bodies.shape import TaperedSuperquadric
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import ModelError
+from tracker.foundation.geometry.superquadrics import inside_outside, signed_distance, spread, surface
 
 SHAPES = {
     "sphere": (0.2, 0.2, 0.2, 1.0, 1.0, 0.0, 0.0),

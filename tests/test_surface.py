@@ -14,23 +14,23 @@ import trimesh
 from textures import Waves, plane_seen
 from typer.testing import CliRunner
 
-from tracker.camera import Camera
-from tracker.cli import app
-from tracker.errors import ConfigError, MatchingError, SequenceError, TrackerError
-from tracker.following.births import given_points
-from tracker.frame import Frame
-from tracker.imaging.local_contrast import wallis_filter
-from tracker.jobs import described, load_job
-from tracker.lsm.filters import NeighbourhoodFilter
-from tracker.lsm.growth import Growth
-from tracker.lsm.points import voxel_filtered
-from tracker.lsm.seeds import Seeds
-from tracker.lsm.surface import SurfaceMeasurement, measure_surface, residual_rms_px
-from tracker.lsm.surface_files import write_csv
-from tracker.lsm.views import Preparation, blur_px, field_camera
-from tracker.reading.stills import StillReading
-from tracker.rig import Rig
-from tracker.rig_layouts import load_rig, save_rig
+from tracker.cameras.camera import Camera
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import load_rig, save_rig
+from tracker.foundation.errors import ConfigError, MatchingError, SequenceError, TrackerError
+from tracker.images.operations.local_contrast import wallis_filter
+from tracker.images.reading.stills import StillReading
+from tracker.points.following.births import given_points
+from tracker.points.surfaces.filters import NeighbourhoodFilter
+from tracker.points.surfaces.growth import Growth
+from tracker.points.surfaces.points import voxel_filtered
+from tracker.points.surfaces.seeds import Seeds
+from tracker.points.surfaces.surface import SurfaceMeasurement, measure_surface, residual_rms_px
+from tracker.points.surfaces.surface_files import write_csv
+from tracker.points.surfaces.views import Preparation, blur_px, field_camera
+from tracker.running.cli import app
+from tracker.running.jobs import described, load_job
 
 SIZE = (240, 180)
 NOISE = 1.0

@@ -9,17 +9,17 @@ import pytest
 from observations import bent, four_views, observed
 from test_skins import meshed
 
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.comparison import Comparison
-from tracker.estimation.hybrid import HybridEstimation
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence.contours import ContourEvidence
+from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.regions import RegionEvidence
-from tracker.frame import Frame
-from tracker.objective import Objective
-from tracker.scene import Person, Scene
-from tracker.sight import Sight
+from tracker.foundation.arrays import Array
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.estimation.hybrid import HybridEstimation
+from tracker.tracking.objective import Objective
 
 CPU = CpuSynthesis()
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tracker.errors import ConfigError
+from tracker.foundation.errors import ConfigError
 
 SCRIPTS = Path(__file__).parents[1] / "scripts"
 

@@ -11,12 +11,12 @@ from rounding import SINGLE, assert_alike
 from scipy.spatial import cKDTree
 from solids import MIDDLE, MODELS, RIGS, SHAPES, camera_at, least, outline_errors, posed, solid, thing
 
-from tracker.arrays import Array, Array32, Mask
-from tracker.camera import Camera
-from tracker.geometry.superquadrics import inside_outside
+from tracker.bodies.scene import Scene
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Array32, Mask
+from tracker.foundation.geometry.superquadrics import inside_outside
 from tracker.kernels.projection import project_point
-from tracker.rig import Rig
-from tracker.scene import Scene
 from tracker.synthesis.cpu import CpuSynthesis
 
 ASIDE = Camera.looking_at("aside", (1280, 720), 500.0, (2.6, 0.3, 1.4), np.array([0.0, 3.2, 1.0]))

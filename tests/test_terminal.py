@@ -15,17 +15,17 @@ from rich.console import Console, Group
 from rich.table import Table
 from typer.testing import CliRunner
 
-from tracker.cli import app
-from tracker.commands import evaluate, terminal
-from tracker.commands.run import _print_tracked
-from tracker.commands.terminal import ProgressBar
-from tracker.doubts import Doubts
-from tracker.errors import ConfigError
-from tracker.evaluation.comparison import Evaluation
-from tracker.evaluation.person_errors import PersonErrors
-from tracker.jobs import load_job
-from tracker.jobs._recorded import _Pace
-from tracker.jobs.track import TrackOutcome
+from tracker.foundation.errors import ConfigError
+from tracker.results.evaluation.comparison import Evaluation
+from tracker.results.evaluation.person_errors import PersonErrors
+from tracker.running.cli import app
+from tracker.running.commands import evaluate, terminal
+from tracker.running.commands.run import _print_tracked
+from tracker.running.commands.terminal import ProgressBar
+from tracker.running.jobs import load_job
+from tracker.running.jobs._recorded import _Pace
+from tracker.running.jobs.track import TrackOutcome
+from tracker.tracking.doubts import Doubts
 
 DETAIL = "12.5 frames/s, about 2 min 10 s left, 3 lost, 12 doubtful"
 
@@ -193,8 +193,8 @@ def test_a_pace_says_what_is_left_and_keeps_how_long_stages_took():
 def test_times_of_stages_are_told_where_they_are_asked_for(monkeypatch, tmp_path, asked):
     outcome = TrackOutcome(tmp_path, 4, Doubts(n_frames=4, found=frozenset({"anna"})), seconds=1.0)
     outcome = replace(outcome, stages_s={"synthesis": 0.02, "search": 0.16})
-    monkeypatch.setattr("tracker.jobs.load_job", lambda *_: None)
-    monkeypatch.setattr("tracker.commands.run.done", lambda *_: outcome)
+    monkeypatch.setattr("tracker.running.jobs.load_job", lambda *_: None)
+    monkeypatch.setattr("tracker.running.commands.run.done", lambda *_: outcome)
     told = CliRunner().invoke(app, ["run", "run.toml", *asked])
     assert told.exit_code == 0, told.output
     assert ("stages of tracking, ms a frame: search 40, synthesis 5" in told.output) == bool(asked)

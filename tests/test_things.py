@@ -21,20 +21,20 @@ from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.moving_along import How, most_moving
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.acquisition.things import Thing, _around, carried_of, entry_of, things_of, told_of_things, tracked_with
-from tracker.analysis.contours import ContourAnalysis
-from tracker.body.description import BodyDescription
-from tracker.body.files import read_description, save_description
-from tracker.carried import Carried, with_carried
-from tracker.config import build_class
-from tracker.frame import Frame
-from tracker.jobs._persons import _told
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-from tracker.simulation.sequence import Simulation
-from tracker.subject import Subject
+from tracker.bodies.belongings import Carried, with_carried
+from tracker.bodies.body.description import BodyDescription
+from tracker.bodies.body.files import read_description, save_description
+from tracker.bodies.scene import Person, Scene
+from tracker.bodies.subject import Subject
+from tracker.cameras.frame import Frame
+from tracker.foundation.configuration.tables import build_class
+from tracker.foundation.resources import model_path
+from tracker.images.analysis.contours import ContourAnalysis
+from tracker.running.jobs._persons import _told
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.sequence import Simulation
+from tracker.tracking.trajectory import Step
 from tracker.tracking.windows import there
-from tracker.trajectory import Step
 
 N_FRAMES = 16
 BALL = Carried(name="ball", by="right_wrist", start=(0.0, 0.0, -0.15), end=(0.0, 0.0, -0.35), radii=(0.1, 0.1))

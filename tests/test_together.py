@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tracker.account import Account, summed
-from tracker.equations import Equations
-from tracker.errors import ConfigError
+from tracker.evidence.measures.account import Account, summed
+from tracker.evidence.measures.equations import Equations
 from tracker.evidence.together import TogetherEvidence, _sharpened
+from tracker.foundation.errors import ConfigError
 
 
 def leaving(rms_px: float) -> Equations:

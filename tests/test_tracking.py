@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, with_images
 
-from tracker.errors import InitializationError
-from tracker.estimate import Status
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.loss import LossRule
-from tracker.scene import Scene
-from tracker.simulation.sequence import Recipe, simulate
-from tracker.start import Start
-from tracker.tracking import track
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.foundation.errors import InitializationError
+from tracker.synthesis.simulation.sequence import Recipe, simulate
 from tracker.tracking.cycle import Cycle
+from tracker.tracking.estimate import Status
+from tracker.tracking.initialization import Stages
+from tracker.tracking.loss import LossRule
+from tracker.tracking.sequence import track
+from tracker.tracking.start import Start
 
 # A pixel is 12.5 mm at the person, an edge is found to a few tenths of one, and a joint hangs on dozens of edges.
 TRACKED_MM = 8.0

@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracker.camera import Camera
-from tracker.following.cuts import cut_where_false, no_cuts
-from tracker.following.filters import TrajectoryFilters
-from tracker.following.following import Following
-from tracker.following.key_points import surroundings
-from tracker.following.motion import motion_of
-from tracker.following.pictures import points_picture
-from tracker.following.record import sighting_type, trajectories_of
-from tracker.following.snakes import Snake
-from tracker.following.summary import Course, summarized
-from tracker.following.windows import windows
-from tracker.frame import Frame
-from tracker.jobs._second_look import SecondLook
-from tracker.jobs._trajectory_files import TrajectoryFiles
-from tracker.lsm.views import Preparation
-from tracker.point_trajectories import PointStatus
-from tracker.rig import Rig
+from tracker.cameras.camera import Camera
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.points.following.cuts import cut_where_false, no_cuts
+from tracker.points.following.filters import TrajectoryFilters
+from tracker.points.following.following import Following
+from tracker.points.following.key_points import surroundings
+from tracker.points.following.motion import motion_of
+from tracker.points.following.pictures import points_picture
+from tracker.points.following.record import sighting_type, trajectories_of
+from tracker.points.following.snakes import Snake
+from tracker.points.following.summary import Course, summarized
+from tracker.points.following.windows import windows
+from tracker.points.surfaces.views import Preparation
+from tracker.points.trajectories import PointStatus
+from tracker.running.jobs._second_look import SecondLook
+from tracker.running.jobs._trajectory_files import TrajectoryFiles
 
 N_FRAMES, N_POINTS, FPS, NOISE_M = 40, 1600, 50.0, 3e-4
 

@@ -16,10 +16,10 @@ from marker_files import (
     written,
 )
 
-from tracker.errors import ConfigError, SequenceError
-from tracker.evaluation.marker_set import column
-from tracker.lengths import metres_in
-from tracker.marker_layouts import read_markers
+from tracker.foundation.errors import ConfigError, SequenceError
+from tracker.foundation.lengths import metres_in
+from tracker.results.evaluation.marker_set import column
+from tracker.results.marker_layouts import read_markers
 
 PADDED = trc(values="  100.00\t\t  100.00\t\t    20\t\t     3\t\tmm\t\t  100.00\t     1")
 

@@ -12,18 +12,18 @@ from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, 
 from test_easier_start import RULE, TurnedRoundAtFirst
 
 import tracker.tracking.windows
-from tracker.arrays import Image
-from tracker.errors import InitializationError
-from tracker.estimate import Status
-from tracker.estimation.twist_icp import TwistIcpEstimation
 from tracker.evidence.auto import AutoEvidence
-from tracker.loss import LossRule
-from tracker.simulation.sequence import Simulation
-from tracker.tracking import track
+from tracker.foundation.arrays import Image
+from tracker.foundation.errors import InitializationError
+from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.cycle import Cycle
+from tracker.tracking.estimate import Status
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.loss import LossRule
+from tracker.tracking.sequence import track
+from tracker.tracking.trajectory import Replay, Step
 from tracker.tracking.two_passes import track_twice
 from tracker.tracking.windows import length_of_windows, windows_of
-from tracker.trajectory import Replay, Step
 
 
 @pytest.fixture(scope="module")

@@ -13,27 +13,27 @@ import pytest
 from observations import ideal, objective_of
 from recordings import SMALL, TrueStart, cycle_for, joint_errors_mm, small_simulation
 
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.body.surface import segments_in_world, surface_of
-from tracker.errors import ConfigError, ModelError
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.initialization._likeness import size_of
-from tracker.initialization._person_sized import enlarged, person_sized
-from tracker.initialization.auto import AutoInitialization
-from tracker.initialization.given import GivenInitialization
-from tracker.limbs import exchanged, taken_over
-from tracker.loss import LossRule, judged, trusted_parts
-from tracker.recording.csv_table import joint_statuses
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-from tracker.simulation.filming import plan
-from tracker.simulation.room import default_rig
-from tracker.simulation.sequence import Recipe, Simulation
-from tracker.start import Hypothesis, Start
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.body.surface import segments_in_world, surface_of
+from tracker.bodies.limbs import exchanged, taken_over
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
+from tracker.foundation.errors import ConfigError, ModelError
+from tracker.foundation.resources import model_path
+from tracker.results.recording.csv_table import joint_statuses
+from tracker.synthesis.simulation.filming import plan
+from tracker.synthesis.simulation.room import default_rig
+from tracker.synthesis.simulation.sequence import Recipe, Simulation
+from tracker.tracking.initialization import Stages
+from tracker.tracking.initialization._likeness import size_of
+from tracker.tracking.initialization._person_sized import enlarged, person_sized
+from tracker.tracking.initialization.auto import AutoInitialization
+from tracker.tracking.initialization.given import GivenInitialization
+from tracker.tracking.loss import LossRule, judged, trusted_parts
+from tracker.tracking.start import Hypothesis, Start
+from tracker.tracking.trajectory import Step
 from tracker.tracking.two_passes import track_twice
-from tracker.trajectory import Step
 
 ROOT = Path(__file__).parents[1]
 

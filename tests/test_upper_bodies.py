@@ -7,25 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.camera import Camera
-from tracker.errors import InitializationError
-from tracker.estimation.best_first import BestFirstEstimation
-from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.camera import Camera
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
 from tracker.evidence.auto import AutoEvidence
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.initialization import _upper_bodies as upper_bodies
-from tracker.initialization._upper_bodies import has_upper_body_alone, hull_tops, upper_poses
-from tracker.initialization._visual_hull import visual_hull
-from tracker.initialization.auto import AutoInitialization
-from tracker.initialization.pca import PcaInitialization
-from tracker.plate import Plate
-from tracker.resources import model_path
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
+from tracker.foundation.errors import InitializationError
+from tracker.foundation.resources import model_path
+from tracker.images.plate import Plate
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.estimation.best_first import BestFirstEstimation
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.initialization import Stages
+from tracker.tracking.initialization import _upper_bodies as upper_bodies
+from tracker.tracking.initialization._upper_bodies import has_upper_body_alone, hull_tops, upper_poses
+from tracker.tracking.initialization._visual_hull import visual_hull
+from tracker.tracking.initialization.auto import AutoInitialization
+from tracker.tracking.initialization.pca import PcaInitialization
 
 PLACES = {"a": (1.2, -0.9, 0.5), "b": (1.4, 0.2, 0.7), "c": (0.9, 1.2, 0.4), "d": (-0.3, 1.5, 0.6)}
 CHEST = np.array([0.1, 0.05, 0.15])

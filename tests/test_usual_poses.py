@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from observations import ideal, joint_errors_mm, objective_of
 
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.equations import Equations
-from tracker.estimation.twist_icp import TwistIcpEstimation
-from tracker.observation import Observation
-from tracker.resources import model_path
-from tracker.scene import Scene
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Scene
+from tracker.evidence.measures.equations import Equations
+from tracker.foundation.arrays import Array
+from tracker.foundation.resources import model_path
+from tracker.images.observation import Observation
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 
 
 def with_usual(body: BodyModel, spreads_deg: dict[str, float]) -> BodyModel:

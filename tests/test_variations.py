@@ -14,13 +14,13 @@ from tracker.acquisition.fit_task import FitSettings, Task, prior_of
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.acquisition.variations import Unsure, of_people, telling_bodies, variations_of
-from tracker.body.entries import Variation
-from tracker.body.files import read_description, save_description
-from tracker.errors import ModelError
-from tracker.estimate import Estimate, Status
-from tracker.resources import model_path
+from tracker.bodies.body.entries import Variation
+from tracker.bodies.body.files import read_description, save_description
+from tracker.foundation.errors import ModelError
+from tracker.foundation.resources import model_path
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.trajectory import Step
+from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.trajectory import Step
 
 HUMAN = read_description(model_path("human"))
 SPACE = space_of(HUMAN, ShapePrior())

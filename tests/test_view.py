@@ -20,22 +20,22 @@ from motions import LOST, MODELS, N_FRAMES, made_up
 from staged import Server
 from typer.testing import CliRunner
 
-from tracker.body.surface import segments_in_world
-from tracker.cli import app
-from tracker.errors import ConfigError
-from tracker.frame import Frame
-from tracker.jobs import execute, load_job
-from tracker.result import load_result
-from tracker.run import load_run
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
-from tracker.subject import Subject
-from tracker.viewing.finished import view_result
-from tracker.viewing.live import LiveRun
-from tracker.viewing.pictures import Pictures
-from tracker.viewing.server import serving
-from tracker.viewing.stage import BLUE, ORANGE, RED, Stage, colours_of_doubt
-from tracker.viewing.viewer import Viewer, _strip
+from tracker.bodies.body.surface import segments_in_world
+from tracker.bodies.subject import Subject
+from tracker.cameras.frame import Frame
+from tracker.foundation.errors import ConfigError
+from tracker.results.result import load_result
+from tracker.running.cli import app
+from tracker.running.jobs import execute, load_job
+from tracker.running.run import load_run
+from tracker.running.viewing.finished import view_result
+from tracker.running.viewing.live import LiveRun
+from tracker.running.viewing.pictures import Pictures
+from tracker.running.viewing.server import serving
+from tracker.running.viewing.stage import BLUE, ORANGE, RED, Stage, colours_of_doubt
+from tracker.running.viewing.viewer import Viewer, _strip
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
 
 
 @pytest.fixture(scope="module")

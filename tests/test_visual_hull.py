@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from tests.observations import four_views
-from tracker.arrays import Array, Mask
-from tracker.body import BodyModel
-from tracker.errors import InitializationError
-from tracker.initialization._likeness import size_of
-from tracker.initialization._person_pieces import person_pieces
-from tracker.initialization._persons import find_persons, in_order
-from tracker.initialization._torso_axis import hull_axis
-from tracker.initialization._visual_hull import STEP_M, Hull, connected, shadow, visual_hull
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.errors import InitializationError
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.tracking.initialization._likeness import size_of
+from tracker.tracking.initialization._person_pieces import person_pieces
+from tracker.tracking.initialization._persons import find_persons, in_order
+from tracker.tracking.initialization._torso_axis import hull_axis
+from tracker.tracking.initialization._visual_hull import STEP_M, Hull, connected, shadow, visual_hull
 
 RIG = four_views()
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from observations import objective_of, observed, off
 
-from tracker.arrays import Array, Integers
-from tracker.comparison import Comparison
-from tracker.correspondences import limbs_of, oriented_pairs, voted_pairs
-from tracker.equations import Equations
+from tracker.bodies.scene import Person, Scene
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.correspondences import limbs_of, oriented_pairs, voted_pairs
+from tracker.evidence.measures.equations import Equations
 from tracker.evidence.silhouettes import SilhouetteEvidence
-from tracker.observation import Observation
-from tracker.scene import Person, Scene
-from tracker.similarity.chamfer import ChamferSimilarity
+from tracker.evidence.similarity.chamfer import ChamferSimilarity
+from tracker.foundation.arrays import Array, Integers
+from tracker.images.observation import Observation
 from tracker.synthesis.cpu import CpuSynthesis
 
 GATE_PX, DIRECTION_DEG = 30.0, 40.0

@@ -11,22 +11,23 @@ from doubted import in_doubt
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 from test_easier_start import RULE, TurnedRoundAtFirst
 
-from tracker.doubt import Because
-from tracker.estimate import Status
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.loss import LossRule
-from tracker.recording._journal_line import line_of, replay_of
-from tracker.scene import Scene
-from tracker.simulation.sequence import Simulation
-from tracker.start import RATHER_RIGHT, Start
-from tracker.tracking import track, windows
+from tracker.results.recording._journal_line import line_of, replay_of
+from tracker.synthesis.simulation.sequence import Simulation
+from tracker.tracking import windows
 from tracker.tracking.cycle import Cycle
+from tracker.tracking.doubt import Because
+from tracker.tracking.estimate import Status
 from tracker.tracking.found_before import knowing
+from tracker.tracking.initialization import Stages
+from tracker.tracking.loss import LossRule
+from tracker.tracking.sequence import track
+from tracker.tracking.start import RATHER_RIGHT, Start
+from tracker.tracking.trajectory import Replay, Step
 from tracker.tracking.two_passes import track_twice
 from tracker.tracking.way_round import may_face_the_other_way, n_sure, the_better_way_round
-from tracker.trajectory import Replay, Step
 
 DOUBTING = replace(RULE, doubtful_above=0.0, again_after=100, look_ahead_s=(), look_on_s=())
 """Everything is doubtful."""

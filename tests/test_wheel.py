@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from hatchling.builders.wheel import WheelBuilder
 
-import tracker.errors
+import tracker.foundation.errors
 
-ROOT = Path(tracker.errors.__file__).resolve().parents[1]
+ROOT = Path(tracker.foundation.errors.__file__).resolve().parents[1]
 DATA = (".toml", ".csv", ".txt", ".html", ".js", ".gz", ".glsl", ".frag", ".vert", ".comp", ".typed", ".pyi", ".json")
 
 
@@ -52,7 +52,7 @@ def test_it_says_what_it_is(wheel):
     assert set(told.get_all("License-File")) == {
         "LICENSE",
         "models/movements/DEEPMIMIC_LICENSE.txt",
-        "tracker/recording/_report/THREE_LICENSE.txt",
+        "tracker/results/recording/_report/THREE_LICENSE.txt",
     }
     assert told["Description-Content-Type"] == "text/markdown"
     assert "# bodytrack" in told.get_payload()

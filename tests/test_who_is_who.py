@@ -14,15 +14,15 @@ from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.result import stature_of
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.acquisition.who_is_who import whose
-from tracker.body import BodyModel
-from tracker.estimation.twist_icp import TwistIcpEstimation
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-from tracker.simulation.sequence import Simulation
-from tracker.start import Start
-from tracker.subject import Subject
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.bodies.subject import Subject
+from tracker.cameras.frame import Frame
+from tracker.foundation.resources import model_path
+from tracker.synthesis.simulation.sequence import Simulation
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.initialization import Stages
+from tracker.tracking.start import Start
 
 STATURES_M = 1.62, 1.86
 N_FRAMES = 8

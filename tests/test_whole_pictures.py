@@ -13,14 +13,14 @@ from painted import RULE, encoded, looks_of, scattered_tables
 from rig_samples import FISHEYE
 from solids import LENS, MIDDLE, MODELS, RIGS, camera_at, least, posed, solid, thing
 
-from tracker.arrays import Mask
-from tracker.camera import Camera
+from tracker.bodies.scene import Scene
+from tracker.bodies.segments import Part
+from tracker.bodies.shape import TaperedSuperquadric
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Mask
 from tracker.kernels.contours.pieces import MOST_COLUMNS, MOST_ROWS
 from tracker.kernels.regions.lines import Lines
-from tracker.rig import Rig
-from tracker.scene import Scene
-from tracker.segments import Part
-from tracker.shape import TaperedSuperquadric
 from tracker.synthesis import cpu
 from tracker.synthesis._pictures import distances_of, misfits_of, rasterized_ids
 from tracker.synthesis._pinhole import pinhole_of

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.body import BodyModel
-from tracker.camera import Camera
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
 from tracker.kernels.rows.workspace import ROW
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
 from tracker.synthesis.cpu import CpuSynthesis
 
 

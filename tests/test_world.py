@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracker.errors import CalibrationError
-from tracker.rig import CAMERAS, Rig
-from tracker.rig_layouts import read_rig
-from tracker.simulation.room import default_rig
-from tracker.world import told_world, world_doubts
+from tracker.cameras.rig import CAMERAS, Rig
+from tracker.cameras.rig_layouts import read_rig
+from tracker.cameras.world import told_world, world_doubts
+from tracker.foundation.errors import CalibrationError
+from tracker.synthesis.simulation.room import default_rig
 
 ROOM = default_rig((360, 288))
 

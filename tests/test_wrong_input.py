@@ -12,14 +12,14 @@ from numbered_pictures import N_FRAMES, VIEWS, images, picture, shown
 from rig_samples import sample_rig
 from typer.testing import CliRunner
 
-from tracker.cli import app
-from tracker.draft import draft
-from tracker.errors import CalibrationError, ConfigError, SequenceError
-from tracker.rig_layouts import save_rig
-from tracker.simulation.filming import plan
-from tracker.simulation.room import background_plates, default_rig, room_around
-from tracker.simulation.sequence import Recipe
-from tracker.source_files import json_of, rows_of
+from tracker.cameras.rig_layouts import save_rig
+from tracker.foundation.errors import CalibrationError, ConfigError, SequenceError
+from tracker.foundation.source_files import json_of, rows_of
+from tracker.running.cli import app
+from tracker.running.drafts.configuration import draft
+from tracker.synthesis.simulation.filming import plan
+from tracker.synthesis.simulation.room import background_plates, default_rig, room_around
+from tracker.synthesis.simulation.sequence import Recipe
 
 SMALL = default_rig((160, 128))
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.arrays import Array, Image
-from tracker.camera import Camera
+from tracker.cameras.camera import Camera
+from tracker.foundation.arrays import Array, Image
 
 
 class Waves:

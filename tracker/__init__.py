@@ -11,16 +11,16 @@ import importlib
 __version__ = "0.1.0"
 
 _OFFERED = {
-    "Result": "result",
-    "Run": "run",
-    "Track": "person_track",
-    "TrackerError": "errors",
-    "evaluate": "programs",
-    "export": "programs",
-    "load_result": "result",
-    "load_run": "run",
-    "simulate": "programs",
-    "smooth": "programs",
+    "Result": "results.result",
+    "Run": "running.run",
+    "Track": "results.person_track",
+    "TrackerError": "foundation.errors",
+    "evaluate": "running.programs",
+    "export": "running.programs",
+    "load_result": "results.result",
+    "load_run": "running.run",
+    "simulate": "running.programs",
+    "smooth": "running.programs",
 }
 """What the package offers by itself -> its module, which loads when it is asked for; `__init__.pyi` has the types."""
 

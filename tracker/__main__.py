@@ -8,7 +8,7 @@ import os
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
-from tracker.cli import main  # noqa: E402
+from tracker.running.cli import main  # noqa: E402
 
 if __name__ == "__main__":
     main()

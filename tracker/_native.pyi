@@ -7,13 +7,13 @@ others raise TypeError or ValueError with the argument's name. Those whose rows 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.arrays import Array, Array32, Image, Integers, Mask, Numbers16
+from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask, Numbers16
 
 Pixels = NDArray[np.int32]
 Slopes = NDArray[np.int16]
 
 SOURCES: str
-"""Digest of what it was built from, see `tracker.native_sources`."""
+"""Digest of what it was built from, see `tracker.foundation.native_sources`."""
 
 # adjustment/: named tuples of `tracker.kernels.adjustment.bundle`
 def project_with_slopes(

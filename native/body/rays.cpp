@@ -18,7 +18,7 @@ constexpr int STEPS = 32, HALVINGS = 10;
 constexpr double BESIDE_M = 1e-4;
 
 // Inside-outside function of a part (7,) at a point in its frame, metres; the twin is
-// `tracker.geometry.superquadrics.inside_outside`.
+// `tracker.foundation.geometry.superquadrics.inside_outside`.
 double inside_outside(const double *shape, double x, double y, double z) {
     using namespace superquadric;
     const double height = z / shape[A3], clamped = std::min(std::max(height, -1.0), 1.0);

@@ -1,4 +1,4 @@
-// What pixels look like, from their colours and the slopes around them; see `tracker.imaging.appearance`.
+// What pixels look like, from their colours and the slopes around them; see `tracker.images.operations.appearance`.
 #pragma once
 #include "array.hpp"
 

@@ -14,12 +14,12 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from tracker.arrays import Array
-from tracker.camera import Camera
-from tracker.errors import SequenceError
-from tracker.jobs.acquire import AcquireOutcome, acquire_to, acquisition_from
-from tracker.rig import Rig
-from tracker.rig_layouts import save_rig
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import save_rig
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import SequenceError
+from tracker.running.jobs.acquire import AcquireOutcome, acquire_to, acquisition_from
 
 SUBJECTS = ("dan", "nils", "omar")
 BONES = (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"))

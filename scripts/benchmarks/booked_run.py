@@ -16,17 +16,17 @@ from pathlib import Path
 from typing import Any
 
 STAGES = {
-    "tracker.jobs.track:TrackJob.open": "opening",
-    "tracker.jobs.track:looked_at": "opening",
-    "tracker.jobs.track:first_sought": "opening",
+    "tracker.running.jobs.track:TrackJob.open": "opening",
+    "tracker.running.jobs.track:looked_at": "opening",
+    "tracker.running.jobs.track:first_sought": "opening",
     "tracker.acquisition.rounds:fit_to_views": "body, fit",
     "tracker.acquisition.from_recording:things_of": "body, things",
-    "tracker.jobs.track:with_fitted_bodies": "body, tracked",
-    "tracker.jobs.track:without_persons": "start",
-    "tracker.jobs.track:behind_who_stays": "start",
-    "tracker.tracking:_begun": "start",
-    "tracker.jobs._recorded:_written": "writing",
-    "tracker.jobs._recorded:_finish": "writing, end",
+    "tracker.running.jobs.track:with_fitted_bodies": "body, tracked",
+    "tracker.running.jobs.track:without_persons": "start",
+    "tracker.running.jobs.track:behind_who_stays": "start",
+    "tracker.tracking.sequence:_begun": "start",
+    "tracker.running.jobs._recorded:_written": "writing",
+    "tracker.running.jobs._recorded:_finish": "writing, end",
 }
 """Function that the main thread calls -> stage; what it calls of these has its own. What is left is the pass."""
 

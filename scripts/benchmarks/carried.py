@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import trimesh
 
-from tracker.arrays import Array, Integers
-from tracker.body import BodyModel
-from tracker.simulation.rendering import Mesh
-from tracker.simulation.sequence import Simulation
+from tracker.bodies.body import BodyModel
+from tracker.foundation.arrays import Array, Integers
+from tracker.synthesis.simulation.rendering import Mesh
+from tracker.synthesis.simulation.sequence import Simulation
 
 # A skirt: corners around it, rows from the waist to the knees.
 _AROUND, _ROWS = 48, 12
@@ -48,7 +48,7 @@ class Laden(Simulation):
     carried: Carried | None = None
 
     def meshes(self) -> tuple[Mesh, ...]:
-        """The first person's surface with the thing; see `tracker.simulation.sequence.Simulation.meshes`."""
+        """The first person's surface with the thing; see `tracker.synthesis.simulation.sequence.Simulation.meshes`."""
         first, *others = super().meshes()
         assert self.carried is not None
         return (_joined(first, self.carried(self.scene.persons[0].body)), *others)

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from tracker.arrays import Image
-from tracker.body import BodyModel
-from tracker.frame import Frame
-from tracker.plate import Plate
-from tracker.scene import Scene
-from tracker.simulation.sequence import Recipe, Simulation
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.foundation.arrays import Image
+from tracker.images.plate import Plate
+from tracker.synthesis.simulation.sequence import Recipe, Simulation
 
 # Of the simulations, as PAL has.
 FPS = 25.0

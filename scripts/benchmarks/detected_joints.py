@@ -17,18 +17,18 @@ from rich.table import Table
 
 from benchmarks.recorded import Recorded
 from benchmarks.recording_run import Asked
-from tracker.arrays import Array, Mask
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.evaluation.joint_names import JointNames
-from tracker.evaluation.tables import Frames, read_joints, read_rows
-from tracker.frame import Frame
-from tracker.keypoint_layouts.views import KeypointViews
-from tracker.keypoints import limbs, swapped_sides
-from tracker.resources import model_path
-from tracker.rig import Rig
-from tracker.rig_layouts import load_rig
-from tracker.skeletons import skeletons
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.keypoint_layouts.views import KeypointViews
+from tracker.bodies.keypoints import limbs, swapped_sides
+from tracker.bodies.skeletons import skeletons
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import load_rig
+from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.resources import model_path
+from tracker.results.evaluation.joint_names import JointNames
+from tracker.results.evaluation.tables import Frames, read_joints, read_rows
 
 _SIDES = "left", "right"
 JOINTS = tuple(f"{side}_{joint}" for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in _SIDES)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from benchmarks.carried import Carried, ball, barbell, racket, rucksack, skirt, stick
 from benchmarks.refilmed import Change, adapting, grey, shaken, switched
 from benchmarks.rooms import Standpoint
-from tracker.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence import Recipe
 
 
 @dataclass(frozen=True)

@@ -14,16 +14,16 @@ from rich.table import Table
 from benchmarks import hidden_back, snakes
 from benchmarks.followed_back import N_POINTS, add_row, errors_of, followed
 from benchmarks.moving_back import CENTRE, VIEWS, Back, Start
-from tracker.following.births import chosen_evenly, points_of_image, points_of_surface
-from tracker.following.following import Following
-from tracker.following.sequence import follow
-from tracker.frame import Frame
-from tracker.lsm.growth import Growth
-from tracker.lsm.surface import SurfaceMeasurement, measure_surface
-from tracker.lsm.views import Preparation
-from tracker.point_trajectories import PointFrame, PointStatus
-from tracker.rig import Rig
-from tracker.triangulation import triangulate
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.cameras.triangulation import triangulate
+from tracker.points.following.births import chosen_evenly, points_of_image, points_of_surface
+from tracker.points.following.following import Following
+from tracker.points.following.sequence import follow
+from tracker.points.surfaces.growth import Growth
+from tracker.points.surfaces.surface import SurfaceMeasurement, measure_surface
+from tracker.points.surfaces.views import Preparation
+from tracker.points.trajectories import PointFrame, PointStatus
 
 
 def compare(console: Console, only: str, quick: bool) -> None:

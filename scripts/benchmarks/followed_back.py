@@ -9,11 +9,11 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks.moving_back import Back, Change, Start
-from tracker.arrays import Array, Mask
-from tracker.following.following import Following
-from tracker.following.sequence import follow
-from tracker.lsm.views import Preparation
-from tracker.point_trajectories import PointFrame
+from tracker.foundation.arrays import Array, Mask
+from tracker.points.following.following import Following
+from tracker.points.following.sequence import follow
+from tracker.points.surfaces.views import Preparation
+from tracker.points.trajectories import PointFrame
 
 # As issue and paper have: points on the shirt, and what counts as another material point.
 N_POINTS, WRONG_MM = 1500, 5.0

@@ -8,9 +8,9 @@ from rich.table import Table
 
 from benchmarks.followed_back import N_POINTS, WRONG_MM, add_row, errors_of, followed
 from benchmarks.moving_back import CENTRE, Back
-from tracker.arrays import Array, Image, Mask
-from tracker.following.following import Following
-from tracker.rig import Rig
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Image, Mask
+from tracker.points.following.following import Following
 
 
 def add_rows(table: Table, back: Back) -> None:

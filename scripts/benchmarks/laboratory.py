@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker.arrays import Array
-from tracker.body.files import read_description
-from tracker.body.sections import Movement
-from tracker.errors import ModelError
-from tracker.simulation.movements import poses_of
-from tracker.source_files import toml_of
+from tracker.bodies.body.files import read_description
+from tracker.bodies.body.sections import Movement
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import ModelError
+from tracker.foundation.source_files import toml_of
+from tracker.synthesis.simulation.movements import poses_of
 
 _FILE = Path(__file__).with_suffix(".toml")
 # How long each is filmed.

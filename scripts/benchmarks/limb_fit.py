@@ -15,9 +15,9 @@ from scipy.optimize import minimize
 from benchmarks.limb_table import FILE
 from benchmarks.recorded import Recorded
 from benchmarks.trial import LIMB_MM
-from tracker.arrays import Array, Mask
-from tracker.errors import SequenceError
-from tracker.evaluation.comparison import evaluate
+from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.errors import SequenceError
+from tracker.results.evaluation.comparison import evaluate
 
 EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.97, 0.99, 1.0)
 """Of the probabilities that are told together."""
@@ -95,7 +95,7 @@ def fitted(known: Array, right: Mask) -> Array:
 
 
 def told_by(numbers: Array, known: Array) -> Array:
-    """(N,) probabilities; see `tracker.loss.probabilities`."""
+    """(N,) probabilities; see `tracker.tracking.loss.probabilities`."""
     left, whole, vague = known.T
     slopes = np.exp(numbers[[1, 2, 4]])
     of_whole = numbers[0] - slopes[0] * whole - slopes[1] * vague

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker.components import component
-from tracker.files import csv_lines
-from tracker.loss import left_over_of, limb_spreads_m, limbs_left_over
-from tracker.recording import RunContext
-from tracker.trajectory import Step
+from tracker.foundation.configuration.components import component
+from tracker.foundation.files import csv_lines
+from tracker.results.recording import RunContext
+from tracker.tracking.loss import left_over_of, limb_spreads_m, limbs_left_over
+from tracker.tracking.trajectory import Step
 
 FILE = "limbs_known.csv"
 COLUMNS = (

@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.speckle import Speckle
-from tracker.arrays import Array, Image, Mask
-from tracker.lsm.matching import LeastSquaresMatching, Matches, PatchImage
+from tracker.foundation.arrays import Array, Image, Mask
+from tracker.points.surfaces.matching import LeastSquaresMatching, Matches, PatchImage
 
 Result = TypeVar("Result")
 # A patch of a surface that is turned by some degrees, more than two pixels from its start.

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tracker.arrays import Array
-from tracker.recognition.limb_directions import JOINTS
+from tracker.foundation.arrays import Array
+from tracker.results.recognition.limb_directions import JOINTS
 
 # Frames a second of CMU's cameras.
 _CMU_HZ = 120.0

@@ -7,10 +7,10 @@ from scipy.interpolate import make_interp_spline
 from scipy.optimize import least_squares
 
 from benchmarks.motion_files import MotionFile
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.errors import SequenceError
-from tracker.recognition.limb_directions import JOINTS
+from tracker.bodies.body import BodyModel
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import SequenceError
+from tracker.results.recognition.limb_directions import JOINTS
 
 _LIMBS = tuple(
     (f"{side}_{one}", f"{side}_{other}")

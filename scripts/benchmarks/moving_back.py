@@ -14,14 +14,14 @@ import cv2
 import numba
 import numpy as np
 
-from tracker.arrays import Array, Image, Mask
-from tracker.following.births import chosen_evenly, points_of_surface
-from tracker.following.newborn import NewPoints
-from tracker.frame import Frame
-from tracker.lsm.growth import Growth
-from tracker.lsm.surface import SurfaceMeasurement, measure_surface
-from tracker.rig import Rig
-from tracker.rig_layouts import load_rig
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import load_rig
+from tracker.foundation.arrays import Array, Image, Mask
+from tracker.points.following.births import chosen_evenly, points_of_surface
+from tracker.points.following.newborn import NewPoints
+from tracker.points.surfaces.growth import Growth
+from tracker.points.surfaces.surface import SurfaceMeasurement, measure_surface
 
 VIEWS = ("left", "centre", "right")
 # The middle one of three cameras in line holds the templates.

@@ -10,9 +10,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tracker.config import build
-from tracker.errors import ConfigError
-from tracker.programs import export
+from tracker.foundation.configuration.tables import build
+from tracker.foundation.errors import ConfigError
+from tracker.running.programs import export
 
 _FLEXIONS = ("hip", "knee", "elbow")
 

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.motion_files import read_cmu
-from tracker.arrays import Array
-from tracker.body.files import load_body
-from tracker.recognition.library import Library, load_library
-from tracker.recognition.limb_directions import Course, course, course_of
-from tracker.resources import model_path
-from tracker.simulation.movements import poses_of
+from tracker.bodies.body.files import load_body
+from tracker.foundation.arrays import Array
+from tracker.foundation.resources import model_path
+from tracker.results.recognition.library import Library, load_library
+from tracker.results.recognition.limb_directions import Course, course, course_of
+from tracker.synthesis.simulation.movements import poses_of
 
 DISTURBED = "the library's performances, disturbed: posture 6 deg, extent, tempo, 3 deg of noise"
 

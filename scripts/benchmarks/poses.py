@@ -13,17 +13,17 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.timing import seconds
-from tracker.analysis.contours import ContourAnalysis
-from tracker.arrays import Array, Image
-from tracker.comparison import Comparison
-from tracker.components import available, find
-from tracker.observation import Observation
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.similarity.chamfer import ChamferSimilarity
-from tracker.simulation.rendering import draw_persons, mesh_of
-from tracker.simulation.sequence import Recipe, simulate
+from tracker.bodies.scene import Scene
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.similarity.chamfer import ChamferSimilarity
+from tracker.foundation.arrays import Array, Image
+from tracker.foundation.configuration.components import available, find
+from tracker.images.analysis.contours import ContourAnalysis
+from tracker.images.observation import Observation
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.rendering import draw_persons, mesh_of
+from tracker.synthesis.simulation.sequence import Recipe, simulate
 
 # PAL, and the size of the paper's images.
 SIZES = ((720, 576), (384, 288))

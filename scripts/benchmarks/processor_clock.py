@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from tracker.components import component
-from tracker.recording import RunContext
-from tracker.trajectory import Step
+from tracker.foundation.configuration.components import component
+from tracker.results.recording import RunContext
+from tracker.tracking.trajectory import Step
 
 FILE = "processor_s.csv"
 

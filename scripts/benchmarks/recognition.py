@@ -14,14 +14,14 @@ from rich.table import Table
 from benchmarks.motion_files import read_cmu
 from benchmarks.performances import DISTURBED, Performance, other_bodies, other_persons, performers
 from benchmarks.recorded import recorded
-from tracker.arrays import Array32
-from tracker.evaluation.tables import read_joints
-from tracker.jobs import execute, load_job
-from tracker.recognition.library import Library, load_library
-from tracker.recognition.limb_directions import JOINTS, RATE_HZ, Course, course, course_of
-from tracker.recognition.matching import Recognized, recognize
-from tracker.recognition.timeline import timeline
-from tracker.result import load_result
+from tracker.foundation.arrays import Array32
+from tracker.results.evaluation.tables import read_joints
+from tracker.results.recognition.library import Library, load_library
+from tracker.results.recognition.limb_directions import JOINTS, RATE_HZ, Course, course, course_of
+from tracker.results.recognition.matching import Recognized, recognize
+from tracker.results.recognition.timeline import timeline
+from tracker.results.result import load_result
+from tracker.running.jobs import execute, load_job
 
 # What rendered persons of BODYTRACK_DATA/room do; no entry of the library is made of these pictures, and those of
 # N-WalkCircle, N-Stride, D-TwoElbowRot and R-Turn move otherwise than any of them.

@@ -16,12 +16,12 @@ from benchmarks.processor_clock import FILE as CLOCK_FILE
 from benchmarks.recorded import Recorded
 from benchmarks.scores import Score
 from benchmarks.trial import LIMB_MM, TRACKED_MM
-from tracker.arrays import Array, Mask
-from tracker.config_files import Table
-from tracker.errors import SequenceError
-from tracker.evaluation.comparison import evaluate
-from tracker.evaluation.person_errors import PersonErrors
-from tracker.evaluation.tables import read_rows
+from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.configuration.files import Table
+from tracker.foundation.errors import SequenceError
+from tracker.results.evaluation.comparison import evaluate
+from tracker.results.evaluation.person_errors import PersonErrors
+from tracker.results.evaluation.tables import read_rows
 
 _RECORDINGS = ["csv_table", "run_json", "benchmarks.limb_table:LimbTable", "benchmarks.processor_clock:ProcessorClock"]
 # Frames of a window are written together: what each of them took is known in runs of one pass alone.

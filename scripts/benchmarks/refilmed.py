@@ -9,9 +9,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tracker.arrays import Image
-from tracker.frame import Frame
-from tracker.simulation.sequence import Simulation
+from tracker.cameras.frame import Frame
+from tracker.foundation.arrays import Image
+from tracker.synthesis.simulation.sequence import Simulation
 
 Change = Callable[[Image, float, int], Image]
 """Makes another image of one, at a time in seconds, of the view of a number."""
@@ -24,7 +24,7 @@ class Refilmed(Simulation):
     change: Change = lambda image, time_s, view: image
 
     def frames(self) -> Iterator[Frame]:
-        """The changed images; see `tracker.simulation.sequence.Simulation.frames`."""
+        """The changed images; see `tracker.synthesis.simulation.sequence.Simulation.frames`."""
         for frame in super().frames():
             images = tuple(
                 None if image is None else self.change(image, frame.time_s, view)

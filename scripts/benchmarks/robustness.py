@@ -11,9 +11,9 @@ from rich.table import Table
 
 from benchmarks.conditions import Condition, conditions
 from benchmarks.trial import LIMB_MM, Outcome, default_cycle, error_cells, longest, tracked
-from tracker.arrays import Array, Mask
-from tracker.body import BodyModel
-from tracker.simulation.sequence import Recipe, Simulation, simulate
+from tracker.bodies.body import BodyModel
+from tracker.foundation.arrays import Array, Mask
+from tracker.synthesis.simulation.sequence import Recipe, Simulation, simulate
 
 MOVEMENTS = ("two_elbow_rotation", "walking_on_the_spot", "arm_swing")
 # Degrees in every joint: twice what a bootstrapping leaves, and twice that again.

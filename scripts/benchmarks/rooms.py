@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tracker.arrays import Image
-from tracker.camera import Camera
-from tracker.errors import SequenceError
-from tracker.fisheye import rational_of
-from tracker.rig import Rig
+from tracker.cameras.camera import Camera
+from tracker.cameras.fisheye import rational_of
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Image
+from tracker.foundation.errors import SequenceError
 
 
 def picture_of(path: Path, size: tuple[int, int]) -> Image:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tracker.files import replacing
+from tracker.foundation.files import replacing
 
 
 @dataclass(frozen=True)

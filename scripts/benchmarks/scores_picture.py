@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from benchmarks.scores import Score, by_person, newest
-from tracker.errors import ConfigError
-from tracker.files import replacing
+from tracker.foundation.errors import ConfigError
+from tracker.foundation.files import replacing
 
 # Millimetres with offsets removed: white and the darkest blue.
 _RANGE_MM = 4.0, 34.0

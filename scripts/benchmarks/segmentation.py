@@ -12,13 +12,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from tracker.arrays import Image, Mask
-from tracker.imaging.densities import Codes, Densities, colour_codes, densities, texture_codes
-from tracker.imaging.level_set import Forces, descent, signed_distance, threshold_dynamics
-from tracker.outlines import overlap
-from tracker.scene import Scene
-from tracker.simulation.sequence import Recipe, simulate
+from tracker.bodies.scene import Scene
+from tracker.evidence.measures.outlines import overlap
+from tracker.foundation.arrays import Image, Mask
+from tracker.images.operations.densities import Codes, Densities, colour_codes, densities, texture_codes
+from tracker.images.operations.level_set import Forces, descent, signed_distance, threshold_dynamics
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.sequence import Recipe, simulate
 
 SIZE = 384, 288
 """Of the images, px: what the evidence `level_set` looks at of larger ones."""

@@ -10,17 +10,17 @@ from rich.table import Table
 from scipy.spatial import cKDTree
 
 from benchmarks.trial import default_cycle, tracked
-from tracker.arrays import Array, Mask
-from tracker.body import BodyModel
-from tracker.comparison import Comparison
-from tracker.contours import ViewContours
-from tracker.estimation.twist_icp import TwistIcpEstimation
+from tracker.bodies.body import BodyModel
+from tracker.bodies.contours import ViewContours
+from tracker.bodies.scene import Scene
 from tracker.evidence.contours import ContourEvidence
-from tracker.objective import Objective
-from tracker.observation import Observation, ViewObservation
-from tracker.scene import Scene
-from tracker.simulation.sequence import Recipe, Simulation, simulate
+from tracker.evidence.measures.comparison import Comparison
+from tracker.foundation.arrays import Array, Mask
+from tracker.images.observation import Observation, ViewObservation
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.sequence import Recipe, Simulation, simulate
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.objective import Objective
 
 # What was asked of the first release.
 AIM = (0.7, 1.5)

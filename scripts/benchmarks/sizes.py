@@ -17,24 +17,24 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.trial import default_cycle
-from tracker.arrays import Array
-from tracker.body.files import load_body
-from tracker.camera import Camera
-from tracker.frame import Frame
-from tracker.initialization import Stages
-from tracker.plate import Plate
-from tracker.recording import RunContext
-from tracker.recording.csv_table import CsvTable
-from tracker.recording.journal import Journal
-from tracker.recording.run_json import RunJson
-from tracker.resources import model_path
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
-from tracker.simulation.movements import poses_of
-from tracker.simulation.room import background_plates
-from tracker.simulation.sequence import Recipe, Simulation
-from tracker.start import Start
-from tracker.tracking import track
+from tracker.bodies.body.files import load_body
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.camera import Camera
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array
+from tracker.foundation.resources import model_path
+from tracker.images.plate import Plate
+from tracker.results.recording import RunContext
+from tracker.results.recording.csv_table import CsvTable
+from tracker.results.recording.journal import Journal
+from tracker.results.recording.run_json import RunJson
+from tracker.synthesis.simulation.movements import poses_of
+from tracker.synthesis.simulation.room import background_plates
+from tracker.synthesis.simulation.sequence import Recipe, Simulation
+from tracker.tracking.initialization import Stages
+from tracker.tracking.sequence import track
+from tracker.tracking.start import Start
 
 _RENDERED = 12
 """Frames that are rendered; longer recordings play them forwards and backwards."""
@@ -92,7 +92,7 @@ class KnownStarts:
         return "known poses"
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """See `tracker.initialization.Initialization.start`."""
+        """See `tracker.tracking.initialization.Initialization.start`."""
         return Start(self._poses)
 
 

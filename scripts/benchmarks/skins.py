@@ -10,15 +10,15 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.body.files import load_body
-from tracker.body.surface import surface_of
-from tracker.resources import model_path
-from tracker.scene import Person, Scene
-from tracker.simulation.sequence import Recipe, simulate
-from tracker.skin import Skin
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.files import load_body
+from tracker.bodies.body.surface import surface_of
+from tracker.bodies.scene import Person, Scene
+from tracker.bodies.skin import Skin
+from tracker.foundation.arrays import Array
+from tracker.foundation.resources import model_path
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.simulation.sequence import Recipe, simulate
 
 # 20 parts of so many latitudes and longitudes: as many vertices and triangles as a scan has, made coarser.
 _GRID = 11, 18

@@ -11,12 +11,12 @@ import numpy as np
 from rich.table import Table
 from scipy.spatial import cKDTree
 
-from tracker.arrays import Array, Image, Mask
-from tracker.following.snake_files import FollowedSnake, Seen
-from tracker.following.snakes import Snake
-from tracker.jobs import load_job
-from tracker.point_trajectories import PointFrame
-from tracker.rig import Rig
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Image, Mask
+from tracker.points.following.snake_files import FollowedSnake, Seen
+from tracker.points.following.snakes import Snake
+from tracker.points.trajectories import PointFrame
+from tracker.running.jobs import load_job
 
 CONFIG = Path(__file__).parents[2] / "configs" / "following" / "contours.toml"
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracker.arrays import Array, Image
+from tracker.foundation.arrays import Array, Image
 
 # What a patch and its search need at the border.
 MARGIN_PX = 24

@@ -12,20 +12,20 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.timing import seconds
-from tracker.arrays import Array
-from tracker.estimation.hybrid import HybridEstimation
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
-from tracker.frame import Frame
-from tracker.geometry.superquadric_meshes import meshes_of
-from tracker.initialization.pca import PcaInitialization
+from tracker.foundation.arrays import Array
+from tracker.foundation.geometry.superquadric_meshes import meshes_of
+from tracker.images.plate import Plate
 from tracker.kernels.pictures.rasterization import rasterize
-from tracker.loss import LossRule
-from tracker.plate import Plate
-from tracker.prediction.polynomial import PolynomialPrediction
-from tracker.scene import Scene
-from tracker.simulation.sequence import Recipe, simulate
 from tracker.synthesis.cpu import FINEST, CpuSynthesis
+from tracker.synthesis.simulation.sequence import Recipe, simulate
 from tracker.tracking.cycle import Cycle
+from tracker.tracking.estimation.hybrid import HybridEstimation
+from tracker.tracking.initialization.pca import PcaInitialization
+from tracker.tracking.loss import LossRule
+from tracker.tracking.prediction.polynomial import PolynomialPrediction
 from tracker.tracking.rehearsal import rehearsed
 
 _N_POSES = 24

@@ -16,12 +16,12 @@ from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from tracker.arrays import Array, Mask
-from tracker.jobs import load_job
-from tracker.jobs.surface import SurfaceJob
-from tracker.lsm.matching import LeastSquaresMatching, PatchImage
-from tracker.lsm.surface import Surface, measure_surface, residual_rms_px
-from tracker.triangulation import triangulate
+from tracker.cameras.triangulation import triangulate
+from tracker.foundation.arrays import Array, Mask
+from tracker.points.surfaces.matching import LeastSquaresMatching, PatchImage
+from tracker.points.surfaces.surface import Surface, measure_surface, residual_rms_px
+from tracker.running.jobs import load_job
+from tracker.running.jobs.surface import SurfaceJob
 
 CONFIGS = Path(__file__).parents[2] / "configs" / "surfaces"
 # Of the cylinder and its positions, by the README of the recording.

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tracker.errors import ConfigError, nearest
+from tracker.foundation.errors import ConfigError, nearest
 
 Off = Callable[..., Any]
 """(the function that the rule is, its arguments as `Given`) -> what is returned without the rule."""
@@ -85,7 +85,7 @@ def _told_otherwise(found: Any, without: Any) -> bool:
 
 
 _TRACKING = "tracker.tracking"
-_HYBRID = "tracker.estimation.hybrid:HybridEstimation"
+_HYBRID = "tracker.tracking.estimation.hybrid:HybridEstimation"
 """Where most rules are."""
 
 RULES = (
@@ -142,7 +142,7 @@ RULES = (
     Rule("still_lost", "doubt", "who was lost and few views show still is", "26",
          (f"{_TRACKING}.cycle_turn:still_lost",), lambda function, given: list(given.places[3]), _told_otherwise),
     Rule("hidden", "sight", "a view has no say in a limb it has not shown for some frames", "12",
-         ("tracker.objective:not_shown_by",), _constant(None)),
+         ("tracker.tracking.objective:not_shown_by",), _constant(None)),
     Rule("strangers", "sight", "what stands out and is nobody hides the persons", "16",
          (f"{_TRACKING}.cycle_turn:hide_strangers", f"{_TRACKING}.bootstrapping:hide_strangers"), _constant(None)),
 )  # fmt: skip

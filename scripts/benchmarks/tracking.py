@@ -16,11 +16,11 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.trial import Outcome, default_cycle, tracked
-from tracker.arrays import Array, Image
-from tracker.reading.video import VideoReading
-from tracker.scene import Scene
-from tracker.simulation.sequence import Recipe, simulate
-from tracker.simulation.sequence_files import write_sequence
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array, Image
+from tracker.images.reading.video import VideoReading
+from tracker.synthesis.simulation.sequence import Recipe, simulate
+from tracker.synthesis.simulation.sequence_files import write_sequence
 
 # VGA and PAL.
 SIZES = ((640, 480), (720, 576))

@@ -8,27 +8,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tracker.analysis.contours import ContourAnalysis
-from tracker.arrays import Array, Mask
-from tracker.body import BodyModel
-from tracker.errors import InitializationError
-from tracker.estimate import Estimate
-from tracker.estimation.hybrid import HybridEstimation
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence import Evidence
 from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.together import TogetherEvidence
-from tracker.frame import Frame
-from tracker.initialization import Initialization, Stages
-from tracker.initialization.pca import PcaInitialization
-from tracker.loss import LossRule
-from tracker.plate import Plate
-from tracker.prediction.polynomial import PolynomialPrediction
-from tracker.scene import Scene
-from tracker.start import Start
+from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.errors import InitializationError
+from tracker.images.analysis.contours import ContourAnalysis
+from tracker.images.plate import Plate
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.tracking import track
 from tracker.tracking.cycle import Cycle
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.estimation.hybrid import HybridEstimation
+from tracker.tracking.initialization import Initialization, Stages
+from tracker.tracking.initialization.pca import PcaInitialization
+from tracker.tracking.loss import LossRule
+from tracker.tracking.prediction.polynomial import PolynomialPrediction
+from tracker.tracking.sequence import track
+from tracker.tracking.start import Start
 
 TRACKED_MM = 100.0
 """Mean joint error above which a pose is wrong."""
@@ -48,7 +48,7 @@ class KnownStart:
         return "a known pose"
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """See `tracker.initialization.Initialization.start`."""
+        """See `tracker.tracking.initialization.Initialization.start`."""
         if frame.index == 0:
             return Start((self._q,))
         if self._again is None:

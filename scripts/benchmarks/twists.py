@@ -17,12 +17,12 @@ from scipy.spatial.transform import Rotation
 from benchmarks.checkout import Code
 from benchmarks.recorded import Recorded, recorded
 from benchmarks.recording_run import Asked, described
-from tracker.arrays import Array, Integers
-from tracker.config_files import Table as Configuration
-from tracker.errors import TrackerError
-from tracker.evaluation.comparison import evaluate
-from tracker.result import load_result
-from tracker.rig_layouts import load_rig
+from tracker.cameras.rig_layouts import load_rig
+from tracker.foundation.arrays import Array, Integers
+from tracker.foundation.configuration.files import Table as Configuration
+from tracker.foundation.errors import TrackerError
+from tracker.results.evaluation.comparison import evaluate
+from tracker.results.result import load_result
 
 TRUTH = "gt_pose.npz"
 """Joints and rotations of the segments in every frame."""

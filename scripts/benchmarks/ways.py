@@ -22,14 +22,14 @@ from benchmarks.checkout import Code
 from benchmarks.processor_clock import FILE as CLOCK_FILE
 from benchmarks.recorded import CONFIGS, Recorded, recorded
 from benchmarks.recording_run import Asked, described
-from tracker.arrays import Array
-from tracker.config_files import Table as Configuration
-from tracker.errors import TrackerError
-from tracker.evaluation.comparison import evaluate
-from tracker.evaluation.person_errors import PersonErrors
-from tracker.evaluation.tables import read_rows
-from tracker.outlines import overlap
-from tracker.result import load_result
+from tracker.evidence.measures.outlines import overlap
+from tracker.foundation.arrays import Array
+from tracker.foundation.configuration.files import Table as Configuration
+from tracker.foundation.errors import TrackerError
+from tracker.results.evaluation.comparison import evaluate
+from tracker.results.evaluation.person_errors import PersonErrors
+from tracker.results.evaluation.tables import read_rows
+from tracker.results.result import load_result
 from tracker.synthesis.cpu import CpuSynthesis
 
 RECORDINGS = "D-TwoElbowRot", "R-UpperBody", "R-Turn", "balancing"

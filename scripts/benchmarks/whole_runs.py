@@ -20,9 +20,9 @@ from rich.table import Table
 from benchmarks import booked_run
 from benchmarks.checkout import Code
 from benchmarks.recorded import Recorded, recorded
-from tracker.errors import SequenceError
-from tracker.simulation.sequence import Recipe
-from tracker.simulation.sequence_files import write_sequence
+from tracker.foundation.errors import SequenceError
+from tracker.synthesis.simulation.sequence import Recipe
+from tracker.synthesis.simulation.sequence_files import write_sequence
 
 _SPLIT = ("importing", "opening", "start", "body, tracked", "body, fit", "body, things", "pass")
 _WRITING = ("writing", "writing, end")

@@ -10,10 +10,10 @@ from fuzzing import samples
 from fuzzing.mutations import BINARY
 from fuzzing.trial import Reader
 from tracker.acquisition.pictures import Picture, read_silhouette
-from tracker.reading.images import ImageReading
-from tracker.reading.stills import StillReading
-from tracker.reading.video import VideoReading
-from tracker.rig_layouts import save_rig
+from tracker.cameras.rig_layouts import save_rig
+from tracker.images.reading.images import ImageReading
+from tracker.images.reading.stills import StillReading
+from tracker.images.reading.video import VideoReading
 
 
 def image_readers() -> list[Reader]:

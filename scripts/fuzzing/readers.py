@@ -14,20 +14,20 @@ from fuzzing import samples
 from fuzzing.image_readers import image_readers
 from fuzzing.mutations import BINARY, TEXT
 from fuzzing.trial import Reader
-from tracker.body.files import load_body, read_description
-from tracker.calibration import read_points
-from tracker.config_files import read_config
-from tracker.evaluation.comparison import evaluate
-from tracker.initialization.given import GivenInitialization
-from tracker.jobs import INPUTS, check_inputs, check_same, load_job
-from tracker.jobs.acquire import acquisition_from
-from tracker.keypoint_layouts import open_keypoints
-from tracker.marker_layouts import read_markers
-from tracker.recognition.library import bundled_library, load_library
-from tracker.resources import model_path
-from tracker.result import load_result
-from tracker.rig_layouts import read_rig, save_rig
-from tracker.scene import Person, Scene
+from tracker.bodies.body.files import load_body, read_description
+from tracker.bodies.keypoint_layouts import open_keypoints
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.calibration import read_points
+from tracker.cameras.rig_layouts import read_rig, save_rig
+from tracker.foundation.configuration.files import read_config
+from tracker.foundation.resources import model_path
+from tracker.results.evaluation.comparison import evaluate
+from tracker.results.marker_layouts import read_markers
+from tracker.results.recognition.library import bundled_library, load_library
+from tracker.results.result import load_result
+from tracker.running.jobs import INPUTS, check_inputs, check_same, load_job
+from tracker.running.jobs.acquire import acquisition_from
+from tracker.tracking.initialization.given import GivenInitialization
 
 RIGS = {
     "anipose": "rig.toml",

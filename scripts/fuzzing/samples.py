@@ -12,22 +12,22 @@ import cv2
 import ezc3d
 import numpy as np
 
-from tracker.account import Account
-from tracker.arrays import Image
-from tracker.body.files import load_body, read_description, save_description
-from tracker.camera import Camera
-from tracker.estimate import Estimate
-from tracker.jobs import INPUTS
-from tracker.recording import RunContext
-from tracker.recording.csv_table import CsvTable
-from tracker.recording.journal import Journal
-from tracker.recording.run_json import RunJson
-from tracker.resources import model_path
-from tracker.result import replayed
-from tracker.rig import Rig
-from tracker.rig_layouts import save_rig
-from tracker.scene import Person, Scene
-from tracker.trajectory import Replay
+from tracker.bodies.body.files import load_body, read_description, save_description
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import save_rig
+from tracker.evidence.measures.account import Account
+from tracker.foundation.arrays import Image
+from tracker.foundation.resources import model_path
+from tracker.results.recording import RunContext
+from tracker.results.recording.csv_table import CsvTable
+from tracker.results.recording.journal import Journal
+from tracker.results.recording.run_json import RunJson
+from tracker.results.result import replayed
+from tracker.running.jobs import INPUTS
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.trajectory import Replay
 
 SIZE = 64, 48
 """Of images, px."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fuzzing.mutations import Mutation, mutated
-from tracker.errors import TrackerError
+from tracker.foundation.errors import TrackerError
 
 KEPT = Path(__file__).resolve().parents[2] / "tests" / "fuzz" / "kept"
 

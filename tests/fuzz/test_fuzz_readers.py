@@ -13,7 +13,7 @@ from fuzzing.trial import KEPT, Bench, Fault, Reader, keep, smallest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracker.errors import TrackerError
+from tracker.foundation.errors import TrackerError
 
 READERS = {reader.name: reader for reader in readers()}
 N_INPUTS = 20

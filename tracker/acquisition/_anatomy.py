@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tracker.arrays import Array
-from tracker.body.description import BodyDescription
-from tracker.body.entries import PartEntry
+from tracker.bodies.body.description import BodyDescription
+from tracker.bodies.body.entries import PartEntry
+from tracker.foundation.arrays import Array
 
 _FIELDS = ("joints", "starts", "ends", "radii", "squareness", "taper", "landmarks")
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from tracker.arrays import Array
+from tracker.foundation.arrays import Array
 
 _PATIENCE = 10
 """Exchanges of all unknowns at once that may fail to lessen the broken conditions, before one at a time is exchanged,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tracker.acquisition._anatomy import SAME_M, Anatomy
-from tracker.arrays import Array
+from tracker.foundation.arrays import Array
 
 
 def grown(anatomy: Anatomy) -> Array:

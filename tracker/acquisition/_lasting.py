@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tracker.acquisition._residuals import Rows
-from tracker.arrays import Array, Integers
+from tracker.foundation.arrays import Array, Integers
 
 
 @dataclass

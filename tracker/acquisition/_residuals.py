@@ -8,15 +8,15 @@ import numpy as np
 
 from tracker.acquisition._variants import Variants, heights, levels
 from tracker.acquisition.looks import Look
-from tracker.arrays import Array, Array32, Integers, Mask
-from tracker.body import BodyModel
-from tracker.contours import Contours
-from tracker.geometry.superquadrics import shape_derivatives
+from tracker.bodies.body import BodyModel
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.rig import Rig
+from tracker.evidence.measures.outlines import on_outline
+from tracker.foundation.arrays import Array, Array32, Integers, Mask
+from tracker.foundation.geometry.superquadrics import shape_derivatives
+from tracker.images.observation import Observation
 from tracker.kernels.contours.oriented_matching import match_oriented
-from tracker.observation import Observation
-from tracker.outlines import on_outline
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
 from tracker.synthesis import Synthesis
 
 Bodies = tuple[BodyModel, Variants, Array]

@@ -6,9 +6,9 @@ import numpy as np
 
 from tracker.acquisition._residuals import Rows, asks_of, patches_of
 from tracker.acquisition.clouds import Cloud
-from tracker.arrays import Array, Integers
-from tracker.body import BodyModel
-from tracker.geometry.superquadrics import signed_distance
+from tracker.bodies.body import BodyModel
+from tracker.foundation.arrays import Array, Integers
+from tracker.foundation.geometry.superquadrics import signed_distance
 
 
 def outside(placed: Array, shapes: Array, points: Array) -> tuple[Integers, Array, Array]:

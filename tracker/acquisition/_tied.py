@@ -9,7 +9,7 @@ import numpy as np
 
 from tracker.acquisition._residuals import Bodies
 from tracker.acquisition._surface_rows import outside
-from tracker.arrays import Array, Integers
+from tracker.foundation.arrays import Array, Integers
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracker.acquisition._anatomy import Anatomy
-from tracker.arrays import Array, Integers, frozen
-from tracker.body import BodyModel
-from tracker.body.description import BodyDescription
-from tracker.geometry.superquadrics import surface
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.description import BodyDescription
+from tracker.foundation.arrays import Array, Integers, frozen
+from tracker.foundation.geometry.superquadrics import surface
 from tracker.kernels.body.kinematics import chain_transforms
 
 

@@ -9,14 +9,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tracker.acquisition.calibrated_views import Seen, Watching
-from tracker.arrays import Array, Integers, Mask
-from tracker.camera import Camera
-from tracker.imaging.growing import grown
-from tracker.scene import Scene
-from tracker.seen_pixels import seen_pixels
-from tracker.sight import Sight
-from tracker.strangers import hide_strangers
+from tracker.bodies.scene import Scene
+from tracker.cameras.camera import Camera
+from tracker.cameras.seen_pixels import seen_pixels
+from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.images.operations.growing import grown
+from tracker.images.sight import Sight
 from tracker.synthesis import Synthesis
+from tracker.tracking.strangers import hide_strangers
 
 CELL_M = 0.03
 """Edge of the cells, metres."""

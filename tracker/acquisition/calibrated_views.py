@@ -12,23 +12,23 @@ from tracker.acquisition.fit_task import FitSettings, Task
 from tracker.acquisition.fitting import Fit, fit
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
-from tracker.analysis import Analysis
-from tracker.analysis.contours import ContourAnalysis
-from tracker.arrays import Array, Integers, Mask
-from tracker.components import component
-from tracker.contours import Contours
-from tracker.errors import SequenceError
-from tracker.frame import Frame
-from tracker.imaging.edges import distance_to
-from tracker.observation import Observation
-from tracker.outlines import outline_observation, overlap
-from tracker.plate import Plate
-from tracker.progress import Progress, silent
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
-from tracker.sight import Sight
-from tracker.strangers import hide_strangers
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.evidence.measures.outlines import outline_observation, overlap
+from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.foundation.configuration.components import component
+from tracker.foundation.errors import SequenceError
+from tracker.foundation.progress import Progress, silent
+from tracker.images.analysis import Analysis
+from tracker.images.analysis.contours import ContourAnalysis
+from tracker.images.observation import Observation
+from tracker.images.operations.edges import distance_to
+from tracker.images.plate import Plate
+from tracker.images.sight import Sight
 from tracker.synthesis import Synthesis
+from tracker.tracking.strangers import hide_strangers
 
 # Foreground farther from where the person was tracked is furniture, a shadow or a passer-by.
 _AROUND_M = 0.15

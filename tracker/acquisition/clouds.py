@@ -12,9 +12,9 @@ import pydantic
 from scipy.spatial import cKDTree
 
 from tracker.acquisition.pictures import Picture
-from tracker.arrays import Array, frozen
-from tracker.components import FilePath, component
-from tracker.errors import SequenceError
+from tracker.foundation.arrays import Array, frozen
+from tracker.foundation.configuration.components import FilePath, component
+from tracker.foundation.errors import SequenceError
 
 _LARGEST_BYTES = 2**30
 """Of a file: a cloud of ten million points has a third of it."""

@@ -10,13 +10,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tracker.acquisition.result import stature_of
-from tracker.arrays import Array, Image, Mask
-from tracker.body import BodyModel
-from tracker.camera import Camera
-from tracker.components import find
-from tracker.errors import RenderError
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Image, Mask
+from tracker.foundation.configuration.components import find
+from tracker.foundation.errors import RenderError
 from tracker.synthesis.cpu import CpuSynthesis
 
 # Of the picture of the body in the report; its layout has room for this.

@@ -11,10 +11,10 @@ import pydantic
 from tracker.acquisition._tied import Tracks
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapeSpace
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.components import component
-from tracker.progress import Progress, silent
+from tracker.bodies.body import BodyModel
+from tracker.foundation.arrays import Array
+from tracker.foundation.configuration.components import component
+from tracker.foundation.progress import Progress, silent
 from tracker.synthesis import Synthesis
 
 

@@ -15,8 +15,8 @@ from tracker.acquisition._tied import Tied, Tracks, tied
 from tracker.acquisition.fit_task import ALIKE, Task, free_at, prior_of, room_of
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapeSpace
-from tracker.arrays import Array, frozen
-from tracker.body import BodyModel
+from tracker.bodies.body import BodyModel
+from tracker.foundation.arrays import Array, frozen
 
 
 @dataclass(frozen=True)

@@ -20,14 +20,14 @@ from tracker.acquisition.fitting import Fit, fit
 from tracker.acquisition.looks import Look, Mark
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
 from tracker.acquisition.standing_points import Posed, moved_to, standing_among
-from tracker.arrays import Array, frozen
-from tracker.body import BodyModel
-from tracker.components import component
-from tracker.errors import SequenceError
-from tracker.following.read_tables import PointTable
-from tracker.observation import Observation
-from tracker.progress import Progress, silent
-from tracker.rig import Rig
+from tracker.bodies.body import BodyModel
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, frozen
+from tracker.foundation.configuration.components import component
+from tracker.foundation.errors import SequenceError
+from tracker.foundation.progress import Progress, silent
+from tracker.images.observation import Observation
+from tracker.points.following.read_tables import PointTable
 from tracker.synthesis.cpu import CpuSynthesis
 
 _MOST_M = 0.05

@@ -19,20 +19,20 @@ from tracker.acquisition.rounds import LEAST_OUTLINED, Round, best_seen
 from tracker.acquisition.shape_space import ShapeSpace, space_of
 from tracker.acquisition.things import Thing, carried_of, things_of, tracked_with
 from tracker.acquisition.who_is_who import apart_m, whose
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.carried import Carried, with_carried
-from tracker.estimate import Estimate
-from tracker.frame import Frame
-from tracker.freed_memory import give_back
-from tracker.scene import Scene
-from tracker.start import Start
+from tracker.bodies.belongings import Carried, with_carried
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.foundation.arrays import Array
+from tracker.foundation.freed_memory import give_back
 from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.estimate import Estimate
 from tracker.tracking.found_before import knowing, start_of
 from tracker.tracking.rehearsal import Reopen
+from tracker.tracking.start import Start
+from tracker.tracking.trajectory import Step
 from tracker.tracking.way_round import LEAST_SEEN, n_sure, the_better_way_round
 from tracker.tracking.windows import back, length_of_windows, there
-from tracker.trajectory import Step
 
 Spaces = Mapping[int, ShapeSpace]
 """Place of a person in the scene -> how its body may differ from that in the scene."""

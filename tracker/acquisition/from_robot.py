@@ -10,14 +10,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tracker.acquisition.superquadric_fit import Fitted, fit_superquadric
-from tracker.arrays import Array, Integers
-from tracker.body.description import BodyDescription
-from tracker.body.entries import AxisEntry, PartEntry, SegmentEntry, Vector
-from tracker.body.sections import SkinSection
-from tracker.components import FilePath, component
-from tracker.errors import ModelError
-from tracker.robots import Joint, Link, Robot
-from tracker.skin_files import Rigging, ScannedSurface
+from tracker.bodies.body.description import BodyDescription
+from tracker.bodies.body.entries import AxisEntry, PartEntry, SegmentEntry, Vector
+from tracker.bodies.body.sections import SkinSection
+from tracker.bodies.robots import Joint, Link, Robot
+from tracker.bodies.skin_files import Rigging, ScannedSurface
+from tracker.foundation.arrays import Array, Integers
+from tracker.foundation.configuration.components import FilePath, component
+from tracker.foundation.errors import ModelError
 
 _N_POINTS = 600
 """Spread over a link's surface, to fit a superquadric to."""

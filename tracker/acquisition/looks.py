@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from tracker.acquisition.clouds import Cloud
-from tracker.arrays import Array, Integers
-from tracker.contours import Contours
-from tracker.observation import Observation
-from tracker.rig import Rig
+from tracker.bodies.contours import Contours
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Integers
+from tracker.images.observation import Observation
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from scipy import ndimage
 
 from tracker.acquisition._surface_rows import outside
 from tracker.acquisition.beside import CELL_M, Surroundings, shown_in
-from tracker.arrays import Array, Mask
-from tracker.body import BodyModel
+from tracker.bodies.body import BodyModel
+from tracker.foundation.arrays import Array, Mask
 
 _REACH_M = 0.9
 """How far things reach from the landmarks of the segment that carries them, metres."""

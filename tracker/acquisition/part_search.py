@@ -11,14 +11,14 @@ from tracker.acquisition.fitting import Fit
 from tracker.acquisition.pictures import Silhouette
 from tracker.acquisition.shape_space import ShapeSpace
 from tracker.acquisition.standing import scene_of
-from tracker.arrays import Array, Integers
-from tracker.body import BodyModel
-from tracker.camera import Camera
-from tracker.contours import Contours
-from tracker.geometry.superquadrics import surface
+from tracker.bodies.body import BodyModel
+from tracker.bodies.contours import Contours
+from tracker.cameras.camera import Camera
+from tracker.evidence.measures.outlines import on_outline
+from tracker.foundation.arrays import Array, Integers
+from tracker.foundation.geometry.superquadrics import surface
+from tracker.foundation.progress import Progress, silent
 from tracker.kernels.contours.oriented_matching import match_oriented
-from tracker.outlines import on_outline
-from tracker.progress import Progress, silent
 from tracker.synthesis import Synthesis
 
 # How far an image contour may be from the part's present one, metres, and their directions from each other.

@@ -9,14 +9,14 @@ import cv2
 import numpy as np
 import pydantic
 
-from tracker.arrays import Array, Image, Mask
-from tracker.camera import Camera
-from tracker.components import FilePath, component
-from tracker.errors import CalibrationError, ConfigError, SequenceError
-from tracker.outlines import largest_region
-from tracker.plate import Plate
-from tracker.plate_changes import foreground
-from tracker.rig_layouts import load_rig
+from tracker.cameras.camera import Camera
+from tracker.cameras.rig_layouts import load_rig
+from tracker.evidence.measures.outlines import largest_region
+from tracker.foundation.arrays import Array, Image, Mask
+from tracker.foundation.configuration.components import FilePath, component
+from tracker.foundation.errors import CalibrationError, ConfigError, SequenceError
+from tracker.images.plate import Plate
+from tracker.images.plate_changes import foreground
 
 # An orthographic picture is one from very far: over the depth of a body its scale changes by less than 0.1 %.
 _FAR_M = 1000.0

@@ -10,9 +10,9 @@ import numpy as np
 from tracker.acquisition._variants import heights
 from tracker.acquisition.fitting import Fit
 from tracker.acquisition.variations import variations_of
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.body.description import BodyDescription
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.description import BodyDescription
+from tracker.foundation.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,12 @@ from tracker.acquisition.calibrated_views import Seen, ViewSettings, Watching, f
 from tracker.acquisition.fitting import Fit
 from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapeSpace
-from tracker.freed_memory import give_back
-from tracker.loss import doubted
-from tracker.scene import Scene
+from tracker.bodies.scene import Scene
+from tracker.foundation.freed_memory import give_back
 from tracker.tracking.cycle import Cycle
+from tracker.tracking.loss import doubted
+from tracker.tracking.trajectory import Step
 from tracker.tracking.way_round import LEAST_SEEN, n_sure
-from tracker.trajectory import Step
 
 LEAST_OUTLINED = 2
 """Views in which the person stands out before a known background, below which nothing is fitted: edges alone made of a

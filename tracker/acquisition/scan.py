@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pydantic
 
-from tracker.arrays import Array, frozen
-from tracker.components import FilePath, component
-from tracker.errors import ConfigError, nearest
-from tracker.mirror import Mirror
-from tracker.skin_files import Rigging, ScannedSurface, read_rigging, read_surface
-from tracker.source_files import json_of
+from tracker.bodies.mirror import Mirror
+from tracker.bodies.skin_files import Rigging, ScannedSurface, read_rigging, read_surface
+from tracker.foundation.arrays import Array, frozen
+from tracker.foundation.configuration.components import FilePath, component
+from tracker.foundation.errors import ConfigError, nearest
+from tracker.foundation.source_files import json_of
 
 _SMALLEST_M, _LARGEST_M = 0.1, 5.0
 """Extent of a scan along its longest axis: what is less is no body, what is more is not in metres."""

@@ -10,10 +10,10 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from tracker.acquisition.scan import Joint, Scan
-from tracker.arrays import Array
-from tracker.body.description import BodyDescription
-from tracker.body.entries import AxisEntry, SegmentEntry
-from tracker.mirror import Mirror
+from tracker.bodies.body.description import BodyDescription
+from tracker.bodies.body.entries import AxisEntry, SegmentEntry
+from tracker.bodies.mirror import Mirror
+from tracker.foundation.arrays import Array
 
 SAME_PLACE_M = 1e-6
 """Joints less apart have no bone between them that points anywhere."""

@@ -14,12 +14,12 @@ import numpy as np
 from tracker.acquisition.scan import Scan
 from tracker.acquisition.scan_joints import SAME_PLACE_M, Placed, joint_of, placed_segment, triple
 from tracker.acquisition.superquadric_fit import Fitted, fit_superquadric
-from tracker.arrays import Array
-from tracker.body.description import BodyDescription
-from tracker.body.entries import LandmarkEntry, PartEntry
-from tracker.body.sections import SkinSection
-from tracker.errors import ModelError, nearest
-from tracker.mirror import Mirror
+from tracker.bodies.body.description import BodyDescription
+from tracker.bodies.body.entries import LandmarkEntry, PartEntry
+from tracker.bodies.body.sections import SkinSection
+from tracker.bodies.mirror import Mirror
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import ModelError, nearest
 
 _UPRIGHT = 0.3
 """Cosine between a trunk and that of the model, which stands, at least: lower ones lie, or y is up."""

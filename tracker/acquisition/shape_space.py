@@ -13,11 +13,11 @@ from tracker.acquisition._anatomy import MOST_TAPER, SQUARENESS, Anatomy
 from tracker.acquisition._growth import end_moved, fattened, grown, lengthened, shifted, widened
 from tracker.acquisition._proportions import correlated
 from tracker.acquisition._variants import Variants
-from tracker.arrays import Array, frozen
-from tracker.body import BodyModel
-from tracker.body.description import BodyDescription
-from tracker.components import component
-from tracker.errors import ModelError
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.description import BodyDescription
+from tracker.foundation.arrays import Array, frozen
+from tracker.foundation.configuration.components import component
+from tracker.foundation.errors import ModelError
 
 # Of the differences: half the digits of double precision for parameters of about 1.
 _STEP = 1e-5

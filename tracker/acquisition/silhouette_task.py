@@ -14,14 +14,14 @@ from tracker.acquisition.looks import Look, Mark
 from tracker.acquisition.pictures import Silhouette
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
 from tracker.acquisition.standing import best_pose, placed
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.body.description import BodyDescription
-from tracker.components import component
-from tracker.errors import ModelError, nearest
-from tracker.observation import Observation
-from tracker.outlines import outline_observation
-from tracker.rig import Rig
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.description import BodyDescription
+from tracker.cameras.rig import Rig
+from tracker.evidence.measures.outlines import outline_observation
+from tracker.foundation.arrays import Array
+from tracker.foundation.configuration.components import component
+from tracker.foundation.errors import ModelError, nearest
+from tracker.images.observation import Observation
 from tracker.synthesis import Synthesis
 
 # A start whose turn is not 90 degrees must be nearer by this factor.

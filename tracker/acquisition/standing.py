@@ -7,15 +7,15 @@ from itertools import product
 import numpy as np
 
 from tracker.acquisition.pictures import Silhouette
-from tracker.arrays import Array, Mask
-from tracker.body import BodyModel
-from tracker.comparison import Comparison
+from tracker.bodies.body import BodyModel
+from tracker.bodies.scene import Person, Scene
+from tracker.cameras.rig import Rig
 from tracker.evidence.contours import ContourEvidence
-from tracker.objective import Objective
-from tracker.observation import Observation
-from tracker.rig import Rig
-from tracker.scene import Person, Scene
+from tracker.evidence.measures.comparison import Comparison
+from tracker.foundation.arrays import Array, Mask
+from tracker.images.observation import Observation
 from tracker.synthesis import Synthesis
+from tracker.tracking.objective import Objective
 
 # Poses at a time: bounds the memory.
 _BATCH = 128

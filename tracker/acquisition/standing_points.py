@@ -11,9 +11,9 @@ from scipy.spatial import cKDTree
 
 from tracker.acquisition._surface_rows import outside
 from tracker.acquisition.clouds import Cloud, cloud_of
-from tracker.arrays import Array
-from tracker.body import BodyModel
-from tracker.body.surface import surface_of
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.surface import surface_of
+from tracker.foundation.arrays import Array
 
 _HEADINGS_DEG = np.arange(0, 360, 45)
 """Directions that the person may face: those between are within reach of the steps."""

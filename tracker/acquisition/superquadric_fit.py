@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from tracker.arrays import Array
-from tracker.geometry.superquadrics import inside_outside
+from tracker.foundation.arrays import Array
+from tracker.foundation.geometry.superquadrics import inside_outside
 
 # Standard deviations of a shape about a plain can along the axis given: what the points do not show stays so.
 _LENGTH, _SQUARENESS, _TAPER, _TILT_RAD = 0.1, 0.3, 0.3, 0.2

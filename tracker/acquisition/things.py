@@ -11,12 +11,12 @@ import numpy as np
 from tracker.acquisition.beside import CELL_M, sight_of, surroundings
 from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.acquisition.moving_along import How, Moving, most_moving
-from tracker.arrays import Array, Mask
-from tracker.body import BodyModel
-from tracker.body.description import BodyDescription
-from tracker.body.entries import Vector
-from tracker.carried import Carried, with_carried
-from tracker.scene import Scene
+from tracker.bodies.belongings import Carried, with_carried
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.description import BodyDescription
+from tracker.bodies.body.entries import Vector
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array, Mask
 
 _N_FRAMES = 20
 """Frames that are looked at, at most."""
@@ -202,7 +202,7 @@ def told_of_uncarried(name: str, things: Sequence[Thing]) -> tuple[str, ...]:
 
 
 def entry_of(things: Sequence[Carried]) -> str:
-    """The line of a configuration that tells of things; see `tracker.subject.Subject.carries`."""
+    """The line of a configuration that tells of things; see `tracker.bodies.subject.Subject.carries`."""
     return f"carries = [{', '.join(map(_entry, things))}]"
 
 

@@ -14,11 +14,11 @@ from tracker.acquisition.pictures import Pair, Silhouette, read_silhouette
 from tracker.acquisition.shape_space import space_of
 from tracker.acquisition.silhouette_task import SilhouetteSettings, started
 from tracker.acquisition.standing import scene_of
-from tracker.body import BodyModel
-from tracker.body.description import BodyDescription
-from tracker.errors import ModelError, SequenceError
-from tracker.outlines import overlap
-from tracker.progress import Progress, silent
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.description import BodyDescription
+from tracker.evidence.measures.outlines import overlap
+from tracker.foundation.errors import ModelError, SequenceError
+from tracker.foundation.progress import Progress, silent
 from tracker.synthesis import Synthesis
 from tracker.synthesis.cpu import CpuSynthesis
 

@@ -17,16 +17,16 @@ from tracker.acquisition._anatomy import Anatomy
 from tracker.acquisition._residuals import Bodies, across_normals, asks_of, part_slopes
 from tracker.acquisition._variants import Variants
 from tracker.acquisition.shape_space import ShapeSpace
-from tracker.arrays import Array, Integers
-from tracker.body import BodyModel
-from tracker.body.description import BodyDescription
-from tracker.body.entries import Variation
-from tracker.contours import Contours
-from tracker.estimate import Estimate
-from tracker.geometry.superquadrics import surface
-from tracker.objective import Objective
-from tracker.rig import Rig
-from tracker.trajectory import Step
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.description import BodyDescription
+from tracker.bodies.body.entries import Variation
+from tracker.bodies.contours import Contours
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Integers
+from tracker.foundation.geometry.superquadrics import surface
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.objective import Objective
+from tracker.tracking.trajectory import Step
 
 _LEFT_OUT = 0.005
 """Share of the variance of angles and joints that the ways left out may have: a twentieth of a sigma is not seen."""

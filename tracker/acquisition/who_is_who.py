@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from tracker.acquisition.result import stature_of
-from tracker.body import BodyModel
+from tracker.bodies.body import BodyModel
 
 _HELD_BACK = 2.5
 """How much farther from the stature that is told a fitted one may be if nothing is told, at most: bodies fitted under

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
-from tracker.account import Account
-from tracker.arrays import Array, Mask
-from tracker.comparison import Comparison
-from tracker.contours import Contours
-from tracker.equations import Equations
-from tracker.scene import Scene
-from tracker.sight import Sight
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
+from tracker.evidence.measures.account import Account
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.equations import Equations
+from tracker.foundation.arrays import Array, Mask
+from tracker.images.sight import Sight
 
 Observed = Any
 """What one kind of evidence has observed in a frame: its own frozen value, which only it looks into."""

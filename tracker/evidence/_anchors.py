@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.arrays import Array, Integers, Mask
+from tracker.bodies.scene import Scene
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.kernels.body.anchors import Carried, residuals_of
 from tracker.kernels.body.rays import meet_parts
 from tracker.kernels.rows import carried_place, met_place
-from tracker.rig import Rig
-from tracker.scene import Scene
 
 Grey = NDArray[np.uint8]
 

@@ -8,11 +8,11 @@ from functools import partial
 import cv2
 import numpy as np
 
-from tracker.arrays import Array32, Image, Mask, Region
-from tracker.imaging.densities import Codes, Densities, colour_codes, densities, texture_codes
-from tracker.imaging.level_set import signed_distance
+from tracker.foundation.arrays import Array32, Image, Mask, Region
+from tracker.images.operations.densities import Codes, Densities, colour_codes, densities, texture_codes
+from tracker.images.operations.level_set import signed_distance
+from tracker.images.sight import Sight
 from tracker.kernels.pictures.coverage import cover_shares
-from tracker.sight import Sight
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tracker.arrays import Array, Integers, Mask
-from tracker.geometry.superquadrics import inside_outside, signed_distance
+from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.foundation.geometry.superquadrics import inside_outside, signed_distance
 
 # Of a ray through the sphere around a part; between two of them the crossing is halved so often.
 _STEPS, _HALVINGS = 40, 10

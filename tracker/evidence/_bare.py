@@ -9,10 +9,10 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from tracker.arrays import Array, Array32, Mask, frozen
-from tracker.comparison import Comparison
+from tracker.bodies.scene import Scene
 from tracker.evidence._small_pictures import SmallPictures
-from tracker.scene import Scene
+from tracker.evidence.measures.comparison import Comparison
+from tracker.foundation.arrays import Array, Array32, Mask, frozen
 from tracker.synthesis.cpu import CpuSynthesis
 
 

@@ -7,12 +7,12 @@ from functools import partial
 
 import numpy as np
 
-from tracker.arrays import Array, Image, Numbers16, Region, frozen
-from tracker.contours import Contours
-from tracker.expectation import expected_region
-from tracker.imaging.appearance import appearance
+from tracker.bodies.contours import Contours
+from tracker.bodies.expectation import expected_region
+from tracker.foundation.arrays import Array, Image, Numbers16, Region, frozen
+from tracker.images.operations.appearance import appearance
+from tracker.images.sight import Sight
 from tracker.kernels.regions.colours import Picture, encode
-from tracker.sight import Sight
 
 Codes = tuple[Region, Numbers16]
 """A region of a view and its colour numbers, row by row."""

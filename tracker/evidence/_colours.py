@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracker.arrays import Array, Array32, Image, Integers, Mask, frozen
+from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask, frozen
 from tracker.kernels.regions.colours import EVEN, N_COLOURS, Picture, Tables, hides, tabulate_posteriors
 from tracker.kernels.regions.learning import learn_lines
 from tracker.kernels.regions.lines import Looks, Samples

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker.arrays import Array, Integers
-from tracker.errors import SequenceError
-from tracker.files import Stamp, stamp_of
-from tracker.following.read_tables import TABLE, PointTable, read_trajectories
+from tracker.foundation.arrays import Array, Integers
+from tracker.foundation.errors import SequenceError
+from tracker.foundation.files import Stamp, stamp_of
+from tracker.points.following.read_tables import TABLE, PointTable, read_trajectories
 
 
 @dataclass(frozen=True)

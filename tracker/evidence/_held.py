@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracker.arrays import Array, Integers, Mask
-from tracker.body import BodyModel
+from tracker.bodies.body import BodyModel
+from tracker.cameras.rig import Rig
 from tracker.evidence._attaching import Attachments
 from tracker.evidence._followed import Followed
 from tracker.evidence._point_residuals import Residuals
-from tracker.geometry.superquadrics import signed_distance
-from tracker.rig import Rig
+from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.foundation.geometry.superquadrics import signed_distance
 
 _FACING = 0.1
 """A point is taken for seen where its surface faces the camera by this cosine: beyond it something else is followed."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from tracker.arrays import Array32, Image, Mask
-from tracker.imaging.densities import Densities, colour_codes
+from tracker.foundation.arrays import Array32, Image, Mask
+from tracker.images.operations.densities import Densities, colour_codes
 
 
 @dataclass(frozen=True)

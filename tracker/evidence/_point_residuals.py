@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracker.arrays import Array, Integers, Mask
+from tracker.foundation.arrays import Array, Integers, Mask
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from functools import partial
 
 import cv2
 
-from tracker.arrays import Image, Mask, Region
-from tracker.rig import Rig
-from tracker.scene import Scene
-from tracker.sight import Sight
+from tracker.bodies.scene import Scene
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Image, Mask, Region
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
 
 _SMALL_PX = 180

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.account import Account
-from tracker.arrays import Array
-from tracker.contours import Contours
+from tracker.bodies.contours import Contours
+from tracker.evidence.measures.account import Account
+from tracker.foundation.arrays import Array
+from tracker.images.observation import Observation
 from tracker.kernels.contours.shares import edge_shares
-from tracker.observation import Observation
 
 Distances = tuple[float, Array]
 

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.arrays import Array, Integers, Mask, frozen
-from tracker.geometry.superquadric_meshes import meshes_of
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array, Integers, Mask, frozen
+from tracker.foundation.geometry.superquadric_meshes import meshes_of
 from tracker.kernels.pictures.nearest import draw_nearest, project_surfaces
-from tracker.scene import Scene
 
 _GRID = 7, 10
 """Latitudes and longitudes of the surfaces."""

@@ -7,9 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from tracker.arrays import Array, Array32, Integers, Mask, frozen
-from tracker.comparison import Comparison
-from tracker.geometry.superquadrics import spread, surface
+from tracker.evidence.measures.comparison import Comparison
+from tracker.foundation.arrays import Array, Array32, Integers, Mask, frozen
+from tracker.foundation.geometry.superquadrics import spread, surface
 from tracker.kernels.contours.scoring import moving_parts
 from tracker.kernels.pictures.coverage import cover_still, covered_sums
 from tracker.kernels.rows import superquadric

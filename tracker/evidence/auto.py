@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tracker.account import Account
-from tracker.arrays import Array, Mask
-from tracker.comparison import Comparison
-from tracker.components import component
-from tracker.contours import Contours
-from tracker.equations import Equations
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
 from tracker.evidence import Evidence, Memory, Observed
 from tracker.evidence.contours import ContourEvidence
+from tracker.evidence.measures.account import Account
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.equations import Equations
 from tracker.evidence.motion import MotionEvidence
 from tracker.evidence.regions import RegionEvidence
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.evidence.together import TogetherEvidence
-from tracker.plate import Plate
-from tracker.scene import Scene
-from tracker.sight import Sight
+from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.configuration.components import component
+from tracker.images.plate import Plate
+from tracker.images.sight import Sight
 
 # A silhouette in one view alone tells nothing of the depth; see also what `initialization.auto` does.
 _LEAST_VIEWS = 2

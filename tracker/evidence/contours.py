@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import pydantic
 
-from tracker.account import Account
-from tracker.analysis import Analysis
-from tracker.analysis.contours import ContourAnalysis
-from tracker.arrays import Array
-from tracker.comparison import Comparison
-from tracker.components import component
-from tracker.contours import Contours
-from tracker.equations import Equations
+from tracker.bodies.contours import Contours
 from tracker.evidence import Evidence, Memory
 from tracker.evidence._shares import over_views, shares
-from tracker.observation import Observation
-from tracker.sight import Sight
-from tracker.similarity import Similarity
-from tracker.similarity.chamfer import ChamferSimilarity
+from tracker.evidence.measures.account import Account
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.equations import Equations
+from tracker.evidence.similarity import Similarity
+from tracker.evidence.similarity.chamfer import ChamferSimilarity
+from tracker.foundation.arrays import Array
+from tracker.foundation.configuration.components import component
+from tracker.images.analysis import Analysis
+from tracker.images.analysis.contours import ContourAnalysis
+from tracker.images.observation import Observation
+from tracker.images.sight import Sight
 
 # Distance where every view is missing, px: that of an outlier everywhere.
 _NOTHING_PX = 40.0

@@ -9,22 +9,22 @@ import cv2
 import numpy as np
 import pydantic
 
-from tracker.account import Account
-from tracker.arrays import Array, Mask, frozen
-from tracker.comparison import Comparison
-from tracker.components import component
-from tracker.contours import Contours
-from tracker.equations import Equations
+from tracker.bodies.contours import Contours
+from tracker.bodies.expectation import expected_region
+from tracker.bodies.scene import Scene
 from tracker.evidence import GUESSED, Evidence, Memory
 from tracker.evidence._bare import AtStart, Bare, bare_in, begun_at, covered_by_skins, missed_by_limbs
 from tracker.evidence._known_views import KnownView, Levels, linked
 from tracker.evidence._reduced_images import reduced, reduced_silhouettes, reduction
 from tracker.evidence._shares import over_views
-from tracker.expectation import expected_region
-from tracker.imaging.densities import colour_codes, densities
-from tracker.imaging.opening import opened
-from tracker.scene import Scene
-from tracker.sight import Sight
+from tracker.evidence.measures.account import Account
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.equations import Equations
+from tracker.foundation.arrays import Array, Mask, frozen
+from tracker.foundation.configuration.components import component
+from tracker.images.operations.densities import colour_codes, densities
+from tracker.images.operations.opening import opened
+from tracker.images.sight import Sight
 from tracker.synthesis import SurfaceSynthesis
 
 _LEAST_SHARE = 0.5

@@ -13,24 +13,24 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pydantic
 
-from tracker.account import Account
-from tracker.arrays import Array, frozen
-from tracker.body import BodyModel
-from tracker.comparison import Comparison
-from tracker.components import component
-from tracker.contours import Contours
-from tracker.equations import Equations
-from tracker.errors import ConfigError, SequenceError
+from tracker.bodies.body import BodyModel
+from tracker.bodies.contours import Contours
+from tracker.bodies.keypoint_layouts.lengths import fitting_layout
+from tracker.bodies.keypoint_layouts.views import KeypointFiles
+from tracker.bodies.keypoints import Meant, limbs, meant, swapped_sides
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
 from tracker.evidence import Evidence, Memory
 from tracker.evidence._shares import over_views
-from tracker.frame import Frame
+from tracker.evidence.measures.account import Account
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.equations import Equations
+from tracker.foundation.arrays import Array, frozen
+from tracker.foundation.configuration.components import component
+from tracker.foundation.errors import ConfigError, SequenceError
+from tracker.images.sight import Sight
 from tracker.kernels.body.keypoints import Detected, Matches, match_keypoints
-from tracker.keypoint_layouts.lengths import fitting_layout
-from tracker.keypoint_layouts.views import KeypointFiles
-from tracker.keypoints import Meant, limbs, meant, swapped_sides
-from tracker.rig import Rig
-from tracker.scene import Scene
-from tracker.sight import Sight
 
 _WORTH_PX = 60.0
 """Contour that a keypoint counts as where lengths are added up, px: an arm's of four views count as its contours do.

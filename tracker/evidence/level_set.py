@@ -9,19 +9,19 @@ from typing import Literal
 import numpy as np
 import pydantic
 
-from tracker.account import Account
-from tracker.arrays import Array, Mask
-from tracker.comparison import Comparison
-from tracker.components import component
-from tracker.contours import Contours
-from tracker.equations import Equations
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
 from tracker.evidence import GUESSED, Memory, Observed
 from tracker.evidence._around import Around, Reach, around
+from tracker.evidence.measures.account import Account
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.equations import Equations
 from tracker.evidence.silhouettes import Foregrounds, SilhouetteEvidence
-from tracker.imaging.densities import Densities
-from tracker.imaging.level_set import Forces, descent, threshold_dynamics
-from tracker.scene import Scene
-from tracker.sight import Sight
+from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.configuration.components import component
+from tracker.images.operations.densities import Densities
+from tracker.images.operations.level_set import Forces, descent, threshold_dynamics
+from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
 
 _STRANGE = 4.0

@@ -13,20 +13,20 @@ import cv2
 import numpy as np
 import pydantic
 
-from tracker.account import Account
-from tracker.arrays import Array, Mask
-from tracker.comparison import Comparison
-from tracker.components import component
-from tracker.contours import Contours
-from tracker.equations import Equations
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
 from tracker.evidence import GUESSED, Evidence, Memory
 from tracker.evidence._anchors import Anchors, Grey, attached, corners
 from tracker.evidence._shares import over_views
 from tracker.evidence._shown import seen_parts
+from tracker.evidence.measures.account import Account
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.equations import Equations
+from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.configuration.components import component
+from tracker.images.sight import Sight
 from tracker.kernels.body.anchors import anchor_equations, gaps_of
 from tracker.kernels.rows.carried_place import FACING, VARIANCE, U, W
-from tracker.scene import Scene
-from tracker.sight import Sight
 
 _FACING = 0.1
 """A place is taken for seen where its surface faces the camera by this cosine: beyond it something else is followed."""

@@ -13,20 +13,20 @@ from typing import Literal
 import numpy as np
 import pydantic
 
-from tracker.account import Account
-from tracker.arrays import Array, Integers, Mask
-from tracker.comparison import Comparison
-from tracker.components import PathPattern, component
-from tracker.contours import Contours
-from tracker.equations import Equations
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
+from tracker.cameras.rig import Rig
 from tracker.evidence import GUESSED, Evidence, Memory
 from tracker.evidence._attaching import Attachments, met_by_rays, nearest_parts, ray_covariances
 from tracker.evidence._followed import Followed, open_followed
 from tracker.evidence._held import Held, held_in, turning
 from tracker.evidence._shares import over_views
-from tracker.rig import Rig
-from tracker.scene import Scene
-from tracker.sight import Sight
+from tracker.evidence.measures.account import Account
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.equations import Equations
+from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.foundation.configuration.components import PathPattern, component
+from tracker.images.sight import Sight
 
 log = logging.getLogger("tracker")
 

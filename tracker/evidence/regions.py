@@ -13,17 +13,19 @@ from functools import lru_cache
 import numpy as np
 import pydantic
 
-from tracker.account import Account
-from tracker.arrays import Array, Integers, Mask
-from tracker.comparison import Comparison
-from tracker.components import component
-from tracker.contours import Contours
-from tracker.equations import Equations
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
 from tracker.evidence import GUESSED, Evidence
 from tracker.evidence._colour_numbers import colour_numbers, picture_around
 from tracker.evidence._colours import FLOOR, Colours
 from tracker.evidence._shares import over_views
-from tracker.geometry.superquadrics import box_bounds
+from tracker.evidence.measures.account import Account
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.equations import Equations
+from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.foundation.configuration.components import component
+from tracker.foundation.geometry.superquadrics import box_bounds
+from tracker.images.sight import Sight
 from tracker.kernels.regions.colours import Picture
 from tracker.kernels.regions.equations import shift_equations
 from tracker.kernels.regions.learning import longest_lines
@@ -31,8 +33,6 @@ from tracker.kernels.regions.lines import Lines, Rule, Samples
 from tracker.kernels.regions.shifts import find_shifts
 from tracker.kernels.regions.sides import parts_beside
 from tracker.kernels.rows import superquadric
-from tracker.scene import Scene
-from tracker.sight import Sight
 
 # As for contours: a sample and its neighbours share one line of pixels and one interpolation.
 _PX_PER_OBSERVATION = 16.0

@@ -9,21 +9,21 @@ import cv2
 import numpy as np
 import pydantic
 
-from tracker.account import Account
-from tracker.arrays import Array, Array32, Mask, frozen
-from tracker.comparison import Comparison
-from tracker.components import component
-from tracker.contours import Contours
-from tracker.equations import Equations
+from tracker.bodies.contours import Contours
+from tracker.bodies.expectation import expected_region
 from tracker.evidence import Evidence, Memory
 from tracker.evidence._shares import over_views, shares
 from tracker.evidence._small_pictures import SmallPictures
-from tracker.expectation import expected_region
+from tracker.evidence.measures.account import Account
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.outlines import on_outline, outline_observation
+from tracker.evidence.similarity.chamfer import ChamferSimilarity
+from tracker.foundation.arrays import Array, Array32, Mask, frozen
+from tracker.foundation.configuration.components import component
+from tracker.images.observation import Observation
+from tracker.images.sight import Sight
 from tracker.kernels.pictures.coverage import cover_shares
-from tracker.observation import Observation
-from tracker.outlines import on_outline, outline_observation
-from tracker.sight import Sight
-from tracker.similarity.chamfer import ChamferSimilarity
 
 # The longer side of an image is brought to about this for the overlap, px: a quarter of 720.
 _SMALL_PX = 180

@@ -9,19 +9,19 @@ from dataclasses import replace
 import numpy as np
 import pydantic
 
-from tracker.account import Account, summed
-from tracker.arrays import Array, Mask
-from tracker.comparison import Comparison
-from tracker.components import component
-from tracker.contours import Contours
-from tracker.equations import Equations, combined
-from tracker.errors import ConfigError
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
+from tracker.cameras.rig import Rig
 from tracker.evidence import GUESSED, Evidence, Memory, Observed
 from tracker.evidence.contours import ContourEvidence
+from tracker.evidence.measures.account import Account, summed
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.equations import Equations, combined
 from tracker.evidence.silhouettes import SilhouetteEvidence
-from tracker.rig import Rig
-from tracker.scene import Scene
-from tracker.sight import Sight
+from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.configuration.components import component
+from tracker.foundation.errors import ConfigError
+from tracker.images.sight import Sight
 
 # A choice: half the residual counts 16 times.
 _SHARPNESS = 4.0
@@ -110,7 +110,7 @@ class TogetherEvidence(Evidence):
         return combined(found, weights)
 
     def account(self, asked: Comparison, q: Array) -> Account:
-        """Weighted sum of the shares, and the distance that ranks; see `tracker.account.summed`."""
+        """Weighted sum of the shares, and the distance that ranks; see `tracker.evidence.measures.account.summed`."""
         questions = [asked.put(observed) for observed in asked.observed]
         found = {k: self.of[k].account(questions[k], q) for k, weight in enumerate(self.refining) if weight > 0}
         # the distance of an account is what `distances` gives: it is not measured twice

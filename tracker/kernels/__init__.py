@@ -7,6 +7,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tracker.native_sources import load_extension
+from tracker.foundation.native_sources import load_extension
 
 load_extension(Path(__file__).parents[2])

@@ -8,7 +8,7 @@ and p2 exchanged. Lenses of few millimetres need the denominator; with k4 = k5 =
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array
+from tracker.foundation.arrays import Array
 
 
 def undistort(camera: Array, x: float, y: float) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array, Array32
+from tracker.foundation.arrays import Array, Array32
 
 
 def project_point(camera: Array, x: float, y: float, z: float) -> tuple[float, float, float]:

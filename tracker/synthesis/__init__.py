@@ -7,11 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
-from tracker.arrays import Array, Integers, Mask
-from tracker.contours import Contours
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.images.observation import Observation
 from tracker.kernels.regions.lines import Lines
-from tracker.observation import Observation
-from tracker.scene import Scene
 from tracker.synthesis._pictures import distances_of, misfits_of
 
 _One = TypeVar("_One")

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.arrays import Array, Array32
-from tracker.geometry.superquadric_meshes import Meshes
-from tracker.observation import Observation
-from tracker.scene import Scene
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array, Array32
+from tracker.foundation.geometry.superquadric_meshes import Meshes
+from tracker.images.observation import Observation
 from tracker.synthesis._graphics import library, unusable
 from tracker.synthesis._pictures import Picture, solids_of
 from tracker.synthesis._tiles import Batch

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from tracker.errors import RenderError
+from tracker.foundation.errors import RenderError
 
 SYSTEM_PACKAGES = "apt-get install -y --no-install-recommends libegl1 libgl1 libxrender1 libosmesa6"
 NEWER_BINDING = 'pip install -U "PyOpenGL>=3.1.10"'

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.arrays import Array, Integers, Mask
-from tracker.scene import Scene
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array, Integers, Mask
 
 NEAREST_M = 0.05
 """Parts that come closer to a camera than this are not drawn, metres."""

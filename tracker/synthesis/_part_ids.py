@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.arrays import Array, Array32, Mask
-from tracker.geometry.superquadric_meshes import meshes_of
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array, Array32, Mask
+from tracker.foundation.geometry.superquadric_meshes import meshes_of
 from tracker.kernels.contours.scoring import moving_parts
 from tracker.kernels.pictures.nearest import draw_nearest, project_surfaces
-from tracker.scene import Scene
 from tracker.synthesis._skins import ids_of_skins
 
 PartIds = NDArray[np.int16]

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracker.arrays import Array, Array32, Integers, Mask
-from tracker.camera import Camera
-from tracker.contours import Contours
-from tracker.geometry.superquadric_meshes import meshes_of
-from tracker.geometry.superquadrics import box_bounds
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
+from tracker.cameras.camera import Camera
+from tracker.foundation.arrays import Array, Array32, Integers, Mask
+from tracker.foundation.geometry.superquadric_meshes import meshes_of
+from tracker.foundation.geometry.superquadrics import box_bounds
+from tracker.images.observation import Observation
 from tracker.kernels.contours.chamfer import directed_distances
 from tracker.kernels.pictures.id_contours import id_contours
 from tracker.kernels.pictures.rasterization import rasterize
@@ -19,8 +21,6 @@ from tracker.kernels.regions.lines import Lines
 from tracker.kernels.regions.misfits import score_lines
 from tracker.kernels.regions.sides import parts_beside
 from tracker.kernels.rows import superquadric
-from tracker.observation import Observation
-from tracker.scene import Scene
 from tracker.synthesis._meshes import before_cameras, boxes_of
 
 

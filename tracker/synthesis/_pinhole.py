@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracker.arrays import Array, Integers
-from tracker.camera import Camera
+from tracker.cameras.camera import Camera
+from tracker.foundation.arrays import Array, Integers
 
 # What every GL 4.3 can draw.
 _LARGEST_PX = 8192

@@ -15,10 +15,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from tracker.arrays import Array, Image, Integers
-from tracker.camera import Camera
-from tracker.errors import RenderError
-from tracker.geometry.superquadric_meshes import Meshes
+from tracker.cameras.camera import Camera
+from tracker.foundation.arrays import Array, Image, Integers
+from tracker.foundation.errors import RenderError
+from tracker.foundation.geometry.superquadric_meshes import Meshes
 from tracker.synthesis._graphics import library, unusable
 from tracker.synthesis._meshes import NEAREST_M
 from tracker.synthesis._pictures import Picture

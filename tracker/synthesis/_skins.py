@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.arrays import Array, Integers, Mask, frozen
-from tracker.contours import Contours, gathered
-from tracker.geometry.superquadric_meshes import meshes_of
+from tracker.bodies.contours import Contours, gathered
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array, Integers, Mask, frozen
+from tracker.foundation.geometry.superquadric_meshes import meshes_of
 from tracker.kernels.pictures.rasterization import rasterize
 from tracker.kernels.skins.filling import fill_mesh
 from tracker.kernels.skins.mesh import Mesh
 from tracker.kernels.skins.tracing import trace_skins
-from tracker.scene import Scene
 from tracker.synthesis._meshes import NEAREST_M
 
 # Cells of a depth picture along the longer side of an image: 3 px of 720, 1 cm at a person who fills the picture. Half

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracker.arrays import Array, Integers, Mask
-from tracker.errors import RenderError
-from tracker.geometry.superquadric_meshes import Meshes
-from tracker.scene import Scene
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.foundation.errors import RenderError
+from tracker.foundation.geometry.superquadric_meshes import Meshes
 from tracker.synthesis._meshes import boxes_of, ranges_of
 
 _MOST_TILES = 2048

@@ -6,13 +6,13 @@ from functools import lru_cache
 
 import pydantic
 
-from tracker.arrays import Array, Integers, Mask
-from tracker.components import component
-from tracker.contours import Contours
-from tracker.errors import RenderError
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.foundation.configuration.components import component
+from tracker.foundation.errors import RenderError
+from tracker.images.observation import Observation
 from tracker.kernels.regions.lines import Lines
-from tracker.observation import Observation
-from tracker.scene import Scene
 from tracker.synthesis._atlas import atlas_on
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.egl import EglSynthesis

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 import pydantic
 
-from tracker.arrays import Array, Integers, Mask
-from tracker.components import component
-from tracker.contours import Contours
-from tracker.geometry.superquadric_meshes import Meshes, meshes_of
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.foundation.configuration.components import component
+from tracker.foundation.geometry.superquadric_meshes import Meshes, meshes_of
+from tracker.images.observation import Observation
 from tracker.kernels.regions.lines import Lines
 from tracker.kernels.rows import region
-from tracker.observation import Observation
-from tracker.scene import Scene
 from tracker.synthesis._atlas import Atlas, atlas_on
 from tracker.synthesis._meshes import before_cameras
 from tracker.synthesis._pictures import Picture, contours_of, distances_of, misfits_of

@@ -6,13 +6,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from tracker.clock import Clock
-from tracker.frame import Frame
-from tracker.sight import Sight
+from tracker.cameras.frame import Frame
+from tracker.images.sight import Sight
+from tracker.tracking.clock import Clock
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.cycle_turn import advance
 from tracker.tracking.rehearsal import Reopen
-from tracker.trajectory import History, Replay, Step
+from tracker.tracking.trajectory import History, Replay, Step
 
 _MOST_BYTES = 2**28
 """Of images held while frames are followed back; with larger ones the recording is decoded in several goes."""

@@ -8,22 +8,22 @@ from functools import cache, partial
 
 import numpy as np
 
-from tracker.clock import Clock
-from tracker.doubt import Because, Doubt
-from tracker.errors import InitializationError
-from tracker.estimate import Estimate, Status
+from tracker.bodies.limbs import are_apart
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence import Observed
-from tracker.frame import Frame
-from tracker.limbs import are_apart
-from tracker.part_colours import part_colours
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.start import Start
-from tracker.strangers import hide_strangers
+from tracker.evidence.measures.part_colours import part_colours
+from tracker.foundation.errors import InitializationError
+from tracker.images.sight import Sight
+from tracker.tracking.clock import Clock
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.cycle_turn import objective_of, settled
+from tracker.tracking.doubt import Because, Doubt
+from tracker.tracking.estimate import Estimate, Status
 from tracker.tracking.outcome import finished
-from tracker.trajectory import Step
+from tracker.tracking.start import Start
+from tracker.tracking.strangers import hide_strangers
+from tracker.tracking.trajectory import Step
 
 # See docs/lab/first_edges.md.
 _ROUNDS = 4

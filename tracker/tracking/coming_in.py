@@ -8,19 +8,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracker.estimate import Status
-from tracker.loss import Troubles
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.tracking import replayed
+from tracker.bodies.scene import Scene
+from tracker.images.sight import Sight
 from tracker.tracking.backwards import as_replay, frames_before, turned
 from tracker.tracking.bootstrapping import unfound
 from tracker.tracking.cycle import Cycle
+from tracker.tracking.estimate import Status
 from tracker.tracking.jumps import with_jumps
+from tracker.tracking.loss import Troubles
 from tracker.tracking.outcome import judged_as_wholes
 from tracker.tracking.rehearsal import Reopen
+from tracker.tracking.sequence import replayed
+from tracker.tracking.trajectory import History, Replay, Step
 from tracker.tracking.windows import Pass, both_ways, length_of_windows, windows_of
-from tracker.trajectory import History, Replay, Step
 
 # See docs/lab/coming_in.md.
 _GONE_S = 2.0

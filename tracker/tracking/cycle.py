@@ -7,19 +7,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tracker.estimate import Estimate
-from tracker.estimation import Estimation
+from tracker.bodies.scene import Scene
 from tracker.evidence import Evidence, Memory
-from tracker.initialization import Backdrops, Initialization, Stages, no_backdrops
-from tracker.loss import LossRule, Troubles, trusted_parts
-from tracker.patience import Patience
-from tracker.plate import Plate
-from tracker.prediction import Prediction
-from tracker.progress import Progress, silent
-from tracker.scene import Scene
-from tracker.sight import Sight
+from tracker.foundation.progress import Progress, silent
+from tracker.images.plate import Plate
+from tracker.images.sight import Sight
 from tracker.synthesis import Synthesis
-from tracker.trajectory import History, Step
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.estimation import Estimation
+from tracker.tracking.initialization import Backdrops, Initialization, Stages, no_backdrops
+from tracker.tracking.loss import LossRule, Troubles, trusted_parts
+from tracker.tracking.patience import Patience
+from tracker.tracking.prediction import Prediction
+from tracker.tracking.trajectory import History, Step
 
 
 def _never() -> bool:

@@ -8,27 +8,27 @@ from functools import cache, partial
 
 import numpy as np
 
-from tracker.arrays import Array
-from tracker.clock import Clock
-from tracker.comparison import Comparison
-from tracker.contours import joined
-from tracker.errors import InitializationError
-from tracker.estimate import Estimate, Status
+from tracker.bodies.contours import joined
+from tracker.bodies.scene import Scene
 from tracker.evidence import Observed
-from tracker.in_space import judged_in_space
-from tracker.loss import LossRule, Troubles, doubted, is_looked_about, is_out_of_sight, judged, sought_anew
-from tracker.objective import Objective
-from tracker.part_colours import PartColours, part_colours
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.start import Start
-from tracker.strangers import hide_strangers
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.part_colours import PartColours, part_colours
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import InitializationError
+from tracker.images.sight import Sight
+from tracker.tracking.clock import Clock
 from tracker.tracking.cycle import Cycle, State
+from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.loss import LossRule, Troubles, doubted, is_looked_about, is_out_of_sight, judged, sought_anew
+from tracker.tracking.objective import Objective
 from tracker.tracking.other_places import in_likeliest_places
 from tracker.tracking.outcome import finished, still_lost
+from tracker.tracking.overlap import judged_in_space
 from tracker.tracking.rivals import found_twice, weighed
 from tracker.tracking.single_view import with_vague_limbs
-from tracker.trajectory import History, Step
+from tracker.tracking.start import Start
+from tracker.tracking.strangers import hide_strangers
+from tracker.tracking.trajectory import History, Step
 
 # What a pose found anew must be closer than one that was tracked: the least that images say of a limb, see Objective.
 # See docs/lab/limbs_long_in_doubt.md.

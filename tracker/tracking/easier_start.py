@@ -6,21 +6,21 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
-from tracker.errors import InitializationError
-from tracker.estimate import Status
-from tracker.frame import Frame
-from tracker.initialization import Initialization, Stages
-from tracker.part_colours import part_colours
-from tracker.plate import Plate
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.start import Start, sureness
-from tracker.strangers import hide_strangers
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.evidence.measures.part_colours import part_colours
+from tracker.foundation.errors import InitializationError
+from tracker.images.plate import Plate
+from tracker.images.sight import Sight
 from tracker.tracking.backwards import as_replay, frames_before, tracked_back
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.cycle_turn import settled
+from tracker.tracking.estimate import Status
+from tracker.tracking.initialization import Initialization, Stages
 from tracker.tracking.rehearsal import Reopen, rehearsed
-from tracker.trajectory import Replay, Step
+from tracker.tracking.start import Start, sureness
+from tracker.tracking.strangers import hide_strangers
+from tracker.tracking.trajectory import Replay, Step
 
 # See docs/lab/wrong_way_back.md.
 _LIKELY = 0.5

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from tracker.arrays import Array
-from tracker.estimate import Estimate
-from tracker.frame import Frame
-from tracker.initialization import Initialization, Stages
-from tracker.limbs import are_apart
-from tracker.loss import doubted
-from tracker.plate import Plate
-from tracker.scene import Scene
-from tracker.start import Start
+from tracker.bodies.limbs import are_apart
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.foundation.arrays import Array
+from tracker.images.plate import Plate
 from tracker.tracking.cycle import Cycle
-from tracker.trajectory import Step
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.initialization import Initialization, Stages
+from tracker.tracking.loss import doubted
+from tracker.tracking.start import Start
+from tracker.tracking.trajectory import Step
 
 
 def knowing(
@@ -79,10 +79,10 @@ class StartedBefore:
     otherwise: Initialization
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
-        """As that which is used elsewhere; see `tracker.initialization.Initialization.check`."""
+        """As that which is used elsewhere; see `tracker.tracking.initialization.Initialization.check`."""
         return self.otherwise.check(scene, plates)
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """See `tracker.initialization.Initialization.start`."""
+        """See `tracker.tracking.initialization.Initialization.start`."""
         known = frame.index == self.frame and not (stages.held or stages.seen_before)
         return self.found if known else self.otherwise.start(frame, scene, stages)

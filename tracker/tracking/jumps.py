@@ -14,11 +14,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracker.arrays import Array, Mask
-from tracker.doubt import Because, Doubt
-from tracker.estimate import Status
-from tracker.limbs import apart_m
-from tracker.trajectory import Step
+from tracker.bodies.limbs import apart_m
+from tracker.foundation.arrays import Array, Mask
+from tracker.tracking.doubt import Because, Doubt
+from tracker.tracking.estimate import Status
+from tracker.tracking.trajectory import Step
 
 _TIMES = 2.5
 """How much farther a limb goes in one frame than in those beside it where it jumps, a factor."""

@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracker.arrays import Array, Integers, Mask
-from tracker.body import BodyModel
-from tracker.estimate import Estimate
-from tracker.estimation.twist_icp import TwistIcpEstimation
-from tracker.geometry.halton import halton
-from tracker.limbs import apart_m, are_apart
-from tracker.objective import Objective
+from tracker.bodies.body import BodyModel
+from tracker.bodies.limbs import apart_m, are_apart
+from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.foundation.geometry.halton import halton
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.objective import Objective
 
 # Places of a limb over all its joints allow; how many of the nearest ones are looked at for colours, and how many of
 # these refined. Four limbs take 0.4 s of CPU a start (simulated squat, 720x576): in every frame of a run that would be

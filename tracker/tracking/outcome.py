@@ -7,17 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracker.arrays import Array, Mask, frozen
-from tracker.clock import Clock
-from tracker.contours import Contours
-from tracker.doubt import Because, Doubt
-from tracker.estimate import Estimate
-from tracker.in_space import judged_in_space
-from tracker.in_view import judged_in_view
-from tracker.scene import Scene
-from tracker.sight import Sight
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array, Mask, frozen
+from tracker.images.sight import Sight
 from tracker.synthesis import Synthesis
-from tracker.trajectory import Step
+from tracker.tracking.clock import Clock
+from tracker.tracking.doubt import Because, Doubt
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.overlap import judged_in_space
+from tracker.tracking.trajectory import Step
+from tracker.tracking.visibility import judged_in_view
 
 
 def finished(

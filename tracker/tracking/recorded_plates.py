@@ -9,19 +9,19 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from tracker.arrays import Mask
-from tracker.errors import BackdropError, InitializationError
-from tracker.frame import Frame
-from tracker.imaging.growing import grown
-from tracker.plate import Plate
-from tracker.scene import Scene
-from tracker.sight import LEAST_COVERED, Sight
-from tracker.start import Start
-from tracker.tracking import Looking, tracked
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.foundation.arrays import Mask
+from tracker.foundation.errors import BackdropError, InitializationError
+from tracker.images.operations.growing import grown
+from tracker.images.plate import Plate
+from tracker.images.sight import LEAST_COVERED, Sight
 from tracker.tracking.bootstrapping import first_start
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.found_before import StartedBefore, knowing
 from tracker.tracking.rehearsal import Reopen
+from tracker.tracking.sequence import Looking, tracked
+from tracker.tracking.start import Start
 
 log = logging.getLogger("tracker")
 

@@ -8,21 +8,21 @@ from functools import cache, partial
 from statistics import fmean
 from typing import TypeVar
 
-from tracker.body import BodyModel
-from tracker.estimate import Estimate, Status
+from tracker.bodies.body import BodyModel
+from tracker.bodies.limbs import are_apart
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
 from tracker.evidence import GUESSED
-from tracker.frame import Frame
-from tracker.limbs import are_apart
-from tracker.loss import LossRule, limbs_left_over
-from tracker.part_colours import part_colours
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.start import Hypothesis, Start, limbs_shown, sureness
-from tracker.strangers import hide_strangers
+from tracker.evidence.measures.part_colours import part_colours
+from tracker.images.sight import Sight
 from tracker.synthesis import side_by_side
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.cycle_turn import advance, settled
-from tracker.trajectory import Step
+from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.loss import LossRule, limbs_left_over
+from tracker.tracking.start import Hypothesis, Start, limbs_shown, sureness
+from tracker.tracking.strangers import hide_strangers
+from tracker.tracking.trajectory import Step
 
 # Frames closer than this show hardly anything new.
 _LEAST_GAP_S = 0.03
@@ -36,7 +36,7 @@ _TOLD_AFTER = 3
 # Who left so many times as much over in as many frames is not followed any farther, for a fifth less decides. Of eight
 # starts of six recordings twelve were met by it, 0.18 to 0.6 m off.
 _BEATEN = 1.5
-# A lead that decides, see `tracker.start.sureness`. Where all are doubtful and none has it, the first frame's ranking
+# A lead that decides, see `tracker.tracking.start.sureness`. Where all are doubtful and none has it, the first frame's ranking
 # holds: the first pose of P-Floor's frame 0 was 0.20 m off, that by the frames after it 0.38; those of the man at his
 # desk (docs/lab/upper_bodies.md) 0.02 to 0.13 m, and 0.27.
 _DECIDES = 0.2

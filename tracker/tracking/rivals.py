@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracker.arrays import Array, Mask
-from tracker.estimate import Estimate
-from tracker.limbs import are_apart, taken_over
-from tracker.loss import doubted
-from tracker.objective import Objective
-from tracker.scene import Scene
+from tracker.bodies.limbs import are_apart, taken_over
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array, Mask
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.loss import doubted
+from tracker.tracking.objective import Objective
 
 # What another way must be better by, px. In R-Turn from frame 20 and T-Punch-light from frame 0 less than this led from
 # the right pose to a wrong one three times, and never back; more did so once of seven times.

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.arrays import Mask
-from tracker.body import BodyModel
-from tracker.doubt import Because, Doubt
-from tracker.estimate import Estimate
-from tracker.limbs import are_apart, scattered
-from tracker.objective import Objective
+from tracker.bodies.body import BodyModel
+from tracker.bodies.limbs import are_apart, scattered
+from tracker.foundation.arrays import Mask
+from tracker.tracking.doubt import Because, Doubt
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.objective import Objective
 
 # One view alone shows a part if the view that shows second most has less of its contour than this share of the first.
 # A few px at a joint, added to both, are nothing to go by.
@@ -24,7 +24,7 @@ _TRIED, _SPREAD = 96, (np.radians(25.0), 0.1)
 def with_vague_limbs(objective: Objective, estimate: Estimate, within_px: float) -> Estimate:
     """The estimate with those limbs vague that one view alone shows in part, and that another place suits as well.
 
-    The sigmas of a pose (`tracker.loss.limb_spreads_m`) say how far one may move it, not where else it may be: in
+    The sigmas of a pose (`tracker.tracking.loss.limb_spreads_m`) say how far one may move it, not where else it may be: in
     martial arts filmed by two cameras an upper arm is shown by the one behind the man and hidden from the other one by
     his chest. Elbow and wrist were 20 and 13 cm off in depth for 25 frames, with sigmas below 6 cm; the true pose left
     over as much, to 0.06 px.

@@ -6,21 +6,21 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from tracker.frame import Frame
-from tracker.freed_memory import give_back
-from tracker.scene import Scene
-from tracker.tracking import replayed, track
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.foundation.freed_memory import give_back
 from tracker.tracking.coming_in import before_all, steps_of
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.rehearsal import Reopen
+from tracker.tracking.sequence import replayed, track
+from tracker.tracking.trajectory import Replay, Step
 from tracker.tracking.windows import SHORTEST, Pass, after, both_ways, length_of_windows, windows_of
-from tracker.trajectory import Replay, Step
 
 
 def track_twice(
     frames: Iterator[Frame], scene: Scene, cycle: Cycle, done: Mapping[int, Replay], reopen: Reopen
 ) -> Iterator[Step]:
-    """Tracks all persons through a sequence, and back again where need be; see `tracker.tracking.track`.
+    """Tracks all persons through a sequence, and back again where need be; see `tracker.tracking.sequence.track`.
 
     Args:
         frames: synchronized images in order.

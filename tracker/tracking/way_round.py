@@ -10,13 +10,13 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
-from tracker.doubt import Because, Doubt
-from tracker.limbs import turned_round
-from tracker.loss import doubted
-from tracker.start import RATHER_RIGHT
+from tracker.bodies.limbs import turned_round
 from tracker.tracking.cycle import Cycle
+from tracker.tracking.doubt import Because, Doubt
 from tracker.tracking.found_before import knowing, start_of
-from tracker.trajectory import Step
+from tracker.tracking.loss import doubted
+from tracker.tracking.start import RATHER_RIGHT
+from tracker.tracking.trajectory import Step
 
 # See docs/lab/fit_in_doubt.md.
 LEAST_SEEN = 4

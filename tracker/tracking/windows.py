@@ -12,20 +12,21 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from tracker.clock import Clock
-from tracker.estimate import Status
-from tracker.frame import Frame
-from tracker.limbs import are_apart
-from tracker.loss import LossRule, doubted
-from tracker.scene import Scene
-from tracker.sight import Sight
-from tracker.tracking import Ahead, Looking, tracked
+from tracker.bodies.limbs import are_apart
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.images.sight import Sight
 from tracker.tracking.backwards import tracked_back, turned
+from tracker.tracking.clock import Clock
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.easier_start import LedBack
+from tracker.tracking.estimate import Status
 from tracker.tracking.jumps import with_jumps
+from tracker.tracking.loss import LossRule, doubted
 from tracker.tracking.outcome import judged_as_wholes
 from tracker.tracking.rehearsal import Reopen
+from tracker.tracking.sequence import Ahead, Looking, tracked
+from tracker.tracking.trajectory import Step
 from tracker.tracking.way_round import (
     doubtful_in_all,
     may_face_the_other_way,
@@ -33,7 +34,6 @@ from tracker.tracking.way_round import (
     rather_wrong,
     the_better_way_round,
 )
-from tracker.trajectory import Step
 
 _LONGEST, SHORTEST = 100, 16
 """Frames of a window. Limbs were wrong for 40 frames at most; a longer window takes memory, and makes a run wait."""
@@ -50,7 +50,7 @@ _FIRST = 40
 place."""
 
 _ALIKE = 0.5
-"""Share of the distance from which on joints are elsewhere (`tracker.limbs.apart_m`: 14 cm of a person), up to which
+"""Share of the distance from which on joints are elsewhere (`tracker.bodies.limbs.apart_m`: 14 cm of a person), up to which
 the two ways are alike. With an acquired model a wrong arm of DO-Two was 14.6 cm from the right one at most."""
 
 
@@ -104,7 +104,7 @@ def after(begin: Pass, steps: Sequence[Step], cycle: Cycle) -> Pass:
 def there(
     frames: Sequence[Frame], scene: Scene, cycle: Cycle, reopen: Reopen | None = None
 ) -> tuple[list[Step], State]:
-    """Frames that are held tracked forwards, and the state behind the last one; see `tracker.tracking.track`."""
+    """Frames that are held tracked forwards, and the state behind the last one; see `tracker.tracking.sequence.track`."""
     steps, reached = _forwards(frames, Pass(scene, State.before(scene), None, 0), cycle, reopen)
     return steps, reached.state
 

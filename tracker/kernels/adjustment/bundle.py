@@ -8,7 +8,7 @@ so that only the cameras' equations are ever solved together.
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array, Integers
+from tracker.foundation.arrays import Array, Integers
 
 N_OBJECT = 6
 """Unknowns of an object."""

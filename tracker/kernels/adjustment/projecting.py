@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array
+from tracker.foundation.arrays import Array
 
 
 def project_with_slopes(

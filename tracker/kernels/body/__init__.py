@@ -1,1 +1,1 @@
-"""Forward kinematics and collisions of parts, for `tracker.body.kinematic_tree` and `tracker.body`."""
+"""Forward kinematics and collisions of parts, for `tracker.bodies.body.kinematic_tree` and `tracker.bodies.body`."""

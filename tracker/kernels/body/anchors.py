@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 import tracker._native as native
-from tracker.arrays import Array, Integers, Mask
+from tracker.foundation.arrays import Array, Integers, Mask
 
 
 class Carried(NamedTuple):

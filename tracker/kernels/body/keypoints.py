@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import tracker._native as native
-from tracker.arrays import Array, Integers
+from tracker.foundation.arrays import Array, Integers
 
 
 class Detected(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import tracker._native as native
-from tracker.arrays import Array, Integers, Mask
+from tracker.foundation.arrays import Array, Integers, Mask
 
 
 def chain_transforms(poses: Array, rotates: Mask, axes: Array, points: Array, parents: Integers) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array, Integers
+from tracker.foundation.arrays import Array, Integers
 
 
 def meet_parts(placements: Array, shapes: Array, centre: Array, rays: Array, parts: Integers, found: Array) -> None:

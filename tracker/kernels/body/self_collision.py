@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import tracker._native as native
-from tracker.arrays import Array, Integers
+from tracker.foundation.arrays import Array, Integers
 
 POINTS_A_PART = 5
 """Along the middle 80 % of an axis: joints overlap by design."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import tracker._native as native
-from tracker.arrays import Array, Array32, Integers
+from tracker.foundation.arrays import Array, Array32, Integers
 
 
 def chamfer_lookup(flat: Array32, regions: Integers, v: int, x: float, y: float, outside: float) -> float:

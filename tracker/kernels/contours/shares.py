@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array, Array32, Integers
+from tracker.foundation.arrays import Array, Array32, Integers
 
 
 def edge_shares(

@@ -8,7 +8,7 @@ image size.
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.foundation.arrays import Array, Array32, Integers, Mask
 
 
 def trace_contours(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import tracker._native as native
-from tracker.arrays import Array32, Image, Mask
+from tracker.foundation.arrays import Array32, Image, Mask
 
 
 def marked(points: Array32, picture: Image, origin: tuple[int, int], marks: Mask) -> None:

@@ -1,9 +1,9 @@
-"""What pixels look like, from their colours and the slopes around them; see `tracker.imaging.appearance`."""
+"""What pixels look like, from their colours and the slopes around them; see `tracker.images.operations.appearance`."""
 
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Image
+from tracker.foundation.arrays import Image
 
 
 def mark_appearance(

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tracker._native as native
-from tracker.arrays import Image
+from tracker.foundation.arrays import Image
 
 
 def mark_changes(image: Image, plate: Image, origin: tuple[int, int], level: float, moving: Image) -> None:

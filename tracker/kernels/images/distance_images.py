@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tracker._native as native
-from tracker.arrays import Array32
+from tracker.foundation.arrays import Array32
 
 
 def chamfer_distances(pixels: NDArray[np.int32], reach: float, distance: Array32) -> None:

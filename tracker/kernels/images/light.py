@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import tracker._native as native
-from tracker.arrays import Array, Array32, Image, Mask
+from tracker.foundation.arrays import Array, Array32, Image, Mask
 
 DARK = 6.0
 """Grey levels added before ratios are taken: where there is hardly any light, noise decides them."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tracker._native as native
-from tracker.arrays import Image
+from tracker.foundation.arrays import Image
 
 Pixels = NDArray[np.int32]
 """(N, 2) x, y; or (N,) indices. Half the memory traffic of `Integers`."""

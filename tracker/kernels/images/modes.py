@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tracker._native as native
-from tracker.arrays import Image
+from tracker.foundation.arrays import Image
 
 
 def dominant_modes(pile: NDArray[np.uint8], reach: int, plate: Image, counts: Image, rivals: Image) -> None:

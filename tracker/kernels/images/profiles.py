@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array32
+from tracker.foundation.arrays import Array32
 from tracker.kernels.images.linking import Pixels
 from tracker.kernels.images.slopes import Slopes
 

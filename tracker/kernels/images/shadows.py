@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Image
+from tracker.foundation.arrays import Image
 
 MARGIN = 6
 """Pixels that the smoothed pictures show beyond the area looked at; smoothing may spoil the outer two."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tracker._native as native
-from tracker.arrays import Image
+from tracker.foundation.arrays import Image
 
 Slopes = NDArray[np.int16]
 """Differences (h, w) across two pixels by a Sobel filter: eighths of a grey level per pixel."""

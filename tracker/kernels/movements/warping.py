@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array32, Integers, Mask
+from tracker.foundation.arrays import Array32, Integers, Mask
 
 
 def direction_gaps(queried: Array32, known: Array32, gaps: Array32) -> None:

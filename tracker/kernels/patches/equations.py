@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tracker.arrays import Array32
+from tracker.foundation.arrays import Array32
 
 Rule = tuple[int, int, float, float, float, bool]
 """Half patch px, most iterations, tolerance px, farthest shift px, prior's weight, classical form."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array, Integers
+from tracker.foundation.arrays import Array, Integers
 from tracker.kernels.patches.equations import Noise, Rule
 from tracker.kernels.patches.splines import SplineImage
 

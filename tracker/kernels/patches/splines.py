@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import tracker._native as native
-from tracker.arrays import Array, Array32
+from tracker.foundation.arrays import Array, Array32
 
 SplineImage = tuple[Array32, int, int]
 """Spline coefficients of an image, row by row (h * w,), its width and its height, px."""

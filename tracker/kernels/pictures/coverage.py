@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 import tracker._native as native
-from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.foundation.arrays import Array, Array32, Integers, Mask
 
 
 def cover_still(

@@ -9,7 +9,7 @@ the contour from the pixel's centre. `tracker/synthesis/_shaders/edges.glsl` is 
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.foundation.arrays import Array, Array32, Integers, Mask
 
 
 def id_contours(

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tracker._native as native
-from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.foundation.arrays import Array, Array32, Integers, Mask
 
 
 def project_surfaces(placements: Array, surfaces: Array, wanted: Mask, camera: Array, seen: Array) -> None:

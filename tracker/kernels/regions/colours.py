@@ -1,7 +1,7 @@
 """Colours inside and outside of body parts: pixels as colour numbers, and tables of how often each colour occurs.
 
 A colour is one of 16 x 16 x 16 bins of a picture's three channels: lightness, chroma and texture, see
-`tracker.imaging.appearance`. Tables are kept per view and part: one table for a whole person is two to four times
+`tracker.images.operations.appearance`. Tables are kept per view and part: one table for a whole person is two to four times
 worse, and no two cameras see the same colours.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import tracker._native as native
-from tracker.arrays import Array32, Image, Integers, Mask, Numbers16
+from tracker.foundation.arrays import Array32, Image, Integers, Mask, Numbers16
 
 N_COLOURS = 4096
 """16 levels of each channel."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import tracker._native as native
-from tracker.arrays import Array, Image, Integers, Mask
+from tracker.foundation.arrays import Array, Image, Integers, Mask
 from tracker.kernels.regions.colours import Picture, Tables
 from tracker.kernels.regions.lines import Samples
 

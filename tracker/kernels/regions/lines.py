@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from tracker.arrays import Array, Array32, Image, Integers, Mask
+from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask
 from tracker.kernels.regions.colours import Picture, Tables
 
 SPOTS = (4.0, 9.0)

@@ -7,7 +7,7 @@ and a variance: one equation of the pose.
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.foundation.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.regions.colours import Picture
 from tracker.kernels.regions.lines import Looks, Rule, Samples
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array32
+from tracker.foundation.arrays import Array32
 
 
 def see_vertices(points: Array32, normals: Array32, camera: Array32, seen: Array32, facing: Array32) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array, Integers, Mask
+from tracker.foundation.arrays import Array, Integers, Mask
 
 
 def fill_mesh(points: Array, faces: Integers, camera: Array, mask: Mask) -> None:

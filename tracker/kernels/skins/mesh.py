@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from tracker.arrays import Array32, Integers
+from tracker.foundation.arrays import Array32, Integers
 
 
 class Mesh(NamedTuple):

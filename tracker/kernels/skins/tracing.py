@@ -7,7 +7,7 @@ length, and tested for visibility (`visibility`). Open borders of faces seen fro
 from __future__ import annotations
 
 import tracker._native as native
-from tracker.arrays import Array, Array32, Integers, Mask
+from tracker.foundation.arrays import Array, Array32, Integers, Mask
 from tracker.kernels.skins.mesh import Mesh
 
 

@@ -1,0 +1,230 @@
+"""Articulated bodies: a kinematic tree with shapes, groups to search, and all else that is known about a body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from tracker.bodies.body.kinematic_tree import KinematicTree
+from tracker.bodies.body.sections import Clothes, Joints, Movement, RigidEnd, StartMarks
+from tracker.bodies.mirror import Mirror
+from tracker.bodies.segments import Landmark, Segment, unjoined
+from tracker.bodies.shape import TaperedSuperquadric
+from tracker.bodies.skin import Skin
+from tracker.foundation.arrays import Array, Integers, Mask, frozen
+from tracker.foundation.errors import ModelError, nearest
+from tracker.kernels.body.self_collision import sum_collisions
+
+
+@dataclass(frozen=True)
+class BodyModel(KinematicTree):
+    """An articulated body: its kinematic tree, in groups of parameters to search, and the shapes of its parts."""
+
+    groups: dict[str, tuple[str, ...]]
+    """Search groups: name -> parameter names (paper, section 4.1: torso_head, arms, legs)."""
+
+    rigid_ends: dict[str, RigidEnd] = field(default_factory=dict)
+    """Ends that no parameter of their own moves: the head of a trunk of one piece. No group is called so."""
+
+    links: tuple[tuple[str, str], ...] = ()
+    """Pairs of landmarks joined by a bone: the stick figure."""
+
+    stature_m: float = 0.0
+    """Height of the body standing in its reference pose, metres."""
+
+    segments: tuple[Segment, ...] = ()
+    """The tree of rigid segments, parents first."""
+
+    mirror: Mirror = field(default_factory=Mirror)
+    """What mirrors what."""
+
+    start: StartMarks = field(default_factory=StartMarks)
+    """Where a search without a prediction begins."""
+
+    joints: Joints = field(default_factory=Joints)
+    """Landmarks that results are judged by."""
+
+    clothes: Clothes = field(default_factory=Clothes)
+    """How it is dressed where it is simulated."""
+
+    movements: dict[str, Movement] = field(default_factory=dict)
+    """Movements to simulate."""
+
+    keypoints: tuple[Landmark, ...] = ()
+    """Points that 2-D detectors name and the landmarks do not, by the detectors' names."""
+
+    skin: Skin | None = None
+    """Its own surface: what contours and silhouettes are of, while searches live on the parts."""
+
+    @cached_property
+    def shapes(self) -> Array:
+        """(P, 7) packed superquadrics."""
+        return frozen([part.shape.packed for part in self.parts])
+
+    @cached_property
+    def reported(self) -> tuple[int, ...]:
+        """Numbers of the landmarks that tables of joints hold."""
+        names = self.joints.reported or self.landmark_names
+        return tuple(self.landmark_names.index(name) for name in names)
+
+    def columns(self, name: str) -> list[int]:
+        """Columns of the parameters called so, alone or on either side: `arm_abduction` is that of both arms.
+
+        Raises:
+            ModelError: no such parameter.
+        """
+        return [self.names.index(own) for own in self.mirror.meant(name, self.names)] or [self.index(name)]
+
+    def group(self, name: str) -> Integers:
+        """Columns of the parameters in a search group.
+
+        Raises:
+            ModelError: no such group.
+        """
+        if name not in self.groups:
+            raise ModelError(f'model "{self.name}" has no group "{name}"; {nearest(name, self.groups)}')
+        return self._columns_of_groups[name]
+
+    @cached_property
+    def _columns_of_groups(self) -> dict[str, Integers]:
+        return {
+            name: frozen([self.index(parameter) for parameter in members], dtype=np.int64)
+            for name, members in self.groups.items()
+        }
+
+    @cached_property
+    def coarse_groups(self) -> tuple[str, ...]:
+        """Groups that lie in no other one, in order: the decomposition of the whole search."""
+        sets = {name: set(members) for name, members in self.groups.items()}
+        return tuple(name for name in sets if not any(sets[name] < other for other in sets.values()))
+
+    @cached_property
+    def fine_groups(self) -> tuple[str, ...]:
+        """Groups that contain no other one, in order: the pieces a search can repair on its own."""
+        sets = {name: set(members) for name, members in self.groups.items()}
+        return tuple(name for name in sets if not any(other < sets[name] for other in sets.values()))
+
+    @cached_property
+    def limbs(self) -> tuple[str, ...]:
+        """Fine groups that may be elsewhere on their own: arms and legs, not trunk and head, on which they hang.
+
+        They have one on the other side; of a body without sides they are the ends of its tree, fingers of a hand.
+        """
+        return tuple(group for group in self.fine_groups if self.partner_of(group)) or self.ends
+
+    @cached_property
+    def ends(self) -> tuple[str, ...]:
+        """Fine groups that hang on another one, and none on them: most limbs, a head, a tail."""
+        return tuple(group for group in self.fine_groups if self._is_an_end(group))
+
+    @cached_property
+    def doubted_ends(self) -> tuple[str, ...]:
+        """What may be elsewhere for itself, as far as users are told: limbs, head and tail, rigid ends."""
+        return tuple(dict.fromkeys((*self.limbs, *self.ends, *self.rigid_ends)))
+
+    @cached_property
+    def marked_limbs(self) -> tuple[str, ...]:
+        """Limbs that landmarks tell the place of: a model file may give some of the others none."""
+        return tuple(group for group in self.limbs if self.landmarks_of(group).any())
+
+    def partner_of(self, group: str) -> str | None:
+        """The group of the other side, if the model has one with the same parameters."""
+        return self._partners[group]
+
+    @cached_property
+    def _partners(self) -> dict[str, str | None]:
+        found: dict[str, str | None] = {}
+        for group, members in self.groups.items():
+            other, names = self.mirror.of(group), [self.mirror.of(name) for name in members]
+            found[group] = other if other != group and list(self.groups.get(other, ())) == names else None
+        return found
+
+    def _is_an_end(self, group: str) -> bool:
+        """Whether a group hangs on another one, and none on it."""
+        moved = {
+            name: self.moves[np.ix_(self.group(name), self.part_parameters)].any(axis=0) for name in self.fine_groups
+        }
+        mine, others = moved.pop(group), moved.values()
+        hangs = any((mine <= theirs).all() and theirs.sum() > mine.sum() for theirs in others)
+        return bool(mine.any()) and hangs and not any((theirs <= mine).all() and theirs.any() for theirs in others)
+
+    @cached_property
+    def segments_of_parts(self) -> Integers:
+        """(P,) segment that each part is of."""
+        numbers = {segment.name: k for k, segment in enumerate(self.segments)}
+        found: Integers = frozen([numbers[part.segment] for part in self.parts], dtype=np.int64)
+        return found
+
+    def parts_of(self, group: str) -> Mask:
+        """(P,) parts that a fine group moves and no finer chain hanging on it does: an arm's, not the body's.
+
+        Those of a rigid end are its own.
+
+        Raises:
+            ModelError: no such group or rigid end.
+        """
+        if group not in self._parts_of_groups:
+            raise ModelError(f'model "{self.name}" has no group "{group}"; {nearest(group, self._parts_of_groups)}')
+        return self._parts_of_groups[group]
+
+    @cached_property
+    def _parts_of_groups(self) -> dict[str, Mask]:
+        found = {group: frozen(self._hanging_on(group, self.part_parameters), np.bool_) for group in self.groups}
+        names = [part.name for part in self.parts]
+        return found | {end: frozen(np.isin(names, one.parts), np.bool_) for end, one in self.rigid_ends.items()}
+
+    def landmarks_of(self, group: str) -> Mask:
+        """(L,) landmarks that a fine group moves and no finer chain hanging on it does: an arm's, not the body's.
+
+        Those of a rigid end are its own.
+
+        Raises:
+            ModelError: no such group or rigid end.
+        """
+        if group in self.rigid_ends:
+            return np.isin(self.landmark_names, self.rigid_ends[group].landmarks)
+        return self._hanging_on(group, np.array([mark.parameter for mark in self.landmarks]))
+
+    def _hanging_on(self, group: str, ends: Integers) -> Mask:
+        """Which of the ends of chains a fine group moves, and no finer chain hanging on it does."""
+        moved, parts = self.moves[:, ends], self.moves[:, self.part_parameters]
+        mine = self.group(group)
+        own: Mask = np.asarray(moved[mine].any(axis=0))
+        for other in self.fine_groups:
+            theirs = self.group(other)
+            if other != group and parts[mine].any(axis=0).sum() > parts[theirs].any(axis=0).sum():
+                own = own & ~moved[theirs].any(axis=0)
+        return own
+
+    @cached_property
+    def apart(self) -> Integers:
+        """(N, 2) parts that must not run through each other.
+
+        Left out are parts of one segment, of segments next to each other, and parts that overlap in the reference pose.
+        """
+        chains = [frozenset(np.flatnonzero(self.moves[:, end]).tolist()) for end in self.part_parameters]
+        pairs = np.array(unjoined(chains), dtype=np.int64).reshape(-1, 2)
+        rest = self.world_from_part(self.rest()[None])
+        clear = [self._collisions(rest, frozen(pair[None], np.int64))[0] == 0 for pair in pairs]
+        kept: Integers = frozen(pairs[np.array(clear, dtype=np.bool_)], dtype=np.int64)
+        return kept
+
+    def collisions(self, q: Array) -> Array:
+        """How much the body runs through itself at poses (B, dof): points (B,) by their depth, see `sum_collisions`."""
+        return self.collisions_of(self.world_from_part(q))
+
+    def collisions_of(self, placements: Array) -> Array:
+        """The same for part placements (B, P, 4, 4) that are known already."""
+        return self._collisions(placements, self.apart)
+
+    def _collisions(self, placements: Array, pairs: Integers) -> Array:
+        """`sum_collisions`, compiled ahead for contiguous placements and read-only pairs."""
+        points: Array = sum_collisions(np.ascontiguousarray(placements), self.shapes, pairs)
+        return points
+
+    def with_shapes(self, shapes: tuple[TaperedSuperquadric, ...]) -> BodyModel:
+        """The same skeleton with other part shapes, in the order of `parts`."""
+        parts = tuple(replace(part, shape=shape) for part, shape in zip(self.parts, shapes, strict=True))
+        return replace(self, parts=parts)

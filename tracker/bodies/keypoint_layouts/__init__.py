@@ -1,0 +1,127 @@
+"""Files of keypoints as detectors write them; one reader for whoever needs them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from tracker.bodies.keypoint_layouts._numbers import last_number
+from tracker.bodies.keypoint_layouts.one_json import read_one_json
+from tracker.bodies.keypoint_layouts.openpose import files_of, json_files, persons_in
+from tracker.bodies.keypoint_layouts.orders import Order, order_of, order_told
+from tracker.bodies.keypoint_layouts.tables import read_table
+from tracker.bodies.keypoints import Detections
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import SequenceError
+
+_SAMPLE = 20
+"""Frames with somebody that tell the layout and the unit: spread over all, for who comes in is cut off by the edge."""
+
+_EXPECTED = (
+    "expected a folder of OpenPose's JSON files, one JSON file a video as AlphaPose writes it, "
+    "or a CSV table of DeepLabCut or SLEAP"
+)
+
+_OTHERS = {
+    ".h5": "HDF of DeepLabCut, Anipose or SLEAP is not read: write CSV (deeplabcut.analyze_videos_converth5_to_csv)",
+    ".slp": "SLEAP's project is not read: export its analysis CSV, one a video",
+    ".npy": "arrays, as FreeMoCap writes them for all cameras at once, do not say what is in them: write a CSV table",
+    ".npz": "arrays do not say what is in them: write a CSV table",
+    ".pkl": "pickles, as OpenCap and MMPose's test write them, can run programs: write JSON, or a CSV table",
+    ".pickle": "pickles, as DeepLabCut's detections are, can run programs: write JSON, or a CSV table",
+    ".txt": "labels, as YOLO writes them, are not read: write JSON, or a CSV table",
+    ".xlsx": "a spreadsheet is not read: save it as CSV",
+}
+"""What detectors write besides, and the way out."""
+
+
+@dataclass(frozen=True)
+class KeypointSource:
+    """The keypoints of one view."""
+
+    path: Path
+    numbers: tuple[int, ...]
+    """Of the images that it tells of, in their order."""
+
+    persons: Callable[[int], Sequence[Array]]
+    """(K, 3) of everybody in an image of such a number."""
+
+    named: bool
+    """Whether what was found is told by the names of the images, not counted from the first image on."""
+
+    order: Order | None = None
+    """None where no names are told and nobody is in any image."""
+
+    def at(self, number: int) -> Detections:
+        """What was found in an image, by the number in its name or its position; nobody where nothing is told.
+
+        Raises:
+            SequenceError: a file is none of a detector's, or a person has another number of keypoints.
+        """
+        order = self.order or Order(())
+        read = [order.read(person, f"{self.path}, image {number}") for person in self.persons(number)]
+        return Detections(order.names, _stacked(read, order))
+
+    @cached_property
+    def sample(self) -> Array:
+        """(N, K, 3) persons of some images, spread over all; see `at`."""
+        order = self.order or Order(())
+        return _stacked([order.read(person, str(self.path)) for person in self.some_persons], order)
+
+    @cached_property
+    def some_persons(self) -> tuple[Array, ...]:
+        """(K, 3) of everybody in some images, spread over all; of the first with somebody where these show nobody."""
+        spread = self.numbers[:: max(1, len(self.numbers) // _SAMPLE)]
+        found = tuple(person for number in spread for person in self.persons(number))
+        return found or tuple(next((one for one in map(self.persons, self.numbers) if len(one)), ()))
+
+
+def open_keypoints(path: Path, names: tuple[str, ...] = (), layout: str | None = None) -> KeypointSource:
+    """The keypoints of one view.
+
+    Args:
+        path: a folder of JSON files as OpenPose and Pose2Sim write them, one JSON file a video as AlphaPose and MMPose
+            do, or a CSV table as DeepLabCut and SLEAP do.
+        names: of the keypoints in JSON files, an empty one for a keypoint to leave out.
+        layout: of those, one of `LAYOUTS`; where neither is told, their number tells it.
+
+    Raises:
+        SequenceError: the file is missing or of no known kind, or names and layout do not fit it.
+    """
+    order = order_told(names, layout)
+    if path.suffix.lower() == ".csv":
+        return _table(path, order)
+    if path.is_dir() and len(alone := json_files(path)) == 1 and last_number(alone[0].stem) is None:
+        path = alone[0]  # AlphaPose's folder of a video holds alphapose-results.json
+    if path.is_dir():
+        files = files_of(path)
+        source = KeypointSource(path, tuple(sorted(files)), lambda n: persons_in(files[n]) if n in files else [], True)
+    elif path.suffix.lower() == ".json" and path.exists():
+        found, named = read_one_json(path)
+        source = KeypointSource(path, tuple(sorted(found)), lambda n: found.get(n, []), named)
+    else:
+        told = f"is neither a folder nor a .json nor a .csv file; {_EXPECTED}"
+        told = _OTHERS.get(path.suffix.lower(), told) if path.exists() else f"does not exist; {_EXPECTED}"
+        raise SequenceError(f"{path}: {told}")
+    if order is None and source.some_persons:
+        order = order_of(len(source.some_persons[0]), path)
+    source = replace(source, order=order)
+    _ = source.sample  # a person of another number of keypoints is told before the first frame
+    return source
+
+
+def _table(path: Path, order: Order | None) -> KeypointSource:
+    if order is not None:
+        raise SequenceError(f"{path}: a table names its keypoints itself, leave names and layout out")
+    names, found, named = read_table(path)
+    return KeypointSource(path, tuple(sorted(found)), lambda n: list(found.get(n, ())), named, Order(names))
+
+
+def _stacked(persons: Sequence[Array], order: Order) -> Array:
+    """(N, K, 3) of those of whom something is left."""
+    seen = [person for person in persons if np.isfinite(person).any()]
+    return np.array(seen).reshape(len(seen), len(order.names), 3)

@@ -1,0 +1,164 @@
+"""Orders of the keypoints that detectors write without names, and how a file's order is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tracker.bodies.keypoint_names import plain_name
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import SequenceError, nearest
+
+_COCO = (
+    *("nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder", "left_elbow"),
+    *("right_elbow", "left_wrist", "right_wrist", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle"),
+    "right_ankle",
+)
+_FEET = ("left_toe", "left_small_toe", "left_heel", "right_toe", "right_small_toe", "right_heel")
+_OPENPOSE_ARMS = ("right_shoulder", "right_elbow", "right_wrist", "left_shoulder", "left_elbow", "left_wrist")
+_OPENPOSE_LEGS = ("right_hip", "right_knee", "right_ankle", "left_hip", "left_knee", "left_ankle")
+_OPENPOSE_FACE = ("right_eye", "left_eye", "right_ear", "left_ear")
+_BODY_25 = ("nose", "neck", *_OPENPOSE_ARMS, "pelvis", *_OPENPOSE_LEGS, *_OPENPOSE_FACE, *_FEET)
+_BODY_25B = (*_COCO, "", "head_top", *_FEET)
+_HALPE = (
+    *(*_COCO, "head_top", "neck", "pelvis", "left_toe", "right_toe", "left_small_toe", "right_small_toe"),
+    *("left_heel", "right_heel"),
+)
+_BLAZEPOSE = (
+    *("nose", "", "left_eye", "", "", "right_eye", "", "left_ear", "right_ear", "", "", "left_shoulder"),
+    *("right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist", *[""] * 6, "left_hip", "right_hip"),
+    *("left_knee", "right_knee", "left_ankle", "right_ankle", "left_heel", "right_heel", "left_toe", "right_toe"),
+)
+"""Without corners of eyes and mouth, and the six of the fingers; its `foot_index` is the big toe."""
+
+_MPII_16 = (
+    *("right_ankle", "right_knee", "right_hip", "left_hip", "left_knee", "left_ankle", "pelvis", "", "", "head_top"),
+    *("right_wrist", "right_elbow", "right_shoulder", "left_shoulder", "left_elbow", "left_wrist"),
+)
+_H36M = (
+    *("pelvis", *_OPENPOSE_LEGS, "", "", "", "head_top", "left_shoulder", "left_elbow", "left_wrist"),
+    *("right_shoulder", "right_elbow", "right_wrist"),
+)
+LAYOUTS: dict[str, tuple[str, ...]] = {
+    "coco_17": _COCO,
+    "h36m_17": _H36M,
+    "coco_18": ("nose", "neck", *_OPENPOSE_ARMS, *_OPENPOSE_LEGS, *_OPENPOSE_FACE),
+    "body_25": _BODY_25,
+    "body_25b": _BODY_25B,
+    "halpe_26": _HALPE,
+    "blazepose_33": _BLAZEPOSE,
+    "halpe_68": (*_HALPE, *[""] * 42),
+    "wholebody_133": (*_COCO, *_FEET, *[""] * 110),
+    "body_135": (*_BODY_25B, *[""] * 110),
+    "halpe_136": (*_HALPE, *[""] * 110),
+    "mpii_15": ("head_top", "", *_OPENPOSE_ARMS, *_OPENPOSE_LEGS, ""),
+    "mpii_16": _MPII_16,
+}
+"""Names of the keypoints in their order; the first of a number is the usual one. `toe` is the big toe.
+
+Without a name, and not read, are keypoints of hands and within the face, and those of the trunk that detectors place
+each in their own way: MPII's thorax and upper neck (also in BODY_25B), Human3.6M's spine, thorax and neck.
+Sources: OpenPose, src/openpose/pose/poseParameters.cpp (coco_18, body_25, mpii_15) and openpose_train, experimental
+models (body_25b, body_135); MMPose, configs/_base_/datasets (coco_17, h36m_17, mpii_16, wholebody_133);
+Halpe-FullBody, README (halpe_26, halpe_136); MediaPipe, PoseLandmark; Pose2Sim, skeletons.py (halpe_68).
+"""
+
+_ALSO_CALLED = {"coco133": "wholebody_133", "wholebody": "wholebody_133", "blazepose": "blazepose_33"}
+"""What Pose2Sim and MediaPipe call them."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """In which order keypoints stand in a file."""
+
+    all_names: tuple[str, ...]
+    """Of all K keypoints of a person; empty for those that are left out."""
+
+    layout: str = ""
+    """Which of `LAYOUTS` it is; empty where the file or the user tells names."""
+
+    by_number: bool = False
+    """Whether the number of keypoints alone told which."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the keypoints that are read."""
+        return tuple(name for name in self.all_names if name)
+
+    def read(self, person: Array, where: str) -> Array:
+        """What is read of a person's keypoints (K, 3).
+
+        Raises:
+            SequenceError: they are more or fewer.
+        """
+        if len(person) != len(self.all_names):
+            called = f"{self.layout} has" if self.layout else "the names given are"
+            raise SequenceError(f"{where}: {len(person)} keypoints, {called} {len(self.all_names)}")
+        return person[[bool(name) for name in self.all_names]]
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """Other layouts of as many keypoints."""
+        return tuple(k for k, names in LAYOUTS.items() if len(names) == len(self.all_names) and k != self.layout)
+
+    @property
+    def taken_for(self) -> str:
+        """Which keypoints these are, and how it is known."""
+        if not self.layout:
+            return "what the file or names call them"
+        return f"{self.layout}, told by their number" if self.by_number else self.layout
+
+    def __str__(self) -> str:
+        """How many keypoints a person has, and which they are."""
+        also = f", as many as {' and '.join(self.others)}" if self.by_number and self.others else ""
+        return f"{len(self.all_names)} a person{f' ({self.taken_for}{also})' if self.layout else ''}"
+
+
+def order_told(names: tuple[str, ...], layout: str | None) -> Order | None:
+    """The order that a user tells by names or by a layout's name; None where neither is told.
+
+    Raises:
+        SequenceError: no layout is called so, a name repeats, or both are told.
+    """
+    if names and layout is not None:
+        raise SequenceError(f'names and layout = "{layout}" both tell the order of keypoints: leave one of them out')
+    if names:
+        check_names(names, "names")
+        return Order(names)
+    if layout is None:
+        return None
+    plain = {_plain(known): known for known in LAYOUTS} | _ALSO_CALLED
+    if _plain(layout) not in plain:
+        raise SequenceError(f'layout = "{layout}": no such layout of keypoints; {nearest(layout, LAYOUTS)}')
+    known = plain[_plain(layout)]
+    return Order(LAYOUTS[known], known)
+
+
+def _plain(layout: str) -> str:
+    return "".join(sign for sign in layout.lower() if sign.isalnum())
+
+
+def order_of(n_keypoints: int, where: Path) -> Order:
+    """The usual order of so many keypoints.
+
+    Raises:
+        SequenceError: no detector is known to write so many.
+    """
+    fitting = [layout for layout, names in LAYOUTS.items() if len(names) == n_keypoints]
+    if not fitting:
+        known = ", ".join(f"{len(names)} ({layout})" for layout, names in LAYOUTS.items())
+        raise SequenceError(f"{where}: {n_keypoints} keypoints a person, expected {known}, or give their names")
+    return Order(LAYOUTS[fitting[0]], fitting[0], by_number=True)
+
+
+def check_names(names: tuple[str, ...], where: str) -> None:
+    """Refuses names of keypoints two of which are the same, however they are spelt; empty ones are left out.
+
+    Raises:
+        SequenceError: two are.
+    """
+    seen: dict[str, str] = {}
+    for name in filter(None, names):
+        if (other := seen.setdefault(plain_name(name), name)) is not name or names.count(name) > 1:
+            both = f'"{name}" is there twice' if other == name else f'"{other}" and "{name}" are the same'
+            raise SequenceError(f"{where}: {both}, expected each keypoint once")

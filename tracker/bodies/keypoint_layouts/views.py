@@ -1,0 +1,254 @@
+"""The keypoints of all views of a rig, in pixels of the images that are tracked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pydantic
+
+from tracker.bodies.keypoint_layouts import KeypointSource, open_keypoints
+from tracker.bodies.keypoint_layouts.orders import LAYOUTS, Order
+from tracker.cameras.camera import Camera
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array
+from tracker.foundation.configuration.components import PathPattern, component
+from tracker.foundation.errors import SequenceError
+from tracker.foundation.files import Stamp, stamp_of
+
+USUAL = "keypoints/{view}_json"
+"""Where keypoints are written, and proposed to be, where nothing is said: beside the configuration."""
+
+_MOST_OUTSIDE = 0.3
+"""Share of a view's keypoints that may lie outside of its image; detectors guess feet below the edge."""
+
+_SHARES_END = 2.0
+"""Numbers up to this are shares of an image, which for keypoints outside of it are a little more than 1: no detector
+finds persons in so few pixels."""
+
+
+@dataclass(frozen=True)
+class KeypointViews:
+    """One source a view, all of the same keypoints."""
+
+    views: tuple[str, ...]
+    order: Order
+    sources: tuple[KeypointSource, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the keypoints."""
+        return self.order.names
+
+    @staticmethod
+    def open(
+        pattern: str, views: tuple[str, ...], names: tuple[str, ...] = (), layout: str | None = None
+    ) -> KeypointViews:
+        """Opens the files of all views, once as long as they stay as they are.
+
+        Args:
+            pattern: path with `{view}`.
+            views: names of the cameras.
+            names: of the keypoints in files without names.
+            layout: the order of those, see `open_keypoints`.
+
+        Raises:
+            SequenceError: a file is missing, or two have other keypoints.
+        """
+        if "{view}" not in pattern and len(views) > 1:
+            raise SequenceError(f'path = "{pattern}": no {{view}} in it, expected e.g. keypoints/{{view}}_json')
+        paths = tuple(Path(pattern.replace("{view}", view)) for view in views)
+        return _opened(paths, views, names, layout, tuple(map(stamp_of, paths)))
+
+    def at(
+        self,
+        frame: Frame,
+        rig: Rig,
+        downscale: int | None = None,
+        least_confidence: float = 0.0,
+        normalized: bool = False,
+    ) -> list[Array]:
+        """What was found in the images of one frame.
+
+        Args:
+            frame: tells which images of the views they are; files that are named are numbered as the images are,
+                tables from 0 on.
+            rig: the cameras of the images tracked.
+            downscale: how much larger the images were that the detector saw; None: as they were recorded.
+            least_confidence: keypoints of less are left out.
+            normalized: whether they are shares of the image's width and height.
+
+        Returns:
+            For each view (N, K, 3) pixel and confidence of N persons; NaN for keypoints that were not found.
+
+        Raises:
+            SequenceError: a file is none of a detector's.
+        """
+        found = []
+        for v, (source, camera) in enumerate(zip(self.sources, rig.cameras, strict=True)):
+            persons = source.at(self.number(frame, v)).found.copy()
+            persons[..., :2] = _in_pixels(persons[..., :2], camera, downscale, normalized)
+            persons[persons[..., 2] < least_confidence] = np.nan
+            found.append(persons)
+        return found
+
+    def number(self, frame: Frame, view: int) -> int:
+        """What a view's file calls a frame."""
+        return frame.position(view) + (frame.first_number if self.sources[view].named else 0)
+
+    def check(
+        self, rig: Rig, downscale: int | None = None, least_confidence: float = 0.0, normalized: bool = False
+    ) -> None:
+        """Refuses keypoints that are not in pixels of the images, by some of those of each view.
+
+        Raises:
+            SequenceError: they are shares of the image, or most of a view lie outside of its image.
+        """
+        for source, camera in zip(self.sources, rig.cameras, strict=True):
+            told = source.sample[source.sample[..., 2] >= least_confidence][:, :2]
+            if len(told):
+                _check_unit(told, camera, normalized)
+                _check_size(_in_pixels(told, camera, downscale, normalized), camera)
+
+    @property
+    def numbering(self) -> str:
+        """From where on named files are numbered, if not from 0; empty otherwise."""
+        firsts = {
+            view: source.numbers[0]
+            for view, source in zip(self.views, self.sources, strict=True)
+            if source.named and source.numbers
+        }
+        told = (
+            f"{', '.join(view for view, one in firsts.items() if one == first)} from {first} on"
+            for first in dict.fromkeys(firsts.values())
+        )
+        return f", numbered: {'; '.join(told)}" if any(firsts.values()) else ""
+
+    def gaps_told(self, frame: Frame) -> str:
+        """Which views tell nothing of a frame, as files there have other numbers; empty if all do."""
+        told = (
+            f"{view} has {source.numbers[0]} to {source.numbers[-1]}, this frame is {self.number(frame, v)}"
+            for v, (view, source) in enumerate(zip(self.views, self.sources, strict=True))
+            if source.numbers and self.number(frame, v) not in source.numbers
+        )
+        return ", ".join(told)
+
+
+@component
+class KeypointFiles:
+    """Which files of keypoints are read, and how; what the components that read some have in common."""
+
+    path: PathPattern
+    """For each view a folder of JSON files as OpenPose writes them, one JSON file as AlphaPose writes it of a video, or
+    a CSV table as DeepLabCut and SLEAP do: for instance `keypoints/{view}_json`. Files that name images are numbered
+    as the images are, others from 0 at a view's first image."""
+
+    names: tuple[str, ...] = ()
+    """Names of the keypoints in JSON files, in their order; an empty one leaves a keypoint out. Or say `layout`."""
+
+    layout: str | None = None
+    """What the order of the keypoints in JSON files is called: `coco_17`, `h36m_17`, `coco_18`, `body_25`, `body_25b`,
+    `halpe_26`, `blazepose_33`, `halpe_68`, `wholebody_133`, `body_135`, `halpe_136`, `mpii_15` or `mpii_16`. Where
+    nothing is said their number tells it: 17 are `coco_17` then, 25 `body_25`."""
+
+    normalized: bool = False
+    """Whether they are shares of the image's width and height, as MediaPipe's are, not pixels."""
+
+    downscale: int | None = pydantic.Field(default=None, ge=1, le=16)
+    """How much larger the images were in which keypoints were found; where nothing is said: as they were recorded."""
+
+    least_confidence: float = pydantic.Field(default=0.3, ge=0, le=1)
+    """Keypoints of less confidence, a share of 1, are left out."""
+
+    def opened(self, rig: Rig) -> KeypointViews:
+        """The files of all views.
+
+        Raises:
+            SequenceError: one is missing or no file of keypoints, or two have other keypoints.
+        """
+        return KeypointViews.open(self.path, rig.names, self.names, self.layout)
+
+    def checked(self, rig: Rig) -> KeypointViews:
+        """The files of all views, looked at before the first frame.
+
+        Raises:
+            SequenceError: as `opened` does, or the keypoints are no pixels of these images.
+        """
+        if self.normalized and self.downscale is not None:
+            raise SequenceError("normalized keypoints are shares of any image: leave downscale out")
+        views = self.opened(rig)
+        views.check(rig, self.downscale, self.least_confidence, self.normalized)
+        return views
+
+    def found(self, views: KeypointViews, frame: Frame, rig: Rig) -> list[Array]:
+        """What was found in the images of one frame; see `KeypointViews.at`."""
+        return views.at(frame, rig, self.downscale, self.least_confidence, self.normalized)
+
+
+def _in_pixels(told: Array, camera: Camera, downscale: int | None, normalized: bool) -> Array:
+    """Keypoints (..., 2) as a file tells them, in pixels of the images that are tracked."""
+    recorded = told * (np.array(camera.size) * camera.downscale) if normalized else told
+    # pixel centres lie at integer coordinates
+    pixels: Array = (recorded + 0.5) / (downscale or camera.downscale) - 0.5
+    return pixels
+
+
+def _check_unit(told: Array, camera: Camera, normalized: bool) -> None:
+    """Keypoints (N, 2) all of which are about 1 or less are no pixels, and others no shares of an image."""
+    largest = float(np.percentile(np.abs(told), 95))
+    if normalized and largest > _SHARES_END:
+        raise SequenceError(
+            f'view "{camera.name}": keypoints are as large as {largest:.0f}, expected shares of the image from 0 to 1: '
+            "they are pixels, leave normalized out"
+        )
+    if normalized or largest > _SHARES_END:
+        return
+    signed = (told < 0).mean() > _MOST_OUTSIDE / 2
+    mended = (
+        "write pixels (OpenPose: --keypoint_scale 0)"
+        if signed
+        else "set normalized = true (OpenPose: --keypoint_scale 3)"
+    )
+    raise SequenceError(
+        f'view "{camera.name}": keypoints lie between {told.min():.2f} and {told.max():.2f}: they are shares of the '
+        f"image, no pixels; {mended}"
+    )
+
+
+def _check_size(pixels: Array, camera: Camera) -> None:
+    """Keypoints (N, 2) most of which lie outside of the image were found in a larger one."""
+    width, height = camera.size
+    outside = (pixels < -0.5).any(axis=-1) | (pixels > np.array(camera.size) - 0.5).any(axis=-1)
+    if outside.mean() > _MOST_OUTSIDE:
+        x, y = pixels.max(axis=0)
+        raise SequenceError(
+            f'view "{camera.name}": keypoints lie as far as ({x:.0f}, {y:.0f}) px, the image has '
+            f"{width}x{height} px; expected pixels of the images as recorded: for those of larger ones set downscale"
+        )
+
+
+@lru_cache(maxsize=8)
+def _opened(
+    paths: tuple[Path, ...],
+    views: tuple[str, ...],
+    names: tuple[str, ...],
+    layout: str | None,
+    _: tuple[Stamp, ...],
+) -> KeypointViews:
+    sources = [open_keypoints(path, names, layout) for path in paths]
+    order = next((source.order for source in sources if source.order), Order(LAYOUTS["coco_17"], "coco_17"))
+    first = next((view for view, source in zip(views, sources, strict=True) if source.order), views[0])
+    for view, source in zip(views, sources, strict=True):
+        if source.order and source.order.names != order.names:
+            raise SequenceError(
+                f'view "{view}" has {_told(source.order)}, view "{first}" has {_told(order)}: expected the same ones'
+            )
+    # a view that shows nobody says nothing of an order
+    return KeypointViews(views, order, tuple(replace(source, order=source.order or order) for source in sources))
+
+
+def _told(order: Order) -> str:
+    return f"{len(order.names)} keypoints ({', '.join(order.names[:3])}, ...)"

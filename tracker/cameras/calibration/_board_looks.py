@@ -1,0 +1,218 @@
+"""What pictures show where the board of the configuration is not seen in them: which board is."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from tracker.cameras.calibration._boards import (
+    Pattern,
+    charuco_detector,
+    families,
+    find_board,
+    markers_of,
+    n_markers,
+    plain_grey,
+    smallest,
+)
+from tracker.foundation.arrays import Array, Image, Integers
+
+FEWEST_CORNERS = 6
+"""Three times what a pose needs, so that a wrong corner shows."""
+
+_FEWEST_MARKERS = 3
+"""Fewer are seen by chance, in a carpet; three in their places are not."""
+_WIDTHS = range(3, 21)
+"""Squares in a row that are tried."""
+_USUAL_MARKER = 0.75
+"""Side of a marker in squares, where none is told: as most generators print them."""
+_NEAR = 2
+"""Columns and rows together by which a chessboard differs whose squares were counted, or half of them, for corners."""
+_LARGE_PX = 20.0
+"""A marker's side from which on its share of a square is measured: to some per cent."""
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """A board that a picture shows, and that another pattern sees."""
+
+    pattern: Pattern
+    n_corners: int
+    mirrored: bool = False
+
+    def is_meant(self, wanted: Pattern) -> bool:
+        """Whether it can only be the wanted board: another chessboard may be the floor of the room, or its tiles."""
+        alike = (self.pattern.marker is None) == (wanted.marker is None)
+        return self.pattern.marker is not None or (alike and _apart(_as_wanted(self.pattern, wanted), wanted) <= _NEAR)
+
+    def told(self, wanted: Pattern) -> str:
+        """The lines of a configuration that differ from those of the pattern wanted, and what they see."""
+        if self.pattern.marker is None and wanted.marker is not None:
+            inverted = ", inverted = true" if self.pattern.inverted else ""
+            size = f"columns = {self.pattern.columns}, rows = {self.pattern.rows}"
+            return f"a plain chessboard is seen: {size}{inverted}, without marker_m"
+        lines = _lines(self.pattern, wanted)
+        if wanted.marker is None and self.pattern.marker is not None:
+            lines.append("marker_m = the side of a marker, metres")
+        mirrored = (
+            "its mirror image is seen: switch off what mirrors this camera's pictures (or, if it sees the back of a "
+            "board printed on both sides, both_sides = true)"
+        )
+        seen = f"{self.n_corners} of its corners are seen in a picture with {', '.join(lines)}" if lines else ""
+        where = "" if len(lines) < 2 else ", each on a line of its own"
+        return "; ".join(filter(None, [f"{seen}{where}" if seen else "", mirrored if self.mirrored else ""]))
+
+
+def _lines(found: Pattern, wanted: Pattern) -> list[str]:
+    lines = []
+    for key in ("columns", "rows", "dictionary", "legacy", "inverted"):
+        value = getattr(found, key)
+        if value != getattr(wanted, key):
+            lines.append(f"{key} = {str(value).lower() if isinstance(value, bool) else _quoted(value)}")
+    return lines
+
+
+def _quoted(value: int | str) -> str:
+    return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+def told_of(pictures: Sequence[Image], wanted: Pattern) -> str:
+    """What pictures without the wanted board show instead; empty where that is nothing."""
+    found = sighting(pictures, wanted)
+    if found is not None:
+        return found.told(wanted)
+    markers = [seen for picture in pictures for seen in _lonely_markers(plain_grey(picture))]
+    if not markers:
+        return ""
+    dictionary, numbers = max(markers, key=lambda seen: len(seen[1]))
+    return (
+        f"{len(numbers)} markers of {dictionary} are seen in a picture, {numbers.min()} to {numbers.max()}, and "
+        "no corners between them, whatever columns and rows are: a ChArUco board is needed, its markers numbered from "
+        "0, flat and large in the pictures"
+    )
+
+
+def sighting(pictures: Sequence[Image], wanted: Pattern) -> Sighting | None:
+    """Another pattern that sees a board in one of some pictures: inverted, legacy, other numbers, another dictionary.
+
+    Args:
+        pictures: in which the wanted one sees none.
+        wanted: the pattern of the configuration; what is nearer to it is preferred.
+    """
+    for picture in map(plain_grey, pictures):
+        for tried in (_charucos, _chessboards):  # of a ChArUco board, a plain one is seen as well
+            found = list(tried(picture, wanted))
+            if found:
+                return max(found, key=lambda one: (one.n_corners, -_apart(one.pattern, wanted)))
+    return None
+
+
+def _chessboards(picture: Image, wanted: Pattern) -> Iterator[Sighting]:
+    """The largest chessboard of about the wanted size, which may be told in squares; of a part of it others are."""
+    columns, rows = wanted.size
+    near = [(columns + a, rows + b) for a, b in itertools.product((1, 0, -1), repeat=2)]
+    for inverted in (wanted.inverted, not wanted.inverted):
+        sizes = sorted(
+            {*near, *_whole_size(255 - picture if inverted else picture)}, key=lambda size: -size[0] * size[1]
+        )
+        for size in sizes:
+            pattern = Pattern(*size, inverted=inverted)
+            if min(size) >= 3 and len(find_board(picture, pattern)[0]):
+                yield Sighting(_as_wanted(pattern, wanted), size[0] * size[1])
+                return
+
+
+def _as_wanted(found: Pattern, wanted: Pattern) -> Pattern:
+    """The pattern with columns and rows exchanged where that is nearer: a chessboard has no first side."""
+    turned = replace(found, columns=found.rows, rows=found.columns)
+    return min((found, turned), key=lambda one: _apart(one, wanted))
+
+
+def _apart(one: Pattern, other: Pattern) -> int:
+    return abs(one.columns - other.columns) + abs(one.rows - other.rows)
+
+
+def _whole_size(picture: Image) -> list[tuple[int, int]]:
+    """Columns and rows of a chessboard of any size, as OpenCV's second detector counts them."""
+    found, _, plan = cv2.findChessboardCornersSBWithMeta(picture, (3, 3), cv2.CALIB_CB_LARGER)
+    return [(plan.shape[1], plan.shape[0]), plan.shape] if found else []
+
+
+def _charucos(picture: Image, wanted: Pattern) -> Iterator[Sighting]:
+    """ChArUco boards that are seen in the picture, as it is or inverted, or else in its mirror image."""
+    for mirrored, inverted in itertools.product((False, True), (wanted.inverted, not wanted.inverted)):
+        shown = np.ascontiguousarray(picture[:, ::-1]) if mirrored else picture
+        found = list(_with_any_markers(255 - shown if inverted else shown, wanted))
+        if found:
+            yield from (Sighting(replace(one, inverted=inverted), n, mirrored) for one, n in found)
+            return
+
+
+def _with_any_markers(shown: Image, wanted: Pattern) -> Iterator[tuple[Pattern, int]]:
+    """Patterns that see corners, and how many, with markers of any dictionary and in rows of any length."""
+    for names in families().values():
+        corners, numbers = _markers(shown, names[-1])
+        if len(numbers) < _FEWEST_MARKERS:
+            continue
+        # numbers far above the others are of what looks like a marker
+        last = int(numbers[numbers <= 2 * np.median(numbers) + 10].max())
+        for pattern in _layouts(last, names, wanted):
+            found = charuco_detector(pattern).detectBoard(shown, markerCorners=corners, markerIds=numbers)[1]
+            if found is not None and len(found) >= FEWEST_CORNERS:
+                yield _named(pattern, wanted), len(found)
+
+
+def _markers(shown: Image, dictionary: str) -> tuple[Sequence[Array], Integers]:
+    corners, numbers, _ = cv2.aruco.ArucoDetector(markers_of(dictionary)).detectMarkers(shown)
+    return corners, np.zeros(0, dtype=np.int32) if numbers is None else numbers
+
+
+def _lonely_markers(grey: Image) -> Iterator[tuple[str, Integers]]:
+    """Dictionaries and numbers of markers that a picture shows, of small dictionaries, which are not seen by chance."""
+    for shown, names in itertools.product((grey, 255 - grey), families().values()):
+        numbers = _markers(shown, names[0])[1]
+        if len(numbers) > _FEWEST_MARKERS:
+            yield names[0], numbers
+
+
+def _layouts(last: int, names: list[str], wanted: Pattern) -> Iterator[Pattern]:
+    """Patterns that have a marker number `last`, of every width; the wanted number of rows where it has it."""
+    marker = wanted.marker or _USUAL_MARKER
+    for columns, legacy in itertools.product(_WIDTHS, (False, True)):
+        sides = wanted.size if columns == wanted.rows else wanted.size[::-1]
+        liked = [rows for rows in sides if columns * rows // 2 > last and not (legacy and rows % 2)]
+        fewest = max(3, -(-2 * (last + 1) // columns))
+        rows = liked[0] if liked else fewest + (fewest % 2 if legacy else 0)
+        pattern = Pattern(columns, rows, marker, names[-1], legacy)
+        if n_markers(pattern) <= len(markers_of(names[-1]).bytesList):
+            yield pattern
+
+
+def _named(found: Pattern, wanted: Pattern) -> Pattern:
+    """The pattern with the wanted dictionary, or the smallest one, of those that share their first markers."""
+    family = next(names for names in families().values() if found.dictionary in names)
+    least = smallest(family, n_markers(found)) or found.dictionary
+    own = wanted.dictionary.lower().removeprefix("dict_")
+    kept = own in family and family.index(own) >= family.index(least)
+    return replace(found, dictionary=wanted.dictionary if kept else least)
+
+
+def shown_share(picture: Image, pattern: Pattern) -> float | None:
+    """The side of a board's markers in squares, as a picture shows it; None where they are too small in it."""
+    shown = plain_grey(255 - picture if pattern.inverted else picture)
+    corners, numbers, markers, _ = charuco_detector(pattern).detectBoard(shown)
+    if numbers is None or len(numbers) < FEWEST_CORNERS:
+        return None
+    plan = pattern.plan[numbers.ravel(), :2]
+    matrix = cv2.findHomography(np.asarray(corners, dtype=np.float64).reshape(-1, 2), plan)[0]
+    if matrix is None:
+        return None
+    outlines = np.asarray(markers, dtype=np.float64).reshape(-1, 4, 2)
+    sides_px = np.linalg.norm(outlines - np.roll(outlines, 1, axis=1), axis=2).min(axis=1)
+    squares = cv2.perspectiveTransform(outlines.reshape(1, -1, 2), matrix)[0].reshape(-1, 4, 2)
+    sides = np.linalg.norm(squares - np.roll(squares, 1, axis=1), axis=2).mean(axis=1)[sides_px > _LARGE_PX]
+    return float(np.median(sides)) if len(sides) >= _FEWEST_MARKERS else None

@@ -1,0 +1,156 @@
+"""Oriented correspondences between model contours and scene edges, and the residual they leave."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tracker.bodies.body import BodyModel
+from tracker.bodies.contours import PX_PER_OBSERVATION, Contours
+from tracker.bodies.scene import Scene
+from tracker.cameras.rig import Rig
+from tracker.evidence.measures.comparison import Comparison
+from tracker.foundation.arrays import Array, Integers, Mask, frozen
+from tracker.images.observation import PackedEdges
+from tracker.kernels.contours.oriented_matching import match_oriented
+from tracker.kernels.rows import sample, scene_point
+
+
+@dataclass(frozen=True)
+class Correspondences:
+    """N pairs of a model contour point and the scene edge point it should lie on."""
+
+    points: Array
+    """(N, 3) model points in the world at the pose they were made at, metres."""
+
+    parameters: Integers
+    """(N,) last pose parameter that moves each point."""
+
+    views: Integers
+    """(N,) view of the pair."""
+
+    normals: Array
+    """(N, 2) unit image normal of the model contour."""
+
+    pixels: Array
+    """(N, 2) scene edge point, px."""
+
+    weights: Array
+    """(N,) weight of the squared residual: the number of independent observations that the pair stands for."""
+
+    def residual(self, body: BodyModel, q: Array, rig: Rig) -> tuple[Array, Array]:
+        """Distance from model point to scene edge along the contour's normal, linear in the pose.
+
+        Args:
+            body: the model whose pose is sought.
+            q: (dof,) the pose the points were made at.
+            rig: the V cameras.
+
+        Returns:
+            Residual (N,) px and its Jacobian (N, dof) px per rad or metre.
+        """
+        motion = body.point_jacobian(q, self.points, self.parameters)
+        residual = np.zeros(len(self.points))
+        jacobian = np.zeros((len(self.points), body.dof))
+        for v, camera in enumerate(rig.cameras):
+            rows = np.flatnonzero(self.views == v)
+            points, normals = self.points[rows], self.normals[rows]
+            residual[rows] = ((camera.project(points) - self.pixels[rows]) * normals).sum(axis=1)
+            across = np.einsum("ni,nij->nj", normals, camera.project_jacobian(points))
+            jacobian[rows] = np.einsum("nj,njd->nd", across, motion[rows])
+        return residual, jacobian
+
+
+def oriented_pairs(contours: Contours, edges: PackedEdges, gate_px: float, direction_deg: float) -> Integers:
+    """(N, 4) oriented nearest neighbours both ways between the first pose's contours and edges; see `match_oriented`.
+
+    Args:
+        contours: of the model.
+        edges: of the images.
+        gate_px: largest distance of a pair, px.
+        direction_deg: largest angle between model normal and scene gradient, modulo sign, degrees.
+    """
+    pairs = np.empty((int(contours.counts[0].sum()) + len(edges.points), 4), dtype=np.int64)
+    gate = gate_px, float(np.cos(np.radians(direction_deg)))
+    return pairs[: match_oriented(contours.positions[0], contours.counts[0], edges.points, edges.first, gate, pairs)]
+
+
+def voted_pairs(
+    asked: Comparison, contours: Contours, gate_px: float, direction_deg: float, limbs: Integers
+) -> Integers:
+    """Pairs (N, 4) as `oriented_pairs` has them, but of a segment of edges with one limb alone.
+
+    The points of a segment vote for the limb whose contour is nearest to them, each by the length it stands for, and
+    the segment is paired with the contours of the limb that most of it is for (Rosenhahn et al. 2006, section 2.2):
+    where an arm passes the trunk, an edge does not pull at both.
+
+    Args:
+        asked: what was observed is an `Observation`.
+        contours: of the model.
+        gate_px, direction_deg: as of `oriented_pairs`.
+        limbs: (P,) limb of each part of the scene.
+    """
+    edges, segments = asked.observed.packed, asked.observed.packed_segments
+    pairs = oriented_pairs(contours, edges, gate_px, direction_deg)
+    voting = pairs[pairs[:, 3] == 1]
+    if not len(voting):
+        return pairs
+    votes = np.zeros((int(segments.max()) + 1, int(limbs.max()) + 1))
+    voted = limbs[contours.parts[0][voting[:, 0], voting[:, 1]]]
+    np.add.at(votes, (segments[voting[:, 2]], voted), edges.points[voting[:, 2], scene_point.WEIGHT])
+    winners = np.where(votes.any(axis=1), votes.argmax(axis=1), -1)[segments]
+    of_samples = limbs[np.where(contours.valid[0], contours.parts[0], 0)]
+    found = []
+    for limb in np.unique(voted):
+        rows, positions = np.flatnonzero(winners == limb), contours.positions.copy()
+        positions[0, of_samples != limb, sample.LENGTH] = 0
+        first = np.searchsorted(rows, edges.first)
+        theirs = edges._replace(points=frozen(edges.points[rows], np.float32), first=frozen(first, np.int64))
+        own = oriented_pairs(replace(contours, positions=positions), theirs, gate_px, direction_deg)
+        own[:, 2] = rows[own[:, 2]]
+        found.append(own)
+    return np.concatenate(found)
+
+
+def limbs_of(scene: Scene) -> Integers:
+    """(P,) limb of each part of a scene: arms, legs and trunk of every person, numbered from 0."""
+    numbers, start = [], 0
+    for person in scene.persons:
+        body, own = person.body, np.zeros(len(person.body.parts), dtype=np.int64)
+        for k, group in enumerate(body.fine_groups, start=1):
+            own[body.parts_of(group)] = k
+        numbers.append(own + start)
+        start += len(body.fine_groups) + 1
+    found: Integers = frozen(np.concatenate(numbers), np.int64)
+    return found
+
+
+def correspondences(asked: Comparison, q: Array, gate_px: float, direction_deg: float) -> Correspondences:
+    """Oriented nearest neighbours between a person's contours and the edges observed, both ways, one by one.
+
+    Args:
+        asked: scene and person; what was observed is an `Observation`.
+        q: (dof,) rad and m.
+        gate_px: largest distance of a pair, px.
+        direction_deg: largest angle between model normal and scene gradient, modulo sign, degrees.
+
+    Returns:
+        Pairs of the person's own parts, weighted in observations of 8 px of contour.
+    """
+    contours, edges = asked.fine(q), asked.observed.packed
+    pairs = oriented_pairs(contours, edges, gate_px, direction_deg)
+    parts = contours.parts[0][pairs[:, 0], pairs[:, 1]]
+    own: Mask = (parts >= asked.own.start) & (parts < asked.own.stop)
+    pairs, parts = pairs[own], parts[own] - asked.own.start
+    views, samples, found = pairs[:, 0], pairs[:, 1], pairs[:, 2]
+    rows = contours.positions[0][views, samples].astype(np.float64)
+    length = np.where(pairs[:, 3] == 0, rows[:, 4], edges.points[found, 4])
+    return Correspondences(
+        points=contours.points[0][views, samples].astype(np.float64),
+        parameters=asked.body.part_parameters[parts],
+        views=np.ascontiguousarray(views),
+        normals=np.ascontiguousarray(rows[:, 2:4]),
+        pixels=edges.points[found, :2].astype(np.float64),
+        weights=length / PX_PER_OBSERVATION,
+    )

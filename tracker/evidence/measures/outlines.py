@@ -1,0 +1,122 @@
+"""Outlines of given silhouettes as observations, and which model contours they may be compared with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
+from tracker.foundation.arrays import Array32, Mask, Region
+from tracker.images.observation import Observation, ViewObservation
+from tracker.images.operations.edges import EdgeSegments, canny, chamfer_image, gradient, segment_edges
+from tracker.synthesis import Synthesis
+
+# Of the steps of a mask's outline: a choice.
+_SMOOTHING_PX = 1.2
+# Of the chamfer image: what a pose is searched from.
+_REACH_PX = 40.0
+# A choice: points beyond add cost and hardly accuracy.
+_SCENE_POINTS = 500
+
+# An outline this close to what is not known, half of it to either side, is the border of that.
+_BESIDE_PX = 7
+
+# Holes of less than this share of a region are specks of its mask: what an arm encloses on the hip is larger.
+_SMALL_HOLE = 0.001
+
+# A sample is on the outline if the model does not cover the pixel this far outside of it, px.
+_OUTSIDE_PX = 2.5
+
+
+def outline_observation(masks: tuple[Mask | None, ...], unknown: tuple[Mask | None, ...] = ()) -> Observation:
+    """The outlines of silhouettes as the only edges.
+
+    Args:
+        masks: (H, W) of each view, None where it is not known.
+        unknown: (H, W) of each view where it is not known what is a silhouette: its border is no outline; None for
+            nowhere.
+    """
+    pairs = zip(masks, unknown or (None,) * len(masks), strict=True)
+    return Observation(tuple(None if mask is None else _outlined(mask, doubted) for mask, doubted in pairs))
+
+
+def _outlined(mask: Mask, unknown: Mask | None) -> ViewObservation:
+    x, y, width, height = _around(mask)
+    part = mask[y : y + height, x : x + width]
+    gradients = gradient(part.astype(np.uint8) * np.uint8(255), _SMOOTHING_PX)
+    found = segment_edges(canny(gradients, 10.0, 20.0), gradients, (4, float(np.radians(20.0)), 8))
+    found = replace(found, points=found.points + np.array([x, y], dtype=np.float32))
+    kept = _inside(found, mask)
+    if unknown is not None:
+        beside = cv2.dilate(unknown.view(np.uint8), np.ones((_BESIDE_PX, _BESIDE_PX), np.uint8)) > 0
+        kept &= ~_covered(beside, found.points)
+    points, directions = found.points[kept], found.directions[kept]
+    n = len(points)
+    most = min(n, _SCENE_POINTS)
+    scene = np.floor((np.arange(most) + 0.5) * n / max(most, 1)).astype(np.int64)
+    return ViewObservation(
+        edges=points,
+        directions=directions,
+        segments=found.segments[kept],
+        accepted=np.ones(n, dtype=np.bool_),
+        scene=scene,
+        scene_weights=np.full(most, n / max(most, 1), dtype=np.float32),
+        origin=(x, y),
+        distance=chamfer_image(points - np.array([x, y], dtype=np.float32), (width, height), _REACH_PX),
+        reach=_REACH_PX,
+        silhouette=mask,
+    )
+
+
+def _around(mask: Mask) -> Region:
+    """The box that the mask fills with all that its outline can be near to, inside the image."""
+    x, y, width, height = cv2.boundingRect(mask.view(np.uint8))
+    margin = int(_REACH_PX) + 8
+    left, top = max(x - margin, 0), max(y - margin, 0)
+    right, bottom = min(x + width + margin, mask.shape[1]), min(y + height + margin, mask.shape[0])
+    return left, top, right - left, bottom - top
+
+
+def _inside(found: EdgeSegments, mask: Mask) -> Mask:
+    """(N,) points off the border of the image, where a silhouette that is cut off has no outline."""
+    size = np.array([mask.shape[1], mask.shape[0]])
+    return np.asarray(((found.points > 2) & (found.points < size - 3)).all(axis=1))
+
+
+def on_outline(contours: Contours, scene: Scene, synthesis: Synthesis) -> Mask:
+    """(V, M) samples of the first pose that lie on the outline of the whole model, not before another part."""
+    positions = contours.positions[0]
+    found = np.zeros(positions.shape[:2], dtype=np.bool_)
+    for v, silhouette in enumerate(synthesis.silhouettes(scene)):
+        n = int(contours.counts[0, v])
+        found[v, :n] = ~_covered(silhouette, positions[v, :n, :2] + _OUTSIDE_PX * positions[v, :n, 2:4])
+    return found
+
+
+def _covered(silhouette: Mask, pixels: Array32) -> Mask:
+    columns, rows = np.rint(pixels).astype(np.int64).T
+    height, width = silhouette.shape
+    inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+    covered: Mask = silhouette[rows.clip(0, height - 1), columns.clip(0, width - 1)] & inside
+    return covered
+
+
+def overlap(one: Mask, other: Mask) -> float:
+    """Intersection over union of two silhouettes."""
+    union = np.count_nonzero(one | other)
+    return np.count_nonzero(one & other) / union if union else 0.0
+
+
+def largest_region(mask: Mask) -> Mask:
+    """The largest connected region, its small holes filled."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    if count < 2:
+        return mask
+    region: Mask = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    _, labels, stats, _ = cv2.connectedComponentsWithStats((~region).astype(np.uint8), connectivity=4)
+    small = stats[:, cv2.CC_STAT_AREA] < _SMALL_HOLE * np.count_nonzero(region)
+    filled: Mask = region | small[labels]
+    return filled

@@ -1,0 +1,25 @@
+"""Similarity: a measure of the distance between expected contours and the edges of the images, px, lower is better."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.equations import Equations
+from tracker.foundation.arrays import Array
+
+
+@runtime_checkable
+class Similarity(Protocol):
+    """A component that compares contours with edges: `asked.observed` is an `Observation`."""
+
+    def distances(self, asked: Comparison, poses: Array) -> Array:
+        """Distance of each pose (B, dof) in each view: (B, V) px; NaN for a missing view.
+
+        Contours are taken coarse (`asked.contours(poses, coarse=True)`): many poses are ranked.
+        """
+        ...
+
+    def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
+        """What makes the distance smaller, linearized at a pose (dof,); farther than `gate_px` nothing is matched."""
+        ...

@@ -1,0 +1,172 @@
+"""Finds components by their file name: `use = "chamfer"` in [similarity] is tracker/evidence/similarity/chamfer.py."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import pkgutil
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated, Any, TypeVar, cast, dataclass_transform
+
+import pydantic
+from pydantic.dataclasses import dataclass
+
+from tracker.foundation.configuration.plugins import plugin
+from tracker.foundation.errors import ConfigError, nearest
+from tracker.foundation.resources import model_path
+
+
+@dataclasses.dataclass(frozen=True)
+class RelativePath:
+    """Marks a field whose relative paths start at the configuration file's folder."""
+
+    def resolved(self, text: str, folder: Path) -> str:
+        """The absolute path; links to folders are followed, so that it stays right when `latest` moves on."""
+        path = folder / text
+        return str(path.parent.resolve() / path.name)
+
+
+@dataclasses.dataclass(frozen=True)
+class ModelName(RelativePath):
+    """Marks a body model: the name of a bundled one, or a path that ends in .toml."""
+
+    def resolved(self, text: str, folder: Path) -> str:
+        """The absolute path.
+
+        Raises:
+            ModelError: no bundled model has the name.
+        """
+        return super().resolved(text, folder) if text.endswith(".toml") else str(model_path(text).resolve())
+
+
+RECORDED = "median"
+"""In place of a path to plates: they are made of the recording itself, and said where they can't be."""
+
+NO_PLATES = "none"
+"""In place of a path to plates: none, not even of the recording."""
+
+
+@dataclasses.dataclass(frozen=True)
+class PlateSource(RelativePath):
+    """Marks clean plates: a path with `{view}`, `RECORDED` or `NO_PLATES`."""
+
+    def resolved(self, text: str, folder: Path) -> str:
+        """The absolute path, or the word as it is."""
+        return text if text in (RECORDED, NO_PLATES) else super().resolved(text, folder)
+
+
+FilePath = Annotated[Path, pydantic.Field(strict=False), RelativePath()]
+"""A path; a relative one starts at the configuration file's folder."""
+
+PathPattern = Annotated[str, RelativePath()]
+ViewPaths = PathPattern | dict[str, PathPattern]
+"""A path with `{view}`, or a table of paths, one a view, whose files are not called after the views."""
+
+PlatePattern = Annotated[str, PlateSource()]
+"""A path with placeholders such as `{view}`; a relative one starts at the configuration file's folder."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ReadBy:
+    """Marks a field whose value a function makes of what a configuration says."""
+
+    function: Callable[[Any, str, Path], Any]
+    """Takes the value, file and section for messages, and the folder where relative paths start."""
+
+    described: Callable[[Any], Any]
+    """Makes of the value what the function makes the same value of."""
+
+
+ModelFile = Annotated[Path, pydantic.Field(strict=False), ModelName()]
+"""A body model: the name of a bundled one, or a path that ends in .toml."""
+
+_Component = TypeVar("_Component")
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(dataclasses.field, pydantic.Field))
+def component(cls: type[_Component]) -> type[_Component]:
+    """Makes a class a component: a frozen, strictly validated dataclass whose fields are its configuration."""
+    settings = pydantic.ConfigDict(
+        extra="forbid", strict=True, use_attribute_docstrings=True, arbitrary_types_allowed=True
+    )
+    made: Any = dataclass(frozen=True, kw_only=True, config=settings)(cls)
+    for base in made.__mro__[1:]:  # pydantic reads the docstrings of the class itself only
+        for name, field in getattr(base, "__pydantic_fields__", {}).items():
+            made.__pydantic_fields__[name].description = made.__pydantic_fields__[name].description or field.description
+    return cast("type[_Component]", made)
+
+
+def standard(stage: str, use: str) -> Any:
+    """A field's default: a component with its defaults, loaded when it is needed.
+
+    Args:
+        stage: folder of the package.
+        use: file name in that folder.
+    """
+    return pydantic.Field(default_factory=lambda: find(stage, use)())
+
+
+def stages() -> tuple[str, ...]:
+    """The folders whose files are components: those with a contract that is called like the folder."""
+    root = Path(__file__).parent
+    names = (module.name for module in pkgutil.iter_modules([str(root)]) if module.ispkg)
+    return tuple(name for name in names if contract(name) is not None)
+
+
+def contract(stage: str) -> Any:
+    """The protocol that a stage's components follow, None for a folder without one."""
+    return getattr(importlib.import_module(f"tracker.{stage}"), stage.capitalize(), None)
+
+
+def available(stage: str) -> tuple[str, ...]:
+    """Names of the components of a stage: its public files."""
+    package = importlib.import_module(f"tracker.{stage}")
+    names = (module.name for module in pkgutil.iter_modules(package.__path__))
+    return tuple(sorted(name for name in names if not name.startswith("_")))
+
+
+def find(stage: str, use: str) -> type[Any]:
+    """The component class that a configuration names.
+
+    Args:
+        stage: folder of the package, for instance ``similarity``.
+        use: file name in that folder, or ``my_lab.module:Class`` outside the package.
+
+    Raises:
+        ConfigError: there is none of that name, or it does not fit the stage.
+    """
+    if ":" in use:
+        return plugin(use, contract(stage))
+    if use not in available(stage):
+        raise ConfigError(f'use = "{use}": no such component; {nearest(use, available(stage))}')
+    module = _loaded(f"tracker.{stage}.{use}")
+    classes = [
+        value
+        for value in vars(module).values()
+        if isinstance(value, type) and value.__module__ == module.__name__ and _is_component(value)
+    ]
+    if len(classes) != 1:
+        raise ConfigError(f"tracker/{stage}/{use}.py holds {len(classes)} components, expected one")
+    return classes[0]
+
+
+def _loaded(name: str) -> ModuleType:
+    """A module of the package.
+
+    Raises:
+        ConfigError: it needs a package that a plain installation lacks.
+    """
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        lacking = str(error.name).partition(".")[0]
+        if lacking in ("tracker", "None"):
+            raise
+        use = name.rpartition(".")[2]
+        raise ConfigError(f'"{use}" needs the Python package {lacking}: pip install {lacking}') from error
+
+
+def _is_component(cls: type[Any]) -> bool:
+    return dataclasses.is_dataclass(cls) and "__pydantic_config__" in vars(cls) and not cls.__name__.startswith("_")

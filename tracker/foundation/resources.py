@@ -1,0 +1,28 @@
+"""Files that come with the package: body models."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tracker.foundation.errors import ModelError, nearest
+
+_PACKAGE = Path(__file__).parents[1]
+
+
+def models_folder() -> Path:
+    """Folder of the bundled body models: beside the package in a checkout, inside it where installed."""
+    installed = _PACKAGE / "_models"
+    return installed if installed.is_dir() else _PACKAGE.parent / "models"
+
+
+def model_path(name: str) -> Path:
+    """File of a bundled body model.
+
+    Raises:
+        ModelError: there is none of that name.
+    """
+    path = models_folder() / f"{name}.toml"
+    if not path.is_file():
+        names = (file.stem for file in models_folder().glob("*.toml"))
+        raise ModelError(f'no body model "{name}"; {nearest(name, names)}, or a path to a .toml file')
+    return path

@@ -1,0 +1,199 @@
+"""The first frames of a recording, small: foregrounds of all views, and the tracks of their middles, tops and ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+
+import cv2
+import numpy as np
+
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Image, Mask, frozen
+from tracker.images.operations.opening import opened
+from tracker.images.plate import Plate
+from tracker.images.plate_changes import changed
+
+FACTOR = 4
+"""Pixels of an image to one of a survey: a person 400 px high is 100 px high there, its middle good to a pixel."""
+
+N_FRAMES = 100
+"""Frames looked at: four seconds of a usual recording, a second of decoding."""
+
+LEAST_SHARE = 0.002
+"""Less of an image than this is noise."""
+
+# Regions of less than this beside the largest one are no person's: shadows, cables.
+_BESIDE = 0.2
+# Grey levels by which neighbouring frames differ where something moves.
+_MOVED = 20
+# Images that the usual look of a view is taken from.
+_N_KEPT = 9
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What T frames of V views show."""
+
+    scene: Scene
+    """The persons that are to be followed, and the rig."""
+
+    plates: tuple[Plate | None, ...]
+    """Small clean plates."""
+
+    stride: int
+    """Images from one frame to the next."""
+
+    pictures: tuple[Image | None, ...]
+    """Small pictures: what each view shows in most of the frames; None where it is missing."""
+
+    foregrounds: tuple[tuple[Mask | None, ...], ...]
+    """T x V small foregrounds; without plate or mask what moves; None where nothing is known."""
+
+    masked: tuple[bool, ...] = ()
+    """Whether the user's masks are the foregrounds of a view in all frames; empty for in no view."""
+
+    @property
+    def rig(self) -> Rig:
+        """The cameras of the whole images."""
+        return self.scene.rig
+
+    def stands_out(self, view: int) -> bool:
+        """Whether a view has a plate, or masks: whoever stands still is in its foregrounds too."""
+        return self.plates[view] is not None or (bool(self.masked) and self.masked[view])
+
+    @cached_property
+    def middles(self) -> Array:
+        """(V, T, 2) middles of the foregrounds, px of the whole image; NaN where there is none."""
+        return self._marks(_middle)
+
+    @cached_property
+    def cut(self) -> Mask:
+        """(V, T) where the border of the image cuts off most of what `middles` are of: who enters, or leaves."""
+        found = np.zeros((len(self.rig), len(self.foregrounds)), dtype=np.bool_)
+        for t, masks in enumerate(self.foregrounds):
+            for v, mask in enumerate(masks):
+                found[v, t] = mask is not None and mask.any() and _cut_off(_counted(mask)[0])
+        return found
+
+    @cached_property
+    def tops(self) -> Array:
+        """(V, T, 2) upper ends of the foregrounds; NaN where there is none or the border cuts it."""
+        return self._marks(_top)
+
+    @cached_property
+    def ends(self) -> Array:
+        """(V, T, 2) lower ends of the foregrounds; NaN where there is none or the border cuts it."""
+        return self._marks(_end)
+
+    def _marks(self, mark: Callable[[Mask], Array]) -> Array:
+        marks = np.full((len(self.rig), len(self.foregrounds), 2), np.nan)
+        for t, masks in enumerate(self.foregrounds):
+            for v, mask in enumerate(masks):
+                if mask is not None and np.count_nonzero(mask) > LEAST_SHARE * mask.size:
+                    marks[v, t] = mark(mask)
+        return frozen(FACTOR * marks + (FACTOR - 1) / 2)
+
+
+def survey(frames: Iterable[Frame], scene: Scene, plates: tuple[Plate | None, ...], stride: int = 1) -> Survey:
+    """Looks at the first `N_FRAMES` frames.
+
+    Args:
+        frames: of the recording, from the first one on.
+        scene: persons and rig.
+        plates: the clean plates of the views.
+        stride: images from one frame to the next.
+    """
+    backgrounds = small_plates(plates)
+    before: list[Image | None] = [None] * len(plates)
+    masks, kept, brought = [], [], []
+    for t, frame in enumerate(islice(frames, N_FRAMES)):
+        images = [None if image is None else small(image) for image in frame.images]
+        masks.append(tuple(_foreground(frame, v, images[v], backgrounds[v], before[v]) for v in range(len(plates))))
+        brought.append([None if image is None else frame.mask(v) is not None for v, image in enumerate(images)])
+        if t % (N_FRAMES // _N_KEPT) == 0:
+            kept.append(images)
+        before = images
+    pictures = tuple(_usual([images[v] for images in kept]) for v in range(len(plates)))
+    masked = tuple(True in row and False not in row for row in zip(*brought, strict=True))
+    return Survey(scene, backgrounds, stride, pictures, tuple(masks), masked)
+
+
+def small(image: Image) -> Image:
+    """An image as small as it is looked at."""
+    size = image.shape[1] // FACTOR, image.shape[0] // FACTOR
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+
+
+def small_plates(plates: tuple[Plate | None, ...]) -> tuple[Plate | None, ...]:
+    """Plates as small as images are looked at."""
+    return tuple(None if plate is None else _small_plate(plate) for plate in plates)
+
+
+def _small_plate(plate: Plate) -> Plate:
+    unknown = None if plate.unknown is None else small(plate.unknown.astype(np.float32)) > 0
+    return Plate(small(plate.picture), unknown)
+
+
+def _foreground(frame: Frame, v: int, image: Image | None, plate: Plate | None, before: Image | None) -> Mask | None:
+    given = frame.mask(v)
+    if given is not None:
+        return small(given.astype(np.uint8)) > 0
+    if image is None or (plate is None and before is None):
+        return None
+    if plate is not None:
+        return changed(image, plate).foreground
+    assert before is not None
+    return opened(cv2.absdiff(image, before).max(axis=2) > _MOVED)
+
+
+def _usual(images: list[Image | None]) -> Image | None:
+    there = [image for image in images if image is not None]
+    return None if not there else np.median(np.stack(there), axis=0).astype(np.uint8)
+
+
+def is_cut(region: Mask) -> bool:
+    """Whether the border of the image cuts a region (H, W)."""
+    return _n_cut(region) > 0
+
+
+def _cut_off(region: Mask) -> bool:
+    """Whether the border cuts more than feet from a region: along more of it than a square of its area is wide."""
+    return bool(_n_cut(region) > np.sqrt(np.count_nonzero(region)))
+
+
+def _n_cut(region: Mask) -> int:
+    """Pixels of a region (H, W) at the border of the image."""
+    return sum(map(np.count_nonzero, (region[0], region[-1], region[:, 0], region[:, -1])))
+
+
+def _middle(mask: Mask) -> Array:
+    return _counted(mask)[1]
+
+
+def _counted(mask: Mask) -> tuple[Mask, Array]:
+    """A mask without regions that are small beside its largest one, as shadows, cables, screens; and its middle."""
+    _, labels, stats, middles = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    areas = stats[1:, cv2.CC_STAT_AREA]
+    counted = areas >= _BESIDE * areas.max()
+    middle: Array = np.average(middles[1:][counted], axis=0, weights=areas[counted])
+    return np.append(False, counted)[labels], middle
+
+
+def _top(mask: Mask) -> Array:
+    return _outermost(mask, np.nonzero(mask)[0].min())
+
+
+def _end(mask: Mask) -> Array:
+    return _outermost(mask, np.nonzero(mask)[0].max())
+
+
+def _outermost(mask: Mask, row: int) -> Array:
+    """The middle of an outermost row of a mask; NaN at the border of the image."""
+    if row in (0, len(mask) - 1):
+        return np.full(2, np.nan)
+    return np.array([np.flatnonzero(mask[row]).mean(), float(row)])

@@ -1,0 +1,159 @@
+"""Opens what the settings of a reading choose from its footage: frames, plates, masks and occluders."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Image, Mask
+from tracker.foundation.configuration.components import NO_PLATES, RECORDED
+from tracker.foundation.errors import SequenceError
+from tracker.images.plate import Plate
+from tracker.images.reading._footage import Footage, opened_views
+from tracker.images.reading._masks import MaskFiles, checked_masks, mask_paths
+from tracker.images.reading._occluders import load_occluders, with_occluders
+from tracker.images.reading._plates import load_plates, recorded_plates
+from tracker.images.reading._recorded_plate import N_SAMPLES
+from tracker.images.reading._selection import OnMissing, chosen_offsets, common_length, numbered_files, selected
+from tracker.images.reading._sequence import OpenSequence
+from tracker.images.reading._streaming import OpenViews
+
+# Frames of a long recording in which what most of them show is looked for: all before the last have to be decoded.
+_MOST_SEARCHED = 1500
+
+
+class Settings(Protocol):
+    """Fields that every reading component has."""
+
+    @property
+    def background(self) -> str | None: ...
+    @property
+    def masks(self) -> str | None: ...
+    @property
+    def occluders(self) -> str | None: ...
+    @property
+    def align_background(self) -> bool: ...
+    @property
+    def offsets(self) -> dict[str, int]: ...
+    @property
+    def start(self) -> int: ...
+    @property
+    def stop(self) -> int | None: ...
+    @property
+    def stride(self) -> int: ...
+    @property
+    def downscale(self) -> float | None: ...
+    @property
+    def gain(self) -> float | None: ...
+    @property
+    def smoothing_px(self) -> float | None: ...
+    @property
+    def on_missing(self) -> OnMissing: ...
+
+
+def opened(settings: Settings, footage: Footage, rig: Rig) -> OpenSequence:
+    """The sequence that the settings choose from the footage.
+
+    Raises:
+        SequenceError: lengths, range or plates do not fit.
+    """
+    views = _chosen_views(settings, footage, tuple(camera.size for camera in rig.cameras))
+
+    def spread(v: int) -> list[Image]:
+        return _spread_images(views, footage.lengths[v], v)
+
+    given, occluders = _opened_plates(settings, footage, views, rig), _opened_occluders(settings, rig, views.downscale)
+    return OpenSequence(
+        **vars(views),
+        rig=rig if views.downscale == 1 else rig.downscaled(views.downscale),
+        given=given if given is None or not occluders else with_occluders(given, occluders),
+        spread=spread,
+        masks=None if settings.masks is None else _opened_masks(settings.masks, footage, views),
+        occluders=occluders,
+    )
+
+
+def opened_uncalibrated(settings: Settings, footage: Footage) -> OpenViews:
+    """The views that the settings choose from a recording of cameras without a calibration.
+
+    Raises:
+        SequenceError: lengths or range do not fit, or a view lacks the first image, which tells its size.
+    """
+    views = _chosen_views(settings, footage, ())
+    sizes = []
+    for name, image in zip(views.names, _first_images(views), strict=True):
+        if image is None:
+            raise SequenceError(f'view "{name}": no image for the first frame, {views.selection.start}: mend start')
+        sizes.append((image.shape[1], image.shape[0]))
+    return replace(views, source_sizes=tuple(sizes))
+
+
+def _chosen_views(settings: Settings, footage: Footage, sizes: tuple[tuple[int, int], ...]) -> OpenViews:
+    offsets = chosen_offsets(footage.names, settings.offsets)
+    length = common_length(footage.names, footage.lengths, offsets, settings.on_missing, settings.stop)
+    return OpenViews(
+        names=footage.names,
+        source_sizes=sizes,
+        fps=footage.fps,
+        selection=selected(settings.start, settings.stop, settings.stride, length),
+        offsets=offsets,
+        downscale=settings.downscale or 1,
+        gain=settings.gain or 1.0,
+        smoothing_px=settings.smoothing_px or 0.0,
+        on_missing=settings.on_missing,
+        open_views=footage.open_views,
+        first_number=footage.first,
+        uneven=footage.positions,
+    )
+
+
+def _opened_plates(settings: Settings, footage: Footage, views: OpenViews, rig: Rig) -> tuple[Plate | None, ...] | None:
+    pattern = settings.background
+    if pattern not in (None, RECORDED, NO_PLATES):
+        firsts = _first_images(views) if settings.align_background else None
+        return load_plates(rig, pattern, views.delivered, footage.plate_of_clip, firsts)
+    if settings.align_background:
+        raise SequenceError(
+            "align_background: nothing to align, there are no plates but those of these images: unset it"
+        )
+    if pattern != RECORDED:
+        return None if pattern is None and settings.masks is None else (None,) * len(rig)
+    return recorded_plates(views.names, lambda v: _spread_images(views, footage.lengths[v], v))
+
+
+def _opened_occluders(settings: Settings, rig: Rig, factor: float) -> tuple[Mask | None, ...]:
+    if settings.occluders is None:
+        return ()
+    if settings.background == NO_PLATES or settings.masks is not None:
+        other = "masks" if settings.masks is not None else f'background = "{NO_PLATES}"'
+        raise SequenceError(f"occluders and {other}: they say where plates know nothing; leave out one of the two")
+    return load_occluders(rig, settings.occluders, factor)
+
+
+def _opened_masks(pattern: str, footage: Footage, views: OpenViews) -> MaskFiles:
+    paths = mask_paths(pattern, views.names)
+    by_name = dict(zip(views.names, paths, strict=True))
+    files = opened_views(views.names, lambda name: numbered_files(name, by_name[name]), views.on_missing)
+    first = views.first_number
+    found = MaskFiles(tuple(one or {} for one in files), views.names, views.source_sizes, first, views.downscale)
+    return checked_masks(found, views)
+
+
+def _spread_images(views: OpenViews, length: int, v: int) -> list[Image]:
+    """Images of a view as delivered, spread over its recording; of a long one, over what follows the first frame."""
+    if length == 0:
+        return []
+    first = 0 if length <= _MOST_SEARCHED else max(views.selection.start + views.offsets[v], 0)
+    numbers = np.linspace(first, min(length, first + _MOST_SEARCHED) - 1, N_SAMPLES).round().astype(int)
+    view = views.open_views()[v]
+    found = (views.image(v, view, int(number) - views.offsets[v]) for number in np.unique(numbers))
+    return [image for image in found if image is not None]
+
+
+def _first_images(views: OpenViews) -> tuple[Image | None, ...]:
+    """An image of each view as on disk: that of the first frame."""
+    opened = zip(views.open_views(), views.offsets, strict=True)
+    return tuple(view.read(max(views.selection.start + offset, 0)) for view, offset in opened)

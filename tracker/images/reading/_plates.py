@@ -1,0 +1,129 @@
+"""Clean plates: from pictures of the empty scene, or from the recording itself."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Image
+from tracker.foundation.errors import SequenceError
+from tracker.images.operations.plate_alignment import LEAST_INLIERS, aligned
+from tracker.images.plate import MOST_LEVEL, Plate
+from tracker.images.reading._pictures import check_size, read_image
+from tracker.images.reading._recorded_plate import RecordedPlate, recorded_plate
+from tracker.images.reading._selection import view_paths
+
+_IMAGES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"}
+# Of 35 views of nine recordings, plates of those where 0.5 and more of what persons cover is known show nobody (11 have
+# 0.74 to 0.96, two 0.50 and 0.57), two of 0.45 and 0.47 nobody either; of the others, 0.04 to 0.40, most show a person.
+_LEAST_KNOWN = 0.5
+# A foreground in a single view tells nothing of depth.
+_LEAST_VIEWS = 2
+# Less of an image than this is no person.
+_LEAST_MOVING = 0.002
+_LEAST_IMAGES = 10
+
+log = logging.getLogger("tracker")
+
+
+def load_plates(
+    rig: Rig,
+    pattern: str | None,
+    delivered: Callable[[Image], Image],
+    clip: Callable[[Path], Image],
+    fit_to: tuple[Image | None, ...] | None = None,
+) -> tuple[Plate | None, ...]:
+    """Clean plates of all views.
+
+    Args:
+        rig: names the views, and has their image sizes.
+        pattern: path with `{view}` to an image or a clip; None for no plates.
+        delivered: makes of a picture as recorded what is compared with the images.
+        clip: reads a plate from a video file.
+        fit_to: an image of each view that its plate is fitted to; None for plates that fit as they are.
+
+    Raises:
+        SequenceError: a plate is missing or unreadable, or does not show what its view does.
+    """
+    if pattern is None:
+        return (None,) * len(rig)
+    plates: list[Plate | None] = []
+    for v, (camera, path) in enumerate(zip(rig.cameras, view_paths(pattern, rig.names), strict=True)):
+        plate = _read_plate(camera.name, path, clip)
+        if fit_to is not None:
+            plate = _fitted_plate(camera.name, plate, path, fit_to[v])
+        check_size(camera.name, plate, camera.size, f"the background {path}")
+        plates.append(Plate(delivered(plate)))
+    return tuple(plates)
+
+
+def _read_plate(name: str, path: Path, clip: Callable[[Path], Image]) -> Image:
+    if not path.exists():
+        raise SequenceError(f'background of view "{name}": no file {path}')
+    plate = read_image(path) if path.suffix.lower() in _IMAGES else clip(path)
+    if plate is None:
+        raise SequenceError(f'background of view "{name}": {path} is not an image that can be read')
+    return plate
+
+
+def _fitted_plate(name: str, plate: Image, path: Path, image: Image | None) -> Image:
+    if image is None:
+        raise SequenceError(f'background of view "{name}": no first image to fit the plate to; unset align_background')
+    fitted, n_agree = aligned(plate, image)
+    if n_agree < LEAST_INLIERS:
+        raise SequenceError(
+            f'background of view "{name}": {path} and the first image have {n_agree} features in common, expected at '
+            f"least {LEAST_INLIERS}: is it the plate of another view, or was the camera carried elsewhere?"
+        )
+    return fitted
+
+
+def recorded_plates(names: Sequence[str], images_of: Callable[[int], Sequence[Image]]) -> tuple[Plate | None, ...]:
+    """Plates of what most images show; None, with a warning that says why, for views where somebody stays.
+
+    Args:
+        names: of the views.
+        images_of: images (h, w, 3) of a view, by its number, spread over the recording.
+    """
+    plates: list[Plate | None] = []
+    for v, name in enumerate(names):
+        plate, fault = _recorded(images_of(v), _LEAST_KNOWN)
+        if fault:
+            log.warning('view "%s": no plate can be made from the recording: %s', name, fault)
+        plates.append(None if plate is None else plate.plate)
+    return tuple(plates)
+
+
+def backdrop(images: Sequence[Image]) -> RecordedPlate | None:
+    """What most images (h, w, 3) of a view show, somebody who stays among it; None where nothing moves, or all does."""
+    return _recorded(images, 0.0)[0]
+
+
+def clean_enough(backdrops: Sequence[RecordedPlate | None]) -> tuple[Plate | None, ...]:
+    """Backdrops as plates where in two views nobody stays; none at all elsewhere.
+
+    Who walks about in two views does so in space, and stays in the others along the line of sight alone: where, the
+    plate says. Of somebody who moves an arm or two the rest would be background. With the plates of two views alone
+    V-Dance was 65 mm off over 40 frames, K-Kick 37; with those of all four 31 and 24.
+    """
+    free = sum(one is not None and one.known >= _LEAST_KNOWN for one in backdrops)
+    return tuple(None if one is None or free < _LEAST_VIEWS else one.plate for one in backdrops)
+
+
+def _recorded(images: Sequence[Image], least_known: float) -> tuple[RecordedPlate | None, str]:
+    """A plate, or why it can't be made."""
+    if len(images) < _LEAST_IMAGES:
+        return None, f"it has {len(images)} images to make it of, expected at least {_LEAST_IMAGES}"
+    found = recorded_plate(images)
+    if found.level > MOST_LEVEL:
+        return None, f"its images differ from one another by {found.level:.0f} grey levels: did the camera move?"
+    if found.moving < _LEAST_MOVING:
+        return None, "nobody moves: whoever stands there all the time would be in it; film the scene without persons"
+    if found.known < least_known:
+        return None, (
+            f"somebody stays in one place (of what persons cover {found.known:.0%} is known without them, expected at "
+            f"least {least_known:.0%}); film the scene without persons, or bring masks"
+        )
+    return found, ""

@@ -1,0 +1,126 @@
+"""Folders of numbered images, one a view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pydantic
+
+from tracker.foundation.arrays import Image
+from tracker.foundation.configuration.components import FilePath, PathPattern, PlatePattern, ViewPaths, component
+from tracker.foundation.errors import SequenceError
+from tracker.images.reading._footage import LEAST_FPS, MOST_FPS, Footage, opened_views
+from tracker.images.reading._opening import opened, opened_uncalibrated
+from tracker.images.reading._pictures import Downscale, read_image
+from tracker.images.reading._selection import OnMissing, chosen_names, chosen_rig, numbered_files, view_paths
+from tracker.images.reading._sequence import OpenSequence
+from tracker.images.reading._streaming import OpenViews
+from tracker.images.reading.video import plate_of_clip
+
+
+@component
+class ImageReading:
+    """Numbered images; `{view}` stands for the camera's name, `{frame}` for the number, with any leading zeros."""
+
+    path: ViewPaths
+    """Image files, for instance `images/{view}/{frame}.png`; numbers need not start at 0. Or a table, one entry a view:
+    `{ left = "images/a/{frame}.png", ... }`."""
+
+    rig: FilePath | None = None
+    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads; none in a calibration job."""
+
+    fps: float = pydantic.Field(ge=LEAST_FPS, le=MOST_FPS, allow_inf_nan=False)
+    """Frames per second."""
+
+    views: tuple[str, ...] = ()
+    """Cameras to use, in this order; empty for all of the rig."""
+
+    offsets: dict[str, int] = pydantic.Field(default_factory=dict)
+    """Position in a view's images, counted from the lowest number of all views, that belongs to frame 0."""
+
+    background: PlatePattern | None = None
+    """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most
+    images of the recording show, if in two views or more everybody walks about. "median": the same, with a word for
+    each view that has none; "none": no plates."""
+
+    masks: PathPattern | None = None
+    """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered
+    as the images; what is not black, nor transparent, is a person."""
+
+    occluders: PathPattern | None = None
+    """Pictures of what stands before the persons, for instance `occluders/{view}.png`, for those views that have some:
+    what is not black hides them (a table, a treadmill). They serve plates, also those that the recording makes."""
+
+    align_background: bool = False
+    """Fit each plate to the first frame by its features and its light: for plates taken before the camera was turned
+    or zoomed a little, or the pictures were cut otherwise. The camera must not have been carried elsewhere."""
+
+    start: int = pydantic.Field(default=0, ge=0)
+    """First frame, counted from the lowest number of all views."""
+
+    stop: int | None = pydantic.Field(default=None, ge=1)
+    """Frame after the last one; None for all."""
+
+    stride: int = pydantic.Field(default=1, ge=1)
+    """Deliver every so many frames."""
+
+    downscale: Downscale | None = None
+    """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice. Where
+    nothing is said: in tracking what shows persons some 300 px high, else 1."""
+
+    gain: float | None = pydantic.Field(default=None, gt=0, le=10)
+    """Images and plates are multiplied by it. Where nothing is said: in tracking what makes dark ones as bright as
+    usual, else 1."""
+
+    smoothing_px: float | None = pydantic.Field(default=None, ge=0, le=5)
+    """Standard deviation of the Gaussian that images and plates are smoothed by, px of them as delivered. Where nothing
+    is said: in tracking 1 where they are noisy, else 0."""
+
+    on_missing: OnMissing = "error"
+    """`skip` leaves a view out of the frames that it lacks or that cannot be read."""
+
+    def open(self) -> OpenSequence:
+        """Opens all views; see `tracker.images.reading.Reading.open`."""
+        rig = chosen_rig(self.rig, self.views)
+        return opened(self, self._footage(rig.names), rig)
+
+    def open_uncalibrated(self) -> OpenViews:
+        """Opens all views; see `tracker.images.reading.Reading.open_uncalibrated`."""
+        return opened_uncalibrated(self, self._footage(chosen_names(self.views)))
+
+    def _footage(self, names: tuple[str, ...]) -> Footage:
+        paths = dict(zip(names, view_paths(self.path, names), strict=True))
+        found = opened_views(names, lambda name: numbered_files(name, paths[name]), self.on_missing)
+        # one origin for all views: one that lacks its first images must not be shifted against the others
+        first = min(min(numbered) for numbered in found if numbered)
+        views = tuple(_ImageView(numbered or {}, first) for numbered in found)
+        lengths = tuple(max(view.files, default=first - 1) - first + 1 for view in views)
+        return Footage(names, self.fps, lengths, lambda: views, plate_of_clip, first)
+
+
+def intact_image(path: Path) -> Image:
+    """A BGR image (h, w, 3).
+
+    Raises:
+        SequenceError: it cannot be read as a whole.
+    """
+    image = read_image(path)
+    if image is None:
+        raise SequenceError(f"{path}: not an image that can be read: the file is corrupt or truncated")
+    return image
+
+
+@dataclass(frozen=True)
+class _ImageView:
+    files: dict[int, Path]
+    first: int
+
+    def read(self, index: int) -> Image | None:
+        path = self.files.get(self.first + index)
+        if path is None:
+            return None
+        return intact_image(path)
+
+    def held(self, index: int) -> Image | None:
+        return self.read(index)

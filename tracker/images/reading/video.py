@@ -1,0 +1,159 @@
+"""Synchronized video files, one a view, decoded frame by frame with PyAV."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from pathlib import Path
+
+import numpy as np
+import pydantic
+
+from tracker.foundation.arrays import Image
+from tracker.foundation.configuration.components import FilePath, PathPattern, PlatePattern, ViewPaths, component
+from tracker.foundation.errors import SequenceError
+from tracker.images.reading._footage import LEAST_FPS, MOST_FPS, AbsentView, Footage, ImageStream, opened_views
+from tracker.images.reading._opening import opened, opened_uncalibrated
+from tracker.images.reading._pictures import Downscale
+from tracker.images.reading._rates import common_rate, told_of_rates
+from tracker.images.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
+from tracker.images.reading._sequence import OpenSequence
+from tracker.images.reading._streaming import OpenViews
+from tracker.images.reading._timeline import at_one_pace
+from tracker.images.reading._video_view import VideoView, timeline
+
+log = logging.getLogger("tracker")
+
+# Frames of a background clip that its median is taken over.
+_PLATE_FRAMES = 25
+
+
+@component
+class VideoReading:
+    """One video a view; `{view}` in a path stands for the camera's name in the rig."""
+
+    path: ViewPaths
+    """Video files, for instance `videos/{view}.mp4`; or a table, one file a view: `{ left = "videos/GX01.mp4", ... }`.
+    """
+
+    rig: FilePath | None = None
+    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads; none in a calibration job."""
+
+    views: tuple[str, ...] = ()
+    """Cameras to use, in this order; empty for all of the rig."""
+
+    offsets: dict[str, int] = pydantic.Field(default_factory=dict)
+    """Frame of a view's file that belongs to frame 0, where it is not 0; of a view of which every second frame is
+    taken, see `fps`, counted in those that are."""
+
+    background: PlatePattern | None = None
+    """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most
+    images of the recording show, if in two views or more everybody walks about. "median": the same, with a word for
+    each view that has none; "none": no plates."""
+
+    masks: PathPattern | None = None
+    """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered
+    from 0 at the first image of the file; dropped ones have no number. What is not black, nor transparent, is a person.
+    """
+
+    occluders: PathPattern | None = None
+    """Pictures of what stands before the persons, for instance `occluders/{view}.png`, for those views that have some:
+    what is not black hides them (a table, a treadmill). They serve plates, also those that the recording makes."""
+
+    align_background: bool = False
+    """Fit each plate to the first frame by its features and its light: for plates taken before the camera was turned
+    or zoomed a little, or the pictures were cut otherwise. The camera must not have been carried elsewhere."""
+
+    fps: float | None = pydantic.Field(default=None, ge=LEAST_FPS, le=MOST_FPS, allow_inf_nan=False)
+    """Frames per second; None takes the files' own. Streams without a container (`.h264`, `.mjpeg`) have none. Where
+    views film at different rates, the lowest one takes every second, third, ... frame of those of twice, three times
+    ... as many."""
+
+    start: int = pydantic.Field(default=0, ge=0)
+    """First frame."""
+
+    stop: int | None = pydantic.Field(default=None, ge=1)
+    """Frame after the last one; None for all."""
+
+    stride: int = pydantic.Field(default=1, ge=1)
+    """Deliver every so many frames."""
+
+    downscale: Downscale | None = None
+    """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice. Where
+    nothing is said: in tracking what shows persons some 300 px high, else 1."""
+
+    gain: float | None = pydantic.Field(default=None, gt=0, le=10)
+    """Images and plates are multiplied by it. Where nothing is said: in tracking what makes dark ones as bright as
+    usual, else 1."""
+
+    smoothing_px: float | None = pydantic.Field(default=None, ge=0, le=5)
+    """Standard deviation of the Gaussian that images and plates are smoothed by, px of them as delivered. Where nothing
+    is said: in tracking 1 where they are noisy, else 0."""
+
+    on_missing: OnMissing = "error"
+    """`skip` leaves a view out of the frames that it lacks or that cannot be decoded."""
+
+    def open(self) -> OpenSequence:
+        """Opens all views; see `tracker.images.reading.Reading.open`."""
+        rig = chosen_rig(self.rig, self.views)
+        return opened(self, self._footage(rig.names, {camera.name: camera.size for camera in rig.cameras}), rig)
+
+    def open_uncalibrated(self) -> OpenViews:
+        """Opens all views; see `tracker.images.reading.Reading.open_uncalibrated`."""
+        return opened_uncalibrated(self, self._footage(chosen_names(self.views), {}))
+
+    def _footage(self, names: tuple[str, ...], sizes: dict[str, tuple[int, int]]) -> Footage:
+        paths = dict(zip(names, view_paths(self.path, names), strict=True))
+        whole = self.on_missing == "error"
+        found = opened_views(names, lambda name: timeline(paths[name], name, whole, sizes.get(name)), self.on_missing)
+        paced = at_one_pace(found)
+        rates = {name: one for name, one in zip(names, paced, strict=True) if one}
+        fps, every = common_rate(rates, self.fps)
+        timelines = [None if one is None else one.thinned(every[name]) for name, one in zip(names, paced, strict=True)]
+        for name, one in rates.items():
+            for remark in (one.remark, *one.told):
+                if remark:
+                    log.warning('view "%s": %s: %s', name, paths[name], remark)
+        for word in told_of_rates({name: one.thinned(every[name]) for name, one in rates.items()}, fps, self.fps):
+            log.warning("%s", word)
+
+        def views() -> tuple[ImageStream, ...]:
+            files = zip(paths.values(), timelines, strict=True)
+            return tuple(VideoView(path, one) if one else AbsentView() for path, one in files)
+
+        lengths, places = zip(*((len(one), one.positions) if one else (0, None) for one in timelines), strict=True)
+        return Footage(names, fps, lengths, views, plate_of_clip, positions=places)
+
+
+def open_clip(path: Path, name: str) -> tuple[int, float, VideoView]:
+    """Number of frames, frames per second (0 where it has no clock) and decoder of one view's file.
+
+    Args:
+        path: the video.
+        name: of the view, for messages.
+
+    Raises:
+        SequenceError: no such file, not a video, or a truncated one.
+    """
+    found = timeline(path, name, whole=True)
+    return len(found), found.fps, VideoView(path, found)
+
+
+def plate_of_clip(path: Path) -> Image:
+    """Median (h, w, 3) over up to 25 frames spread over a clip.
+
+    Raises:
+        SequenceError: the clip cannot be read.
+    """
+    found = timeline(path, path.stem, whole=False)
+    there = [index for index, stamp in enumerate(found.stamps) if stamp is not None]
+    wanted = np.linspace(0, len(there) - 1, min(_PLATE_FRAMES, len(there))).round().astype(int)
+    view, images = VideoView(path, found), []
+    for k in np.unique(wanted).tolist():
+        with contextlib.suppress(SequenceError):  # a median does without it
+            images.append(view.read(there[k]))
+    shown = [image for image in images if image is not None]
+    if not shown:
+        raise SequenceError(f"{path}: no frame of it can be decoded")
+    plate: Image = np.median(np.stack(shown), axis=0).astype(np.uint8)
+    return plate

@@ -1,0 +1,153 @@
+"""Where followed points come from: measured surfaces, and places given by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask
+from tracker.foundation.errors import MatchingError
+from tracker.kernels.adjustment.ray_intersection import intersect_rays
+from tracker.kernels.patches.keys import key_side
+from tracker.kernels.patches.matching import COVARIANCE
+from tracker.points.following.newborn import NewPoints
+from tracker.points.surfaces.growth import MatchField
+from tracker.points.surfaces.matching import Matches, PatchImage
+from tracker.points.surfaces.surface import Surface, SurfaceMeasurement
+
+
+def points_of_surface(surface: Surface) -> NewPoints:
+    """Every measured point of a surface; patches across views are as they were matched."""
+    pixels = surface.points.pixels
+    n_views, n = pixels.shape[:2]
+    across, variances = np.tile(np.eye(2), (n_views, n, 1, 1)), np.zeros((n_views, n, 3))
+    for v, field in enumerate(surface.fields):
+        if field is not None:
+            cells = field.cells_of(pixels[surface.template])
+            across[v] = field.matches.affine[cells]
+            variances[v] = field.found[cells][:, COVARIANCE]
+    step = next(field.step_px for field in surface.fields if field is not None)
+    return NewPoints(pixels, across, variances, surface.points.points, surface.points.covariances, step)
+
+
+def points_of_image(pixels: Array) -> NewPoints:
+    """Places (M, 2) px of a single view: 2-D mode."""
+    n = len(pixels)
+    unit, unknown = np.tile(np.eye(2), (1, n, 1, 1)), np.full((n, 3), np.nan)
+    places = np.asarray(pixels, dtype=np.float64)[None]
+    return NewPoints(places, unit, np.zeros((1, n, 3)), unknown, np.full((n, 3, 3), np.nan))
+
+
+def no_points(n_views: int, spacing_px: float) -> NewPoints:
+    """Nothing to follow."""
+    views = np.zeros((n_views, 0, 2)), np.zeros((n_views, 0, 2, 2)), np.zeros((n_views, 0, 3))
+    return NewPoints(*views, np.zeros((0, 3)), np.zeros((0, 3, 3)), spacing_px)
+
+
+def with_room(pixels: Array, image: Image, patch_px: int) -> Mask:
+    """(M,) places (M, 2) px that a key patch fits around."""
+    height, width = image.shape[:2]
+    reach, (x, y) = key_side(patch_px // 2) // 2, np.round(pixels).T
+    room: Mask = (x >= reach) & (y >= reach) & (x + reach < width) & (y + reach < height)
+    return room
+
+
+def check_room(pixels: Array, names: Sequence[str], image: Image, patch_px: int) -> None:
+    """Refuses given places that no key patch fits around.
+
+    Raises:
+        MatchingError: names the first one.
+    """
+    for k in np.flatnonzero(~with_room(pixels, image, patch_px)).tolist():
+        raise MatchingError(
+            f"point {names[k]} at [{pixels[k, 0]:g}, {pixels[k, 1]:g}]: a patch of {patch_px} px around it is not "
+            f"within the image of {image.shape[1]} x {image.shape[0]} px; choose a place farther from the border"
+        )
+
+
+def chosen_evenly(n: int, wanted: int, seed: int = 0) -> Integers:
+    """Rows of `wanted` of n points, spread at random but always the same."""
+    order = np.random.default_rng(seed).permutation(n)
+    return np.sort(order[:wanted])
+
+
+def given_points(surface: Surface, measurement: SurfaceMeasurement, at: Array, names: Sequence[str]) -> NewPoints:
+    """Places given by hand, matched into the other views from the nearest measured points of a surface.
+
+    Args:
+        surface: measured in the frame; no filter of its points needed.
+        measurement: how it was measured.
+        at: (M, 2) px in the template.
+        names: of the points, for messages.
+
+    Raises:
+        MatchingError: a point is not matched in as many views as a surface's points must be; why is said.
+    """
+    n_views, n = len(surface.views), len(at)
+    pixels, variances = np.full((n_views, n, 2), np.nan), np.zeros((n_views, n, 3))
+    across, faults = np.tile(np.eye(2), (n_views, n, 1, 1)), [""] * n
+    pixels[surface.template] = at
+    template = measurement.matching.prepared(surface.views[surface.template].grey)
+    for v, field in enumerate(surface.fields):
+        if field is None:
+            continue
+        if not field.matched.any():
+            faults = [f'in view "{surface.views[v].camera.name}": nothing matched'] * n
+            continue
+        matches = _from_nearest(field, measurement, (template, surface.views[v].grey), at)
+        good = measurement.growth.good(matches)
+        pixels[v, good] = matches.pixels[good]
+        across[v, good], variances[v, good] = matches.affine[good], matches.found[good][:, COVARIANCE]
+        for row, fault in enumerate(measurement.growth.faults(matches)):
+            faults[row] = f'in view "{surface.views[v].camera.name}": {fault}' if fault else faults[row]
+    cameras = [view.camera for view in surface.views]
+    needed = measurement.min_views or n_views
+    n_seen = np.isfinite(pixels[..., 0]).sum(axis=0)
+    for k in np.flatnonzero(n_seen < needed).tolist():
+        raise MatchingError(
+            f"point {names[k]} at [{at[k, 0]:g}, {at[k, 1]:g}]: seen by {n_seen[k]} of {needed} views; {faults[k]}: "
+            "choose a place of more texture, on a surface that all views show"
+        )
+    places = _intersected(Rig(tuple(cameras)), surface.template, pixels, variances)
+    return NewPoints(pixels, across, variances, *places, measurement.growth.step_px)
+
+
+def _intersected(rig: Rig, template: int, pixels: Array, variances: Array) -> tuple[Array, Array]:
+    """Positions (M, 3) and covariances (M, 3, 3) of matched points, weighted as those of a surface are.
+
+    Half of a match's variances (V, M, 3) is the template's, half the search image's; see `tracker.points.surfaces.points`.
+    """
+    shares, others = variances / 2, np.isfinite(pixels[..., 0])
+    others[template] = False
+    shares[template] = (shares * others[..., None]).sum(axis=0) / np.maximum(others.sum(axis=0), 1)[:, None]
+    positions, covariances = rig.triangulate(pixels)
+    intersect_rays(rig.packed, pixels, shares, positions, covariances, np.zeros(len(positions)))
+    return positions, covariances
+
+
+def _from_nearest(
+    field: MatchField, measurement: SurfaceMeasurement, images: tuple[PatchImage, Array32], at: Array
+) -> Matches:
+    cells = np.flatnonzero(field.matched)
+    _, nearest = cKDTree(field.at[cells]).query(at)
+    found = cells[np.asarray(nearest)]
+    affine = field.matches.affine[found]
+    start = field.found[found, :2] + np.einsum("nij,nj->ni", affine, at - field.at[found])
+    search = measurement.matching.prepared(images[1])
+    return measurement.matching.match(images[0], search, at, start, affine)
+
+
+def textured_places(grey: Image, spacing_px: int) -> Array:
+    """Places (M, 2) of an image that can be followed, at least so far apart: 2-D mode without given points."""
+    found = cv2.goodFeaturesToTrack(grey, maxCorners=0, qualityLevel=_WEAKEST, minDistance=float(spacing_px))
+    if found is None:
+        raise MatchingError("the first image has no texture to follow points on: was the lens covered?")
+    return np.asarray(found, dtype=np.float64).reshape(-1, 2)
+
+
+# Of the strongest corner: lower than any that matching follows, so that it decides.
+_WEAKEST = 0.005

@@ -1,0 +1,218 @@
+"""Adaptive least squares matching of patches between two images (Gruen 1985; D'Apuzzo et al. 2000, section 2.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, Self
+
+import cv2
+import numpy as np
+import pydantic
+from numpy.typing import ArrayLike
+
+from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask, frozen
+from tracker.foundation.configuration.components import component
+from tracker.foundation.errors import ConfigError
+from tracker.kernels.patches.equations import Noise, Rule
+from tracker.kernels.patches.matching import (
+    CORRELATION,
+    COVARIANCE,
+    DRIFTED,
+    MATCHED,
+    N_FOUND,
+    NOT_CONVERGED,
+    OUTSIDE,
+    SIGMA0,
+    WARP,
+    WEAK,
+    match_patches,
+)
+from tracker.kernels.patches.splines import SplineImage
+from tracker.points.surfaces._noise import NoisePowers, gaussian_taps, noise_powers, spline_taps
+
+FAILURES = {
+    NOT_CONVERGED: "did not converge",
+    DRIFTED: "drifted farther than max_shift_px",
+    OUTSIDE: "reached out of an image",
+    WEAK: "too little texture",
+}
+"""Why a match ended without a result, in words."""
+
+
+@dataclass(frozen=True)
+class PatchImage:
+    """An image made ready for matching."""
+
+    coefficients: Array32
+    """(h * w,) cubic B-spline coefficients of the smoothed image, row by row."""
+
+    size: tuple[int, int]
+    """Width and height, px."""
+
+    @property
+    def packed(self) -> SplineImage:
+        """As the kernels want it."""
+        return self.coefficients, *self.size
+
+
+@dataclass(frozen=True)
+class Matches:
+    """N matched patches."""
+
+    at: Array
+    """(N, 2) centres of the template patches, px."""
+
+    found: Array
+    """(N, 15) columns as in `tracker.kernels.patches.matching`."""
+
+    ended: Integers
+    """(N,) how each match ended, 0 for a match."""
+
+    @property
+    def good(self) -> Mask:
+        """(N,) matches that converged."""
+        good: Mask = self.ended == MATCHED
+        return good
+
+    @property
+    def pixels(self) -> Array:
+        """(N, 2) centres of the patches in the search image, px."""
+        return self.found[:, :2]
+
+    @property
+    def affine(self) -> Array:
+        """(N, 2, 2) template offsets to search offsets."""
+        return self.found[:, 2:6].reshape(-1, 2, 2)
+
+    @property
+    def stretch(self) -> Array:
+        """(N,) by what factor each patch is stretched or compressed most; infinite for mirrored ones."""
+        longest, shortest = np.linalg.svd(self.affine, compute_uv=False).T
+        with np.errstate(divide="ignore"):
+            most = np.maximum(longest, 1 / shortest)
+        return np.where(np.linalg.det(self.affine) > 0, most, np.inf)
+
+    @property
+    def sigma0(self) -> Array:
+        """(N,) a-posteriori standard deviation of unit weight, grey levels of the smoothed images."""
+        return self.found[:, SIGMA0]
+
+    @property
+    def covariances(self) -> Array:
+        """(N, 2, 2) of the centres in the search image, px^2."""
+        xx, yy, xy = self.found[:, COVARIANCE].T
+        return np.stack([xx, xy, xy, yy], axis=-1).reshape(-1, 2, 2)
+
+    @property
+    def sigmas(self) -> Array:
+        """(N, 2) standard deviations of the shifts in x and y, px."""
+        deviations: Array = np.sqrt(self.found[:, COVARIANCE][:, :2])
+        return deviations
+
+    @property
+    def correlation(self) -> Array:
+        """(N,) of the two patches after matching."""
+        return self.found[:, CORRELATION]
+
+    def select(self, which: Mask | Integers) -> Matches:
+        """The chosen ones."""
+        return Matches(self.at[which], self.found[which], self.ended[which])
+
+
+@component
+class LeastSquaresMatching:
+    """Patches matched by an affine transformation and a linear change of brightness, with honest precision."""
+
+    patch_px: int = pydantic.Field(default=13, ge=5, le=63)
+    """Side of the square patch, odd, px."""
+
+    form: Literal["inverse_compositional", "classical"] = "inverse_compositional"
+    """`classical` linearizes the search image at every iteration, as Gruen (1985): same result, half as fast."""
+
+    smoothing_px: float = pydantic.Field(default=0.8, ge=0, le=5)
+    """Standard deviation of the Gaussian that both images are smoothed with, against interpolation bias; 0 for none."""
+
+    prior_sd: float | None = pydantic.Field(default=None, gt=0)
+    """Standard deviation of the affine terms around their start, for weak texture (0.01); None for free terms."""
+
+    noise_grey: float = pydantic.Field(default=1.5, gt=0)
+    """Standard deviation of the image noise that the prior is weighed against, grey levels."""
+
+    max_iterations: int = pydantic.Field(default=20, ge=2)
+    """A match that takes longer fails."""
+
+    tolerance_px: float = pydantic.Field(default=0.01, gt=0)
+    """Iterations end when the corners of the patch have less than this left to go, px."""
+
+    max_shift_px: float = pydantic.Field(default=3.0, gt=0)
+    """A match that moves farther from its start fails, px."""
+
+    @pydantic.model_validator(mode="after")
+    def _check_odd(self) -> LeastSquaresMatching:
+        if self.patch_px % 2 == 0:
+            raise ValueError(f"patch_px = {self.patch_px}: expected an odd number, a patch has a centre pixel")
+        return self
+
+    def prepared(self, image: Image | Array32) -> PatchImage:
+        """An image (h, w), grey, smoothed and turned into spline coefficients."""
+        grey = np.ascontiguousarray(image, dtype=np.float32)
+        splines = cv2.sepFilter2D(grey, -1, self._taps, self._taps, borderType=cv2.BORDER_REFLECT_101)
+        return PatchImage(frozen(splines.ravel(), np.float32), (grey.shape[1], grey.shape[0]))
+
+    def with_patch(self, patch_px: int) -> Self:
+        """The same with another patch."""
+        return replace(self, patch_px=patch_px)
+
+    def match(
+        self, template: PatchImage, search: PatchImage, at: ArrayLike, start: ArrayLike, affine: ArrayLike | None = None
+    ) -> Matches:
+        """Finds template patches in the search image.
+
+        Args:
+            template, search: from `prepared`.
+            at: (N, 2) centres of the template patches, px; whole pixels are matched fastest.
+            start: (N, 2) approximate centres in the search image, px.
+            affine: (N, 2, 2) approximate affine transformations, None for none; the prior's centre.
+
+        Raises:
+            ConfigError: the arrays do not belong together.
+        """
+        at = np.ascontiguousarray(at, dtype=np.float64)
+        found = np.zeros((len(at), N_FOUND))
+        found[:, WARP] = 0, 0, 1, 0, 0, 1
+        if at.shape != (len(at), 2) or np.shape(start) != at.shape:
+            raise ConfigError(
+                f"template centres {at.shape} and starts {np.shape(start)} found, (N, 2) expected for both"
+            )
+        found[:, :2] = start
+        if affine is not None:
+            found[:, 2:6] = np.reshape(affine, (len(at), 4))
+        ended = np.zeros(len(at), dtype=np.int64)
+        match_patches(template.packed, search.packed, at, found, ended, self.rule, self.noise)
+        return Matches(at, found, ended)
+
+    @property
+    def rule(self) -> Rule:
+        """As the kernels want it."""
+        weight = 0.0
+        if self.prior_sd is not None:
+            weight = self._powers.residual * (self.noise_grey / self.prior_sd) ** 2
+        classical = self.form == "classical"
+        return self.patch_px // 2, self.max_iterations, self.tolerance_px, self.max_shift_px, weight, classical
+
+    @property
+    def noise(self) -> Noise:
+        """As the kernels want it."""
+        powers = self._powers
+        of_gradient = powers.gradient_of_search if self.form == "classical" else powers.gradient_of_template
+        return powers.residual, of_gradient, frozen(gaussian_taps(self.smoothing_px), np.float32)
+
+    @cached_property
+    def _taps(self) -> Array:
+        """Smoothing and spline prefilter in one, symmetric (n,)."""
+        return np.convolve(gaussian_taps(self.smoothing_px), spline_taps())
+
+    @cached_property
+    def _powers(self) -> NoisePowers:
+        return noise_powers(self.smoothing_px)

@@ -1,0 +1,232 @@
+"""Surface measurement from two or more images of one moment (D'Apuzzo, Plaenkers, Fua 2000, section 2.2)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import pydantic
+
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array
+from tracker.foundation.configuration.components import component
+from tracker.foundation.errors import ConfigError, MatchingError, nearest
+from tracker.foundation.progress import Progress, silent, within
+from tracker.points.surfaces.coverage import Attempt, Coverage, coverage_of
+from tracker.points.surfaces.curvature import corrected_for_curvature
+from tracker.points.surfaces.filters import NeighbourhoodFilter
+from tracker.points.surfaces.growth import Growth, MatchField
+from tracker.points.surfaces.image_features import Candidates
+from tracker.points.surfaces.matching import LeastSquaresMatching, Matches, PatchImage
+from tracker.points.surfaces.points import SurfacePoints, intersect, voxel_filtered
+from tracker.points.surfaces.seeds import Seeds, matched_seeds
+from tracker.points.surfaces.views import Preparation, PreparedView
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A measured surface, and what it was measured from."""
+
+    points: SurfacePoints
+    views: tuple[PreparedView, ...]
+    template: int
+    """Index of the view that the others were compared with."""
+
+    fields: tuple[MatchField | None, ...]
+    """Matches of each view after filtering, None for the template."""
+
+    coverages: tuple[Coverage | None, ...]
+    """How far the measurement of each view reached, None for the template, and for views of which nothing matched."""
+
+    unmatched: tuple[str, ...] = ()
+    """Why nothing of a view matched, where `min_views` does without it."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know before the surface is used."""
+        names = [view.camera.name for view in self.views]
+        said = [
+            coverage.warning(names[self.template], name)
+            for name, coverage in zip(names, self.coverages, strict=True)
+            if coverage is not None
+        ]
+        return (*self.unmatched, *(warning for warning in said if warning))
+
+
+@component
+class SurfaceMeasurement:
+    """How a surface is measured."""
+
+    template: str | None = None
+    """View that the others are compared with; None for the one in the middle of the views."""
+
+    min_views: int | None = pydantic.Field(default=None, ge=2)
+    """Views, the template included, that must show a point; None for all."""
+
+    max_residual_px: float = pydantic.Field(default=0.5, gt=0)
+    """Points whose rays miss one another by more (RMS of the reprojection) are mismatches, px."""
+
+    max_sigma_mm: float | None = pydantic.Field(default=None, gt=0)
+    """Points less precise than this are left out, mm; None keeps all."""
+
+    voxel_mm: float | None = pydantic.Field(default=None, gt=0)
+    """Points within a voxel of that side are replaced by their centre of gravity, mm; None keeps all."""
+
+    correct_curvature: Literal["auto"] | bool = "auto"
+    """Correct the matches for the curvature of the surface within a patch; `auto`: as far as neighbours agree on it.
+
+    A smooth surface is measured up to 2.5 times more precisely, most so with large patches; rough ones are noisier
+    where all is corrected (true), and hardly are where neighbours must agree.
+    """
+
+    preparation: Preparation = pydantic.Field(default_factory=Preparation)
+    """What is done to the images first."""
+
+    matching: LeastSquaresMatching = pydantic.Field(default_factory=LeastSquaresMatching)
+    """How a patch is found in another view."""
+
+    seeds: Seeds = pydantic.Field(default_factory=Seeds)
+    """Where the first matches are looked for."""
+
+    growth: Growth = pydantic.Field(default_factory=Growth)
+    """How matches spread from there."""
+
+    neighbourhood: NeighbourhoodFilter = pydantic.Field(default_factory=NeighbourhoodFilter)
+    """Which matches contradict their neighbours."""
+
+    def template_of(self, rig: Rig) -> int:
+        """Index of the template view.
+
+        Raises:
+            ConfigError: there is no such view, or no second one.
+        """
+        if len(rig) < 2:
+            raise ConfigError("a surface is measured from two or more views, the rig has one")
+        if self.min_views is not None and self.min_views > len(rig):
+            raise ConfigError(f"min_views = {self.min_views}: there are {len(rig)} views")
+        if self.template is None:
+            return len(rig) // 2 if len(rig) > 2 else 0
+        if self.template not in rig.names:
+            raise ConfigError(f'template = "{self.template}": no such view; {nearest(self.template, rig.names)}')
+        return rig.names.index(self.template)
+
+
+def measure_surface(measurement: SurfaceMeasurement, frame: Frame, rig: Rig, progress: Progress = silent) -> Surface:
+    """Measures the surface that the views of a frame show.
+
+    Prepare the images; per search image: seeds, growth, neighbourhood filter, re-measurement; then merge,
+    forward ray intersection, voxel filter.
+
+    Args:
+        measurement: its parameters.
+        frame: images of all cameras of the rig.
+        rig: the cameras.
+        progress: told how far it is.
+
+    Raises:
+        SequenceError: a view has no image.
+        MatchingError: fewer images than must show a point show a common surface that can be measured; why is said.
+        ConfigError: the parameters do not fit the rig.
+    """
+    template = measurement.template_of(rig)
+    progress("preparing the images", 0, 1)
+    views = measurement.preparation.views(frame, rig)
+    images = tuple(tuple(map(measurement.matching.prepared, view.greys)) for view in views)
+    progress("preparing the images", 1, 1)
+    fields: list[MatchField | None] = [None] * len(views)
+    attempts: list[Attempt | None] = [None] * len(views)
+    min_views, unmatched = measurement.min_views or len(views), list[str]()
+    for v in range(len(views)):
+        if v != template:
+            pairs = tuple(zip(images[template], images[v], strict=True))
+            try:
+                fields[v], attempts[v] = _matched(measurement, (views[template], views[v]), pairs, progress)
+            except MatchingError as error:
+                unmatched.append(str(error))
+                if len(views) - len(unmatched) < min_views:
+                    raise
+                fields[v] = MatchField.empty(pairs[0][0].size, measurement.growth.step_px)
+    cameras = tuple(view.camera for view in views)
+    points = intersect(cameras, template, fields, min_views, measurement.max_residual_px)
+    reach_px = max(measurement.growth.step_px, measurement.matching.patch_px / 2)
+    coverages = tuple(None if a is None else coverage_of(a, points.pixels[template], reach_px) for a in attempts)
+    n_points, points = len(points), _finished(measurement, _coloured(points, views[template], template))
+    if n_points and len(points) == 0:
+        raise MatchingError(
+            f"none of {n_points} points is as precise as {measurement.max_sigma_mm:g} mm (max_sigma_mm): raise it, or "
+            "set views farther from one another"
+        )
+    if len(points) == 0:
+        raise MatchingError(
+            f"no point was matched in {min_views} views with rays that meet within {measurement.max_residual_px:g} px: "
+            "is this the rig of these images? lower min_views if not all views show the surface"
+        )
+    return Surface(points, views, template, tuple(fields), coverages, tuple(unmatched))
+
+
+_Pairs = tuple[tuple[PatchImage, PatchImage], ...]
+"""Template and search image as they are, then of enhanced contrast if that is wanted."""
+
+
+def _matched(
+    measurement: SurfaceMeasurement, views: tuple[PreparedView, PreparedView], pairs: _Pairs, progress: Progress
+) -> tuple[MatchField, Attempt]:
+    """Seeds, growth and neighbourhood filter for one search image."""
+    growth, neighbourhood = measurement.growth, measurement.neighbourhood
+    label = f"{views[0].camera.name} - {views[1].camera.name}"
+    progress = within(progress, label)
+    progress("seeds", 0, len(MatchField.empty(pairs[0][0].size, growth.step_px).ended))
+    cameras = views[0].camera, views[1].camera
+    candidates = measurement.seeds.candidates((views[0].grey8, views[1].grey8), cameras)
+    seeds, faults = _seeds(measurement, candidates, pairs)
+    if not any(len(own.at) for own in seeds):
+        raise MatchingError(
+            f"views {label}: none of {len(candidates.at)} approximate seed points could be matched "
+            f"({Counter(faults).most_common(1)[0][0]}): is the perspective too different for matching.patch_px, or are "
+            "the limits of [growth] too strict?"
+        )
+    field = MatchField.empty(pairs[0][0].size, growth.step_px)
+    for own, images in zip(seeds, pairs, strict=True):
+        field = growth.grown(measurement.matching, images, own, progress, field)
+    for _ in range(neighbourhood.rounds):
+        field = field.without(neighbourhood.doubtful(field))
+        for images in pairs:
+            field = growth.continued(measurement.matching, images, field, within(progress, "again"))
+    field = field.without(neighbourhood.doubtful(field))
+    if measurement.correct_curvature:
+        field = corrected_for_curvature(field, where_consistent=measurement.correct_curvature == "auto")
+    return field, Attempt(candidates.at, sum(len(own.at) for own in seeds), faults)
+
+
+def _seeds(
+    measurement: SurfaceMeasurement, candidates: Candidates, pairs: _Pairs
+) -> tuple[list[Matches], tuple[str, ...]]:
+    """Good seeds of each pair of images, every candidate in the first that shows it, and why the rest failed."""
+    good, faults = [], tuple[str, ...]()
+    for images in pairs:
+        seeds = matched_seeds(candidates, measurement.matching, measurement.growth, images)
+        good.append(seeds.matches)
+        candidates, faults = seeds.failed, seeds.faults
+    return good, faults
+
+
+def _coloured(points: SurfacePoints, view: PreparedView, template: int) -> SurfacePoints:
+    if len(points) == 0:
+        return points
+    columns, rows = np.round(points.pixels[template]).astype(int).T
+    return replace(points, colours=view.picture[rows, columns])
+
+
+def _finished(measurement: SurfaceMeasurement, points: SurfacePoints) -> SurfacePoints:
+    if measurement.max_sigma_mm is not None:
+        points = points.select(points.sigma_m <= measurement.max_sigma_mm / 1000)
+    return voxel_filtered(points, measurement.voxel_mm / 1000) if measurement.voxel_mm else points
+
+
+def residual_rms_px(points: SurfacePoints) -> float:
+    """RMS of the reprojection over all points, px."""
+    squares: Array = points.residual_px**2
+    return float(np.sqrt(squares.mean())) if len(points) else float("nan")

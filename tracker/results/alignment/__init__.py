@@ -1,0 +1,184 @@
+"""Views against each other, by the persons tracked in them: how late each is, and how it is turned.
+
+Nobody sees that a camera runs 10 ms late, or was touched after calibration: poses are a compromise between the views,
+and look like poses. A body that moves tells both. Where a view is late, contours lie behind those of the model by as
+much as they move meanwhile; where it is turned, they lie beside them however the body moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array
+from tracker.results.alignment._gauge import without_common_motion
+from tracker.results.alignment.moments import MOST_MOMENTS
+
+__all__ = ["DelayChange", "ViewAlignment", "beside_most"]
+
+_LATE_FRAMES = 0.2
+"""Delays against the mean of the views from which they are told, frames. Of 90 results of recordings in step one had
+0.14, of somebody who moved slowly, the others 0.1 at most; four whose views were 13, -8 and 19 ms late, of 40, had 0.23
+to 0.33, and were tracked 4 to 15 mm worse. All had `MOST_MOMENTS` or more: what a body does not fit by scatters less
+over many. Of ten moments of a dry run, with a scaled body, views in step seemed 0.2 frames late, twelve deviations."""
+
+_LATE_M = 0.004
+"""How far the joints move meanwhile, on average, from which delays are told, metres. Of somebody of whom forearms alone
+turn, in step, a view seemed 0.19 frames late, 2 mm; the four late recordings had 9 to 25 mm."""
+
+_TURNED_PX = 1.5
+"""Turns from which they are told, px at the middle of an image that shows a person some 300 px high. Of the same 90
+none had more than 0.8 but the real man, whose calibration was estimated twice: 1.6 to 3.0. Tracked with the rig as he
+showed it he leaves 4.3 px of contour over instead of 4.6. Cameras turned by 0.2 degrees had 1.2 to 2.6."""
+
+_CHANGED_FRAMES = 0.5
+"""Change of a view's delay during a recording from which it is told, frames."""
+
+_SURE = 5.0
+"""Standard deviations that all are told from."""
+
+
+@dataclass(frozen=True)
+class DelayChange:
+    """Delays that are not the same all along: a view dropped or repeated frames, or its clock runs at another rate."""
+
+    between: tuple[int, int]
+    """Numbers of the frames that it lies between."""
+
+    before_s: Array
+    """(V,) how much later than the first view each one is up to the first of them, seconds."""
+
+    after_s: Array
+    """(V,) the same from the second of them on."""
+
+    sigmas_s: Array
+    """(V,) standard deviations of `steps_s`."""
+
+    @property
+    def steps_s(self) -> Array:
+        """(V,) how much later than before each view is, seconds."""
+        return self.after_s - self.before_s
+
+    def likely(self, interval_s: float) -> bool:
+        """Whether a view's delay changes, beyond doubt, by what is no scatter of frames."""
+        return bool((np.abs(self.steps_s) > np.maximum(_CHANGED_FRAMES * interval_s, _SURE * self.sigmas_s)).any())
+
+    def told(self, names: tuple[str, ...]) -> str:
+        """The finding, in one line."""
+        last, first = self.between
+        v = int(np.argmax(np.abs(self.steps_s)))
+        step_ms = 1000 * float(self.steps_s[v])
+        return (
+            f"{names[v]} runs {abs(step_ms):.0f} ms {'later' if step_ms > 0 else 'earlier'} from some frame between "
+            f"{last} and {first} on than before: it dropped or repeated frames, or its clock is another one; "
+            "repair its images, or bring the poses to one moment with `bodytrack result align RESULT`"
+        )
+
+
+def beside_most(delays: Array) -> Array:
+    """Delays (..., V) without what most views have in common; of two views without the first one's."""
+    if delays.shape[-1] == 2:
+        return delays - delays[..., :1]
+    return delays - np.median(delays, axis=-1, keepdims=True)
+
+
+@dataclass(frozen=True)
+class ViewAlignment:
+    """How late views are, and how their cameras are turned against the rig."""
+
+    rig: Rig
+    """As persons were tracked with."""
+
+    interval_s: float
+    """From one frame to the next, seconds."""
+
+    delays_s: Array
+    """(V,) how much later than the first view each one saw what it calls the same frame, seconds."""
+
+    delay_sigmas_s: Array
+    """(V,) their standard deviations; 0 of the first view."""
+
+    turns: Array
+    """(V, 3) rotation vector, in camera coordinates, from what the rig says to what the persons show, rad."""
+
+    turn_sigmas: Array
+    """(V, 3) their standard deviations."""
+
+    n_moments: int
+    """Frames and persons that told so."""
+
+    middle: Array
+    """(3,) where the persons were, metres."""
+
+    speed_m_per_s: float
+    """Mean speed of the joints there, see `tracker.results.alignment.moments.speed`."""
+
+    change: DelayChange | None = None
+    """Of delays during the recording, where there is one; `delays_s` is then a compromise."""
+
+    @cached_property
+    def late_frames(self) -> Array:
+        """(V,) delays against the mean of the views, frames."""
+        late: Array = (self.delays_s - self.delays_s.mean()) / self.interval_s
+        return late
+
+    @property
+    def out_of_step(self) -> bool:
+        """Whether views are late, beyond doubt and by what matters."""
+        sigmas, most = float(self.delay_sigmas_s.max()) / self.interval_s, float(np.abs(self.late_frames).max())
+        matters = most * self.interval_s * self.speed_m_per_s > _LATE_M
+        least = _LATE_FRAMES * max(1.0, float(np.sqrt(MOST_MOMENTS / max(self.n_moments, 1))))
+        return matters and most > max(least, _SURE * sigmas)
+
+    @property
+    def late(self) -> bool:
+        """Whether poses are not those of one moment: views are out of step, all along or from some frame on."""
+        return self.out_of_step or self.change is not None
+
+    def delays_at(self, frame: int) -> Array:
+        """(V,) delays of the views in a frame of some number, seconds."""
+        if self.change is None:
+            return self.delays_s
+        return self.change.before_s if frame <= self.change.between[0] else self.change.after_s
+
+    @cached_property
+    def turned_px(self) -> Array:
+        """(V,) how far turns move the middle of each image, px; without what moving the persons would do as well."""
+        moved = np.linalg.norm(without_common_motion(self.rig, self.turns, self.middle), axis=1)
+        shown: Array = moved * [camera.matrix[0, 0] for camera in self.rig.cameras]
+        return shown
+
+    @property
+    def turned(self) -> tuple[str, ...]:
+        """Views whose cameras are turned, beyond doubt and by what matters."""
+        sigmas = self.turn_sigmas.max(axis=1) * [camera.matrix[0, 0] for camera in self.rig.cameras]
+        least = np.maximum(_TURNED_PX, _SURE * sigmas)
+        return tuple(name for name, px, low in zip(self.rig.names, self.turned_px, least, strict=True) if px > low)
+
+    def findings(self) -> tuple[str, ...]:
+        """What can hardly be right, in one line each, and what to do; none where all is as it should be."""
+        told = []
+        if self.change is not None:
+            told.append(self.change.told(self.rig.names))
+        elif self.out_of_step:
+            first, *others = self.rig.names
+            late = ", ".join(f"{n} {1000 * s:+.0f} ms" for n, s in zip(others, self.delays_s[1:], strict=True))
+            told.append(
+                f"views are out of step with {first} by parts of a frame: {late}; synchronize the cameras, or bring "
+                "the poses to one moment with `bodytrack result align RESULT`"
+            )
+        if self.turned:
+            degrees = np.degrees(np.linalg.norm(self.turns, axis=1))
+            beside = ", ".join(
+                f"{name} {degrees[v]:.2f} degrees ({self.turned_px[v]:.1f} px)"
+                for v, name in enumerate(self.rig.names)
+                if name in self.turned
+            )
+            told.append(
+                f"cameras are turned against the calibration: {beside}; calibrate again, or track with the rig that "
+                "`bodytrack result align RESULT --rig turned.toml` writes"
+            )
+        return tuple(told)

@@ -1,0 +1,64 @@
+"""A recording of a marker system: where each marker was when, in its own world and by its own clock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tracker.foundation.arrays import Array, Mask, frozen, shape_fault
+from tracker.foundation.errors import SequenceError
+
+
+@dataclass(frozen=True)
+class Markers:
+    """Trajectories of the markers.
+
+    Raises:
+        SequenceError: the arrays do not fit one another, or time does not run forwards.
+    """
+
+    names: tuple[str, ...]
+    """Of the M markers, as the file calls them."""
+
+    times_s: Array
+    """(T,) seconds of the marker system's clock, increasing."""
+
+    points: Array
+    """(T, M, 3) metres in the marker system's world, NaN where a marker was not seen."""
+
+    remarks: tuple[str, ...] = ()
+    """What the file holds and is not read, or tells in two ways, each a line for who looks at the result."""
+
+    def __post_init__(self) -> None:
+        fault = shape_fault(self.points, len(self.times_s), len(self.names), 3)
+        if fault:
+            raise SequenceError(f"markers: {fault}")
+        if len(self.times_s) < 2 or not (np.diff(self.times_s) > 0).all():
+            raise SequenceError("markers: expected two frames or more, each later than the one before")
+        object.__setattr__(self, "times_s", frozen(self.times_s))
+        object.__setattr__(self, "points", frozen(self.points))
+
+    @property
+    def rate_hz(self) -> float:
+        """Usual number of frames a second."""
+        return 1.0 / float(np.median(np.diff(self.times_s)))
+
+    @property
+    def gaps(self) -> float:
+        """Share of the positions that are missing."""
+        return float(np.isnan(self.points[..., 0]).mean())
+
+
+def without_gaps(points: Array) -> Array:
+    """Points (..., 3) of a file with NaN where a position is incomplete, endless, or exactly the origin.
+
+    Marker systems that have no sign for a gap write zeros; nobody wears a marker at the origin to the last digit.
+    """
+    missing: Mask = ~(np.abs(points) < _ENDLESS).all(axis=-1) | (points == 0).all(axis=-1)
+    kept: Array = np.where(missing[..., None], np.nan, points)
+    return kept
+
+
+_ENDLESS = 1e20
+"""In any unit: NDI's systems (Optotrak, Polaris) write -3.697314e28 for what they do not see."""

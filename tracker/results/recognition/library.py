@@ -1,0 +1,186 @@
+"""A library of movements: a folder for each, with a table of every performance.
+
+`walk/movement.toml` says what the movement is, `walk/anna.csv` how somebody performs it: 25 rows a second with the
+directions of the limbs (see `tracker.results.recognition.limb_directions`). Nothing in it is code, a place or a likeness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pydantic
+
+from tracker.foundation.arrays import Array32, frozen
+from tracker.foundation.errors import ConfigError, nearest
+from tracker.foundation.resources import models_folder
+from tracker.foundation.source_files import cells_of, number_in, rows_of, toml_of
+from tracker.results.recognition.limb_directions import FEATURES, LIMBS, RATE_HZ
+
+LEAST_FRAMES = 8
+"""A third of a second: shorter performances fit almost anything."""
+
+MOST_FRAMES = 1500
+"""A minute: the time that matching takes grows with the library."""
+
+_UNIT = 0.02
+"""Directions are unit vectors to the three digits that files have."""
+
+
+class Description(pydantic.BaseModel):
+    """What `movement.toml` says."""
+
+    model_config = pydantic.ConfigDict(extra="forbid", frozen=True)
+
+    about: str = ""
+    repeats: bool = False
+    """Whether it goes round, as walking does: it may then begin and end anywhere. A performance is one round."""
+
+    told_by: tuple[str, ...] = ()
+    """Directions that count, for instance those of the legs where the arms may do anything; empty for all."""
+
+    source: str = ""
+    """Where the performances come from, and on what terms."""
+
+
+@dataclass(frozen=True)
+class Movement:
+    """A movement that is known."""
+
+    name: str
+    description: Description
+    performances: dict[str, Array32]
+    """Performance -> (T, L, 3) unit directions of the library's features, at `RATE_HZ`."""
+
+
+@dataclass(frozen=True)
+class Library:
+    """Movements that are known, by name."""
+
+    movements: dict[str, Movement] = field(default_factory=dict)
+    features: tuple[str, ...] = FEATURES
+    """What the directions are those of: a person's limbs, or the segments of another body."""
+
+    def without(self, performance: str) -> Library:
+        """The library without all performances of one name; movements that have no other are gone."""
+        kept = {}
+        for name, movement in self.movements.items():
+            others = {key: value for key, value in movement.performances.items() if key != performance}
+            if others:
+                kept[name] = Movement(name, movement.description, others)
+        return replace(self, movements=kept)
+
+
+def bundled_library() -> Path:
+    """Folder of the library that comes with the package."""
+    return models_folder() / "movements"
+
+
+def load_library(folders: tuple[Path, ...]) -> Library:
+    """Loads movements; performances of one movement in several folders add up.
+
+    Args:
+        folders: of libraries, each counts once; empty for the one that comes with the package.
+
+    Raises:
+        ConfigError: a folder is none, two are of other bodies, or something is damaged; the file is named.
+    """
+    movements: dict[str, Movement] = {}
+    chosen = list({folder.resolve(): folder for folder in folders or (bundled_library(),)}.values())
+    features = features_in(chosen[0])
+    for folder in chosen:
+        if features_in(folder) != features:
+            raise ConfigError(f"{folder}: movements of another body than those in {chosen[0]}: expected one's alone")
+        for movement in _movements_in(folder, features):
+            known = movements.get(movement.name)
+            if known is not None and known.description.repeats != movement.description.repeats:
+                raise ConfigError(
+                    f'{folder / movement.name}: "repeats" is {told(movement.description.repeats)}, and '
+                    f"{told(known.description.repeats)} in another library: make them agree"
+                )
+            performances = dict(known.performances) if known else {}
+            for name, directions in movement.performances.items():
+                # one of a name that another library has, too, is told apart by where it is
+                performances[f"{folder}/{name}" if name in performances else name] = directions
+            movements[movement.name] = Movement(movement.name, (known or movement).description, performances)
+    return Library(movements, features)
+
+
+def columns_of(features: tuple[str, ...]) -> list[str]:
+    """Head of a performance's table."""
+    return ["time_s", *(f"{name}_{axis}" for name in features for axis in "xyz")]
+
+
+def features_in(folder: Path) -> tuple[str, ...]:
+    """What a library's directions are those of, by the head of its first table; a person's if that does not tell."""
+    first = next(iter(sorted(folder.glob("*/*.csv"))), None)
+    head = [] if first is None else next(iter(cells_of(first, ConfigError)), [])
+    names = tuple(name.removesuffix("_x") for name in head if name.endswith("_x"))
+    whole = set(columns_of(names)) == set(head)
+    of_another = set(names) != set(FEATURES) and (whole or not set(names) & set(LIMBS))
+    return names if names and of_another else FEATURES
+
+
+def told(value: bool) -> str:
+    """A truth value as TOML has it."""
+    return str(value).lower()
+
+
+def _movements_in(folder: Path, features: tuple[str, ...]) -> Iterator[Movement]:
+    if not folder.is_dir():
+        raise ConfigError(f"{folder}: no such folder, expected a library of movements")
+    inner = sorted(path for path in folder.iterdir() if path.is_dir() and (path / "movement.toml").is_file())
+    if not inner:
+        raise ConfigError(
+            f"{folder}: no movement in it, expected folders with movement.toml and CSV tables; "
+            "bodytrack result recognize RESULT NAME --add makes one"
+        )
+    for path in inner:
+        tables = sorted(path.glob("*.csv"))
+        if not tables:
+            raise ConfigError(f"{path}: no CSV table in it, expected one a performance")
+        yield Movement(path.name, description_in(path), {table.stem: _directions(table, features) for table in tables})
+
+
+def description_in(folder: Path) -> Description:
+    """What the `movement.toml` of a movement's folder says.
+
+    Raises:
+        ConfigError: it is damaged.
+    """
+    path = folder / "movement.toml"
+    table = toml_of(path, ConfigError)
+    for key in table:
+        if key not in Description.model_fields:
+            raise ConfigError(f'{path}: unknown key "{key}"; {nearest(key, Description.model_fields)}')
+    try:
+        return Description(**table)
+    except pydantic.ValidationError as error:
+        first = error.errors()[0]
+        raise ConfigError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+
+
+def _directions(path: Path, features: tuple[str, ...]) -> Array32:
+    """(T, L, 3) of a performance's table.
+
+    Raises:
+        ConfigError: it is no such table.
+    """
+    rows, columns = rows_of(path, ConfigError), columns_of(features)
+    unknown = next((name for name in rows[0] if name not in columns), None)
+    if unknown is not None:
+        raise ConfigError(f'{path}: unknown column "{unknown}"; {nearest(unknown, columns)}')
+    values = np.array([[number_in(row, column, path, ConfigError) for column in columns] for row in rows])
+    if not LEAST_FRAMES <= len(values) <= MOST_FRAMES:
+        raise ConfigError(f"{path}: {len(values)} rows, expected {LEAST_FRAMES} to {MOST_FRAMES}")
+    if np.abs(np.diff(values[:, 0]) * RATE_HZ - 1).max() > 0.01:
+        raise ConfigError(f"{path}: the times are not {1 / RATE_HZ:g} s apart, expected {RATE_HZ:g} rows a second")
+    directions = values[:, 1:].reshape(len(values), -1, 3)
+    lengths = np.linalg.norm(directions, axis=-1)
+    t, limb = np.unravel_index(np.abs(lengths - 1).argmax(), lengths.shape)
+    if abs(lengths[t, limb] - 1) > _UNIT:
+        raise ConfigError(f"{path}: {features[limb]} in row {t + 1} has length {lengths[t, limb]:.2f}, expected 1")
+    directed: Array32 = frozen(directions / lengths[..., None], np.float32)
+    return directed

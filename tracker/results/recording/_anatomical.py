@@ -1,0 +1,173 @@
+"""Joint angles as the International Society of Biomechanics defines them.
+
+Wu et al., J. Biomechanics 35, 2002 (hip, ankle, spine) and 38, 2005 (shoulder, elbow); knee after Grood and Suntay,
+J. Biomech. Eng. 105, 1983. Segment axes are x forwards, y up, z to the right in the model's reference pose,
+upright with the limbs straight down, which is where all angles are zero.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tracker.bodies.body import BodyModel
+from tracker.foundation.arrays import Array
+from tracker.results.recording._motion import Y_UP
+
+_MIRRORED = np.diag([1.0, 1.0, -1.0])
+"""Left limbs are reflected onto the right side, as the standard asks for."""
+
+_NO_PLANE_DEG = 5.0
+"""Elevation of an upper arm from straight down, or up, below which the plane of its elevation says nothing."""
+
+_NOTHING = 1e-9
+"""Rad, of an angle that stays zero whatever the pose."""
+
+_STEP = 1e-6
+"""By which parameters are changed to see how angles change, rad and m."""
+
+_UPRIGHT = np.cos(np.radians(20.0))
+"""Limbs of a reference pose hang down if they are nearer to the vertical than this."""
+
+
+@dataclass(frozen=True)
+class AnatomicalJoint:
+    """A joint with angles of its own."""
+
+    name: str
+    """For instance `left_knee`."""
+
+    proximal: int
+    """Segment that is at rest for it."""
+
+    distal: int
+    """Segment that moves."""
+
+    angles: tuple[str, ...]
+    """Their names, for instance `flexion`."""
+
+    measured: Callable[[Array], Array]
+    """Rotations (T, 3, 3) of the distal in the proximal segment, in the standard's axes -> angles, rad, a row each."""
+
+    mirrored: bool
+    """Whether it is on the left."""
+
+    columns: tuple[int, ...]
+    """Which of the measured angles are those named."""
+
+    def of(self, turns: Array) -> Array:
+        """Angles (T, A), rad, of rotations (T, S, 3, 3) of all segments in the world."""
+        relative = turns[:, self.proximal].transpose(0, 2, 1) @ turns[:, self.distal]
+        standard = Y_UP @ relative @ Y_UP.T
+        measured = self.measured(_MIRRORED @ standard @ _MIRRORED if self.mirrored else standard)
+        return measured[:, list(self.columns)]
+
+    def changing_in(self, turns: Array) -> AnatomicalJoint:
+        """The joint without those angles that are zero in all of some rotations (T, S, 3, 3)."""
+        moves = ~(np.abs(self.of(turns)) < _NOTHING).all(axis=0)  # an angle that says nothing is none that stays zero
+        angles, columns = (tuple(np.compress(moves, of).tolist()) for of in (self.angles, self.columns))
+        return replace(self, angles=angles, columns=columns)
+
+
+def angles_of(joints: Sequence[AnatomicalJoint], body: BodyModel, q: Array, covariance: Array) -> tuple[Array, Array]:
+    """Angles of all joints at a pose, and their standard deviations.
+
+    Args:
+        joints: of the body.
+        body: whose pose it is.
+        q: (dof,) rad and m.
+        covariance: (dof, dof) of it, which is carried on to the angles to first order.
+
+    Returns:
+        (A,) and (A,) degrees; NaN where an angle says nothing, or where nothing is known of the pose.
+    """
+    poses = np.vstack([q, q + _STEP * np.eye(body.dof)])
+    turns = body.world_from_parameters(poses)[:, [segment.end for segment in body.segments], :3, :3]
+    angles = np.concatenate([joint.of(turns) for joint in joints], axis=1)
+    rates = (np.remainder(angles[1:] - angles[0] + np.pi, 2 * np.pi) - np.pi) / _STEP
+    variances = np.einsum("ka,kl,la->a", rates, covariance, rates)
+    return np.degrees(angles[0]), np.degrees(np.sqrt(np.maximum(variances, 0.0)))
+
+
+def joints_of(body: BodyModel) -> list[AnatomicalJoint]:
+    """The joints that the standard has angles for, with those that the body can have.
+
+    None for a body whose landmarks are no person's.
+    """
+    segments = {segment.name: k for k, segment in enumerate(body.segments)}
+    holders = {mark.name: segments[mark.segment] for mark in body.landmarks if mark.segment in segments}
+    found = []
+    for name, (proximal, distal, angles, measured) in _JOINTS.items():
+        for side in ("left_", "right_") if name in _SIDED else ("",):
+            ends = [mark if mark in ("pelvis", "neck", "head_top") else side + mark for mark in (proximal, distal)]
+            if set(ends) <= set(holders) and holders[ends[0]] != holders[ends[1]]:
+                pair = holders[ends[0]], holders[ends[1]]
+                columns = tuple(range(len(angles)))
+                found.append(AnatomicalJoint(side + name, *pair, angles, measured, side == "left_", columns))
+    turns = _all_turned(body)
+    return [joint for joint in (one.changing_in(turns) for one in found) if joint.angles]
+
+
+def _all_turned(body: BodyModel) -> Array:
+    """Rotations (2, S, 3, 3) of the segments in the world, every joint turned, by other angles, one way and the other.
+
+    What no parameter between two segments turns about is zero in both; limits may forbid one way.
+    """
+    turned = np.linspace(0.3, 0.6, body.dof)
+    poses = np.stack([body.clamped(turned), body.clamped(-turned)])
+    return body.world_from_parameters(poses)[:, [segment.end for segment in body.segments], :3, :3]
+
+
+def leaning_limb(body: BodyModel) -> str:
+    """A limb that does not hang down in the reference pose, so that its angles would not be the standard's; or none."""
+    places = {mark.name: mark.point for mark in body.landmarks}
+    for side in ("left", "right"):
+        for upper, lower in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist")):
+            ends = f"{side}_{upper}", f"{side}_{lower}"
+            if set(ends) <= set(places):
+                bone = places[ends[1]] - places[ends[0]]
+                if -bone[2] < _UPRIGHT * np.linalg.norm(bone):
+                    return f"{ends[0]} to {ends[1]}"
+    return ""
+
+
+def _hinged(signs: tuple[float, float, float], n_angles: int) -> Callable[[Array], Array]:
+    """Angles about z, the floating x and y (Grood and Suntay's joint coordinate system), times signs."""
+    return lambda turns: np.array(signs[:n_angles]) * _euler(turns, "ZXY")[:, :n_angles]
+
+
+def _shoulder(turns: Array) -> Array:
+    """Plane of elevation, elevation and axial rotation: y x y, with the negative turn about x (Wu 2005, 2.4.7)."""
+    first, elevation, second = _euler(turns, "YXY").T
+    plane, axial = (np.remainder(angle, 2 * np.pi) - np.pi for angle in (first, second))
+    hanging = np.minimum(elevation, np.pi - elevation) < np.radians(_NO_PLANE_DEG)
+    angles: Array = np.stack([plane, elevation, axial], axis=1)
+    angles[hanging, 0] = angles[hanging, 2] = np.nan
+    return angles
+
+
+def _euler(turns: Array, order: Literal["ZXY", "YXY"]) -> Array:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that the outer axes coincide
+        angles: Array = Rotation.from_matrix(turns).as_euler(order)
+    return angles
+
+
+_JOINTS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Array], Array]]] = {
+    "trunk": ("pelvis", "neck", ("flexion", "lateral_bending", "axial_rotation"), _hinged((-1, 1, 1), 3)),
+    "neck": ("neck", "head_top", ("flexion", "lateral_bending", "axial_rotation"), _hinged((-1, 1, 1), 3)),
+    "shoulder": ("neck", "shoulder", ("plane_of_elevation", "elevation", "axial_rotation"), _shoulder),
+    "elbow": ("shoulder", "elbow", ("flexion",), _hinged((1, 1, 1), 1)),
+    "hip": ("pelvis", "hip", ("flexion", "adduction", "internal_rotation"), _hinged((1, 1, 1), 3)),
+    "knee": ("hip", "knee", ("flexion",), _hinged((-1, 1, 1), 1)),
+    "ankle": ("knee", "ankle", ("dorsiflexion",), _hinged((1, 1, 1), 1)),
+}
+"""Joint -> landmarks on its proximal and its distal segment, its angles, and how they are measured."""
+
+_SIDED = {"shoulder", "elbow", "hip", "knee", "ankle"}
+"""Those that there are two of."""

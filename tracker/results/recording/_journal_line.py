@@ -1,0 +1,204 @@
+"""One line of the journal: a step as text, and back to the same bits."""
+
+from __future__ import annotations
+
+import json
+import math
+import zlib
+from base64 import b85decode, b85encode
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tracker.evidence.measures.account import Account
+from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.errors import SequenceError
+from tracker.results.recording._kept_covariance import covariance_of, kept, unpacked
+from tracker.tracking.doubt import Because, Doubt
+from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.trajectory import Replay, Step
+
+_LISTS = "per_view_px", "per_part_px", "visible_px", "explained_px", "missed_px"
+_MASKS = "not_shown", "hidden"
+
+_LARGEST = 2**20
+"""Bytes of an account: thousands of parts."""
+
+
+def as_kept(step: Step) -> Step:
+    """The step with covariances as the journal keeps them, so that a resumed run goes on from the same numbers."""
+    return replace(step, estimates=tuple(_as_kept(estimate) for estimate in step.estimates))
+
+
+def line_of(step: Step) -> str:
+    """The line of a frame, with its end."""
+    return json.dumps(_line(step), separators=(",", ":")) + "\n"
+
+
+def replay_of(line: bytes) -> Replay:
+    """What a line tells.
+
+    Raises:
+        SequenceError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError: no such line.
+    """
+    entry = json.loads(line)
+    overlap, time_s = entry["overlap"], float(entry["time_s"])
+    if not math.isfinite(time_s):
+        raise SequenceError("a time that is not finite")
+    return Replay(
+        index=int(entry["frame"]),
+        time_s=time_s,
+        estimates=tuple(_estimate(values) for values in entry["estimates"]),
+        seconds={str(stage): float(value) for stage, value in entry["seconds"].items()},
+        overlap=None if overlap is None else _unpacked(overlap),
+        untrusted={int(v): str(fault) for v, fault in entry["untrusted"].items()},
+        strangers=bool(entry.get("strangers", False)),
+        start_confidence=_confidences(entry.get("start_confidence", [])),
+    )
+
+
+def _line(step: Step) -> dict[str, Any]:
+    return {
+        "frame": step.frame.index,
+        "time_s": step.frame.time_s,
+        "seconds": {stage: round(value, 5) for stage, value in step.seconds.items()},
+        "overlap": None if step.overlap is None else _packed(step.overlap),
+        "untrusted": {str(v): fault for v, fault in step.untrusted.items()},
+        **({"strangers": True} if step.strangers else {}),
+        **({"start_confidence": list(step.start_confidence)} if step.start_confidence else {}),
+        "estimates": [_to_json(estimate) for estimate in step.estimates],
+    }
+
+
+def _confidences(values: list[Any]) -> tuple[float, ...]:
+    told = tuple(float(value) for value in values)
+    if not all(0 <= value <= 1 for value in told):
+        raise SequenceError("a confidence that is not between 0 and 1")
+    return told
+
+
+def _to_json(estimate: Estimate) -> dict[str, Any]:
+    variances, correlations = kept(estimate.covariance).packed()
+    return {
+        "q": _packed(estimate.q),
+        "variances": b85encode(variances).decode(),
+        "correlations": b85encode(correlations).decode(),
+        "distance_px": estimate.account.distance_px,
+        "views": len(estimate.account.per_view_px),
+        "account": _deflated(np.concatenate([getattr(estimate.account, name) for name in _LISTS])),
+        **{name: places for name in _MASKS if (places := _places(getattr(estimate.account, name)))},
+        "penalty_px": estimate.penalty_px,
+        "evaluations": estimate.evaluations,
+        "search_s": estimate.search_s,
+        "status": str(estimate.status),
+        "doubts": [doubt.as_row() for doubt in estimate.doubts],
+        **({} if estimate.joint_sigmas_m is None else {"joint_sigmas_m": _packed(estimate.joint_sigmas_m, "<f4")}),
+    }
+
+
+def _estimate(values: dict[str, Any]) -> Estimate:
+    q = _unpacked(values["q"])
+    if not np.isfinite(q).all():
+        raise SequenceError("a pose that is not finite")
+    covariance = unpacked(b85decode(values["variances"]), b85decode(values["correlations"]))
+    if len(covariance.variances) != len(q):
+        raise SequenceError(f"{len(covariance.variances)} variances of {len(q)} parameters")
+    per_view_px, per_part_px, visible_px, explained_px, missed_px = _inflated(values["account"], int(values["views"]))
+    not_shown, hidden = (_mask(values.get(name, []), (len(per_view_px), len(per_part_px))) for name in _MASKS)
+    return Estimate(
+        q=q,
+        covariance=covariance_of(covariance),
+        account=Account(
+            float(values["distance_px"]),
+            per_view_px,
+            per_part_px,
+            visible_px,
+            explained_px,
+            missed_px,
+            not_shown=not_shown,
+            hidden=hidden,
+        ),
+        penalty_px=float(values["penalty_px"]),
+        evaluations=int(values["evaluations"]),
+        search_s=float(values["search_s"]),
+        status=Status(values["status"]),
+        doubts=_untold(values) if "doubts" not in values else tuple(map(Doubt.of_row, values["doubts"])),
+        joint_sigmas_m=_sigmas(values.get("joint_sigmas_m")),
+    )
+
+
+def _untold(values: dict[str, Any]) -> tuple[Doubt, ...]:
+    """Doubts of a line that was written before reasons were kept."""
+    vague = {str(limb) for limb in values.get("vague", ())}
+    whole = [Doubt("", Because.UNTOLD)] if values["doubtful"] or values["status"] == Status.LOST else []
+    limbs = [str(limb) for limb in values["ambiguous"]]
+    return (*whole, *(Doubt(limb, Because.HARDLY_SEEN if limb in vague else Because.UNTOLD) for limb in limbs))
+
+
+def _sigmas(text: str | None) -> Array | None:
+    """Those of joints; None for none.
+
+    Raises:
+        SequenceError: they cannot be standard deviations.
+    """
+    sigmas_m = None if text is None else _unpacked(text, "<f4")
+    if sigmas_m is not None and not (np.isfinite(sigmas_m).all() and (sigmas_m >= 0).all()):
+        raise SequenceError("sigmas of joints that are negative or not finite")
+    return sigmas_m
+
+
+def _as_kept(estimate: Estimate) -> Estimate:
+    sigmas_m = estimate.joint_sigmas_m
+    short = None if sigmas_m is None else sigmas_m.astype(np.float32).astype(np.float64)
+    return replace(estimate, covariance=covariance_of(kept(estimate.covariance)), joint_sigmas_m=short)
+
+
+def _places(mask: Mask | None) -> list[list[int]]:
+    """View and part of all that is true."""
+    return [] if mask is None else np.argwhere(mask).tolist()
+
+
+def _mask(places: list[list[int]], shape: tuple[int, int]) -> Mask | None:
+    """A mask (V, P) that is true in some places; None for no place.
+
+    Raises:
+        SequenceError: a place is outside of it.
+    """
+    if not places:
+        return None
+    mask, rows = np.zeros(shape, dtype=np.bool_), np.array(places, dtype=np.int64).reshape(-1, 2)
+    if (rows < 0).any() or (rows >= shape).any():
+        raise SequenceError(f"a part hidden from a view that is none of {shape[1]} parts or {shape[0]} views")
+    mask[tuple(rows.T)] = True
+    return mask
+
+
+def _packed(values: Array, kind: str = "<f8") -> str:
+    return b85encode(np.asarray(values, dtype=kind).tobytes()).decode()
+
+
+def _unpacked(text: str, kind: str = "<f8") -> Array:
+    return np.frombuffer(b85decode(text), dtype=kind).astype(np.float64)
+
+
+def _deflated(values: Array) -> str:
+    """Packed numbers, compressed: most of what is visible is explained, and most parts miss nothing."""
+    return b85encode(zlib.compress(np.asarray(values, dtype="<f8").tobytes(), 9)).decode()
+
+
+def _inflated(text: str, n_views: int) -> list[Array]:
+    """The lists of an account.
+
+    Raises:
+        SequenceError: it is no such text, or longer than any account.
+    """
+    inflating = zlib.decompressobj()
+    try:
+        content = inflating.decompress(b85decode(text), _LARGEST)
+    except zlib.error as error:
+        raise SequenceError(str(error)) from error
+    if inflating.unconsumed_tail or not inflating.eof:
+        raise SequenceError("an account that is too long or torn")
+    values = np.frombuffer(content, dtype="<f8").astype(np.float64)
+    return [values[:n_views], *values[n_views:].reshape(len(_LISTS) - 1, -1)]

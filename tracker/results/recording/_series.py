@@ -1,0 +1,202 @@
+"""Numbers collected over a run."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tracker.bodies.scene import Scene
+from tracker.evidence.measures.occlusion import hidden_limbs
+from tracker.foundation.arrays import Array
+from tracker.tracking.doubt import Because, Doubt, in_words
+from tracker.tracking.doubts import Judged, reasons_in, worst_first
+from tracker.tracking.estimate import Status
+from tracker.tracking.trajectory import Step
+
+AMBIGUOUS = "limb ambiguous"
+"""The state of a frame in which a limb may be elsewhere and nothing worse is told."""
+
+_GRAVE = Status.DOUBTFUL, Status.LOST
+
+
+@dataclass(frozen=True)
+class Bad:
+    """A frame to look at."""
+
+    frame: int
+    time_s: float
+    person: str
+    status: str
+    why: str
+    """The reasons; empty where nothing is in doubt."""
+
+    explained: float
+    distance_px: float
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Frames in which the same is told of a person."""
+
+    share: float
+    """Of the run's time."""
+
+    state: str
+    """A status, or `AMBIGUOUS` where nothing worse is told than that a limb may be elsewhere."""
+
+    first: int
+    last: int
+    """Numbers of the first and the last frame."""
+
+    why: str
+    """The reasons, of all its frames together; empty where nothing is in doubt."""
+
+
+@dataclass
+class Series:
+    """Per-frame numbers of all persons; the state of a recorder that plots."""
+
+    scene: Scene
+    frames: list[int] = field(default_factory=list)
+    times_s: list[float] = field(default_factory=list)
+    poses: list[list[Array]] = field(default_factory=list)
+    sigmas: list[list[Array]] = field(default_factory=list)
+    distances: list[list[float]] = field(default_factory=list)
+    explained: list[list[float]] = field(default_factory=list)
+    statuses: list[list[str]] = field(default_factory=list)
+    ambiguous: list[list[tuple[str, ...]]] = field(default_factory=list)
+    reasons: list[list[tuple[Doubt, ...]]] = field(default_factory=list)
+    why: Counter[tuple[str, Because]] = field(default_factory=Counter)
+    """What is in doubt and why -> frames."""
+
+    n_in_doubt: int = 0
+    """Frames in which anything is."""
+
+    hidden: dict[str, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
+    """View -> limb -> frames in which something hid it there."""
+
+    overlaps: list[Array] = field(default_factory=list)
+    seconds: list[dict[str, float]] = field(default_factory=list)
+    missing: Counter[str] = field(default_factory=Counter)
+    untrusted: Counter[str] = field(default_factory=Counter)
+    starts: dict[str, dict[str, float]] = field(default_factory=dict)
+    """Person -> frame and confidence of the first start."""
+
+    strangers: int = 0
+    """Frames in which somebody who is none of the persons was beside them."""
+
+    def add(self, step: Step) -> None:
+        """Takes the numbers of one frame."""
+        self.frames.append(step.frame.index)
+        self.times_s.append(step.frame.time_s)
+        self.poses.append([estimate.q for estimate in step.estimates])
+        self.sigmas.append([np.sqrt(np.maximum(np.diag(e.covariance), 0)) for e in step.estimates])
+        self.distances.append([estimate.distance_px for estimate in step.estimates])
+        self.explained.append([estimate.account.explained for estimate in step.estimates])
+        self.statuses.append([str(estimate.verdict) for estimate in step.estimates])
+        self.ambiguous.append([estimate.ambiguous for estimate in step.estimates])
+        self.reasons.append([estimate.reasons for estimate in step.estimates])
+        self.why.update(reasons_in(step))
+        self.n_in_doubt += any(estimate.doubts for estimate in step.estimates)
+        for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+            for v, limb in hidden_limbs(person.body, estimate.account):
+                self.hidden[self.scene.rig.names[v]][limb] += 1
+        missing = np.full(len(self.scene.rig), np.nan)
+        self.overlaps.append(missing if step.overlap is None else step.overlap)
+        self.seconds.append(step.seconds)
+        self.missing.update(self.scene.rig.names[v] for v in step.frame.missing)
+        self.untrusted.update(self.scene.rig.names[v] for v in step.untrusted)
+        self.strangers += step.strangers
+        if not self.starts:
+            told = zip(step.scene.persons, step.start_confidence, strict=False)
+            self.starts = {who.name: {"frame": step.frame.index, "confidence": round(sure, 3)} for who, sure in told}
+
+    def spans(self) -> Array:
+        """(T, 2) begin and end of the time that each frame stands for, seconds: half-way to its neighbours."""
+        times = np.array(self.times_s)
+        if len(times) < 2:
+            return np.stack([times - 0.5, times + 0.5], axis=1)
+        between = (times[1:] + times[:-1]) / 2
+        edges = np.concatenate([[2 * times[0] - between[0]], between, [2 * times[-1] - between[-1]]])
+        return np.stack([edges[:-1], edges[1:]], axis=1)
+
+    def shown(self, person: int) -> Array:
+        """(T, dof) pose parameters in degrees and metres; NaN in lost frames."""
+        body = self.scene.persons[person].body
+        values = np.array([poses[person] for poses in self.poses])
+        lost = np.array([statuses[person] == "lost" for statuses in self.statuses])
+        shown: Array = np.where(lost[:, None], np.nan, np.where(body.rotates, np.degrees(values), values))
+        return shown
+
+    def mean_overlap(self) -> dict[str, float]:
+        """Mean silhouette IoU of each view that has one."""
+        overlaps = np.array(self.overlaps)
+        return {
+            name: float(np.nanmean(overlaps[:, v]))
+            for v, name in enumerate(self.scene.rig.names)
+            if len(overlaps) and np.isfinite(overlaps[:, v]).any()
+        }
+
+    def strips(self) -> list[tuple[str, list[Stretch]]]:
+        """Name of each person, and the states of the run, one after the other."""
+        return [(person.name, list(self._stretches(k))) for k, person in enumerate(self.scene.persons)]
+
+    def _stretches(self, k: int) -> Iterator[Stretch]:
+        lasting = np.diff(self.spans())[:, 0]
+        shares = lasting / lasting.sum()
+        rows = zip(self.statuses, self.ambiguous, strict=True)
+        states = [AMBIGUOUS if limbs[k] and told[k] not in _GRAVE else told[k] for told, limbs in rows]
+        for state, run in itertools.groupby(range(len(states)), key=states.__getitem__):
+            own = list(run)
+            why = in_words(dict.fromkeys(Doubt(one.limb, one.because) for t in own for one in self.reasons[t][k]))
+            yield Stretch(float(shares[own].sum()), state, self.frames[own[0]], self.frames[own[-1]], why)
+
+    def worst(self, n_most: int = 12) -> list[Bad]:
+        """Frames to look at, the worst first: lost, doubtful, with ambiguous limbs, then least explained."""
+        judged = [
+            [Judged(status, len(limbs), share) for status, limbs, share in zip(*row, strict=True)]
+            for row in zip(self.statuses, self.ambiguous, self.explained, strict=True)
+        ]
+        return [self._bad(t, k) for t, k in worst_first(self.times_s, judged, n_most)]
+
+    def _bad(self, t: int, k: int) -> Bad:
+        told = self.frames[t], self.times_s[t], self.scene.persons[k].name, self.statuses[t][k]
+        return Bad(*told, in_words(self.reasons[t][k]), self.explained[t][k], self.distances[t][k])
+
+    def summary(self) -> dict[str, Any]:
+        """Headline numbers of the run so far; means are over the poses that were found, None without one."""
+        if not self.frames:
+            return {"frames": 0}
+        stages = Counter[str]()
+        for seconds in self.seconds:
+            stages.update(seconds)
+        total = sum(stages.values())
+        counts = Counter(status for statuses in self.statuses for status in statuses)
+        found = np.array(self.statuses) != Status.LOST
+        return {
+            "frames": len(self.frames),
+            "persons": len(self.scene.persons),
+            "by_status": dict(counts),
+            "ambiguous_limbs": dict(Counter(limb for frame in self.ambiguous for limbs in frame for limb in limbs)),
+            "frames_with_ambiguous_limbs": sum(any(frame) for frame in self.ambiguous),
+            "doubts_by_reason": dict(Counter(str(one.because) for row in self.reasons for own in row for one in own)),
+            "limbs_hidden_from_views": {view: dict(limbs) for view, limbs in self.hidden.items()},
+            "mean_distance_px": _mean(np.array(self.distances)[found]),
+            "mean_explained": _mean(np.array(self.explained)[found]),
+            "frames_per_second": len(self.frames) / total if total else 0.0,
+            "seconds_per_frame_by_stage": {k: v / len(self.frames) for k, v in stages.items()},
+            "silhouette_iou": self.mean_overlap(),
+            "frames_without_image": dict(self.missing),
+            "frames_without_trusted_foreground": dict(self.untrusted),
+            "frames_with_strangers": self.strangers,
+            "starts": self.starts,
+        }
+
+
+def _mean(values: Array) -> float | None:
+    return float(np.mean(values)) if values.size else None

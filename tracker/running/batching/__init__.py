@@ -1,0 +1,196 @@
+"""Batching: many recordings tracked side by side, each in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import cv2
+
+from tracker.foundation.errors import ConfigError, TrackerError, os_fault
+from tracker.foundation.progress import Progress, silent
+from tracker.results.recording.journal import FILE, Journal
+from tracker.running.batching._table import TABLE, State, Summary, earlier_rows, finished, write_table
+from tracker.running.jobs import CONFIG, begin_anew, check_same, described, execute, job_from, load_job
+from tracker.running.jobs.track import TrackJob, TrackOutcome
+
+__all__ = [
+    "TABLE",
+    "THREADS",
+    "Batch",
+    "Batching",
+    "State",
+    "Summary",
+    "Task",
+    "do",
+    "n_cores",
+    "plan",
+    "run",
+]
+
+THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+"""Environment of a process that has one core: libraries that take them all stand in each other's way."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One recording of a batch, with everything resolved: it can be done from anywhere."""
+
+    name: str
+    table: dict[str, Any]
+    """Its configuration, paths absolute."""
+
+    folder: Path
+    """Where its result goes, absolute."""
+
+    resume: bool = False
+    """Whether an interrupted run lies there."""
+
+    anew: bool = False
+    """Whether what lies there was stopped before its first frame, so that there is nothing to resume."""
+
+
+@runtime_checkable
+class Batching(Protocol):
+    """A component that gets tasks done somewhere."""
+
+    def work(self, tasks: Sequence[Task]) -> Iterator[Summary]:
+        """Does tasks, each by `do`, whatever becomes of the others.
+
+        Args:
+            tasks: what to do.
+
+        Yields:
+            One summary a task as soon as it ends, in any order; after Ctrl-C those of what was begun.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Recordings to be tracked, all configurations checked."""
+
+    tasks: tuple[Task, ...]
+    finished: tuple[Summary, ...]
+    """Those that an earlier batch has finished."""
+
+    folder: Path
+
+
+def plan(configs: Sequence[Path], overrides: Sequence[str], folder: Path, resume: bool = False) -> Batch:
+    """Checks all configurations and finds out what there is to do.
+
+    Args:
+        configs: of the recordings.
+        overrides: `section.key=value`, for all of them.
+        folder: of the batch; the result of each goes to a folder in it, called as the recording.
+        resume: leave out what is finished there, continue what was interrupted.
+
+    Raises:
+        ConfigError: some configurations are wrong, two have the same name, or results are there already.
+    """
+    jobs = _checked(configs, overrides)
+    target = folder.resolve()
+    tasks, done, before = [], [], earlier_rows(target / TABLE)
+    for name, job in jobs.items():
+        here = target / name
+        begun = here.is_dir() and any(here.iterdir())
+        if begun and not resume:
+            raise ConfigError(f"{here} is not empty: --resume goes on with it, or choose another --output")
+        anew = begun and _nothing_computed(job, here)
+        if begun and not anew:
+            check_same(described(job), here)
+        if begun and (summary := finished(name, here, before.get(name, {}), described(job))):
+            done.append(summary)
+        else:
+            tasks.append(Task(name, described(job), here, resume=begun and not anew, anew=anew))
+    return Batch(tuple(tasks), tuple(done), target)
+
+
+def _checked(configs: Sequence[Path], overrides: Sequence[str]) -> dict[str, TrackJob]:
+    """The job of each configuration by its name; all that is wrong with them is said at once."""
+    jobs: dict[str, TrackJob] = {}
+    whose: dict[str, Path] = {}
+    faults = []
+    for path in configs:
+        try:
+            job = load_job("track", path, overrides)
+        except TrackerError as error:
+            faults.append(f"{path}: {error}")
+            continue
+        if job.name in jobs:
+            faults.append(f'{path}: name = "{job.name}" as in {whose[job.name]}: the results would be mixed')
+        jobs[job.name], whose[job.name] = job, path
+    if faults:
+        raise ConfigError(
+            f"{len(faults)} of {len(configs)} configurations are wrong, nothing was begun: {'; '.join(faults)}"
+        )
+    return jobs
+
+
+def _nothing_computed(job: TrackJob, folder: Path) -> bool:
+    """Whether a kill has stopped a run before it began its journal; of one that keeps none there is no telling."""
+    keeps_journal = any(isinstance(recording, Journal) for recording in job.recordings)
+    begun = any((folder / name).exists() for name in (FILE, "poses.csv"))
+    return keeps_journal and (folder / CONFIG).is_file() and not begun
+
+
+def do(task: Task) -> Summary:
+    """Tracks one recording; whatever goes wrong with it is told, not raised."""
+    cv2.setNumThreads(1)
+    begin = time.perf_counter()
+    try:
+        job = job_from("track", task.table, task.name, Path("/"), task.name)
+        if task.anew:
+            begin_anew(task.folder)
+        return _summary(task, execute(job, task.folder, task.resume))
+    except KeyboardInterrupt:
+        return Summary(task.name, task.folder, "interrupted", seconds=time.perf_counter() - begin)
+    except TrackerError as error:
+        fault = str(error)
+    except OSError as error:
+        fault = os_fault(error)
+    except Exception as error:
+        fault = f"{type(error).__name__}: {error}: a fault of bodytrack; run it alone with --debug"
+    return Summary(task.name, task.folder, "failed", seconds=time.perf_counter() - begin, fault=" ".join(fault.split()))
+
+
+def _summary(task: Task, outcome: TrackOutcome) -> Summary:
+    doubts = outcome.doubts
+    ambiguous = {frame for frames in doubts.ambiguous.values() for frame in frames}
+    state: State = "interrupted" if outcome.interrupted else "done"
+    found = outcome.n_frames, len(doubts.lost), len(doubts.doubtful), len(ambiguous)
+    return Summary(task.name, task.folder, state, *found, seconds=outcome.seconds)
+
+
+def run(batch: Batch, batching: Batching, progress: Progress = silent) -> tuple[Summary, ...]:
+    """Tracks all recordings; `batch.csv` tells at any time how far they are.
+
+    Args:
+        batch: what to do.
+        batching: where.
+        progress: told how many are done.
+
+    Returns:
+        A summary of each recording, in the order of their names; `waiting` for what Ctrl-C kept from beginning.
+    """
+    batch.folder.mkdir(parents=True, exist_ok=True)
+    summaries = {task.name: Summary(task.name, task.folder, "waiting") for task in batch.tasks}
+    summaries |= {summary.name: summary for summary in batch.finished}
+    write_table(batch.folder / TABLE, summaries.values())
+    n_tasks = len(batch.tasks)
+    progress("recordings", 0, n_tasks)
+    for n_done, summary in enumerate(batching.work(batch.tasks), start=1):
+        summaries[summary.name] = summary
+        progress("recordings", n_done, n_tasks, f"{summary.name} {summary.state}")
+        write_table(batch.folder / TABLE, summaries.values())
+    return tuple(summaries[name] for name in sorted(summaries))
+
+
+def n_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

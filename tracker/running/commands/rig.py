@@ -1,0 +1,173 @@
+"""The commands that check and convert calibrations."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from tracker.foundation.errors import CalibrationError, ConfigError
+from tracker.running.commands.terminal import console, marked
+
+if TYPE_CHECKING:
+    from tracker.cameras.rig import Rig
+    from tracker.cameras.rig_layouts import RigFile
+    from tracker.foundation.arrays import Image
+
+# Written out, for the folder's import takes longer than `--help` should; a test compares.
+LAYOUTS = "anipose, caliscope, easymocap, freemocap, json, middlebury, opencap, opencv, panoptic, pose2sim, "
+LAYOUTS += "qualisys, vicon"
+
+Size = Annotated[str | None, typer.Option(help="Image size WxH, where the calibration does not tell it.")]
+Units = Annotated[
+    str | None, typer.Option(help="Unit of the calibration's lengths (m, cm, mm, in, ft), if not as its file says.")
+]
+Scale = Annotated[float, typer.Option(help="Factor for its lengths besides, where they have no unit.")]
+
+rig_app = typer.Typer(no_args_is_help=True, help="Checks and converts calibrations.")
+
+
+@rig_app.command("check")
+def rig_check(
+    rig: Annotated[Path, typer.Argument(help="Calibration, in any layout that `rig convert` reads.")],
+    images: Annotated[str | None, typer.Option(help="Pictures such as first/{view}.png: draws epipolar lines.")] = None,
+    points: Annotated[Path | None, typer.Option(help="CSV: VIEW_u, VIEW_v and, for the scale, x, y, z.")] = None,
+    picture: Annotated[Path, typer.Option(help="Where the epipolar lines are drawn.")] = Path("epipolar.png"),
+    size: Size = None,
+    units: Units = None,
+    scale: Scale = 1.0,
+) -> None:
+    """Looks a rig over: geometry, who sees whom, reprojection, scale, and epipolar lines over the views."""
+    from tracker.cameras.calibration import read_points
+    from tracker.cameras.epipolar_picture import epipolar_picture, write_picture
+    from tracker.cameras.rig_check import check_points, check_rig
+    from tracker.cameras.rig_layouts import read_rig
+
+    opened = read_rig(rig, _pixels(size), units, scale)
+    _tell(opened)
+    told = f"{rig}: layout {opened.layout}, lengths in {opened.unit}" + ("" if scale == 1 else f" times {scale:g}")
+    console.print(told, highlight=False, soft_wrap=True)
+    loaded = opened.rig
+    found = check_rig(loaded)
+    cameras = Table("camera", "position m", "field deg", "tilt deg", "distortion px", title="cameras")
+    for check in found.cameras:
+        place = ", ".join(f"{value:.2f}" for value in check.position_m)
+        field = f"{check.field_deg[0]:.0f} x {check.field_deg[1]:.0f}"
+        cameras.add_row(check.name, place, field, f"{check.tilt_deg:.0f}", f"{check.distortion_px:.1f}")
+    console.print(cameras)
+    pairs = Table("camera", "camera", "distance m", "angle deg", "shared view", title="pairs")
+    for pair in found.pairs:
+        numbers = f"{pair.distance_m:.3f}", f"{pair.angle_deg:.0f}", f"{100 * pair.shared:.0f} %"
+        pairs.add_row(pair.first, pair.second, *numbers)
+    console.print(pairs)
+    if math.isfinite(found.sigma_mm):
+        told = f"a point in the middle is known to {found.sigma_mm:.1f} mm from images of 0.5 px"
+        console.print(told, highlight=False)
+    if points is not None:
+        beside = check_points(loaded, *read_points(points, loaded.names))
+        views = ", ".join(f"{name} {value:.2f}" for name, value in beside.rms_px.items())
+        console.print(f"reprojection of {beside.n_points} points, RMS px: {views}", highlight=False)
+        if beside.scale is not None:
+            console.print(f"scale: measured distances are {beside.scale:.5f} times the known ones", highlight=False)
+    for doubt in found.doubts:
+        console.print(marked("look", doubt), highlight=False, soft_wrap=True)
+    if images is not None:
+        write_picture(epipolar_picture(loaded, _pictures(images, loaded.names)), picture)
+        console.print(f"epipolar lines: {picture}", highlight=False, soft_wrap=True)
+
+
+def _pictures(pattern: str, names: tuple[str, ...]) -> tuple[Image, ...]:
+    from tracker.images.reading.images import intact_image
+    from tracker.images.reading.video import open_clip
+
+    if "{view}" not in pattern and len(names) > 1:
+        raise CalibrationError(f"--images {pattern}: no {{view}} in it, so all {len(names)} views would show the same")
+    found = []
+    for name in names:
+        path = Path(pattern.replace("{view}", name))
+        if not path.is_file():
+            raise CalibrationError(f'view "{name}": no file {path}')
+        still = path.suffix.lower() in (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+        image = intact_image(path) if still else open_clip(path, name)[2].read(0)
+        if image is None:
+            raise CalibrationError(f"{path}: holds no image")
+        found.append(image)
+    return tuple(found)
+
+
+@rig_app.command("convert")
+def rig_convert(
+    source: Annotated[Path, typer.Argument(help=f"File or folder; its layout is found out: {LAYOUTS}.")],
+    target: Annotated[Path, typer.Argument(help="File; or folder, for opencv and easymocap.")],
+    layout: Annotated[str | None, typer.Option(help="Layout of the target; default: as its name tells.")] = None,
+    size: Size = None,
+    units: Units = None,
+    scale: Scale = 1.0,
+    upright: Annotated[bool, typer.Option("--upright", help="For images turned by quarters until up is up.")] = False,
+    up: Annotated[
+        str, typer.Option(help="Axis up in the source: x, y, z, -x, -y, -z; or cameras: what all hold up.")
+    ] = "z",
+    floor: Annotated[float, typer.Option(help="Where the floor is along that axis, metres; it becomes z = 0.")] = 0.0,
+) -> None:
+    """Converts a calibration from and for other programs."""
+    from tracker.cameras.rig_layouts import read_rig, save_rig
+
+    opened = read_rig(source, _pixels(size), units, scale)
+    _tell(opened, but="" if up == "z" else "--up")
+    rig = opened.rig.with_up(up, floor)
+    if upright:
+        rig = _upright(rig)
+    for cost in save_rig(rig, target, layout):
+        console.print(marked("look", cost), highlight=False, soft_wrap=True)
+    console.print(f"{len(rig)} cameras written to {target}", highlight=False, soft_wrap=True)
+
+
+def told_rig(path: Path, size: str | None = None) -> Rig:
+    """The rig of a file in any layout, told about on the terminal.
+
+    Args:
+        path: file or folder.
+        size: image size WxH, where the file does not tell it.
+
+    Raises:
+        CalibrationError: it cannot be used.
+        ConfigError: the size is written otherwise.
+    """
+    from tracker.cameras.rig_layouts import read_rig
+
+    opened = read_rig(path, _pixels(size))
+    _tell(opened)
+    return opened.rig
+
+
+def _pixels(size: str | None) -> tuple[int, int] | None:
+    """Width and height of WxH."""
+    if size is None:
+        return None
+    width, cross, height = size.partition("x")
+    if not (cross and width.isdigit() and height.isdigit()):
+        raise ConfigError(f"--size {size}: expected for instance 1920x1080")
+    return int(width), int(height)
+
+
+def _upright(rig: Rig) -> Rig:
+    """The cameras of images that were turned upright; says which."""
+    from tracker.cameras.rig import Rig
+
+    turned = Rig(tuple(camera.turned(camera.quarters_to_upright) for camera in rig.cameras))
+    for before, after in zip(rig.cameras, turned.cameras, strict=True):
+        if before.quarters_to_upright:
+            turn = f"turned clockwise by {90 * before.quarters_to_upright} degrees"
+            console.print(f"{after.name}: for images {turn}, {after.size[0]}x{after.size[1]} px", highlight=False)
+    return turned
+
+
+def _tell(opened: RigFile, but: str = "") -> None:
+    """What whoever uses the rig must know of its file, but for advice that is followed already."""
+    for line in opened.told():
+        if but and but in line:
+            continue
+        console.print(marked("look", line), highlight=False, soft_wrap=True)

@@ -1,0 +1,111 @@
+"""`bodytrack show`: the components, their fields, and the sections of the jobs."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from tracker.running.commands.terminal import console
+
+FILES = {
+    "model": "tracker.bodies.body.description:BodyDescription",
+    "markers": "tracker.results.evaluation.marker_set:MarkerSet",
+    "movement": "tracker.results.recognition.library:Description",
+}
+"""TOML files that are no configurations -> the class that describes them, loaded when it is asked for."""
+
+
+def show(
+    stage: Annotated[
+        str | None, typer.Argument(help="A stage, `jobs` for the sections of each, or a section of one: `loss`.")
+    ] = None,
+    schema: Annotated[
+        bool,
+        typer.Option("--schema", help=f"Print the JSON schema of a file: run (default), {', '.join(FILES)}, a job."),
+    ] = False,
+) -> None:
+    """Lists the components of the stages, or the fields of one stage's components, or of a section."""
+    if schema:
+        console.print(json.dumps(_schema(stage or "run"), indent=1), highlight=False, soft_wrap=True)
+        return
+    from tracker.foundation.configuration.components import available, find, stages
+    from tracker.foundation.errors import ConfigError, nearest
+
+    shown = ("jobs", *stages())
+    if stage is None:
+        table = Table("stage", "component", "what it is", title="components")
+        for name in shown:
+            for use in available(name):
+                table.add_row(name, use, (find(name, use).__doc__ or "").split("\n")[0])
+        console.print(table)
+        return
+    sections = _sections()
+    if stage in shown:
+        for use in available(stage):
+            title = use if stage == "jobs" else f'[{stage}] use = "{use}"'
+            console.print(_fields_table(find(stage, use), title))
+    elif stage in sections:
+        for cls, jobs in sections[stage].items():
+            console.print(_fields_table(cls, f"[{stage}] of {', '.join(jobs)}"))
+    else:
+        raise ConfigError(f'no stage or section "{stage}"; {nearest(stage, (*shown, *sections))}')
+
+
+def _schema(kind: str) -> dict[str, Any]:
+    """The schema of a configuration, or of another file."""
+    from tracker.foundation.configuration.components import available
+    from tracker.foundation.configuration.schema import schema_of_job, schema_of_table
+    from tracker.foundation.errors import ConfigError, nearest
+
+    jobs = {use: use for use in available("jobs")} | {"run": "track"}
+    if kind in jobs:
+        return schema_of_job(jobs[kind])
+    if kind not in FILES:
+        raise ConfigError(f'no schema of "{kind}"; {nearest(kind, (*jobs, *FILES))}')
+    module, _, name = FILES[kind].partition(":")
+    return schema_of_table(getattr(importlib.import_module(module), name), kind)
+
+
+def _sections() -> dict[str, dict[Any, list[str]]]:
+    """Section -> what it may be, and the jobs that have it so; of those in which there is no component to choose."""
+    from tracker.foundation.configuration.components import available, find
+
+    sections: dict[str, dict[Any, list[str]]] = {}
+    for use in available("jobs"):
+        cls: Any = find("jobs", use)
+        for name, field in cls.__pydantic_fields__.items():
+            if not field.is_required() and _is_section(field.get_default(call_default_factory=True), field):
+                sections.setdefault(name, {}).setdefault(field.annotation, []).append(use)
+    return sections
+
+
+def _is_section(value: Any, field: Any) -> bool:
+    """Whether a field is a section of its own fields: there is nothing to choose."""
+    from tracker.foundation.configuration.field_types import component_stage
+
+    return field is not None and component_stage(type(value)) is not None and field.annotation is type(value)
+
+
+def _fields_table(cls: Any, title: str) -> Table:
+    table = Table("field", "default", "meaning", title=title, title_justify="left")
+    for name, field in cls.__pydantic_fields__.items():
+        default = "required" if field.is_required() else _shown(field.get_default(call_default_factory=True), field)
+        table.add_row(name, default, (field.description or "").replace("\n", " "))
+    return table
+
+
+def _shown(value: Any, field: Any = None) -> str:
+    from tracker.foundation.configuration.field_types import component_stage
+    from tracker.foundation.configuration.tables import component_name
+
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_shown, value))}]"
+    if _is_section(value, field):
+        return "{ ... }"
+    if component_stage(type(value)) is not None:
+        return f'{{ use = "{component_name(type(value))}", ... }}'
+    return str(value)

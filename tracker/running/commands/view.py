@@ -1,0 +1,72 @@
+"""`bodytrack view`: a run in space, in a browser on this machine."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tracker.running.commands.options import Overrides
+from tracker.running.commands.terminal import ProgressBar, console
+
+if TYPE_CHECKING:
+    from tracker.results.result import Result
+
+
+def view(
+    what: Annotated[Path, typer.Argument(help="Result folder; or a configuration, to look on while it tracks.")],
+    set_: Overrides = None,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port; the next free one if it is taken.")] = 8080,
+) -> None:
+    """Shows a result, or a run while it tracks, in a browser on this machine; needs viser. Ctrl-C ends it."""
+    from tracker.foundation.errors import ConfigError
+    from tracker.results.result import load_result
+    from tracker.running.viewing.server import serving
+
+    live = what.suffix.lower() == ".toml" and not what.is_dir()
+    if set_ and not live:
+        raise ConfigError(f"--set: {what} is a result; it was tracked as its config.toml says")
+    result = None if live else load_result(what)
+    with serving(port) as server:
+        if result is None:
+            _live(what, set_ or [], server)
+        else:
+            _finished(result, server)
+
+
+def _finished(result: Result, server: Any) -> None:
+    from tracker.running.viewing.finished import view_result
+
+    viewer, fault = view_result(result, server)
+    if fault:
+        console.print(f"without images: {fault}", style="yellow", highlight=False, soft_wrap=True)
+    with contextlib.suppress(KeyboardInterrupt):
+        _tell_address(server)
+        viewer.serve()
+    viewer.pictures.stop()
+
+
+def _live(config: Path, overrides: list[str], server: Any) -> None:
+    from tracker.running.run import load_run
+    from tracker.running.viewing.live import LiveRun
+
+    run = load_run(config, ["passes=1", *overrides])  # every frame at once
+    with ProgressBar() as progress:
+        live = LiveRun(run, server, progress)
+        with contextlib.suppress(KeyboardInterrupt):
+            _tell_address(server)
+            console.print("tracks while you look, and writes nothing: `bodytrack run` does", highlight=False)
+            while not live.done.is_set():
+                live.viewer.serve(0.5)
+            if live.fault is None:
+                console.print("all frames are tracked", highlight=False)
+                live.viewer.serve()
+        live.close()
+    if live.fault is not None:
+        raise live.fault
+
+
+def _tell_address(server: Any) -> None:
+    console.print(f"look at http://127.0.0.1:{server.get_port()}; Ctrl-C ends it", highlight=False)

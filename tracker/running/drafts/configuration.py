@@ -1,0 +1,224 @@
+"""A draft of a run's configuration, made of what lies in a folder of videos or images."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import tomli_w
+
+from tracker.bodies.keypoint_layouts.views import USUAL
+from tracker.bodies.subject import UNMEASURED
+from tracker.cameras.world import told_world, world_doubts
+from tracker.foundation.configuration.schema import SCHEMA
+from tracker.foundation.errors import CalibrationError
+from tracker.images.footage import Footage, header, pattern_of, sources
+from tracker.running.drafts.keypoints import found_keypoints
+from tracker.running.drafts.plates import found_plates
+from tracker.running.drafts.rig import FoundRig, found_rigs, given_rig
+
+_PLAIN = "images", "frames", "pictures", "raw"
+
+
+@dataclass(frozen=True)
+class Draft:
+    """What was found, and the text made of it."""
+
+    footage: tuple[Footage, ...]
+    rig: Path | None
+    plates: str
+    """Pattern with `{view}`; empty where there are none."""
+
+    keypoints: str
+    """Pattern of the folders of 2-D keypoints; empty where there are none."""
+
+    world: str
+    """Where the calibration has the floor; empty where there is none."""
+
+    remarks: tuple[str, ...]
+    """What is missing or does not fit, in one line each."""
+
+    text: str
+    """The commented configuration."""
+
+
+def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
+    """Finds videos, cameras and plates, and writes down a configuration of them.
+
+    Args:
+        folder: of the videos or numbered images, one a view; or of a folder of images, or of videos, for each view.
+        target: where the configuration will lie; paths in it start there.
+        rig: the calibration; None to look for one in the folder and beside it.
+
+    Raises:
+        SequenceError: there are no videos or images, or one cannot be read.
+        CalibrationError: the calibration that is given cannot be used, or nothing is called after its cameras.
+    """
+    there = sources(folder)
+    rigs, faults = ([given_rig(rig, there, folder)], []) if rig is not None else found_rigs(folder, there)
+    found = rigs[0] if rigs else None
+    pattern, views = (found.pattern, found.views) if found else pattern_of(there, folder, None)
+    if not views and found is not None:
+        cameras, files = ", ".join(found.rig.names), ", ".join(path.name for path in there[:4])
+        raise CalibrationError(
+            f"{found.path}: nothing in {folder} is called after one of its cameras ({cameras}): {files}; rename files "
+            "or cameras, or give a table, path = { camera = FILE, ... }"
+        )
+    footage = tuple(header(path, view) for view, path in sorted(views.items()))
+    plates = found_plates(folder, footage)
+    keypoints = found_keypoints(folder, footage)
+    remarks = (
+        *faults,
+        *_remarks(footage, found, sorted(set(there) - set(views.values()))),
+        *_others("calibrations", [one.path for one in rigs[1:]], "--rig"),
+        *plates.told(),
+        *_others("keypoints", keypoints[1:], "`keypoints`"),
+    )
+    start = target.resolve().parent
+    near = {"rig": found.path if found else None, "background": plates.pattern if plates.whole else None}
+    near["keypoints"] = keypoints[0] if keypoints else None
+    told = {key: _relative(path, start) for key, path in near.items() if path is not None}
+    if found and found.mapped:
+        path: str | dict[str, str] = {view: _relative(source, start) for view, source in views.items()}
+    else:
+        path = _relative(pattern, start)
+    absent = found is not None and set(found.rig.names) > set(views)
+    chosen_views = [name for name in found.rig.names if name in views] if found and absent else []
+    guessed = found is not None and found.guessed
+    others = [_relative(one.path, start) for one in rigs[1:]], [_relative(one, start) for one in plates.others]
+    text = _text(_name(folder.resolve()), (path, guessed), told, chosen_views, others)
+    world = told_world(found.rig) if found else ""
+    return Draft(
+        footage,
+        found.path if found else None,
+        str(plates.pattern or ""),
+        str(keypoints[0]) if keypoints else "",
+        world,
+        remarks,
+        text,
+    )
+
+
+def _others(what: str, paths: list[Path], setting: str) -> Iterator[str]:
+    if paths:
+        yield f"other {what} there: {', '.join(map(str, paths))}; {setting} chooses one: make sure which is right"
+
+
+def _remarks(footage: tuple[Footage, ...], found: FoundRig | None, unused: list[Path]) -> Iterator[str]:
+    if found is None:
+        yield "no calibration found whose cameras the videos are called after: give it by --rig, or as `rig`"
+    else:
+        yield from found.told
+        yield from world_doubts(found.rig)
+        yield from found.wrong_sizes(footage)
+        yield from _named(found)
+    if unused:
+        yield f"left out, for their names follow another pattern: {', '.join(path.name for path in unused)}"
+    different = len({round(one.fps, 2) for one in footage}) > 1
+    if different:
+        yield (
+            "the videos have different frame rates: "
+            + ", ".join(f"{one.view} {one.fps:.4g}" for one in footage)
+            + "; `bodytrack run THIS --dry-run` says which of them can be read together"
+        )
+    if any(one.fps == 0 and "{frame}" not in one.path.name for one in footage):
+        yield "videos without a container have no clock: set `fps` to the frames a second that the cameras filmed at"
+    if len({one.n_frames for one in footage}) > 1 and not different:
+        yield "the views have different numbers of frames: `offsets` and `stop` make them fit"
+    if any("{frame}" in one.path.name for one in footage) or any("{frame}" in path.name for path in unused):
+        yield "images do not tell how many there are a second: set `fps`"
+    if len(footage) == 1:
+        yield "one view: at least two are needed, for one does not tell how far away anybody is"
+
+
+def _named(found: FoundRig) -> Iterator[str]:
+    """What to know of the names of views and files."""
+    if absent := sorted(set(found.rig.names) - set(found.views)):
+        yield f"cameras without a recording: {', '.join(absent)}; `views` names those that are used"
+    if found.mapped:
+        pairs = ", ".join(f"{view} = {source.name}" for view, source in found.views.items())
+        how = "GUESSED by their order: check that each camera has its own" if found.guessed else "by their numbers"
+        yield f"the videos are not called after the cameras; {pairs}, {how}; [reading] path says it"
+
+
+def _relative(path: Path, start: Path) -> str:
+    return Path(os.path.relpath(path.absolute(), start)).as_posix()
+
+
+def _name(folder: Path) -> str:
+    """Of the run: that of the folder, or of the one above it if it only says what is in it."""
+    plain = "video" in folder.name.lower() or folder.name.lower() in _PLAIN
+    return folder.parent.name if plain and folder.parent.name else folder.name
+
+
+def _text(
+    name: str,
+    path: tuple[str | dict[str, str], bool],
+    near: dict[str, str],
+    views: list[str],
+    others: tuple[list[str], list[str]],
+) -> str:
+    """The configuration.
+
+    Args:
+        name: of the run.
+        path: of the recording, a pattern or a table; and whether the table is guessed.
+        near: other paths by their keys; those that are missing become comments.
+        views: if not all are used.
+        others: further calibrations, and plates.
+    """
+    told = {key: tomli_w.dumps({key: one}).strip() for key, one in near.items()}
+    rig_line = told.get("rig", '# rig = "Calib.toml"                    # missing: the calibration of the cameras')
+    images = "{frame}" in str(path[0])
+    use = 'use = "images"' if images else 'use = "video"'
+    rate = "# fps = 25.0              # missing: images do not tell how many there are a second\n" if images else ""
+    keypoint_line = (
+        f"keypoints = {{ path = {_quoted(near['keypoints'])} }}   # 2-D detections: persons are found by them, too"
+        if "keypoints" in near
+        else f'# keypoints = {{ path = "{USUAL}" }}   # 2-D detections: `bodytrack detect THIS` makes some'
+    )
+    chosen = f"views = {_quoted(views)}\n" if views else ""
+    plate_line = told.get("background", '# background = "background/{view}.png"  # clean plates; else of the recording')
+    rigs, plates = (
+        "".join(f"# {key} = {_quoted(one)}   # is there, too\n" for one in paths)
+        for key, paths in zip(("rig", "background"), others, strict=True)
+    )
+    return f"""\
+#:schema ./{SCHEMA}
+# Written by `bodytrack init`. `bodytrack run THIS --dry-run` checks it; `bodytrack show jobs` lists what else there is.
+{tomli_w.dumps({"name": name}).strip()}
+# "human" bends its spine, "gavrila22" is rigid and quicker. The stature scales it: measure the person, with shoes, and
+# write metres in place of "{UNMEASURED}", for instance stature_m = 1.75: no run begins before.
+persons = [{{ name = "person1", model = "human", stature_m = "{UNMEASURED}" }}]
+{keypoint_line}
+
+[reading]
+{use}
+{_path_lines(*path, images)}
+{rate}{rig_line}
+{rigs}{chosen}{plate_line}
+{plates}# start = 0                 # first frame: one in which everybody stands apart, arms away from the body
+# downscale = 2             # images are averaged until persons are some 300 px high, or enlarged (0.5); 1: as is
+
+# smoothing = "rts" above the first section takes away jitter at the end.
+
+[recordings]
+overlay = true              # the model over all views; false saves time
+# trc = true                # or c3d, osim, mot, bvh, glb, wide_table, isb_angles; also later: `bodytrack result export`
+"""
+
+
+def _path_lines(path: str | dict[str, str], guessed: bool, images: bool) -> str:
+    if isinstance(path, str):
+        frame = " and {frame} the number of the image" if images else ""
+        return f"{tomli_w.dumps({'path': path}).strip()}   # {{view}} is the camera's name in the calibration{frame}"
+    pairs = ", ".join(f"{_quoted(view)} = {_quoted(file)}" for view, file in path.items())
+    how = "GUESSED by the order of their names: check that each camera has its own" if guessed else "by their numbers"
+    return f"# the file of each camera of the calibration, {how}\npath = {{ {pairs} }}"
+
+
+def _quoted(value: str | list[str]) -> str:
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,141 @@
+"""Images made larger, smaller, brighter or smoother before persons are followed in them, as what is set asks for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import dropwhile, islice
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig_layouts import load_rig
+from tracker.cameras.shown_size import fitting_downscale, shown_px
+from tracker.foundation.errors import TrackerError
+from tracker.images.operations.noise import noise_grey
+from tracker.images.plate import threshold_level
+from tracker.images.reading import Reading, Sequence
+
+_BRIGHT_GREY, _WHITE_GREY = 130.0, 240.0
+"""Largest channel of half of the pixels of an image, and of all but a hundredth, that dark ones are brought to,
+whichever asks for less. Recordings of `BODYTRACK_DATA` have 117 to 144, and 145 to 255."""
+
+_DARK = 1.4
+"""Gain below which images are left as they are. A dance that asks for 2.9 was tracked 65 mm (49) off, with a joint off
+in 55 of 64 frames, for what differs from a plate is 14 grey levels at least."""
+
+_MOST_GAIN = 5.0
+"""Of darker images rounding leaves little."""
+
+_BLACK_FRAMES = 100
+"""Looked at where the first image is darker than that, for some that are not."""
+
+_NOISY_GREY = 2.0
+"""Noise of images that are smoothed, grey levels. Recordings of `BODYTRACK_DATA` have up to 1.1. Of 3.1 a dance was
+tracked 34 mm (28) off, with a joint off in 32 of 64 frames; of 6.3 nobody was found, though plates were there."""
+
+_ROUGH_GREY = 5.8
+"""By how much images that are smoothed differ from clean plates where nothing has changed, grey levels: noise, and what
+a codec does. Recordings of `BODYTRACK_DATA` have up to 5.2; a dance compressed until one sees it had 7, and was tracked
+28 mm (22) off, with a joint off in 23 frames."""
+
+_SMOOTHING_PX = 1.0
+"""Of noisy images, px as recorded. Smoothed, those dances were tracked 17 to 20 mm (10 to 12) off, as without noise, no
+joint off in any frame; where there is none it costs some 2 mm (1)."""
+
+
+def sized(reading: Reading) -> Reading:
+    """A reading that makes images as large as fits how high the cameras show persons, if it does not say how."""
+    if getattr(reading, "downscale", 1) is not None:
+        return reading
+    settings: Any = reading  # of whatever kind, it has a rig and views
+    try:
+        rig = load_rig(settings.rig, settings.views)
+    except TrackerError:
+        return reading  # opening it tells what is wrong
+    averaged: Reading = replace(settings, downscale=fitting_downscale(rig))
+    return averaged
+
+
+def opened_even(reading: Reading) -> Sequence:
+    """The recording, opened, its images brighter where they are dark, smoothed where they are noisy.
+
+    What the reading says of either stays.
+
+    Raises:
+        TrackerError: it cannot be opened, see `tracker.images.reading.Reading.open`.
+    """
+    settings: Any = reading
+    sequence = reading.open()
+    if getattr(reading, "gain", 1.0) is None and (gain := _gain(sequence)) > _DARK:
+        settings = replace(settings, gain=round(gain, 2))
+        sequence = settings.open()
+    if getattr(reading, "smoothing_px", 0.0) is None and _is_noisy(sequence):
+        sigma_px = _SMOOTHING_PX * max(1.0, 1 / sequence.rig.cameras[0].downscale)
+        sequence = replace(settings, smoothing_px=sigma_px).open()
+    return sequence
+
+
+def chosen_settings(reading: Any, sequence: Sequence) -> dict[str, float]:
+    """`gain` and `smoothing_px` of a recording that was opened, where its reading leaves them open and has chosen some.
+
+    Opened with them as settings it has the same images.
+    """
+    usual = {"gain": 1.0, "smoothing_px": 0.0}
+    has = {name: float(getattr(sequence, name, value)) for name, value in usual.items()}
+    return {name: has[name] for name in usual if getattr(reading, name, 0) is None and has[name] != usual[name]}
+
+
+def _first(sequence: Sequence, n_frames: int) -> list[Frame]:
+    """So many frames from the first on that is not black, as before a lamp is on; the first ones if all are."""
+    try:
+        frames = list(islice(sequence.frames(), n_frames))
+        if frames and _gain_of(frames[0]) > _MOST_GAIN:
+            lit = dropwhile(lambda frame: _gain_of(frame) > _MOST_GAIN, islice(sequence.frames(), _BLACK_FRAMES))
+            frames = list(islice(lit, n_frames)) or frames
+    except TrackerError:
+        return []  # tracking tells what is wrong
+    return frames
+
+
+def _gain(sequence: Sequence) -> float:
+    """What makes the first images as bright as usual; 1 where there are none."""
+    return float(np.clip(max(map(_gain_of, _first(sequence, 1)), default=1.0), 1.0, _MOST_GAIN))
+
+
+def _gain_of(frame: Frame) -> float:
+    """What makes images as bright as usual, the median of the views; 1 where there are none."""
+    images = [image for image in frame.images if image is not None]
+    levels = [np.percentile(image[::4, ::4].max(axis=2), (50, 99)) for image in images]
+    gains = [min(_BRIGHT_GREY / max(half, 1.0), _WHITE_GREY / max(most, 1.0)) for half, most in levels]
+    return float(median(gains)) if gains else 1.0
+
+
+def _is_noisy(sequence: Sequence) -> bool:
+    """Whether the first images have noise, or are rough beside clean plates."""
+    frames = _first(sequence, 2)
+    if not frames:
+        return False
+    images = frames[0].images
+    pairs = zip(images, frames[-1].images, strict=True)
+    noise = [noise_grey(one, other) for one, other in pairs if one is not None and other is not None]
+    # those that are made of the recording are as rough as it is
+    plates = (None,) * len(images) if sequence.makes_plates else sequence.plates
+    shown = zip(images, plates, strict=True)
+    rough = [threshold_level(one, plate, 1.0, 0.0) for one, plate in shown if one is not None and plate is not None]
+    return max(noise, default=0.0) > _NOISY_GREY or (bool(rough) and median(rough) > _ROUGH_GREY)
+
+
+def delivered(sequence: Sequence) -> str:
+    """What was done to the images of a recording before they are looked at; empty for nothing."""
+    factor, sigma_px = sequence.rig.cameras[0].downscale, getattr(sequence, "smoothing_px", 0.0)
+    gain, told = getattr(sequence, "gain", 1.0), []
+    if factor != 1:
+        done = "enlarged twice" if factor < 1 else f"averaged over {factor:g} x {factor:g} pixels"
+        told.append(f"images {done}, persons are then some {shown_px(sequence.rig):.0f} pixels high")
+    if gain != 1:
+        told.append(f"images made {gain:g} times brighter")
+    if sigma_px:
+        told.append(f"images smoothed by a Gaussian of {sigma_px:g} px, against noise and compression")
+    return "; ".join(told)

@@ -1,0 +1,140 @@
+"""Calibration: a rig from a recording of a bar, a board or measured points, with a report."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar, Literal, Self
+
+import pydantic
+
+from tracker.cameras.calibration import Calibrated, Calibration, report_html, report_text
+from tracker.cameras.rig_check import check_rig
+from tracker.cameras.rig_layouts import FARTHEST_M, save_rig
+from tracker.cameras.views import Views
+from tracker.foundation.configuration.components import component
+from tracker.foundation.errors import CalibrationError, ConfigError
+from tracker.foundation.files import write_whole
+from tracker.foundation.progress import Progress
+from tracker.images.reading import Reading
+from tracker.running.jobs import ResultFolder, job_from, read_own
+from tracker.running.jobs._interiors import then_alone
+
+
+@component
+class CalibrateJob:
+    """Calibrates cameras: `rig.toml`, a report of what is weak in it, and the residuals."""
+
+    resumable: ClassVar[bool] = False
+
+    name: str = "calibrate"
+    """Of the results: they go to `results/NAME/TIME`."""
+
+    reading: Reading = pydantic.Field(
+        examples=['{ use = "video", path = "{view}.mp4", views = ["left", "right"] }; see configs/calibration/bar.toml']
+    )
+    """The recording; it has no `rig`, and `views` names the cameras."""
+
+    calibration: Calibration = pydantic.Field(
+        examples=['{ use = "reference_bar", length_m = 1.0 }; see configs/calibration/bar.toml']
+    )
+    """What the cameras have seen."""
+
+    interiors: Reading | None = pydantic.Field(
+        default=None, examples=['{ use = "video", path = "alone/{view}.mp4" }; see configs/calibration/charuco.toml']
+    )
+    """Recordings in which each camera sees the board by itself, near and in all corners: they tell its lens, and need
+    not be synchronous. Focus and zoom must be those of the common recording. With a chessboard only."""
+
+    @pydantic.field_validator("reading", "interiors")
+    @classmethod
+    def _is_not_calibrated(cls, reading: Reading | None) -> Reading | None:
+        if getattr(reading, "rig", None) is not None:
+            raise ValueError('the key "rig" is of no use: the cameras are to be calibrated, and `views` names them')
+        return reading
+
+    @pydantic.model_validator(mode="after")
+    def _has_a_board(self) -> Self:
+        if self.interiors is not None and not getattr(self.calibration, "single_views", False):
+            raise ValueError(
+                'the section "interiors" is of use with a chessboard only, [calibration] use = "chessboard"'
+            )
+        return self
+
+    def open(self, earlier: Path | None = None) -> Views:
+        """Opens the views; see `tracker.running.jobs.Job.open`."""
+        common = self.reading.open_uncalibrated()
+        return common if self.interiors is None else then_alone(common, self.interiors)
+
+    def execute(self, opened: Views, folder: ResultFolder, progress: Progress) -> CalibrateOutcome:
+        """Calibrates; see `tracker.running.jobs.Job.execute`."""
+        calibrated = looked_over(self.calibration.calibrate(opened, progress))
+        save_rig(calibrated.rig, folder.path / "rig.toml")
+        write_whole(folder.path / "report.txt", report_text(self.name, calibrated))
+        write_whole(folder.path / "report.html", report_html(self.name, calibrated))
+        write_whole(folder.path / "residuals.csv", _residuals(calibrated))
+        return CalibrateOutcome(folder.path, calibrated)
+
+
+@dataclass(frozen=True)
+class CalibrateOutcome:
+    """What a calibration left."""
+
+    folder: Path
+    calibrated: Calibrated
+
+
+def looked_over(calibrated: Calibrated) -> Calibrated:
+    """What came out, with what `bodytrack rig check` would find unusual of its rig before its advice.
+
+    Raises:
+        CalibrationError: no reader would take the rig: its cameras are hundreds of metres apart.
+    """
+    found = check_rig(calibrated.rig)
+    widest = max(found.pairs, key=lambda pair: pair.distance_m, default=None)
+    if widest is not None and widest.distance_m > FARTHEST_M:
+        raise CalibrationError(
+            f"{widest.first} and {widest.second} come out {widest.distance_m:.0f} m apart, expected a room: "
+            f"{calibrated.scale or 'the lengths'} told the scale; is it in metres?"
+        )
+    return replace(calibrated, advice=(*found.doubts, *calibrated.advice))
+
+
+def _residuals(calibrated: Calibrated) -> str:
+    """A CSV table of the image points that were adjusted."""
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(["view", "point", "u", "v", "residual_u", "residual_v", "used"])
+    adjustment = calibrated.adjustment
+    rows = adjustment.observations
+    for k, (view, point, pixel) in enumerate(zip(rows.views, rows.points, rows.pixels, strict=True)):
+        numbers = [f"{value:.4f}" for value in (*pixel, *adjustment.errors[k])]
+        writer.writerow([adjustment.names[view], point, *numbers, int(adjustment.used[k])])
+    return text.getvalue()
+
+
+Kind = Literal["reference_bar", "chessboard", "scene_points"]
+
+
+def load_calibration(path: Path, kind: Kind, overrides: Sequence[str] = ()) -> CalibrateJob:
+    """Reads the configuration of a calibration of a kind, which it need not name.
+
+    Args:
+        path: TOML file; relative paths in it start at its folder.
+        kind: the component that `[calibration]` must describe.
+        overrides: `section.key=value`.
+
+    Raises:
+        ConfigError: names file, section, key and the nearest valid one.
+    """
+    table = read_own("calibrate", path, overrides)
+    section = table.get("calibration")
+    if isinstance(section, dict):
+        use = section.setdefault("use", kind)
+        if use != kind and ":" not in str(use):
+            raise ConfigError(f'{path.name} [calibration]: use = "{use}", but "{kind}" was asked for')
+    job: CalibrateJob = job_from("calibrate", table, path.name, path.parent, path.stem)
+    return job

@@ -1,0 +1,247 @@
+"""Following: points, or all of a surface, through a synchronized recording by least squares matching."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from functools import partial
+from itertools import dropwhile
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pydantic
+
+from tracker.cameras.frame import Frame
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import save_rig
+from tracker.foundation.c3d_format import c3d_library, check_frames
+from tracker.foundation.configuration.components import component
+from tracker.foundation.errors import ConfigError, nearest
+from tracker.foundation.files import replacing, write_json, write_whole
+from tracker.foundation.progress import Progress, silent
+from tracker.images.reading import Reading, Sequence
+from tracker.points.following.cuts import cut_where_false, no_cuts
+from tracker.points.following.density import Density
+from tracker.points.following.filters import TrajectoryFilters
+from tracker.points.following.following import Following
+from tracker.points.following.key_points import clicked_places, surroundings
+from tracker.points.following.marker_files import C3D_ASKED
+from tracker.points.following.newborn import NewPoints
+from tracker.points.following.pictures import counts_figure, trajectories_figure
+from tracker.points.following.points import Points
+from tracker.points.following.record import read
+from tracker.points.following.report import report_html
+from tracker.points.following.saved_state import Counts, SavedState, saved_state
+from tracker.points.following.sequence import follow, prepared_rig
+from tracker.points.following.snakes import Contour, Snake, snake_faults
+from tracker.points.following.summary import Course, Summary, summarized
+from tracker.points.surfaces.surface import SurfaceMeasurement
+from tracker.points.trajectories import PointFrame
+from tracker.running.jobs import ResultFolder, described
+from tracker.running.jobs._born import Born, Places, position
+from tracker.running.jobs._second_look import SecondLook
+from tracker.running.jobs._sightings import RECORD, begun, record_sightings
+from tracker.running.jobs._trajectory_files import Around, TrajectoryFiles
+
+
+@component
+class FollowJob:
+    """Follows points through a recording: trajectories with velocities, accelerations and sigmas, and a report."""
+
+    resumable: ClassVar[bool] = True
+
+    name: str = "follow"
+    """Of the results: they go to `results/NAME/TIME`."""
+
+    reading: Reading = pydantic.Field(
+        examples=['{ use = "video", path = "{view}.mp4", rig = "rig.toml" }; see configs/following/back.toml']
+    )
+    """The recording."""
+
+    view: str | None = None
+    """Follow in the image of this view alone: 2-D mode. None for all views, in space."""
+
+    points: Places = ()
+    """Points in the first frame of the template's view (or of `view`), px: `[[x, y], ...]` or a table of names.
+
+    None for all points of the measured surface, or all textured places in 2-D mode.
+    """
+
+    key_points: dict[str, dict[str, tuple[float, float]]] = pydantic.Field(default_factory=dict)
+    """Places inside or beside the surface, such as joints, which move with the points around them.
+
+    Each has its positions in two or more views of the first frame: `right_elbow = { left = [x, y], centre = [x, y] }`.
+    """
+
+    key_point_reach_mm: float = pydantic.Field(default=120.0, gt=0)
+    """Points farther from a key point than this do not move it, mm."""
+
+    snakes: dict[str, Contour] = pydantic.Field(default_factory=dict)
+    """Contours, of a limb for instance, to follow in the image of a view, led by the points around them.
+
+    Each is clicked in the first frame: `right_arm = { view = "centre", points = [[x, y], ...], closed = false }`.
+    """
+
+    snake: Snake = pydantic.Field(default_factory=Snake)
+    """How contours are followed."""
+
+    surface: SurfaceMeasurement = pydantic.Field(default_factory=SurfaceMeasurement)
+    """How the surface is measured that points are born on; `surface.growth.step_px` is their distance."""
+
+    following: Following = pydantic.Field(default_factory=Following)
+    """How they are followed."""
+
+    density: Density | None = pydantic.Field(default_factory=Density)
+    """New points on new surface; of no effect where `points` are given, or in 2-D mode."""
+
+    filters: TrajectoryFilters = pydantic.Field(default_factory=TrajectoryFilters)
+    """What cuts false trajectories; of no effect in 2-D mode."""
+
+    picture_frames: int = pydantic.Field(default=25, ge=1)
+    """Frames from one picture to the next."""
+
+    cloud_frames: int = pydantic.Field(default=25, ge=0)
+    """Frames from one PLY cloud to the next; 0 for none."""
+
+    c3d: bool = False
+    """Write `trajectories.c3d` beside `trajectories.trc`; needs the package ezc3d."""
+
+    most_markers: int = pydantic.Field(default=500, ge=1)
+    """TRC and C3D hold no more points, named ones first, then those seen in most frames: programs that read them have a
+    row or a column for each. CSV and PLY hold all."""
+
+    saved_frames: int = pydantic.Field(default=50, ge=1)
+    """Frames from one saved state to the next; an interrupted job goes on from the last one."""
+
+    @pydantic.field_validator("points", mode="before")
+    @classmethod
+    def _whole_numbers_are_positions(cls, points: object) -> object:
+        if isinstance(points, dict):
+            return {name: position(place) for name, place in points.items()}
+        return tuple(map(position, points)) if isinstance(points, tuple | list) else points
+
+    @pydantic.field_validator("key_points", mode="before")
+    @classmethod
+    def _clicks_are_positions(cls, clicks: object) -> object:
+        if not isinstance(clicks, dict):
+            return clicks
+        return {
+            name: {view: position(place) for view, place in views.items()} if isinstance(views, dict) else views
+            for name, views in clicks.items()
+        }
+
+    def open(self, earlier: Path | None = None) -> OpenedFollow:
+        """Opens the recording and what an interrupted job has left; see `tracker.running.jobs.Job.open`."""
+        sequence = self.reading.open()
+        if self.view is not None and self.view not in sequence.rig.names:
+            raise ConfigError(f'view = "{self.view}": no such view; {nearest(self.view, sequence.rig.names)}')
+        if self.view is None and len(sequence.rig) == 1:
+            raise ConfigError(f'one view alone is followed in its image: say view = "{sequence.rig.names[0]}"')
+        if self.view is None:
+            self.surface.template_of(sequence.rig)
+            clicked_places(self.key_points, prepared_rig(self.surface.preparation, sequence.rig))
+        elif self.key_points:
+            raise ConfigError("key_points move in space: they need all views, and no `view`")
+        if fault := snake_faults(self.snakes, self._rig(sequence).names):
+            raise ConfigError(fault)
+        if self.c3d:
+            c3d_library(C3D_ASKED)
+            check_frames(sequence.n_frames, C3D_ASKED)
+        return OpenedFollow(sequence, None if earlier is None else saved_state(earlier))
+
+    def execute(self, opened: OpenedFollow, folder: ResultFolder, progress: Progress = silent) -> FollowOutcome:
+        """Follows, writing every frame as it comes, then the tables and pictures; see `tracker.running.jobs.Job.execute`."""
+        rig = self._rig(opened.sequence)
+        save_rig(rig, folder.path / "rig.toml")
+        counts = begun(folder.path, opened.state)
+        planned = opened.sequence.n_frames, self.saved_frames
+        record_sightings(self._steps(opened, rig, counts), folder, counts, planned, progress)
+        progress("writing", 0, 1)
+        outcome = self._written(folder.path, opened.sequence, rig, counts)
+        progress("writing", 1, 1)
+        return outcome
+
+    def _rig(self, sequence: Sequence) -> Rig:
+        return sequence.rig if self.view is None else sequence.rig.select((self.view,))
+
+    def _frames(self, opened: OpenedFollow) -> Iterator[Frame]:
+        """From the saved state on, of the views that are followed in."""
+        chosen = [v for v, name in enumerate(opened.sequence.rig.names) if self.view in (None, name)]
+        frames = opened.sequence.frames()
+        if opened.state is not None:
+            frames = dropwhile(lambda frame: frame.index < opened.state.frame, frames)  # type: ignore[union-attr]
+        for frame in frames:
+            yield Frame(frame.index, frame.time_s, tuple(frame.images[v] for v in chosen))
+
+    def _steps(self, opened: OpenedFollow, rig: Rig, counts: Counts) -> Iterator[tuple[PointFrame, Points]]:
+        """The frames that are still to be followed; without points around a key point not even the first one."""
+        density = None if self.view is not None or len(self.points) else self.density
+        known, around = None if opened.state is None else opened.state.points, self._around(rig)
+        frames, births = self._frames(opened), self._births(rig, counts)
+        for frame, points in follow(
+            self.following, self.surface.preparation, rig, frames, births, known, density=density
+        ):
+            if around is not None and not counts.frames:
+                around(frame.ids, frame.positions)
+            yield frame, points
+
+    def _births(self, rig: Rig, counts: Counts) -> Callable[[Frame], NewPoints]:
+        """What is followed from a frame on; what is doubtful of the first one is added to the warnings."""
+        born, look = Born(self.surface, self.following, rig, self.points, counts.warnings), self._second_look(rig)
+
+        def births(frame: Frame) -> NewPoints:
+            if counts.frames:
+                return born.later(frame)
+            greys = look.greys(frame)
+            look.check(greys)
+            return born.first(frame, greys)
+
+        return births
+
+    def _around(self, rig: Rig) -> Around | None:
+        if not self.key_points:
+            return None
+        places = clicked_places(self.key_points, prepared_rig(self.surface.preparation, rig))
+        names = list(self.key_points)
+        return partial(surroundings, names=names, places=places, reach_m=self.key_point_reach_mm / 1000)
+
+    def _second_look(self, rig: Rig) -> SecondLook:
+        return SecondLook(self.snake, self.snakes, rig, self.following, self.surface.preparation, self.picture_frames)
+
+    def _written(self, folder: Path, sequence: Sequence, rig: Rig, counts: Counts) -> FollowOutcome:
+        rows, frames, times = read(folder / RECORD, len(rig)), np.array(counts.frames), np.array(counts.times)
+        cuts = no_cuts(rows) if self.view is not None else cut_where_false(self.filters, rows, frames, times)
+        names = dict(enumerate(self.points)) if isinstance(self.points, dict) else {}
+        files = TrajectoryFiles(rig.names, names, self._around(rig), self.cloud_frames, self.most_markers, self.c3d)
+        overview = files.write(folder, (rows, frames, times), cuts)
+        figures = {
+            "trajectories.png": trajectories_figure(overview, cuts.steps, rig if self.view is None else None),
+            "counts.png": counts_figure(overview, times),
+        }
+        for name, figure in figures.items():
+            with replacing(folder / name) as path:
+                figure.savefig(path, dpi=110)
+        images = self._frames(OpenedFollow(sequence, None))
+        snakes = self._second_look(rig).take(folder, images, (rows, frames), cuts)
+        counts.warnings.extend(warning for snake in snakes if (warning := snake.warning))
+        course = Course(counts.seconds, counts.interrupted, tuple(counts.warnings))
+        summary = summarized(rows, frames, cuts, course)
+        write_json(folder / "follow.json", {"config": described(self), **asdict(summary)})
+        write_whole(folder / "report.html", report_html(self.name, summary, folder, flat=self.view is not None))
+        return FollowOutcome(folder=folder, **asdict(summary))
+
+
+@dataclass(frozen=True)
+class OpenedFollow:
+    """What a following works on."""
+
+    sequence: Sequence
+    state: SavedState | None
+
+
+@dataclass(frozen=True)
+class FollowOutcome(Summary):
+    """What a following left; the same numbers are in `follow.json`."""
+
+    folder: Path

@@ -1,0 +1,280 @@
+"""Tracking: persons followed through a recording, each frame written as soon as it is done."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import time
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import pydantic
+
+from tracker.acquisition.variations import telling_bodies
+from tracker.bodies.keypoint_layouts.views import KeypointFiles
+from tracker.bodies.scene import Person, Scene
+from tracker.bodies.subject import Subject
+from tracker.evidence import Evidence
+from tracker.foundation.configuration.components import ReadBy, component, find, standard
+from tracker.foundation.errors import ConfigError, name_fault
+from tracker.foundation.progress import Progress, silent
+from tracker.images.first_frames import FirstFrames
+from tracker.images.plate import Plate
+from tracker.images.reading import Reading, Sequence
+from tracker.results.recording import DEFAULTS, Recording, chosen_recordings, described_recordings
+from tracker.results.recording.journal import Expected, OpenJournal, as_kept, open_journal
+from tracker.results.smoothed_result import Pictures
+from tracker.results.smoothing import Smoothing
+from tracker.running.jobs import ResultFolder
+from tracker.running.jobs._delivered import delivered, opened_even, sized
+from tracker.running.jobs._first_frames import first_sought, looked_at
+from tracker.running.jobs._keypoints import beside, count
+from tracker.running.jobs._persons import OpenedTrack, description_of, known_before, save_inputs, with_fitted_bodies
+from tracker.running.jobs._recorded import TrackOutcome, recorded
+from tracker.running.jobs._smooth_result import check_smoothing, smoothed
+from tracker.running.jobs._starts import telling
+from tracker.running.jobs._stopping import Stop
+from tracker.running.jobs._told import Findings, run_context, tell_choices, told_before
+from tracker.running.jobs._views import Tracks, told_of_known
+from tracker.synthesis import Synthesis
+from tracker.tracking.cycle import Cycle
+from tracker.tracking.estimation import Estimation
+from tracker.tracking.found_before import knowing
+from tracker.tracking.initialization import Initialization
+from tracker.tracking.loss import LossRule
+from tracker.tracking.prediction import Prediction
+from tracker.tracking.recorded_plates import behind_who_stays, without_persons
+from tracker.tracking.rehearsal import Reopen
+from tracker.tracking.sequence import track
+from tracker.tracking.two_passes import track_twice
+from tracker.tracking.windows import held_at_most
+
+__all__ = ["OpenedTrack", "TrackJob", "TrackOutcome"]
+
+log = logging.getLogger("tracker")
+
+_FEWEST_VIEWS = 2
+"""A view alone tells nothing of depth."""
+
+
+@component
+class TrackJob:
+    """Follows persons through a recording: poses, sigmas, joints, pictures and a report."""
+
+    resumable: ClassVar[bool] = True
+
+    name: str = "track"
+    """Of the results: they go to `results/NAME/TIME`."""
+
+    reading: Reading = pydantic.Field(
+        examples=['{ use = "video", path = "videos/{view}.mp4", rig = "Calib.toml" }; see configs/minimal.toml']
+    )
+    """The recording."""
+
+    persons: tuple[Subject, ...] = pydantic.Field(
+        min_length=1, examples=['[{ name = "anna", model = "human", stature_m = 1.68 }]; see configs/minimal.toml']
+    )
+    """Who is followed."""
+
+    synthesis: Synthesis = standard("synthesis", "cpu")
+    """What the images should show."""
+
+    evidence: Evidence = standard("evidence", "auto")
+    """What they do show, and how well a pose explains it."""
+
+    prediction: Prediction = standard("prediction", "polynomial")
+    """Where a pose is looked for."""
+
+    estimation: Estimation = standard("estimation", "hybrid")
+    """How it is found."""
+
+    initialization: Initialization = standard("initialization", "auto")
+    """How it is found without a prediction."""
+
+    keypoints: KeypointFiles | None = None
+    """2-D keypoints of the recording, of `bodytrack detect` or another program, for instance
+    `{ path = "keypoints/{view}_json" }`: where `evidence` and `initialization` are left to `auto`, persons are found by
+    them, and they are looked at beside the rest."""
+
+    loss: LossRule = LossRule()
+    """When a person counts as lost."""
+
+    passes: int = pydantic.Field(default=2, ge=1, le=2)
+    """2: a window of up to 100 frames in which there is doubt is tracked back again, with the poses found on the way
+    there as candidates, and so are the first 40 frames of a window in which somebody is found; its frames are written
+    when both ways are done. 1: every frame is written at once."""
+
+    inspection: bool = True
+    """Look at the first frames for input that can hardly be right: exchanged or mirrored videos, views out of step,
+    another stature, more bodies than persons, somebody in a plate, a calibration not upright or not in metres; and, by
+    the persons tracked, at delays by parts of a frame and cameras turned since calibration."""
+
+    recordings: Annotated[tuple[Recording, ...], ReadBy(chosen_recordings, described_recordings)] = pydantic.Field(
+        default_factory=lambda: tuple(find("recording", use)() for use in DEFAULTS)
+    )
+    """What is written: a table changes the defaults (`overlay = false`, `c3d = true`), a list replaces them."""
+
+    smoothing: Smoothing | None = None
+    """How the poses are smoothed at the end, into the result folder `smoothed` beside the raw ones; None for not."""
+
+    @pydantic.field_validator("reading")
+    @classmethod
+    def _is_calibrated(cls, reading: Reading) -> Reading:
+        if getattr(reading, "rig", reading) is None:
+            raise ValueError('the key "rig" is missing, expected the cameras\' calibration, e.g. rig = "Calib.toml"')
+        return sized(reading)
+
+    @pydantic.model_validator(mode="after")
+    def _looks_at_keypoints(self) -> TrackJob:
+        if self.keypoints is not None:
+            if not count(self.evidence, self.initialization):
+                raise ValueError(
+                    "keypoints: evidence and initialization are both chosen and look at none: leave one of them to "
+                    "`auto`, or name the keypoints there"
+                )
+            evidence, start = beside(self.keypoints, self.evidence, self.initialization)
+            object.__setattr__(self, "evidence", evidence)
+            object.__setattr__(self, "initialization", start)
+        return self
+
+    @pydantic.field_validator("persons")
+    @classmethod
+    def _are_named(cls, persons: tuple[Subject, ...]) -> tuple[Subject, ...]:
+        named = tuple(replace(one, name=one.name or f"person{k}") for k, one in enumerate(persons, start=1))
+        for name in (one.name for one in named):
+            if fault := name_fault(name):
+                raise ValueError(f"a person is called {fault}")
+        for name, n_times in Counter(one.name for one in named).items():
+            if n_times > 1:
+                raise ValueError(f'two persons are called "{name}"')
+        return named
+
+    def open(self, earlier: Path | None = None) -> OpenedTrack:
+        """Opens the recording, reads the models and what an interrupted run has left; see `tracker.running.jobs.Job.open`."""
+        models = {subject.name: description_of(subject, earlier) for subject in self.persons}
+        sequence = opened_even(self.reading)
+        if len(sequence.rig) < _FEWEST_VIEWS:
+            raise ConfigError("one view: at least two are needed, for one does not tell how far away anybody is")
+        if self.smoothing is not None:
+            check_smoothing(self.smoothing, sequence.interval_s, self.recordings)
+        bodies = [model.build() for model in models.values()]
+        pairs = zip(self.persons, bodies, strict=True)
+        persons = tuple(Person(subject.name, body, body.rest(), subject.at) for subject, body in pairs)
+        scene = Scene(persons, sequence.rig)
+        self.evidence.check(scene)
+        self.initialization.check(scene, sequence.known)
+        if earlier is None:
+            return OpenedTrack(sequence, scene, models, self._frames(sequence))
+        kept = self._earlier(earlier, scene), known_before(earlier, scene)
+        return OpenedTrack(sequence, scene, models, self._frames(sequence), *kept)
+
+    def _frames(self, sequence: Sequence) -> Reopen:
+        """Opens the recording; its first frames are decoded once if several look at them."""
+        if not (self.inspection or self.passes > 1 or any(one.is_fitted for one in self.persons)):
+            return sequence.frames
+        n_bytes = sum(3 * width * height for width, height in (camera.size for camera in sequence.rig.cameras))
+        return FirstFrames(sequence.frames, held_at_most(n_bytes))
+
+    def _earlier(self, folder: Path, scene: Scene) -> OpenJournal:
+        """What an interrupted run has left; what is cut off is logged."""
+        first, stride = getattr(self.reading, "start", 0), getattr(self.reading, "stride", 1)
+        found = open_journal(folder, Expected.of(scene, first, stride))
+        if found.fault:
+            log.warning("%s: %s: cut there, %d frames are kept", found.path, found.fault, len(found))
+        return found
+
+    def cycle(self, opened: OpenedTrack, progress: Progress = silent) -> Cycle:
+        """The tracking cycle of these components; a field of the cycle is one of the job, called the same.
+
+        Args:
+            opened: the persons, and a recording whose views have clean plates, or backdrops.
+            progress: told of what takes long.
+        """
+        sequence = opened.sequence
+
+        def backdrops() -> tuple[Plate | None, ...]:
+            return sequence.backdrops
+
+        names = {field.name for field in dataclasses.fields(self)} & {field.name for field in dataclasses.fields(Cycle)}
+        parts = {name: getattr(self, name) for name in names}
+        cycle = Cycle(**parts, plates=sequence.plates, backdrops=backdrops, progress=progress)
+        cycle = without_persons(cycle, opened.scene, opened.frames)
+        return replace(cycle, nobody_before=self._first_in_view(opened, cycle))
+
+    def _first_in_view(self, opened: OpenedTrack, cycle: Cycle) -> int:
+        """Number of the frame from which on persons are looked for; poses that are given are those of the first one."""
+        if getattr(self.initialization, "poses", None) is not None:
+            return 0
+        return first_sought(opened, cycle, getattr(self.reading, "start", 0), self.passes)
+
+    def fitted(self, opened: OpenedTrack, cycle: Cycle) -> tuple[OpenedTrack, Cycle]:
+        """The persons with bodies fitted to the recording, and a cycle that does not look again for what is known.
+
+        Args:
+            opened: the persons as their models have them; of an interrupted run as it has fitted them.
+            cycle: the components, which are told what takes long.
+
+        Raises:
+            InitializationError: nobody was found.
+        """
+        sequence = opened.sequence
+        # R-UpperBody, whose evidence is chosen for her alone, was worse from two of three starts with them
+        unplated = sequence.makes_plates and all(plate is None for plate in cycle.plates)
+        if unplated and self.evidence.takes_part_plates():
+            # of an interrupted run, too, as they were before bodies were fitted
+            told = {k: subject.description().build() for k, subject in enumerate(self.persons) if opened.done}
+            cycle = behind_who_stays(cycle, opened.scene.with_bodies(told), opened.frames)
+        if not opened.done:
+            opened, cycle = with_fitted_bodies(opened, self.persons, cycle)
+        elif opened.known:
+            of_views = told_of_known(opened.known, opened.frames(), opened.scene, sequence.interval_s)
+            cycle = replace(knowing(cycle, opened.known), refines_known=not of_views)
+        return opened, cycle
+
+    def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> TrackOutcome:
+        """Tracks, and writes each frame as soon as it is done; see `tracker.running.jobs.Job.execute`."""
+        begin, sequence = time.perf_counter(), opened.sequence
+        progress(f"{self.name}: {sequence.n_frames} frames, results in {folder.path}")
+        stop = Stop()
+        findings = Findings(self.inspection, progress, told_before(folder.path) if opened.done else ())
+        cycle = replace(self.cycle(opened, progress), leaving=stop.heard)
+        choices = self._choices(opened, cycle)
+        tell_choices(choices, progress)
+        if self.inspection:
+            findings.add(looked_at(opened, cycle, getattr(self.reading, "stride", 1)))
+        opened, cycle = self.fitted(opened, cycle)
+        if opened.fitted_at and not opened.done:
+            progress(f"step 3 of 3: tracking all {sequence.n_frames} frames with the fitted body")
+        findings.add(opened.findings)
+        if any(plate is not None and plate.stays for plate in cycle.plates):
+            choices["evidence"] = self.evidence.told(cycle.plates)
+            tell_choices({"evidence": choices["evidence"]}, progress)
+        save_inputs(opened, folder.path)
+        context = run_context(self, opened, folder, choices, findings)
+        way = track if self.passes == 1 else track_twice
+        steps = way(opened.frames(), opened.scene, cycle, opened.done or {}, opened.frames)
+        tracked = Tracks()
+
+        def conclude() -> None:
+            if self.inspection and not (opened.fitted_at or opened.known):
+                findings.add(tracked.told(opened.scene, sequence, progress))
+
+        steps = telling_bodies(steps, opened.models, opened.done or ())
+        steps = tracked.kept(telling(map(as_kept, steps), findings.add))
+        outcome = recorded(self.recordings, context, steps, folder, (progress, stop), conclude)
+        if self.smoothing is not None and outcome.n_frames:
+            outcome = smoothed(outcome, self.smoothing, Pictures(self.recordings, opened.frames, progress))
+        return replace(outcome, seconds=time.perf_counter() - begin)
+
+    def _choices(self, opened: OpenedTrack, cycle: Cycle) -> dict[str, str]:
+        """Stage -> what its component chose by itself; empty where it had no choice."""
+        sequence = opened.sequence
+        known = sequence.known if cycle.plates == sequence.plates else cycle.plates
+        return {
+            "reading": delivered(sequence),
+            "synthesis": getattr(self.synthesis, "choice", ""),
+            "evidence": self.evidence.told(known),
+            "initialization": self.initialization.check(opened.scene, known),
+        }

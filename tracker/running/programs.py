@@ -1,0 +1,187 @@
+"""What programs ask for: the work of the commands `simulate` and `result`, with results as arguments and values."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import read_rig
+from tracker.foundation.configuration.tables import build
+from tracker.foundation.errors import ConfigError, nearest
+from tracker.foundation.files import check_empty
+from tracker.foundation.progress import Progress, shown
+from tracker.results.evaluation.comparison import Evaluation
+from tracker.results.evaluation.comparison import evaluate as compared
+from tracker.results.exports import EXPORTS, write_recordings
+from tracker.results.recording import Recording
+from tracker.results.recording.overlay import Overlay
+from tracker.results.recording.report import Report
+from tracker.results.result import Result, load_result
+from tracker.results.smoothed_result import Pictures, write_smoothed
+from tracker.results.smoothing import Smoothing
+from tracker.running.viewing.images import images_of
+from tracker.synthesis.simulation.filming import film, plan
+from tracker.synthesis.simulation.prospect import Prospect
+from tracker.synthesis.simulation.room import default_rig
+from tracker.synthesis.simulation.sequence import Recipe
+
+FORMATS = ("bvh", "c3d", "glb", "isb_angles", "mot", "opensim", "osim", "trc", "wide_table")
+"""Recordings that need poses and times only."""
+
+_PLANNED = {"movement", "rig", "place", "heading_deg"}
+"""Of a recipe, what `simulate` has arguments of its own for."""
+
+log = logging.getLogger("tracker")
+
+Wanted = str | Iterable[str | Recording] | Mapping[str, Mapping[str, Any]]
+"""Formats: "trc,c3d", ["trc", "c3d"], or with their fields {"trc": {"y_up": True}}."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Simulated:
+    """A recording of a simulated person, and what to expect of it."""
+
+    config: Path
+    """Of a run, for `load_run`; the truth lies in its folder, for `evaluate`."""
+
+    expected: Prospect
+    """Standard deviations of joints and angles, what each view adds, what stays hidden."""
+
+
+def evaluate(result: Result | Path | str, truth: Path | str) -> Evaluation:
+    """Compares a result with a truth: distances of joints, angles, lost frames, silhouettes.
+
+    Args:
+        result: a result, or its folder.
+        truth: table of joints, or a folder that holds one: that of a simulated recording, for instance.
+
+    Raises:
+        TrackerError: files are missing or damaged, or have no frame or joint in common.
+    """
+    return compared(result.folder if isinstance(result, Result) else Path(result), Path(truth))
+
+
+def smooth(
+    result: Result | Path | str,
+    use: str = "rts",
+    output: Path | str | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+    **fields: Any,
+) -> Result:
+    """Smooths a result and fills its short gaps, into a result folder of its own.
+
+    Args:
+        result: a result, or its folder.
+        use: how: rts, butterworth, spline or one_euro.
+        output: folder to write to; None for `smoothed` in the result's.
+        overwrite: replace a smoothed result that is there already, with all that was made of it.
+        progress: told how far it is; None for a bar in a notebook, and nothing elsewhere.
+        **fields: of the smoothing, `cutoff_hz=8.0` for instance.
+
+    Returns:
+        The smoothed result.
+
+    Raises:
+        TrackerError: a field is wrong, the frame rate too low for it, or the folder holds something.
+    """
+    smoothing: Smoothing = build("smoothing", {"use": use, **fields}, "smooth", Path())
+    return smooth_by(smoothing, _loaded(result), Path(output) if output else None, overwrite, progress or shown())
+
+
+def smooth_by(smoothing: Smoothing, raw: Result, output: Path | None, overwrite: bool, progress: Progress) -> Result:
+    """Smooths a result, and writes what there is to look at; see `smooth`."""
+    pictures = Pictures((Report(), Overlay()), lambda: images_of(raw), progress)
+    return load_result(write_smoothed(raw, smoothing, output, overwrite, pictures))
+
+
+def export(
+    result: Result | Path | str, to: Wanted, output: Path | str | None = None, overwrite: bool = False
+) -> tuple[Path, ...]:
+    """Writes a result for other programs.
+
+    Args:
+        result: a result, or its folder.
+        to: formats: "trc,c3d", ["trc", "c3d"], or with their fields {"trc": {"y_up": True}}.
+        output: folder to write to; None for `exports` in the result's.
+        overwrite: replace files that are there already.
+
+    Returns:
+        The files written: all, or none.
+
+    Raises:
+        TrackerError: there is no such format, the result cannot be written in one, or a file is there already.
+    """
+    recordings = _recordings(to)
+    loaded = _loaded(result)
+    return write_recordings(loaded, recordings, Path(output) if output else loaded.folder / EXPORTS, overwrite)
+
+
+def simulate(
+    rig: Rig | Path | str | None = None,
+    movement: str = "walk",
+    output: Path | str | None = None,
+    *,
+    place: tuple[float, float] | None = None,
+    heading_deg: float | None = None,
+    edge_px: float = 1.0,
+    progress: Progress | None = None,
+    **recipe: Any,
+) -> Simulated:
+    """Films a simulated body with your cameras.
+
+    Args:
+        rig: cameras, or their calibration; None for four in the corners of a room.
+        movement: of the model's file.
+        output: folder to make; None for `results/simulated/MOVEMENT`.
+        place: middle of the way, x and y, metres; None for the middle of what most cameras see.
+        heading_deg: direction faced at the start, from x; None for the one that keeps most of the way in the pictures.
+        edge_px: error of an edge, px: what standard deviations are told for.
+        progress: told how far it is; None for a bar in a notebook, and nothing elsewhere.
+        **recipe: of `tracker.synthesis.simulation.sequence.Recipe`: `model`, `seconds`, `fps`, `size`, `stature_m`, `seed`, ...
+
+    Raises:
+        TrackerError: something cannot be filmed so, or the folder holds something.
+    """
+    valid = {field.name for field in dataclasses.fields(Recipe)} - _PLANNED
+    for name in recipe.keys() - valid:
+        raise ConfigError(f'simulate: unknown argument "{name}"; {nearest(name, valid)}')
+    asked = Recipe(movement, **recipe)
+    cameras = default_rig(asked.size) if rig is None else rig if isinstance(rig, Rig) else _read(Path(rig))
+    planned = plan(asked, cameras, place, heading_deg)
+    folder = Path(output) if output else Path("results") / "simulated" / planned.recipe.movement
+    check_empty(folder)
+    expected = planned.prospect(edge_px)
+    return Simulated(film(planned, expected, folder, progress or shown()), expected)
+
+
+def _loaded(result: Result | Path | str) -> Result:
+    return result if isinstance(result, Result) else load_result(result)
+
+
+def _read(path: Path) -> Rig:
+    opened = read_rig(path)
+    for line in opened.told():
+        log.warning("%s: %s", path, line)
+    return opened.rig
+
+
+def _recordings(to: Wanted) -> list[Recording]:
+    """What writes the formats that are asked for, each once."""
+    asked = dict.fromkeys(filter(None, to.split(","))) if isinstance(to, str) else to
+    fields = to if isinstance(to, Mapping) else {}
+    made = [one if isinstance(one, Recording) else _recording(one, fields.get(one, {})) for one in asked]
+    if not made:
+        raise ConfigError(f"no format to export to: expected one or more of {', '.join(FORMATS)}")
+    return made
+
+
+def _recording(name: str, fields: Mapping[str, Any]) -> Recording:
+    if name not in FORMATS:
+        raise ConfigError(f'no format "{name}" to export to; {nearest(name, FORMATS)}')
+    made: Recording = build("recording", {"use": name, **fields}, f"export to {name}", Path())
+    return made

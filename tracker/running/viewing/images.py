@@ -1,0 +1,68 @@
+"""The images that a finished run was made from."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from collections.abc import Sequence as SequenceOf
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+from tracker.cameras.frame import Frame
+from tracker.foundation.configuration.files import override_table
+from tracker.foundation.errors import ConfigError
+from tracker.images.reading import Sequence
+from tracker.results.result import Result
+from tracker.results.smoothed_result import FOLDER as SMOOTHED
+from tracker.running.jobs import CONFIG, job_from, load_job
+
+IN_STEP = "in_step"
+"""In a result folder: its poses at one moment, see `tracker.running.aligned_result`."""
+
+
+def images_of(result: Result) -> Iterator[Frame]:
+    """The frames of the recording that the result was made from, as bright and smooth as they were tracked.
+
+    Plates are not needed, and not made.
+
+    Raises:
+        TrackerError: the recording is not there any more.
+    """
+    reading = reading_of(result, _chosen(result))
+    # still pictures are never looked through for plates, nor do they have masks
+    none = {"background": "none", "masks": None, "occluders": None, "align_background": False}
+    sequence: Sequence = dataclasses.replace(
+        reading, **(none if hasattr(reading, "masks") else {"background": None})
+    ).open()
+    return sequence.frames()
+
+
+def _chosen(result: Result) -> list[str]:
+    """What the run has chosen for its images by itself, as overrides of its configuration, which leaves it open."""
+    chosen: Any = result.details.get("images", {})
+    if not isinstance(chosen, dict):
+        raise ConfigError(f"{result.folder / 'run.json'}: damaged: images = {chosen!r}, expected their settings")
+    return [f"reading.{name}={value}" for name, value in chosen.items()]
+
+
+def reading_of(result: Result, overrides: SequenceOf[str] = ()) -> Any:
+    """How the recording is read that the result was made from.
+
+    Raises:
+        ConfigError: its configuration is damaged, or not there.
+    """
+    path, told = _config_of(result.folder), result.details.get("config")
+    if path.is_file() or not isinstance(told, dict):
+        return load_job("track", path, overrides).reading
+    table = deepcopy(told)  # of poses changed after the run and written elsewhere
+    override_table(table, overrides)
+    return job_from("track", table, "run.json", result.folder, result.name).reading
+
+
+def _config_of(folder: Path) -> Path:
+    """The configuration beside a result; that of poses changed afterwards may lie in the folder of the raw ones."""
+    folder = folder.resolve()
+    while folder.name in (SMOOTHED, IN_STEP) and not (folder / CONFIG).is_file():
+        folder = folder.parent
+    return folder / CONFIG

@@ -1,0 +1,175 @@
+"""A run that can be looked at: which frame is shown, and what is said of it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.bodies.scene import Scene
+from tracker.running.viewing.pictures import Pictures
+from tracker.running.viewing.stage import BLUE, ORANGE, PALE, RED, Stage
+from tracker.tracking.doubt import in_words
+from tracker.tracking.doubts import Judged, worst_first
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.trajectory import Replay, Step
+
+_COLOURS = {"lost": RED, "doubtful": ORANGE, "filled": PALE}
+"""Of a status in the strip; all others are blue."""
+
+_STRIP_PX = 360, 10
+"""Width of the strip, and height for a person."""
+
+_NOTHING = "-"
+_EVERY_S = 0.04
+"""Between two looks at what is to be shown."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A frame that can be shown."""
+
+    index: int
+    time_s: float
+    estimates: tuple[Estimate, ...]
+
+
+class Viewer:
+    """The stage with what steers it; frames may come while it is looked at.
+
+    Callbacks of the browser only say what is wanted; all is drawn by the thread that calls `draw`.
+    """
+
+    def __init__(self, server: Any, scene: Scene, interval_s: float, n_frames: int) -> None:
+        self._server, self._scene, self._interval_s = server, scene, interval_s
+        self.pictures = Pictures(scene.rig, n_frames)
+        self._stage = Stage(server, scene)
+        self._frames: list[Shown] = []
+        self._drawn: tuple[int, bool] | None = None
+        self._played = 0.0
+        self._lock = threading.Lock()
+        gui = server.gui
+        self._slider = gui.add_slider("frame", 0, max(n_frames - 1, 1), 1, 0)
+        self._strip = gui.add_image(_strip([], scene), label="status")
+        self._playing = gui.add_checkbox("play", False)
+        self._following = gui.add_checkbox("follow the newest", False, visible=False)
+        self._worst = gui.add_dropdown("worst frames", (_NOTHING,))
+        self._told = gui.add_markdown("")
+        self._worst.on_update(lambda _: self._jump())
+
+    @property
+    def n_frames(self) -> int:
+        """Frames that are there."""
+        return len(self._frames)
+
+    @property
+    def shown(self) -> int | None:
+        """Number of the frame that is shown."""
+        return None if self._drawn is None else self._frames[self._drawn[0]].index
+
+    def show_result(self, replays: Sequence[Replay]) -> None:
+        """Takes all frames of a finished run."""
+        self._frames = [Shown(replay.index, replay.time_s, replay.estimates) for replay in replays]
+        self.tell_doubts()
+
+    def follow(self) -> None:
+        """Shows the newest frame, until the visitor does not want it."""
+        self._following.visible = self._following.value = True
+
+    def add(self, step: Step) -> None:
+        """Takes a frame of a run that is going on, with its images, and the bodies that it was tracked with."""
+        self._scene = step.scene
+        self._frames.append(Shown(step.frame.index, step.frame.time_s, step.estimates))
+        self.pictures.add(step.frame)
+        if self._following.value:
+            self._slider.value = self.n_frames - 1
+
+    def tell_doubts(self) -> None:
+        """Fills the strip and the list of the worst frames with what is known so far."""
+        judged = [
+            [Judged(str(one.verdict), len(one.ambiguous), one.account.explained) for one in frame.estimates]
+            for frame in self._frames
+        ]
+        worst = worst_first([frame.time_s for frame in self._frames], judged)
+        self._worst.options = (_NOTHING, *(self._line(t, k) for t, k in worst))
+        self._strip.image = _strip(self._frames, self._scene)
+
+    def seek(self, position: int) -> None:
+        """Shows the frame at a position, counted from 0."""
+        self._following.value = False
+        self._slider.value = position
+
+    def draw(self) -> None:
+        """Draws the frame that is wanted, if it is another one, or if its images have come."""
+        with self._lock:
+            if not self._frames:
+                return
+            if self._playing.value and time.monotonic() - self._played >= self._interval_s:
+                self._slider.value = (self._slider.value + 1) % self.n_frames
+                self._played = time.monotonic()
+            position = min(int(self._slider.value), self.n_frames - 1)
+            frame = self._frames[position]
+            images = self.pictures.of(frame.index)
+            if self._drawn == (position, images is not None):
+                return
+            with self._server.atomic():
+                self._stage.embody(self._scene.persons)
+                self._stage.show(frame.estimates)
+                self._stage.show_images(images or (None,) * len(self._scene.rig))
+                self._told.content = self._text(frame)
+            self._drawn = position, images is not None
+
+    def serve(self, seconds: float = float("inf")) -> None:
+        """Draws what is wanted for so long, seconds."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.draw()
+            time.sleep(_EVERY_S)
+
+    def _jump(self) -> None:
+        """To the frame whose line was chosen; lines begin with their time."""
+        if self._worst.value != _NOTHING:
+            time_s = float(self._worst.value.split(" ")[0])
+            times = np.array([frame.time_s for frame in self._frames])
+            self.seek(int(np.abs(times - time_s).argmin()))
+
+    def _line(self, t: int, k: int) -> str:
+        frame, person = self._frames[t], self._scene.persons[k]
+        estimate = frame.estimates[k]
+        limbs = "".join(f", {limb.replace('_', ' ')}?" for limb in estimate.ambiguous if not estimate.lost)
+        return f"{frame.time_s:.3f} s: {person.name} {estimate.verdict}{limbs}"
+
+    def _text(self, frame: Shown) -> str:
+        lines = [f"**{frame.time_s:.2f} s**, frame {frame.index}", ""]
+        for person, estimate in zip(self._scene.persons, frame.estimates, strict=True):
+            why = in_words(estimate.reasons)
+            lines.append(f"- {person.name}: {estimate.verdict}" + (f"; {why}" if why else ""))
+        if self.pictures.fault:
+            lines += ["", f"no images: {self.pictures.fault}"]
+        return "\n".join(lines)
+
+
+def _strip(frames: Sequence[Shown], scene: Scene) -> NDArray[np.uint8]:
+    """(P * height, width, 3) the statuses of all frames, a row a person, in colours."""
+    width, height = _STRIP_PX
+    rows = np.full((len(scene.persons), width, 3), 235, dtype=np.uint8)
+    for k in range(len(scene.persons) if frames else 0):
+        colours = np.array([_colour(frame.estimates[k]) for frame in frames], dtype=np.uint8)
+        # a frame among many in doubt must be seen: the gravest of those in a column
+        columns = np.arange(len(frames)) * width // len(frames)
+        order = np.argsort([_GRAVE.index(tuple(colour)) for colour in colours.tolist()], kind="stable")[::-1]
+        rows[k] = colours[np.minimum(np.arange(width) * len(frames) // width, len(frames) - 1)]
+        rows[k, columns[order]] = colours[order]
+    return np.repeat(rows, height, axis=0)
+
+
+_GRAVE = [RED, ORANGE, PALE, BLUE]
+
+
+def _colour(estimate: Estimate) -> tuple[int, int, int]:
+    return _COLOURS.get(str(estimate.verdict), ORANGE if estimate.ambiguous else BLUE)

@@ -1,0 +1,283 @@
+"""What a run doubts of its own result: in which frames, and where to look."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import NamedTuple
+
+from tracker.bodies.scene import Person
+from tracker.evidence.measures.occlusion import hidden_limbs
+from tracker.tracking.doubt import Because
+from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.start import RATHER_RIGHT
+from tracker.tracking.trajectory import Step
+
+# More ranges, and more reasons, than this in one line are not read.
+_MOST_RANGES, _MOST_REASONS = 4, 4
+
+_APART_S = 0.25
+"""Time that frames of a list lie apart: one bad moment is one entry."""
+
+
+class Judged(NamedTuple):
+    """How far a person's pose in a frame is to be believed."""
+
+    status: str
+    n_ambiguous: int
+    """Limbs that may be elsewhere."""
+
+    explained: float
+    """Share of the visible contour."""
+
+
+def worst_first(
+    times_s: Sequence[float], judged: Sequence[Sequence[Judged]], n_most: int = 12
+) -> list[tuple[int, int]]:
+    """Frames to look at, the worst first: lost, doubtful, with ambiguous limbs, then least explained.
+
+    Args:
+        times_s: (T,) seconds.
+        judged: (T, P) all persons in all frames.
+        n_most: how many at most.
+
+    Returns:
+        Positions of frame and person; those of one person lie some time apart.
+    """
+    grave: dict[str, int] = {Status.LOST: 0, Status.DOUBTFUL: 1}
+    ranked = sorted(
+        (grave.get(one.status, 2), -one.n_ambiguous, one.explained, t, k)
+        for t, row in enumerate(judged)
+        for k, one in enumerate(row)
+    )
+    chosen: list[tuple[int, int]] = []
+    for _, _, _, t, k in ranked:
+        near = any(abs(times_s[t] - times_s[other]) < _APART_S for other, who in chosen if who == k)
+        if not near and len(chosen) < n_most:
+            chosen.append((t, k))
+    return chosen
+
+
+_MOST_DOUBTED = 0.6
+"""Share of frames in doubt from which on the input is asked about. A woman whom a passer-by and a board hide, tracked 8
+mm off, has 0.58 at most, single limbs counted as well; with cupboards before the person in two of four views, in wrong
+poses, it is 0.9 to 1."""
+
+
+@dataclass(frozen=True)
+class Doubts:
+    """Frames that are not to be used as they are."""
+
+    n_frames: int = 0
+    n_views: int = 0
+    """Of the rig."""
+
+    lost: tuple[int, ...] = ()
+    """Numbers of the frames in which a person is lost."""
+
+    doubtful: tuple[int, ...] = ()
+    """Numbers of the frames in which a person is doubtful, and none is lost."""
+
+    persons: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """Of several persons, who is lost or doubtful -> frames."""
+
+    ambiguous: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """Limb, with the person's name where there are several -> frames in which it may be elsewhere."""
+
+    untrusted: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """View -> frames in which its foreground was not used."""
+
+    missing: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """View -> frames without an image of it."""
+
+    hidden: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """Limb, and the view that something hides it from -> frames. Others show it: no doubt, but good to know."""
+
+    strangers: tuple[int, ...] = ()
+    """Frames in which somebody who is none of the persons is beside them. No doubt, but good to know."""
+
+    turned_round: tuple[str, ...] = ()
+    """Persons whose given start pose fits less well than the same turned round."""
+
+    confidences: Mapping[str, float] = field(default_factory=dict)
+    """Who was found in the first start -> how often starts like it are right, see `tracker.tracking.start.confidence`."""
+
+    found: frozenset[str] = frozenset()
+    """Names of the persons found so far."""
+
+    grave: tuple[int, ...] = ()
+    """Frames in which more than a single limb of a person is in doubt, or who has come in is lost."""
+
+    n_before: int = 0
+    """Frames at the beginning in which nobody is: all persons are lost."""
+
+    why_unfound: str = ""
+    """Why nobody was found in the last frame in which somebody was looked for."""
+
+    n_in_doubt: int = 0
+    """Frames in which anybody is lost or doubtful, or a limb may be elsewhere."""
+
+    reasons: Mapping[tuple[str, Because], int] = field(default_factory=dict)
+    """Limb, or `lost` or `doubtful`, with the person's name where there are several, and the reason -> frames."""
+
+    def after(self, step: Step) -> Doubts:
+        """The doubts one frame on."""
+        frame, names = step.frame.index, step.scene.rig.names
+        verdicts = {estimate.verdict for estimate in step.estimates}
+        pairs = list(zip(step.scene.persons, step.estimates, strict=True))
+        found = self.found | {person.name for person, one in pairs if not one.lost}
+        turned = () if step.start is None else step.start.turned_round
+        lost, doubtful = Status.LOST in verdicts, Status.DOUBTFUL in verdicts and Status.LOST not in verdicts
+        return Doubts(
+            n_frames=self.n_frames + 1,
+            n_views=len(names),
+            lost=(*self.lost, frame) if lost else self.lost,
+            doubtful=(*self.doubtful, frame) if doubtful else self.doubtful,
+            persons=_with(self.persons, frame, _persons_in_doubt(step)),
+            ambiguous=_with(self.ambiguous, frame, _limbs_in_doubt(step)),
+            untrusted=_with(self.untrusted, frame, (names[v] for v in step.untrusted)),
+            missing=_with(self.missing, frame, (names[v] for v in step.frame.missing)),
+            hidden=_with(self.hidden, frame, _hidden(step)),
+            strangers=(*self.strangers, frame) if step.strangers else self.strangers,
+            turned_round=(*self.turned_round, *(step.scene.persons[k].name for k in turned)),
+            confidences=self.confidences or _by_name(step),
+            found=found,
+            grave=(*self.grave, frame) if any(_is_grave(one, who.name in found) for who, one in pairs) else self.grave,
+            n_before=self.n_before + (not found),
+            why_unfound=step.why_unfound or self.why_unfound,
+            n_in_doubt=self.n_in_doubt + any(one.doubts for one in step.estimates),
+            reasons=dict(Counter(self.reasons) + Counter(reasons_in(step))),
+        )
+
+    @property
+    def none(self) -> bool:
+        """Whether there is nothing to look at."""
+        return not (self.lost or self.doubtful or self.ambiguous or self.turned_round or self.unlikely)
+
+    @property
+    def nobody(self) -> bool:
+        """Whether everybody is lost in every frame."""
+        return self.n_frames > 0 and not self.found
+
+    @property
+    def unlikely(self) -> tuple[str, ...]:
+        """Persons whose start pose is rather wrong than right, but for those whose given one is told to be so."""
+        told = self.turned_round
+        return tuple(who for who, sure in self.confidences.items() if sure < RATHER_RIGHT and who not in told)
+
+    def advice(self) -> str:
+        """What to do where so much is in doubt that it is no single limb's affair; empty where it is not.
+
+        Who has not come in yet is in no doubt, and frames before anybody has do not count; nor does one limb alone: an
+        arm that no view shows well may be ambiguous throughout, and all else exact.
+        """
+        n_frames = self.n_frames - self.n_before
+        if len(self.grave) <= _MOST_DOUBTED * n_frames:
+            return ""
+        few = ", or film with more cameras: two are few" if self.n_views == 2 else ""
+        return (
+            f"{len(self.grave)} of {n_frames} frames in doubt are more than hard movement makes: look at the overlay; "
+            "begin at another frame (reading.start) if the first pose is wrong, paint furniture before the person "
+            "(reading.occluders), check stature, model and calibration, and whether views are exchanged" + few
+        )
+
+    def sentence(self) -> str:
+        """One line for the terminal: how many frames, which limbs, where to look."""
+        unused = [f"foreground of {view} not used in {len(f)}{_where(f)}" for view, f in sorted(self.untrusted.items())]
+        unused += [f"{view} missing in {len(f)}{_where(f)}" for view, f in sorted(self.missing.items())]
+        unused += [f"{limb} in {len(f)}{_where(f)}" for limb, f in sorted(self.hidden.items())]
+        if self.strangers:
+            unused.append(f"somebody else beside in {len(self.strangers)}{_where(self.strangers)}")
+        if self.none:
+            return "; ".join([f"no frame of {self.n_frames} lost, doubtful or with an ambiguous limb", *unused])
+        found = [f"{name} may be turned round from the given start on" for name in self.turned_round]
+        found += [
+            f"{name}'s start pose is rather wrong than right (confidence {self.confidences[name]:.2f})"
+            for name in self.unlikely
+        ]
+        whole = [f"{who} in {len(frames)}{_where(frames)}" for who, frames in sorted(self.persons.items())]
+        if not whole:
+            whole.append(f"{len(self.lost)} lost{_where(self.lost)}")
+            whole += [f"{len(self.doubtful)} doubtful{_where(self.doubtful)}"] if self.doubtful else []
+        found.append(f"of {self.n_frames} frames {', '.join(whole)}")
+        for limb, frames in sorted(self.ambiguous.items(), key=lambda item: -len(item[1])):
+            found.append(f"{limb} ambiguous in {len(frames)}{_where(frames)}")
+        if self.why_unfound and not self.found:
+            found.append(f"nobody was found: {self.why_unfound}")
+        return "; ".join([", ".join(found), *unused])
+
+    def why(self) -> str:
+        """The last line for the terminal: the commonest reasons, each with what it is about and in how many frames."""
+        if not self.reasons:
+            return ""
+        ranked = sorted(self.reasons.items(), key=lambda item: (-item[1], item[0]))
+        told = [f"{n} {what}: {because.phrase}" for (what, because), n in ranked[:_MOST_REASONS]]
+        more = ", ..." if len(ranked) > len(told) else ""
+        return f"{self.n_in_doubt} of {self.n_frames} frames in doubt: {', '.join(told)}{more}"
+
+
+def reasons_in(step: Step) -> Iterator[tuple[str, Because]]:
+    """What is in doubt in a frame, a limb or a person, and why."""
+    for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+        alone = len(step.estimates) == 1
+        for doubt in estimate.reasons:
+            whole = str(estimate.verdict) if alone else f"{person.name} {estimate.verdict}"
+            yield _of(step, person, doubt.where) if doubt.limb else whole, doubt.because
+
+
+def _with(told: Mapping[str, tuple[int, ...]], frame: int, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
+    """What was told, and the frame for each of the names."""
+    return {**told, **{name: (*told.get(name, ()), frame) for name in names}}
+
+
+def _by_name(step: Step) -> dict[str, float]:
+    """Confidences of a frame in which persons were started; nothing elsewhere."""
+    return {person.name: sure for person, sure in zip(step.scene.persons, step.start_confidence, strict=False)}
+
+
+def _persons_in_doubt(step: Step) -> Iterator[str]:
+    """Of several persons, who is lost or doubtful in a frame."""
+    for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+        if len(step.estimates) > 1 and estimate.verdict in (Status.LOST, Status.DOUBTFUL):
+            yield f"{person.name} {estimate.verdict}"
+
+
+def _limbs_in_doubt(step: Step) -> Iterator[str]:
+    """Limbs that may be elsewhere in a frame, with the person's name where there are several."""
+    for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+        for group in () if estimate.lost else estimate.ambiguous:
+            yield _of(step, person, group.replace("_", " "))
+
+
+def _hidden(step: Step) -> Iterator[str]:
+    """Limbs that something hides from a view in a frame."""
+    for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
+        for v, group in hidden_limbs(person.body, estimate.account):
+            yield f"{_of(step, person, group.replace('_', ' '))} hidden from {step.scene.rig.names[v]}"
+
+
+def _of(step: Step, person: Person, what: str) -> str:
+    return f"{person.name}'s {what}" if len(step.estimates) > 1 else what
+
+
+def _is_grave(estimate: Estimate, has_come_in: bool) -> bool:
+    """Whether more than a single limb of a person is in doubt."""
+    return has_come_in if estimate.lost else estimate.doubtful or len(estimate.ambiguous) > 1
+
+
+def _where(frames: tuple[int, ...]) -> str:
+    """` (frames 3-17, 40, ...)`, ` (frame 4)`; nothing for no frames."""
+    if not frames:
+        return ""
+    parts = [f"{first}-{last}" if last > first else str(first) for first, last in ranges(frames)]
+    more = ", ..." if len(parts) > _MOST_RANGES else ""
+    return f" ({'frame' if len(frames) == 1 else 'frames'} {', '.join(parts[:_MOST_RANGES])}{more})"
+
+
+def ranges(frames: Iterable[int]) -> list[tuple[int, int]]:
+    """First and last of each run of successive numbers, in order."""
+    numbers = sorted(frames)
+    breaks = [0, *(k + 1 for k, (one, other) in enumerate(pairwise(numbers)) if other > one + 1), len(numbers)]
+    return [(numbers[first], numbers[end - 1]) for first, end in pairwise(breaks) if end > first]

@@ -1,0 +1,119 @@
+"""What stands out in a frame: before plates, some of which do not know everywhere what is background."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from tracker.cameras.frame import Frame
+from tracker.foundation.arrays import Array32, Image, Mask
+from tracker.images.operations.densities import colour_codes, densities
+from tracker.images.operations.level_set import Forces, threshold_dynamics
+from tracker.images.plate import Plate
+from tracker.images.plate_changes import departing
+
+# A limb that is missing in a mask is worse than a speck, which is nothing in space: less than in tracking.
+_SIGMAS = 4.0
+# Level sets are drawn in a picture so much smaller; a pixel of 720 is 7 mm at 3 m.
+_SMALLER = 2
+# Background whose colours count is this near to what may be a person, px of the small picture: half a person's width.
+_NEAR_PX = 15
+# Odds of what is known, as much as a colour can say at most, and weight of the contour's length; with 3 for the latter
+# the overlap with the true foreground is the same to 0.01 on 13 frames of seven recordings.
+_KNOWN_ODDS, _LENGTH = 4.0, 1.0
+# Gaps of this share of the image's longer side are closed.
+_GAP = 0.006
+
+
+def foregrounds(frame: Frame, plates: tuple[Plate | None, ...]) -> tuple[Mask | None, ...]:
+    """What has changed (H, W) in each view, and all that is not known; None without a plate, or if everything differs.
+
+    Shadows are included: what looks like one may be skin, and in space a shadow is no thicker than the floor.
+    """
+    return _found(frame, plates, _or_unknown)
+
+
+def segmented(frame: Frame, plates: tuple[Plate | None, ...]) -> tuple[Mask | None, ...]:
+    """What has changed (H, W) in each view, and of what is not known that which looks like it.
+
+    The region is that of least energy by level sets (Rosenhahn et al. 2006, section 2.1): colours of what has changed
+    against those of the background beside it. Its overlap with what stands out before true plates is 0.6 to 0.9 on
+    five recordings (intersection over union; 13 frames), that of all that is not known 0.6 to 0.8.
+    """
+    return _found(frame, plates, _drawn)
+
+
+def outlined(frame: Frame, plates: tuple[Plate | None, ...], drawn: tuple[Mask | None, ...]) -> Frame:
+    """The frame with foregrounds that were drawn as its masks, where it has none and a plate does not know everywhere.
+
+    What is not known counts for nothing, and every edge there as the person's: on the carpet of P-Floor the right pose
+    left over 0.78 of its contour, wrong ones 0.70 to 0.77. With masks it leaves 0.38, wrong ones 0.41 and more.
+
+    Args:
+        frame: the images.
+        plates: of the views.
+        drawn: (H, W) the foreground in each view, see `segmented`.
+    """
+    masks = []
+    for v, (plate, mask) in enumerate(zip(plates, drawn, strict=True)):
+        given, doubted = frame.mask(v), plate is not None and plate.unknown is not None
+        masks.append(cleaned(mask) if mask is not None and given is None and doubted else given)
+    return replace(frame, masks=tuple(masks))
+
+
+def cleaned(mask: Mask) -> Mask:
+    """A mask (H, W) without specks, and without gaps narrower than a hand."""
+    opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    radius = max(2, round(max(mask.shape) * _GAP))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    closed: Mask = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, disc) > 0
+    return closed
+
+
+def _found(
+    frame: Frame, plates: tuple[Plate | None, ...], unknown: Callable[[Image, Mask, Mask], Mask]
+) -> tuple[Mask | None, ...]:
+    found = []
+    for v, (image, plate) in enumerate(zip(frame.images, plates, strict=True)):
+        given = frame.mask(v)
+        if given is not None or image is None or plate is None:
+            found.append(given)
+            continue
+        differing = departing(image, plate, _SIGMAS)
+        if differing is not None and plate.unknown is not None:
+            differing = unknown(image, differing & ~plate.unknown, plate.unknown)
+        found.append(differing)
+    return tuple(found)
+
+
+def _or_unknown(image: Image, sure: Mask, unknown: Mask) -> Mask:
+    return sure | unknown
+
+
+def _drawn(image: Image, sure: Mask, unknown: Mask) -> Mask:
+    """What of the unknown (H, W) belongs to what has changed for sure, with that."""
+    inside, open_to_doubt = _small(sure), _small(unknown)
+    size = np.ones((2 * _NEAR_PX + 1, 2 * _NEAR_PX + 1), np.uint8)
+    near = cv2.dilate((inside | open_to_doubt).astype(np.uint8), size) > 0
+    codes = (colour_codes(_scaled(image)),)
+    learnt = densities(codes, inside, near & ~open_to_doubt & ~inside)
+    if learnt is None:
+        return sure
+    known: Array32 = np.where(inside, np.float32(_KNOWN_ODDS), np.float32(-_KNOWN_ODDS))
+    odds = np.where(open_to_doubt, learnt.log_odds(codes), known)
+    region = threshold_dynamics(odds > 0, Forces(odds, _LENGTH))
+    whole = cv2.resize(region.astype(np.uint8), sure.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    return np.asarray(sure | (unknown & whole))
+
+
+def _scaled(picture: Image) -> Image:
+    size = picture.shape[1] // _SMALLER, picture.shape[0] // _SMALLER
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
+
+
+def _small(mask: Mask) -> Mask:
+    half: Mask = _scaled(mask.astype(np.uint8) * np.uint8(255)) > 127
+    return half

@@ -1,0 +1,164 @@
+"""The body laid along the axis that the foreground shows (paper, section 4.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from tracker.bodies.body import BodyModel
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Integers
+from tracker.foundation.errors import ModelError
+from tracker.tracking.initialization._persons import Found
+from tracker.tracking.initialization._stances import Stance, on_floor, posed, turned
+from tracker.tracking.initialization._torso_axis import TorsoAxis
+from tracker.tracking.initialization._visual_hull import STEP_M, shadow
+
+# Bodies whose axis is nearer to the vertical stand upright; those of animals lie.
+_UPRIGHT = np.cos(np.radians(45.0))
+# What is lower than this share of a lying axis' height above the floor is legs, and shadows.
+_LEGS = 0.5
+_FLOOR_PERCENT = 0.5
+_MARGIN_M = 0.03
+# Specks beyond the ends of a piece.
+_EDGE_PERCENT = 1.0
+# Two voxels: a shadow is flat.
+_SHADOW_M = 0.08
+
+
+def has_axis(body: BodyModel) -> bool:
+    """Whether a body says which of its landmarks lie on its long axis, and can be placed and turned."""
+    return bool(body.start.head and body.start.base and body.start.turn and len(body.root.columns))
+
+
+def axis_marks(body: BodyModel) -> Integers:
+    """(2,) numbers of the landmarks at the head's end and the other end of the body's axis.
+
+    Raises:
+        ModelError: the model file does not say, and its landmarks do not tell; or its root cannot be placed.
+    """
+    names = (body.start.head, body.start.base)
+    if not has_axis(body):
+        raise ModelError(
+            f'model "{body.name}": bootstrapping needs two landmarks on the body\'s long axis and a root that moves '
+            "along x, y and z and turns about the vertical: give head, base and turn in [start] of the model file, see "
+            'models/gavrila22.toml; or give the pose by initialization = { poses = "start.csv" }'
+        )
+    return np.array([body.landmark_names.index(name) for name in names], dtype=np.int64)
+
+
+def stands_upright(body: BodyModel) -> bool:
+    """Whether the body's axis is vertical in the reference pose; an animal's trunk lies."""
+    head, base = body.landmarks_in_world(body.rest())[axis_marks(body)]
+    return bool((head - base)[2] > _UPRIGHT * np.linalg.norm(head - base))
+
+
+def without_legs(found: Found, body: BodyModel, rig: Rig) -> Found:
+    """What of a body shows its axis: all of one that stands upright, of an animal what its legs carry.
+
+    Seen from around at 45 degrees to its trunk the visual hull of an animal is as broad as it is long, and the shadows
+    of its legs cover more of the images than the legs.
+    """
+    if stands_upright(body):
+        return found
+    floor = float(np.percentile(found.points[:, 2], _FLOOR_PERCENT))
+    points = found.points[found.points[:, 2] > floor + _LEGS * _axis_height(body)]
+    if not len(points):
+        return found
+    regions = (
+        None if region is None else region & shadow(rig, v, points, _MARGIN_M) for v, region in enumerate(found.regions)
+    )
+    return Found(points, tuple(regions))
+
+
+def _axis_height(body: BodyModel) -> float:
+    """Height of a lying axis above the floor the body stands on in its reference pose, metres."""
+    rest = body.rest()
+    return float(body.landmarks_in_world(rest)[axis_marks(body), 2].mean()) - _lowest(body, rest)
+
+
+def _lowest(body: BodyModel, q: Array) -> float:
+    """Lowest end of a part, metres."""
+    placed = body.world_from_part(q)
+    return float((placed[:, 2, 3] - np.abs(placed[:, 2, 2]) * body.shapes[:, 2]).min())
+
+
+def placements(body: BodyModel, axis: TorsoAxis, points: Array) -> list[Array]:
+    """Rest poses (dof,) with the body on an axis; the turn about the vertical is as good as unknown.
+
+    Args:
+        body: the body.
+        axis: from the foreground. It says where the head of a body is that stands upright in its model file; of an
+            animal both ways are possible.
+        points: (N, 3) voxels of the body without its legs, metres: their middle is where a lying one is.
+    """
+    if stands_upright(body):
+        return [_upright(body, axis)]
+    return [_lying(body, sign * axis.direction, points.mean(axis=0)) for sign in (1.0, -1.0)]
+
+
+def laid_in(body: BodyModel, stances: Sequence[Stance], points: Array, headings: Array) -> Array:
+    """Stances (N, dof) in every heading in the middle of a piece of the visual hull, on its lowest point.
+
+    Args:
+        body: the body.
+        stances: standing, seated, crouching, lying.
+        points: (N, 3) voxels, metres.
+        headings: (M,) turns about the vertical, rad.
+    """
+    floor_m = float(np.percentile(points[:, 2], _FLOOR_PERCENT)) - STEP_M / 2
+    # The shadow on the floor belongs to the piece.
+    above = points[points[:, 2] > floor_m + _SHADOW_M]
+    low, high = np.percentile(above if len(above) else points, [_EDGE_PERCENT, 100 - _EDGE_PERCENT], axis=0)
+    poses = np.concatenate([turned(body, posed(body, stance), headings) for stance in stances])
+    return on_floor(body, poses, np.tile((low + high)[:2] / 2, (len(poses), 1)), floor_m)
+
+
+def _upright(body: BodyModel, axis: TorsoAxis) -> Array:
+    """Head and base on the axis; the turn about it stays as it is."""
+    marks = axis_marks(body)
+    columns = body.root.columns[body.root.columns != body.index(body.start.turn)]
+    rest = body.rest()
+    length = float(np.linalg.norm(np.subtract(*body.landmarks_in_world(rest)[marks])))
+    targets = np.array([axis.head_top, axis.head_top - length * axis.direction])
+
+    def residual(values: Array) -> Array:
+        gap: Array = (body.landmarks_in_world(_with(rest, columns, values))[marks] - targets).ravel()
+        return gap
+
+    start = rest[columns]
+    start[~body.rotates[columns]] = 0.0
+    return body.clamped(_with(rest, columns, least_squares(residual, start).x))
+
+
+def _lying(body: BodyModel, direction: Array, middle: Array) -> Array:
+    """The axis in a direction, the middle of what the legs carry in a place, left and right equally high."""
+    marks, columns = axis_marks(body), body.root.columns
+    turn, rest = body.index(body.start.turn), body.rest()
+    high = body.world_from_part(rest)[:, 2, 3] > _lowest(body, rest) + _LEGS * _axis_height(body)
+    volumes = np.where(high, np.prod(body.shapes[:, :3], axis=1), 0.0)
+
+    def placed(q: Array) -> tuple[Array, Array]:
+        head, base = body.landmarks_in_world(q)[marks]
+        return (head - base) / np.linalg.norm(head - base), volumes @ body.world_from_part(q)[:, :3, 3] / volumes.sum()
+
+    def residual(values: Array) -> Array:
+        q = _with(rest, columns, values)
+        along, centre = placed(q)
+        roll = body.world_from_parameters(q)[columns[-1], 2, :3] @ np.array(body.mirror.across)
+        return np.array([*(along - direction), *(centre - middle), roll])
+
+    along, centre = placed(rest)
+    heading = np.arctan2(direction[1], direction[0]) - np.arctan2(along[1], along[0])
+    q = rest.copy()
+    q[turn] += np.sign(body.parameters[turn].axis[2]) * ((heading + np.pi) % (2 * np.pi) - np.pi)
+    q[body.root.shifts] += middle - centre
+    return body.clamped(_with(rest, columns, least_squares(residual, q[columns]).x))
+
+
+def _with(q: Array, columns: Integers, values: Array) -> Array:
+    changed = q.copy()
+    changed[columns] = values
+    return changed

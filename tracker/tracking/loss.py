@@ -1,0 +1,278 @@
+"""What is made of an estimate: lost, doubtful, with limbs that may be elsewhere; and who is looked for anew."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pydantic
+
+from tracker.bodies.body import BodyModel
+from tracker.bodies.limbs import smallness
+from tracker.evidence.measures.account import Account
+from tracker.foundation.arrays import Mask
+from tracker.foundation.configuration.components import component
+from tracker.tracking.doubt import Because, Doubt
+from tracker.tracking.estimate import Estimate, Status
+
+# Log odds that a person's pose is right in the trunk, by what the whole leaves over (squared) and by the logarithm of
+# how vaguely a limb's joints are known; and that a limb is right if the trunk is, by what the limb leaves over. Fitted
+# by scripts/fit_doubt.py to 16 600 limbs, 700 of them 150 mm off, see docs/lab/probability_of_limbs.md.
+_WHOLE, _WHOLE_LEFT_OVER, _WHOLE_VAGUE = 3.93, 129.4, 4.06
+_LIMB, _LIMB_LEFT_OVER = 11.3, 27.6
+_KNOWN_M, _LEAST_SPREAD_M = 0.03, 0.003
+"""Spread of a joint at which it counts nothing, and that from which on it is known no better, metres."""
+
+# In so many times of `restart_every` somebody who is lost is looked for once at least.
+_SELDOM = 8
+# A limb that shows less contour than this over all views is judged as if it showed so much, px.
+_LEAST_LIMB_PX = 100.0
+# Of heads in their place hair leaves over 0.03 to 0.27 (K-Kick, V-Dance, T-Punch-light, with plates and without), and
+# 0.60 of one that a start had bent forward.
+# See docs/lab/acquired_starts.md.
+_USUAL_OF_HEADS = 0.2
+
+
+@component
+class LossRule:
+    """When a person counts as lost, and how it is looked for again."""
+
+    lost_below: float = pydantic.Field(default=0.4, ge=0, le=1)
+    """Share of the visible contour on scene edges under which a person is lost."""
+
+    least_views: int = pydantic.Field(default=2, ge=0)
+    """Views that must show a person, or might: whom fewer show is lost, a limb inside fewer images ambiguous; all of a
+    rig that has fewer."""
+
+    doubtful_above: float = pydantic.Field(default=0.25, ge=0)
+    """What model and images leave over of each other's contour, as a share of the model's, above which a frame is
+    doubtful. In twelve frames of four recordings (K-Kick, V-Dance, D-TwoElbowRot, balancing; `human`, scaled) the
+    right pose leaves over 0.04 to 0.22, and the same person turned round and refined 0.26 to 1.16. With a model that
+    was acquired 0.12 may do."""
+
+    ambiguous_above: float = pydantic.Field(default=0.3, ge=0)
+    """The same for a limb, which is then ambiguous: the least value, judged by edges and colours, at which no limb in
+    its place is on D-TwoElbowRot, K-Kick, V-Dance and balancing, in steps of 0.02, one run each. On five other
+    recordings it finds 41 of 75 frames with a limb 150 mm off, and doubts 12 of 348 without."""
+
+    vague_above_m: float = pydantic.Field(default=0.06, gt=0)
+    """Standard deviation of a joint, in the direction in which it is known least, above which its limb is ambiguous,
+    metres; of a body below 0.8 m its share of that. Of four recordings by two cameras 15 of 25 frames with a joint
+    150 mm off are flagged, 7 without it, and 20 of 209 others, 10 without; with four cameras it names no limb of K-Kick
+    and T-Punch-light that nothing else names. See `Estimate.vague`."""
+
+    # See docs/lab/elsewhere.md.
+    elsewhere_px: float = pydantic.Field(default=0.2, ge=0)
+    """What another place of a limb, of which one view alone shows a part, may cost more, so that the limb is ambiguous,
+    px; 0 for no looking elsewhere. Of four recordings by two cameras 24 of 26 frames with a joint 150 mm off are
+    flagged, 6 without it, and 56 of 208 others, 33 without. With 0.15 px a third of the limbs that it names, right or
+    wrong, would not be. Of five recordings by three and four cameras it names 3 limbs of 1680. See
+    `tracker.tracking.single_view`."""
+
+    restart_every: int = pydantic.Field(default=3, ge=1)
+    """A lost person is initialized anew in the frame of the loss, so many frames later, and again whenever it has been
+    lost for twice as long, or for eight times so many frames more: of who has left the room for long every search is in
+    vain, and beside somebody else's shadow it takes seconds. Who is lost again, and was in doubt all the while, counts
+    as lost on. A second pass finds who comes back from the first frame on."""
+
+    start_within: int = pydantic.Field(default=25, ge=1)
+    """Frames, from the first one on that shows somebody, in which the first initialization must succeed."""
+
+    start_within_s: float = pydantic.Field(default=600.0, gt=0)
+    """Processor time that it may take in all of them, seconds: then the run ends and says what kept everybody from
+    being found. Starts of six recordings without plates, which succeed, take 9 to 120 s."""
+
+    rehearse: int = pydantic.Field(default=10, ge=0)
+    """Frames into which the likeliest start poses of an uncertain person are tracked before one is chosen, 0 for none.
+    They are at least 0.03 s apart."""
+
+    sure: float = pydantic.Field(default=0.8, ge=0, le=1)
+    """How sure a start pose is that needs no rehearsal, see `tracker.tracking.start.sureness`."""
+
+    look_ahead_s: tuple[pydantic.NonNegativeFloat, ...] = (0.5, 1.0, 2.0)
+    """When nobody is sure in the first frame: how much later starts are looked for that may be easier, seconds. The
+    frames before are tracked back from the surest. Needs a recording: a live run starts where it starts."""
+
+    # See docs/lab/later_starts.md.
+    look_on_s: tuple[pydantic.NonNegativeFloat, ...] = (2.5, 4.0, 6.0)
+    """The same as long as all starts found are rather wrong than right: without plates those of P-Floor's push-ups in
+    frames 8, 21, 33 and 58 are 0.17 sure at most, and 85 to 360 mm off, that in frame 72 0.94 (35 mm)."""
+
+    # See docs/lab/limits_and_vain_searches.md.
+    again_after: int = pydantic.Field(default=5, ge=1)
+    """Frames doubted one after the other after which limbs in doubt are looked for wherever they may be, and a person
+    who is doubtful then, or of whom several limbs are in doubt, as if never seen; what is found is taken where the
+    images clearly speak for it. Doubted on, limbs again after as many, a person after twice as many, and then after
+    four times as many, and so on, but no person whom another way in doubt has led to the same pose: without plates each
+    time takes 15 s, of one of two persons 35 to 75, and for bodies that no model fits, or that the views hardly show,
+    it is in vain. In R-Turn the legs are exchanged for 40 frames; looked for anew, they are found at once; without
+    plates, arms and legs in the tenth frame of doubt."""
+
+
+def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
+    """The estimate with its status and all that is in doubt about it."""
+    account = estimate.account
+    limbs, spreads_m = limbs_left_over(body, account), limb_spreads_m(body, estimate)
+    vague_above_m = loss.vague_above_m * smallness(body)
+    doubts = [
+        *_above({"": account.left_over}, Because.LEFT_OVER, loss.doubtful_above),
+        *_above(limbs, Because.LEFT_OVER, loss.ambiguous_above),
+    ]
+    in_doubt = {doubt.limb for doubt in doubts}
+    sure = {limb: spread_m for limb, spread_m in spreads_m.items() if limb not in in_doubt}
+    doubts += _above(sure, Because.IMPRECISE, vague_above_m)
+    found_again = replace(estimate, status=found, doubts=tuple(doubts))
+    if account.explained < loss.lost_below:
+        return found_again.losing(Doubt("", Because.UNEXPLAINED, account.explained, loss.lost_below))
+    return found_again
+
+
+def _above(values: Mapping[str, float], because: Because, limit: float) -> list[Doubt]:
+    """Doubts of the limbs whose value is above a limit; of the person as a whole the name is empty."""
+    return [Doubt(limb, because, value, limit) for limb, value in values.items() if value > limit]
+
+
+def trusted_parts(body: BodyModel, estimate: Estimate) -> Mask:
+    """(V, P) parts of a person that are where they are taken to be, as far as is known, and that the view shows."""
+    hidden, n_views = estimate.account.hidden, len(estimate.account.per_view_px)
+    sure = not estimate.lost and not estimate.doubtful
+    trusted: Mask = np.full((n_views, len(body.parts)), sure) if hidden is None else sure & ~hidden
+    for group in estimate.limbs_in_doubt:
+        trusted[:, body.parts_of(group)] = False
+    return trusted
+
+
+def limbs_left_over(body: BodyModel, account: Account) -> dict[str, float]:
+    """Limb -> share of its contour that is left over, see `left_over_of`; head and tail with what is unusual of it."""
+    # The trunk is where the limbs hang; what is left over of it is clothes.
+    usual = dict.fromkeys(body.doubted_ends, _USUAL_OF_HEADS) | dict.fromkeys(body.limbs, 0.0)
+    return {group: max(left_over_of(account.of(body.parts_of(group))) - usual[group], 0.0) for group in usual}
+
+
+def limb_spreads_m(body: BodyModel, estimate: Estimate) -> dict[str, float]:
+    """Limb -> standard deviation of its joints, of each in the direction in which it is known least, at most, metres.
+
+    0 where the estimation gave no covariance.
+    """
+    spreads = np.zeros(len(body.landmarks))
+    if np.isfinite(estimate.covariance).all():
+        points = body.landmarks_in_world(estimate.q)
+        ends = np.array([mark.parameter for mark in body.landmarks])
+        moved = body.point_jacobian(estimate.q, points, ends)
+        variances = np.linalg.eigvalsh(moved @ estimate.covariance @ moved.transpose(0, 2, 1))[:, -1]
+        spreads = np.sqrt(np.maximum(variances, 0.0))
+    return {limb: float(spreads[body.landmarks_of(limb)].max(initial=0.0)) for limb in body.limbs}
+
+
+def probabilities(body: BodyModel, estimate: Estimate) -> dict[str, float]:
+    """Limb -> how probable it is that all its joints are within 150 mm of where they are said to be, 0 to 1.
+
+    Two things may be wrong: the pose as a whole, or the limb alone. The images tell of the first by what the whole body
+    leaves over and by how vaguely joints are known, of the second by what the limb leaves over.
+    """
+    limbs, spreads_m, smaller = limbs_left_over(body, estimate.account), limb_spreads_m(body, estimate), smallness(body)
+    whole = _WHOLE - _WHOLE_LEFT_OVER * estimate.account.left_over**2
+    known, found = np.isfinite(estimate.covariance).all(), {}
+    for limb in body.limbs:
+        vague = math.log(max(spreads_m[limb] / smaller, _LEAST_SPREAD_M) / _KNOWN_M) if known else 0.0
+        right = _sigmoid(whole - _WHOLE_VAGUE * vague)
+        found[limb] = right * _sigmoid(_LIMB - _LIMB_LEFT_OVER * limbs[limb])
+    return found
+
+
+def _sigmoid(log_odds: float) -> float:
+    return 0.5 * (1.0 + math.tanh(0.5 * log_odds))
+
+
+def left_over_of(limb: Account) -> float:
+    """Share of a limb's contour that is left over; of one that is hardly seen, of what it should at least show."""
+    visible_px = max(float(limb.visible_px.sum()), _LEAST_LIMB_PX)
+    return float(limb.left_over_px.sum()) / visible_px
+
+
+@dataclass(frozen=True)
+class Troubles:
+    """For how long a person has been lost or in doubt, frames before this one."""
+
+    lost: int = 0
+    """One after the other."""
+
+    doubted: int = 0
+    """One after the other that were doubtful, or had an ambiguous limb."""
+
+    losses: int = 0
+    """Times lost or found anew; none once the person is there without doubt, or in doubt for three frames a loss."""
+
+    seen: int = 0
+    """One after the other in which the person was neither, in doubt."""
+
+    def after(self, estimate: Estimate) -> Troubles:
+        """One frame on."""
+        if estimate.lost:
+            return Troubles(self.lost + 1, 0, self.losses + 1)
+        if not doubted(estimate):
+            return Troubles()
+        if estimate.status is Status.RECOVERED:
+            return Troubles(0, self.doubted + 1, self.losses + 1)
+        long = self.seen + 1 >= 3 * self.losses
+        return Troubles(0, self.doubted + 1, 0 if long else self.losses, 0 if long else self.seen + 1)
+
+    @staticmethod
+    def of_lost(n_frames: int) -> Troubles:
+        """Those of somebody who has been lost for so long."""
+        return Troubles(n_frames, 0, n_frames)
+
+
+def sought_anew(estimate: Estimate, before: Troubles, found_twice: bool, loss: LossRule) -> bool:
+    """Whether a person is looked for anew in this frame.
+
+    One that was lost is, even when the pose it was lost at explains the images again: limbs have moved meanwhile. For a
+    single limb in doubt it would be dear: of R-Turn's way there, without plates, a half (see `is_looked_about`). Who is
+    lost again and again without being there undoubted in between, as when what is found anew is wrong, is looked for
+    as rarely as who is lost throughout: without plates a search takes up to 70 s.
+
+    Args:
+        estimate: in this frame.
+        before: the person's troubles so far.
+        found_twice: whether another way has led to the same pose, in doubt as well; see `tracking.rivals.found_twice`.
+        loss: the rule.
+    """
+    if estimate.lost:
+        return _is_due(before.losses, loss)
+    if before.lost:
+        return before.losses == before.lost
+    times, rest = divmod(before.doubted + 1, loss.again_after)
+    as_a_whole = estimate.doubtful or len(estimate.limbs_in_doubt) > 1
+    due = rest == 0 and times.bit_count() == 1 and (times == 1 or times.bit_length() % 2 == 0)  # 1, 2, 8, 32
+    return due and as_a_whole and not found_twice
+
+
+def is_looked_about(estimate: Estimate, before: Troubles, loss: LossRule) -> bool:
+    """Whether limbs in doubt are looked for wherever they may be in this frame.
+
+    Doubted on, again after as many frames: unlike who is looked for as a whole, a limb costs 0.1 s. In R-UpperBody,
+    without plates, shins that had bent backwards were 0.6 m off for 50 frames.
+
+    Args:
+        estimate: in this frame.
+        before: the person's troubles so far.
+        loss: the rule.
+    """
+    return doubted(estimate) and (before.doubted + 1) % loss.again_after == 0
+
+
+def is_out_of_sight(before: Troubles, loss: LossRule) -> bool:
+    """Whether a person has been lost for longer than for a moment, and is not looked for anew in this frame either."""
+    return before.lost > loss.restart_every and not _is_due(before.losses, loss)
+
+
+def _is_due(losses: int, loss: LossRule) -> bool:
+    times, rest = divmod(losses, loss.restart_every)
+    return rest == 0 and (times.bit_count() <= 1 or times % _SELDOM == 0)
+
+
+def doubted(estimate: Estimate) -> bool:
+    """Whether a pose that is not lost, or one of its limbs, may be wrong."""
+    return not estimate.lost and (estimate.doubtful or bool(estimate.limbs_in_doubt))

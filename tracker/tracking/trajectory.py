@@ -1,0 +1,158 @@
+"""What a run produces: one Step a frame, and the history that predictions are made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tracker.bodies.contours import Contours
+from tracker.bodies.scene import Scene
+from tracker.cameras.frame import Frame
+from tracker.evidence.measures.occlusion import LONG_FRAMES
+from tracker.foundation.arrays import Array, Integers, Mask, frozen
+from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.start import Start, confidence
+
+
+@dataclass(frozen=True)
+class Step:
+    """One frame: what was estimated, and what is told of how it was."""
+
+    frame: Frame
+    scene: Scene
+    """All persons at their estimated poses."""
+
+    estimates: tuple[Estimate, ...]
+    """One a person."""
+
+    fitted: Contours
+    """Contours of the estimated scene, B = 1."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    """Stage name -> seconds spent in it."""
+
+    overlap: Array | None = None
+    """(V,) intersection over union of model and foreground silhouettes; NaN where unknown."""
+
+    model_px: Array | None = None
+    """(V,) pixels that the persons cover; None without plates, or with a person lost."""
+
+    untrusted: Mapping[int, str] = field(default_factory=dict)
+    """View -> why its foreground was not used."""
+
+    strangers: bool = False
+    """Whether somebody who is none of the persons was beside them, and taken for what hides them."""
+
+    start: Start | None = None
+    """Evidence of the bootstrapping, in the frame in which it happened."""
+
+    why_unfound: str = ""
+    """Why nobody was found, where persons were looked for who were in no frame before."""
+
+    ready: int = 0
+    """How many of the steps that follow are there already."""
+
+    provisional: bool = False
+    """Whether a second pass would have followed, had the run not been interrupted: a resumed run does it again."""
+
+    told_confidence: tuple[float, ...] = ()
+    """Its `start_confidence`, where the start itself is not known any more: a journal does not keep it."""
+
+    @property
+    def start_confidence(self) -> tuple[float, ...]:
+        """For each person how often starts like it are right, see `tracker.tracking.start.confidence`; empty without one.
+
+        A given pose that fits less well than the same turned round is as unsure as it was, however well it was tracked:
+        who stands still looks the same from behind.
+        """
+        if self.start is None:
+            return self.told_confidence
+        turned, pairs = self.start.turned_round, zip(self.start.told_sureness, self.estimates, strict=False)
+        return tuple(sure if k in turned else confidence(sure, one) for k, (sure, one) in enumerate(pairs))
+
+
+@dataclass(frozen=True)
+class Replay:
+    """One frame of an interrupted run, as its journal has it."""
+
+    index: int
+    time_s: float
+    estimates: tuple[Estimate, ...]
+    seconds: dict[str, float]
+    overlap: Array | None
+    """(V,) as in `Step`."""
+
+    untrusted: Mapping[int, str] = field(default_factory=dict)
+    """As in `Step`."""
+
+    strangers: bool = False
+    """As in `Step`."""
+
+    start_confidence: tuple[float, ...] = ()
+    """As in `Step`."""
+
+
+# Weight of a new frame in what is usual: half of it is forgotten in 6 frames.
+_NEWS = 0.11
+
+KEPT = 16
+"""Frames of a history at most."""
+
+
+@dataclass(frozen=True)
+class History:
+    """Poses of one person in the frames that were not lost, oldest first, and how well they explained the images."""
+
+    times: Array
+    """(T,) seconds."""
+
+    poses: Array
+    """(T, dof) rad and m."""
+
+    usual_px: Array | None = None
+    """(2, P) running means of each part's visible contour and of what is left over there, px; None at a start."""
+
+    n_frames: int = 0
+    """Frames tracked since the start."""
+
+    unseen: Integers | None = None
+    """(V, P) for how many frames, up to the last one, a view has not shown a part that others do; None for no part."""
+
+    @property
+    def hidden(self) -> Mask | None:
+        """(V, P) parts that something hid from a view in the last frame; None for none."""
+        hidden = None if self.unseen is None else self.unseen > LONG_FRAMES
+        return None if hidden is None or not hidden.any() else hidden
+
+    @staticmethod
+    def start(time_s: float, q: Array) -> History:
+        """The history of a person just found."""
+        return History(frozen([time_s]), frozen(q[None]))
+
+    def after(self, time_s: float, estimate: Estimate, window: int = KEPT) -> History:
+        """The history one frame on: extended, begun anew after a recovery, or unchanged by a loss."""
+        if estimate.status is Status.LOST:
+            return self
+        if estimate.status is not Status.TRACKED:
+            return History.start(time_s, estimate.q)
+        times = np.append(self.times, time_s)[-window:]
+        poses = np.concatenate([self.poses, estimate.q[None]])[-window:]
+        usual_px = np.stack([estimate.account.visible_px, estimate.account.left_over_px])
+        if self.usual_px is not None and estimate.search_s == 0:
+            # What a search could not explain is usual from now on: it need not be searched again.
+            usual_px = (1 - _NEWS) * self.usual_px + _NEWS * usual_px
+        return History(
+            frozen(times),
+            frozen(poses),
+            frozen(usual_px),
+            self.n_frames + 1,
+            _counted(self.unseen, estimate.account.not_shown),
+        )
+
+
+def _counted(unseen: Integers | None, not_shown: Mask | None) -> Integers | None:
+    if not_shown is None:
+        return None
+    return frozen(not_shown * (1 if unseen is None else unseen + 1), np.int64)
