@@ -8,33 +8,36 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import tracker.errors
+import tracker
 
-ROOT = Path(tracker.errors.__file__).resolve().parents[1]
+ROOT = Path(tracker.__file__).resolve().parents[1]
 
 LAYERS = (
-    "errors arrays c3d_format freed_memory lengths plugins components config config_files field_types schema resources "
-    "files source_files pages progress clock patience keypoint_names geometry imaging kernels "
-    "native_sources _native",
-    "camera lens fisheye rig world rig_layouts frame shape skin skin_files segments mirror point_trajectories body "
-    "limbs scene contours expectation observation keypoints keypoint_layouts skeletons markers marker_layouts account "
-    "robots "
-    "hidden doubt equations plate plate_changes sight estimate in_view in_space loss start carried subject trajectory "
-    "doubts triangulation views shown_size seen_pixels film first_frames",
-    "reading detection calibration prediction synthesis analysis recording smoothing",
-    "comparison outlines correspondences strangers part_colours lsm following person_track result ball_joints",
-    "similarity evidence objective",
-    "estimation initialization",
+    "foundation _native",
+    "kernels",
+    "cameras",
+    "bodies",
+    "images",
+    "points synthesis",
+    "evidence",
     "tracking",
-    "acquisition alignment recognition evaluation simulation inspection",
-    "jobs rig_check epipolar_picture exports programs smoothed aligned batching run forecast draft draft_rig "
-    "draft_plates draft_keypoints footage viewing detecting detected_pictures",
-    "cli commands __main__ scripts",
+    "acquisition results",
+    "running",
+    "__main__",
+    "scripts",
 )
+"""The rooms, one above the other: imports run down alone, and rooms of one layer know nothing of each other."""
+
 LAYER = {unit: number for number, units in enumerate(LAYERS) for unit in units.split()}
 
-STAGES, APPLICATIONS, COMMAND_LINE = 2, 7, 9
-"""Units of the layers STAGES and APPLICATIONS meet only in nouns; the COMMAND_LINE alone prints and exits."""
+APART = (
+    "reading detection calibration prediction synthesis analysis recording smoothing",
+    "acquisition alignment recognition evaluation simulation inspection",
+)
+"""Folders, in whichever rooms, that meet in nouns alone: no stage imports another, and neither does an application."""
+
+COMMAND_LINE = ("tracker.running.cli", "tracker.running.commands", "tracker.__main__", "scripts")
+"""Where alone is printed and exited."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class Module:
     """A source file."""
 
     name: str
-    """Dotted, for instance `tracker.similarity.chamfer`."""
+    """Dotted, for instance `tracker.evidence.similarity.chamfer`."""
 
     source: str
     package: bool = False
@@ -72,12 +75,17 @@ class Module:
         """Its layer; None if it has none yet."""
         return 0 if self.name == "tracker" else LAYER.get(unit_of(self.name))
 
+    @property
+    def talks(self) -> bool:
+        """Whether it belongs to the command line."""
+        return any(f"{self.name}.".startswith(f"{place}.") for place in COMMAND_LINE)
+
 
 Modules = dict[str, Module]
 
 
 def unit_of(name: str) -> str:
-    """The noun or the folder that a module belongs to."""
+    """The room that a module belongs to."""
     first, _, rest = name.partition(".")
     return rest.partition(".")[0] if first == "tracker" else first
 
@@ -104,6 +112,12 @@ def imported(module: Module, modules: Modules) -> Iterator[tuple[str, str]]:
             for alias in node.names:
                 inner = f"{source}.{alias.name}"
                 yield (inner, "") if inner in modules else (source, alias.name)
+
+
+def packages_above(name: str) -> Iterator[str]:
+    """Packages that are imported before a module of them is; the whole package is no room."""
+    steps = name.split(".")
+    yield from (".".join(steps[:n]) for n in range(2, len(steps)))
 
 
 def _absolute(node: ast.ImportFrom, module: Module) -> str:

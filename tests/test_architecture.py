@@ -11,19 +11,7 @@ import sys
 from collections.abc import Callable
 
 import pytest
-from modules import (
-    APPLICATIONS,
-    COMMAND_LINE,
-    LAYER,
-    ROOT,
-    STAGES,
-    Module,
-    Modules,
-    imported,
-    modules_of_the_project,
-    ours,
-    unit_of,
-)
+from modules import APART, LAYER, ROOT, Module, Modules, imported, modules_of_the_project, ours, packages_above, unit_of
 
 OPTIONAL = {
     "moderngl",
@@ -41,48 +29,84 @@ OPTIONAL = {
 
 VAGUE_NAMES = {"utils", "util", "helpers", "helper", "core", "common", "manager", "misc", "base"}
 
-MAX_FILE_LINES, MAX_FUNCTION_LINES = 400, 60
+MAX_FILE_LINES, MAX_FUNCTION_LINES, MAX_ROOMS = 400, 60, 12
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 def upward_imports(modules: Modules) -> list[str]:
-    """Imports run one way, from higher layers to lower ones."""
+    """Imports run one way, from higher rooms to lower ones; rooms of one layer never import one another."""
     homeless = [module.name for module in modules.values() if module.layer is None]
-    faults = [f"{name}: no layer, expected an entry in LAYERS" for name in homeless]
+    faults = [f"{name}: no room, expected one of LAYERS" for name in homeless]
     for module in modules.values():
         for target, _ in imported(module, modules):
-            if not ours(target) or module.layer is None:
+            if not ours(target) or module.layer is None or unit_of(target) == unit_of(module.name):
                 continue
-            layer = 0 if target == "tracker" else LAYER.get(unit_of(target))
+            layer = -1 if target == "tracker" else LAYER.get(unit_of(target))
             if layer is None:
-                faults.append(f"{module.name} imports {target}, which has no layer")
-            elif layer > module.layer:
+                faults.append(f"{module.name} imports {target}, which has no room")
+            elif layer >= module.layer:
                 faults.append(f"{module.name} (layer {module.layer}) imports {target} (layer {layer})")
     return faults
 
 
 def sideways_imports(modules: Modules) -> list[str]:
-    """Stages never import one another, and neither do applications."""
+    """Stages never import one another, and neither do applications, in whichever rooms they lie."""
     return [
         f"{module.name} imports its neighbour {target}"
         for module in modules.values()
         for target, _ in imported(module, modules)
-        if ours(target)
-        and module.layer in (STAGES, APPLICATIONS)
-        and LAYER.get(unit_of(target)) == module.layer
-        and unit_of(target) != unit_of(module.name)
+        for names in map(str.split, APART)
+        if module.name.startswith("tracker.")
+        and (mine := _one_of(names, module.name))
+        and (other := _one_of(names, target))
+        and mine != other
     ]
 
 
+def _one_of(names: list[str], module: str) -> str:
+    """The innermost folder of a module that is one of some."""
+    return next((step for step in reversed(module.split(".")) if step in names), "")
+
+
+def points_let_in(modules: Modules) -> list[str]:
+    """Points know nothing of bodies and poses, and tracking knows them through one evidence alone."""
+    faults = []
+    for module in modules.values():
+        for target, _ in imported(module, modules):
+            here, there = unit_of(module.name), unit_of(target)
+            if here == "points" and ours(target) and there not in POINTS_MAY_IMPORT:
+                faults.append(f"{module.name} imports {target}")
+            elif there == "points" and here not in KNOWING_POINTS and module.name not in EVIDENCE_OF_POINTS:
+                faults.append(f"{module.name} imports {target}, expected of {EVIDENCE_OF_POINTS[0]} alone")
+    return faults
+
+
+POINTS_MAY_IMPORT = {"", "foundation", "kernels", "cameras", "images", "points"}
+KNOWING_POINTS = {"points", "acquisition", "running", "scripts"}
+EVIDENCE_OF_POINTS = ("tracker.evidence.points", "tracker.evidence._followed")
+
+
+def silent_rooms(modules: Modules) -> list[str]:
+    """A room says in a few lines what it is for, and what it may import."""
+    faults = []
+    for module in modules.values():
+        if module.package and module.name.startswith("tracker.") and module.name.count(".") == 1:
+            said = ast.get_docstring(module.tree) or ""
+            if said.count("\n") < 2 or "import" not in said:
+                faults.append(f"{module.name}: expected what it is for and what it imports, in a few lines")
+    return faults
+
+
 def cycles(modules: Modules) -> list[str]:
-    """No file and no unit imports itself, by whatever way round."""
+    """No file and no room imports itself, by whatever way round; a module is imported with the packages it lies in."""
     files: dict[str, set[str]] = {name: set() for name in modules}
     units: dict[str, set[str]] = {}
     for name, module in modules.items():
         for target, _ in imported(module, modules):
             if ours(target) and target != name:
-                files[name].add(target)
+                above = {package for package in packages_above(target) if not f"{name}.".startswith(f"{package}.")}
+                files[name] |= {target} | (above & modules.keys())
                 if unit_of(target) != unit_of(name):
                     units.setdefault(unit_of(name), set()).add(unit_of(target))
     faults = []
@@ -98,7 +122,7 @@ def hidden_imports(modules: Modules) -> list[str]:
     """Imports stand at the top of the file; only the command line may set the environment first."""
     faults = []
     for module in modules.values():
-        if module.layer == COMMAND_LINE:
+        if module.talks:
             continue
         top = {id(node) for node in module.tree.body}
         faults += [
@@ -149,7 +173,7 @@ def printing_or_exiting(modules: Modules) -> list[str]:
     """The library raises; only the command line and the scripts print, ask and exit."""
     faults = []
     for module in modules.values():
-        if module.layer == COMMAND_LINE:
+        if module.talks:
             continue
         for node in module.nodes:
             if isinstance(node, ast.Call) and ast.unparse(node.func) in _TALKING:
@@ -268,6 +292,8 @@ Law = Callable[[Modules], list[str]]
 LAWS: tuple[Law, ...] = (
     upward_imports,
     sideways_imports,
+    points_let_in,
+    silent_rooms,
     cycles,
     hidden_imports,
     broken_privacy,
@@ -281,17 +307,15 @@ LAWS: tuple[Law, ...] = (
 
 VIOLATIONS: tuple[tuple[Law, dict[str, str]], ...] = (
     (upward_imports, {"tracker.cameras.frame": "from tracker.tracking.sequence import track"}),
-    (
-        upward_imports,
-        {"tracker.foundation.geometry.axes": "from tracker.cameras import camera", "tracker.cameras.camera": ""},
-    ),
+    (upward_imports, {"tracker.foundation.axes": "from tracker import cameras", "tracker.cameras": ""}),
     (upward_imports, {"tracker.cameras.rig": "def f():\n    import tracker.tracking.objective"}),
     (upward_imports, {"tracker.cameras.rig": "if TYPE_CHECKING:\n    from tracker.running.jobs import Job"}),
-    (upward_imports, {"tracker.cameras.rig": "from .jobs import Job"}),
+    (upward_imports, {"tracker.cameras.rig": "from ..running.jobs import Job"}),
+    (upward_imports, {"tracker.points.surfaces": "import tracker.synthesis"}),
     (upward_imports, {"tracker.running.jobs": "from scripts.benchmark import main"}),
     (upward_imports, {"tracker.novelty": ""}),
     (upward_imports, {"tracker.running.jobs": "import tracker.novelty"}),
-    (sideways_imports, {"tracker.images.analysis.overlap": "from tracker.synthesis import Synthesis"}),
+    (sideways_imports, {"tracker.images.analysis.overlap": "from tracker.images.reading import Reading"}),
     (
         sideways_imports,
         {
@@ -299,6 +323,10 @@ VIOLATIONS: tuple[tuple[Law, dict[str, str]], ...] = (
             "tracker.synthesis.simulation": "",
         },
     ),
+    (points_let_in, {"tracker.points.surfaces.growth": "from tracker.bodies.body import BodyModel"}),
+    (points_let_in, {"tracker.evidence.contours": "from tracker.points.following.tables import Names"}),
+    (points_let_in, {"tracker.tracking.windows": "import tracker.points.trajectories"}),
+    (silent_rooms, {"tracker.synthesis": chr(34) * 3 + "Synthesis." + chr(34) * 3}),
     (
         cycles,
         {
@@ -306,11 +334,13 @@ VIOLATIONS: tuple[tuple[Law, dict[str, str]], ...] = (
             "tracker.cameras.camera": "from tracker.cameras.rig import Rig",
         },
     ),
+    (cycles, {"tracker.foundation.a": "import tracker.kernels.b", "tracker.kernels.b": "import tracker.foundation.c"}),
     (
         cycles,
         {
-            "tracker.foundation.geometry.a": "import tracker.foundation.arrays",
-            "tracker.foundation.arrays": "import tracker.foundation.geometry.b",
+            "tracker.synthesis": "import tracker.images.a",
+            "tracker.images.a": "import tracker.synthesis.b",
+            "tracker.synthesis.b": "",
         },
     ),
     (hidden_imports, {"tracker.cameras.rig": "def f():\n    import numpy"}),
@@ -356,6 +386,13 @@ def test_the_whole_package_is_looked_at() -> None:
     } <= set(modules)
     assert modules["tracker.evidence.similarity"].package
     assert not modules["tracker.cameras.rig"].package
+
+
+def test_there_are_few_rooms() -> None:
+    """What stands beside them is the package itself, and what is compiled."""
+    entries = {path.stem.partition(".")[0] for path in (ROOT / "tracker").iterdir() if not path.name.startswith(".")}
+    rooms = entries - {"__init__", "__main__", "__pycache__", "_native", "_models", "py"}
+    assert len(rooms) <= MAX_ROOMS, sorted(rooms)
 
 
 def test_importing_the_package_loads_no_library() -> None:

@@ -192,7 +192,8 @@ def test_what_libraries_warn_of_does_not_reach_the_terminal():
 
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["calibrate", "--help"], ["--version"]])
 def test_what_the_command_line_is_like_is_told_without_loading_libraries(arguments):
-    script = "import sys\nfrom tracker.running.cli import app\napp(standalone_mode=False)\nprint(*sys.modules, file=sys.stderr)"
+    script = "import sys\nfrom tracker.running.cli import app\napp(standalone_mode=False)\n"
+    script += "print(*sys.modules, file=sys.stderr)"
     command = [sys.executable, "-c", script, *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout

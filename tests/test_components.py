@@ -8,7 +8,6 @@ import datetime
 import importlib
 import inspect
 import pickle
-import pkgutil
 import sys
 import tomllib
 import typing
@@ -19,9 +18,8 @@ import pytest
 import tomli_w
 from sections import made, minimal
 
-import tracker
 import tracker.evidence.similarity
-from tracker.foundation.configuration.components import available, find
+from tracker.foundation.configuration.components import available, contract, find, stages
 from tracker.foundation.configuration.field_types import component_stage
 from tracker.foundation.configuration.plugins import ask_before_plugins
 from tracker.foundation.configuration.tables import build, describe
@@ -31,16 +29,11 @@ UNITS = ("px", "degrees", "metres", "seconds", "grey levels", "share", "frames",
 UNITS += ("cosine", "observations", "standard deviations")
 
 
-def contract(stage: str) -> Any:
-    """The protocol that a stage's components follow: the one named after the folder."""
-    return getattr(importlib.import_module(f"tracker.{stage}"), stage.capitalize(), None)
-
-
 def kind_of(stage: str, use: str, name: str) -> Any:
     return typing.get_type_hints(find(stage, use))[name]
 
 
-STAGES = [m.name for m in pkgutil.iter_modules(tracker.__path__) if m.ispkg and contract(m.name) is not None]
+STAGES = stages()
 COMPONENTS = [(stage, use) for stage in STAGES for use in available(stage)]
 FIELDS = [(stage, use, field.name) for stage, use in COMPONENTS for field in dataclasses.fields(find(stage, use))]
 every_component = pytest.mark.parametrize(("stage", "use"), COMPONENTS)

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from hatchling.builders.wheel import WheelBuilder
 
-import tracker.foundation.errors
+import tracker
 
-ROOT = Path(tracker.foundation.errors.__file__).resolve().parents[1]
+ROOT = Path(tracker.__file__).resolve().parents[1]
 DATA = (".toml", ".csv", ".txt", ".html", ".js", ".gz", ".glsl", ".frag", ".vert", ".comp", ".typed", ".pyi", ".json")
 
 

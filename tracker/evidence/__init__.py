@@ -1,4 +1,8 @@
-"""Evidence: what the images say, how well a pose explains it, and where to move next."""
+"""Evidence: what the images say, how well a pose explains it, and where to move next.
+
+A file is one kind of evidence, a component; `measures` has what they share, `similarity` the distances of contours.
+It imports `synthesis`, `images`, `bodies` and what lies below, and `points` in the one evidence of that name.
+"""
 
 from __future__ import annotations
 

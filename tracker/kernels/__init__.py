@@ -1,4 +1,4 @@
-"""Compiled inner loops; each has a plain twin that the tests hold it against.
+"""Compiled inner loops; each has a plain twin that the tests hold it against. They import `foundation` alone.
 
 Those of the extension `tracker._native` lie in native/, in the same folders; files here name and explain them.
 """

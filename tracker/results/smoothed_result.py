@@ -53,7 +53,7 @@ class SmoothTrack:
 
 
 def smooth_track(track: Track, smoothing: Smoothing, interval_s: float) -> SmoothTrack:
-    """Smooths what was found of one person; joints that turn about three axes as rotations, see `tracker.results.ball_joints`.
+    """Smooths what was found of one person; joints that turn about three axes as rotations, see `results.ball_joints`.
 
     Args:
         track: the person's raw poses.

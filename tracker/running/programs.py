@@ -142,7 +142,7 @@ def simulate(
         heading_deg: direction faced at the start, from x; None for the one that keeps most of the way in the pictures.
         edge_px: error of an edge, px: what standard deviations are told for.
         progress: told how far it is; None for a bar in a notebook, and nothing elsewhere.
-        **recipe: of `tracker.synthesis.simulation.sequence.Recipe`: `model`, `seconds`, `fps`, `size`, `stature_m`, `seed`, ...
+        **recipe: of `synthesis.simulation.sequence.Recipe`: `model`, `seconds`, `fps`, `size`, `stature_m`, `seed`, ...
 
     Raises:
         TrackerError: something cannot be filmed so, or the folder holds something.

@@ -1,4 +1,8 @@
-"""Synthesis: what the model looks like in every view."""
+"""Synthesis: what the model looks like in every view.
+
+A file is one way to draw it, a component; `simulation` makes whole recordings with exact truth.
+It imports `images`, `bodies`, `cameras`, `kernels` and `foundation`, and knows nothing of evidence.
+"""
 
 from __future__ import annotations
 

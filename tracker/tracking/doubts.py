@@ -102,7 +102,7 @@ class Doubts:
     """Persons whose given start pose fits less well than the same turned round."""
 
     confidences: Mapping[str, float] = field(default_factory=dict)
-    """Who was found in the first start -> how often starts like it are right, see `tracker.tracking.start.confidence`."""
+    """Who was found in the first start -> how often starts like it are right, see `start.confidence`."""
 
     found: frozenset[str] = frozenset()
     """Names of the persons found so far."""

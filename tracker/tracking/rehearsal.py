@@ -36,7 +36,7 @@ _TOLD_AFTER = 3
 # Who left so many times as much over in as many frames is not followed any farther, for a fifth less decides. Of eight
 # starts of six recordings twelve were met by it, 0.18 to 0.6 m off.
 _BEATEN = 1.5
-# A lead that decides, see `tracker.tracking.start.sureness`. Where all are doubtful and none has it, the first frame's ranking
+# A lead that decides, see `start.sureness`. Where all are doubtful and none has it, the first frame's ranking
 # holds: the first pose of P-Floor's frame 0 was 0.20 m off, that by the frames after it 0.38; those of the man at his
 # desk (docs/lab/upper_bodies.md) 0.02 to 0.13 m, and 0.27.
 _DECIDES = 0.2

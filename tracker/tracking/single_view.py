@@ -24,7 +24,7 @@ _TRIED, _SPREAD = 96, (np.radians(25.0), 0.1)
 def with_vague_limbs(objective: Objective, estimate: Estimate, within_px: float) -> Estimate:
     """The estimate with those limbs vague that one view alone shows in part, and that another place suits as well.
 
-    The sigmas of a pose (`tracker.tracking.loss.limb_spreads_m`) say how far one may move it, not where else it may be: in
+    The sigmas of a pose (`loss.limb_spreads_m`) say how far one may move it, not where else it may be: in
     martial arts filmed by two cameras an upper arm is shown by the one behind the man and hidden from the other one by
     his chest. Elbow and wrist were 20 and 13 cm off in depth for 25 frames, with sigmas below 6 cm; the true pose left
     over as much, to 0.06 px.

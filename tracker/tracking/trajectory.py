@@ -62,7 +62,7 @@ class Step:
 
     @property
     def start_confidence(self) -> tuple[float, ...]:
-        """For each person how often starts like it are right, see `tracker.tracking.start.confidence`; empty without one.
+        """For each person how often starts like it are right, see `start.confidence`; empty without one.
 
         A given pose that fits less well than the same turned round is as unsure as it was, however well it was tracked:
         who stands still looks the same from behind.

@@ -50,7 +50,7 @@ _FIRST = 40
 place."""
 
 _ALIKE = 0.5
-"""Share of the distance from which on joints are elsewhere (`tracker.bodies.limbs.apart_m`: 14 cm of a person), up to which
+"""Share of the distance from which on joints are elsewhere (`bodies.limbs.apart_m`: 14 cm of a person), up to which
 the two ways are alike. With an acquired model a wrong arm of DO-Two was 14.6 cm from the right one at most."""
 
 
@@ -104,7 +104,7 @@ def after(begin: Pass, steps: Sequence[Step], cycle: Cycle) -> Pass:
 def there(
     frames: Sequence[Frame], scene: Scene, cycle: Cycle, reopen: Reopen | None = None
 ) -> tuple[list[Step], State]:
-    """Frames that are held tracked forwards, and the state behind the last one; see `tracker.tracking.sequence.track`."""
+    """Frames that are held tracked forwards, and the state behind the last one; see `sequence.track`."""
     steps, reached = _forwards(frames, Pass(scene, State.before(scene), None, 0), cycle, reopen)
     return steps, reached.state
 

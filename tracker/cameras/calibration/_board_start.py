@@ -57,7 +57,7 @@ def board_start(
         names: of the cameras, for messages.
         sizes: of their images, px.
         lens: kind of the lenses.
-        turns: (4, 4) motions of the board after which it looks as before; see `tracker.cameras.calibration._board_order`.
+        turns: (4, 4) motions of the board after which it looks as before; see `_board_order`.
 
     Raises:
         CalibrationError: a camera saw too few boards, or none together with the others, or boards that do not tell its

@@ -50,7 +50,7 @@ class ChessboardCalibration:
     """Calibration from a flat board of known squares, moved and tilted before the cameras."""
 
     single_views: ClassVar[bool] = True
-    """Frames that only one camera has tell its interior; see `tracker.running.jobs.calibrate.CalibrateJob.interiors`."""
+    """Frames that only one camera has tell its interior; see `running.jobs.calibrate.CalibrateJob.interiors`."""
 
     columns: int = pydantic.Field(default=9, ge=3)
     """Chessboard: inner corners along a row. ChArUco: squares along a row. A number, no unit."""

@@ -39,7 +39,7 @@ class Account:
     """(3, V, P) what each view has of these three; None for evidence that cannot tell."""
 
     not_shown: Mask | None = None
-    """(V, P) parts of limbs that a view does not show while others do, see `tracker.evidence.measures.occlusion`; None for none."""
+    """(V, P) parts of limbs that a view does not show while others do, see `measures.occlusion`; None for none."""
 
     hidden: Mask | None = None
     """(V, P) those of them that were not shown for long, so that all else leaves them out; None for none."""

@@ -1,11 +1,15 @@
-"""Finds components by their file name: `use = "chamfer"` in [similarity] is tracker/evidence/similarity/chamfer.py."""
+"""Finds components: a section is called like a folder, and `use` names a file in it, in whichever room the folder lies.
+
+`use = "chamfer"` in [similarity] is tracker/evidence/similarity/chamfer.py.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import importlib
 import pkgutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Annotated, Any, TypeVar, cast, dataclass_transform
@@ -110,21 +114,33 @@ def standard(stage: str, use: str) -> Any:
 
 def stages() -> tuple[str, ...]:
     """The folders whose files are components: those with a contract that is called like the folder."""
-    root = Path(__file__).parent
-    names = (module.name for module in pkgutil.iter_modules([str(root)]) if module.ispkg)
-    return tuple(name for name in names if contract(name) is not None)
+    return tuple(sorted(name for name in _folders() if contract(name) is not None))
 
 
 def contract(stage: str) -> Any:
     """The protocol that a stage's components follow, None for a folder without one."""
-    return getattr(importlib.import_module(f"tracker.{stage}"), stage.capitalize(), None)
+    return getattr(importlib.import_module(_folders()[stage]), stage.capitalize(), None)
+
+
+def stage_of(module: str) -> str:
+    """The folder that a module lies in, or that it is: the stage of the component or of the contract in it."""
+    folder = module if module in _folders().values() else module.rpartition(".")[0]
+    return folder.rpartition(".")[2]
+
+
+@functools.cache
+def _folders() -> Mapping[str, str]:
+    """Name -> dotted name of every folder that may be a stage: the rooms, and the folders in them."""
+    root = Path(__file__).parents[2]
+    found = [*sorted(root.glob("*/*/__init__.py")), *sorted(root.glob("*/__init__.py"))]
+    return {path.parent.name: ".".join(path.parent.relative_to(root.parent).parts) for path in found}
 
 
 def available(stage: str) -> tuple[str, ...]:
     """Names of the components of a stage: its public files."""
-    package = importlib.import_module(f"tracker.{stage}")
-    names = (module.name for module in pkgutil.iter_modules(package.__path__))
-    return tuple(sorted(name for name in names if not name.startswith("_")))
+    package = importlib.import_module(_folders()[stage])
+    found = pkgutil.iter_modules(package.__path__)
+    return tuple(sorted(one.name for one in found if not one.ispkg and not one.name.startswith("_")))
 
 
 def find(stage: str, use: str) -> type[Any]:
@@ -141,14 +157,14 @@ def find(stage: str, use: str) -> type[Any]:
         return plugin(use, contract(stage))
     if use not in available(stage):
         raise ConfigError(f'use = "{use}": no such component; {nearest(use, available(stage))}')
-    module = _loaded(f"tracker.{stage}.{use}")
+    module = _loaded(f"{_folders()[stage]}.{use}")
     classes = [
         value
         for value in vars(module).values()
         if isinstance(value, type) and value.__module__ == module.__name__ and _is_component(value)
     ]
     if len(classes) != 1:
-        raise ConfigError(f"tracker/{stage}/{use}.py holds {len(classes)} components, expected one")
+        raise ConfigError(f"{module.__name__} holds {len(classes)} components, expected one")
     return classes[0]
 
 

@@ -6,7 +6,7 @@ import types
 import typing
 from typing import Any
 
-from tracker.foundation.configuration.components import RelativePath
+from tracker.foundation.configuration.components import RelativePath, stage_of
 
 
 def component_stage(kind: Any) -> str | None:
@@ -15,7 +15,7 @@ def component_stage(kind: Any) -> str | None:
     if not isinstance(kind, type) or not module.startswith("tracker."):
         return None
     if getattr(kind, "_is_protocol", False) or "__pydantic_config__" in vars(kind):
-        return module.split(".")[1]
+        return stage_of(module)
     return None
 
 

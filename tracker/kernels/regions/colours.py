@@ -1,7 +1,7 @@
 """Colours inside and outside of body parts: pixels as colour numbers, and tables of how often each colour occurs.
 
 A colour is one of 16 x 16 x 16 bins of a picture's three channels: lightness, chroma and texture, see
-`tracker.images.operations.appearance`. Tables are kept per view and part: one table for a whole person is two to four times
+`images.operations.appearance`. Tables are kept per view and part: one table for a whole person is two to four times
 worse, and no two cameras see the same colours.
 """
 

@@ -119,7 +119,7 @@ def given_points(surface: Surface, measurement: SurfaceMeasurement, at: Array, n
 def _intersected(rig: Rig, template: int, pixels: Array, variances: Array) -> tuple[Array, Array]:
     """Positions (M, 3) and covariances (M, 3, 3) of matched points, weighted as those of a surface are.
 
-    Half of a match's variances (V, M, 3) is the template's, half the search image's; see `tracker.points.surfaces.points`.
+    Half of a match's variances (V, M, 3) is the template's, half the search image's; see `points.surfaces.points`.
     """
     shares, others = variances / 2, np.isfinite(pixels[..., 0])
     others[template] = False

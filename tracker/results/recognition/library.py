@@ -1,7 +1,7 @@
 """A library of movements: a folder for each, with a table of every performance.
 
 `walk/movement.toml` says what the movement is, `walk/anna.csv` how somebody performs it: 25 rows a second with the
-directions of the limbs (see `tracker.results.recognition.limb_directions`). Nothing in it is code, a place or a likeness.
+directions of the limbs (see `recognition.limb_directions`). Nothing in it is code, a place or a likeness.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ class Journal:
 
     Arrays are little-endian float64 in base 85, as Python's `base64.b85decode` reads them; `variances` are bfloat16,
     `correlations` are partial ones in small steps, compressed (zlib): see `tracker.results.recording._kept_covariance`.
-    `account` is compressed, too: distances of the views, then four numbers a part, as `tracker.evidence.measures.account.Account` has
+    `account` is compressed, too: distances of the views, then four numbers a part, as `measures.account.Account` has
     them; `not_shown` and `hidden` list view and part.
     """
 

@@ -45,7 +45,7 @@ class PictureJob:
     """How the model is fitted."""
 
     def open(self, earlier: Path | None = None) -> BodyDescription:
-        """Reads the model and, to refuse those that cannot be used, the pictures; see `tracker.running.jobs.Job.open`."""
+        """Reads the model and, to refuse those that cannot be used, the pictures; see `jobs.Job.open`."""
         for pair in self.pairs:
             read_silhouette(pair.front, "front", self.stature_m)
             read_silhouette(pair.side, "side", self.stature_m)
@@ -57,7 +57,7 @@ class PictureJob:
         return self.name
 
     def execute(self, opened: BodyDescription, folder: ResultFolder, progress: Progress) -> AcquireOutcome:
-        """Fits the model; see `tracker.running.jobs.Job.execute`."""
+        """Fits the model; see `jobs.Job.execute`."""
         found = acquire(opened, self.pairs, self.stature_m, self.acquisition, progress)
         several = len(self.pairs) > 1
         names = [f"{one.name} {k // 2 + 1}" if several else one.name for k, one in enumerate(found.silhouettes)]

@@ -132,7 +132,7 @@ class FollowJob:
         }
 
     def open(self, earlier: Path | None = None) -> OpenedFollow:
-        """Opens the recording and what an interrupted job has left; see `tracker.running.jobs.Job.open`."""
+        """Opens the recording and what an interrupted job has left; see `jobs.Job.open`."""
         sequence = self.reading.open()
         if self.view is not None and self.view not in sequence.rig.names:
             raise ConfigError(f'view = "{self.view}": no such view; {nearest(self.view, sequence.rig.names)}')
@@ -151,7 +151,7 @@ class FollowJob:
         return OpenedFollow(sequence, None if earlier is None else saved_state(earlier))
 
     def execute(self, opened: OpenedFollow, folder: ResultFolder, progress: Progress = silent) -> FollowOutcome:
-        """Follows, writing every frame as it comes, then the tables and pictures; see `tracker.running.jobs.Job.execute`."""
+        """Follows, writing every frame as it comes, then the tables and pictures; see `jobs.Job.execute`."""
         rig = self._rig(opened.sequence)
         save_rig(rig, folder.path / "rig.toml")
         counts = begun(folder.path, opened.state)

@@ -37,13 +37,13 @@ class SurfaceJob(SurfaceMeasurement):
     """The pictures or the recording."""
 
     def open(self, earlier: Path | None = None) -> Sequence:
-        """Opens the views; see `tracker.running.jobs.Job.open`."""
+        """Opens the views; see `jobs.Job.open`."""
         sequence = self.reading.open()
         self.template_of(sequence.rig)
         return sequence
 
     def execute(self, opened: Sequence, folder: ResultFolder, progress: Progress) -> SurfaceOutcome:
-        """Measures every frame and writes its results as soon as they are there; see `tracker.running.jobs.Job.execute`."""
+        """Measures every frame and writes its results as soon as they are there; see `jobs.Job.execute`."""
         save_rig(opened.rig, folder.path / "rig.toml")
         summaries: list[SurfaceSummary] = []
         for frame in opened.frames():

@@ -152,7 +152,7 @@ class TrackJob:
         return named
 
     def open(self, earlier: Path | None = None) -> OpenedTrack:
-        """Opens the recording, reads the models and what an interrupted run has left; see `tracker.running.jobs.Job.open`."""
+        """Opens the recording, reads the models and what an interrupted run has left; see `jobs.Job.open`."""
         models = {subject.name: description_of(subject, earlier) for subject in self.persons}
         sequence = opened_even(self.reading)
         if len(sequence.rig) < _FEWEST_VIEWS:
@@ -234,7 +234,7 @@ class TrackJob:
         return opened, cycle
 
     def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> TrackOutcome:
-        """Tracks, and writes each frame as soon as it is done; see `tracker.running.jobs.Job.execute`."""
+        """Tracks, and writes each frame as soon as it is done; see `jobs.Job.execute`."""
         begin, sequence = time.perf_counter(), opened.sequence
         progress(f"{self.name}: {sequence.n_frames} frames, results in {folder.path}")
         stop = Stop()

@@ -25,7 +25,7 @@ def view_information(scene: Scene, poses: Array, synthesis: Synthesis, edge_px: 
     """Information that each view gives of one person's pose.
 
     The contour of the visible parts is taken to be found with an error along its normal that is independent every
-    `PX_PER_OBSERVATION` px, as the tracking takes it (D'Apuzzo's normal equations, as in `tracker.tracking.estimation`).
+    `PX_PER_OBSERVATION` px, as the tracking takes it (D'Apuzzo's normal equations, as in `tracking.estimation`).
 
     Args:
         scene: the person alone, and the rig.

@@ -104,7 +104,7 @@ class PcaInitialization:
     more where all of them face one way."""
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
-        """Needs the plates of two views, and bodies with an axis; see `tracker.tracking.initialization.Initialization.check`."""
+        """Needs the plates of two views, and bodies with an axis; see `initialization.Initialization.check`."""
         lacking = [name for name, plate in zip(scene.rig.names, plates, strict=True) if plate is None]
         n_plates = len(plates) - len(lacking)
         if n_plates < 2:
