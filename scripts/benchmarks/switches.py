@@ -90,9 +90,9 @@ _HYBRID = "tracker.tracking.estimation.hybrid:HybridEstimation"
 
 RULES = (
     Rule("easier_start", "start", "an unsure start is looked for in later frames, and led back", "47",
-         (f"{_TRACKING}:led_back",), _constant(None)),
+         (f"{_TRACKING}.sequence:led_back",), _constant(None)),
     Rule("rehearsal", "start", "the likeliest starts are tracked some frames before one is chosen", "46",
-         (f"{_TRACKING}:rehearsed",), _argument(0, "start")),
+         (f"{_TRACKING}.sequence:rehearsed",), _argument(0, "start")),
     Rule("way_round", "start", "who is mostly in doubt is begun turned round", "43",
          (f"{_TRACKING}.windows:the_better_way_round", "tracker.acquisition.from_recording:the_better_way_round"),
          lambda function, given: given.places[:3], lambda found, without: found[0] is not without[0]),
@@ -112,7 +112,7 @@ RULES = (
          (f"{_HYBRID}._searched_together",), _argument(2),
          _told_otherwise),
     Rule("refined_again", "search", "poses known from the body's fit are refined, and not predicted", "new",
-         (f"{_TRACKING}:gone_again",), _constant(())),
+         (f"{_TRACKING}.sequence:gone_again",), _constant(())),
     Rule("second_pass", "way back", "windows with doubt, and first frames, are tracked back", "39, 40",
          (f"{_TRACKING}.windows:back",), _as_list, _told_otherwise),
     Rule("rivals", "way back", "poses of two ways are weighed, limb by limb", "41",
