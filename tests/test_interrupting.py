@@ -48,9 +48,10 @@ def test_an_interrupted_search_does_not_wait_for_its_threads() -> None:
 
 
 def test_an_error_in_a_thread_waits_for_the_others() -> None:
-    done = []
+    done, all_at_work = [], threading.Barrier(3, timeout=30)
 
     def work(k: int) -> None:
+        all_at_work.wait()  # what has not begun is given up
         if k == 0:
             raise ConfigError("no")
         time.sleep(0.05)
