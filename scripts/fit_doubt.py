@@ -21,16 +21,20 @@ from tracker.foundation.errors import SequenceError
 def main(folders: list[Path], picture_path: Annotated[Path | None, typer.Option("--picture")] = None) -> None:
     """Prints the numbers, what they are worth on recordings that they are not fitted to, and draws that."""
     console = Console()
+    if "BODYTRACK_DATA" not in os.environ:
+        console.print("BODYTRACK_DATA is not set: the truths of the recordings are there")
+        raise typer.Exit(2)
     try:
         limbs = limbs_of(folders, {one.name: one for one in recorded(Path(os.environ["BODYTRACK_DATA"]).resolve())[0]})
-    except (SequenceError, KeyError) as error:
-        console.print(f"nothing to fit to: {error}; set BODYTRACK_DATA, and run scripts/benchmark.py ablate --output F")
+    except SequenceError as error:
+        console.print(f"{error}; run scripts/benchmark.py ablate --output FOLDER", soft_wrap=True)
         raise typer.Exit(2) from error
-    numbers, (told, by_flags) = fitted(limbs.known, limbs.right), left_out(limbs)
+    odds, (told, by_flags) = fitted(limbs.known, limbs.right), left_out(limbs)
     wrong = ~limbs.right
     console.print(f"{len(wrong)} limbs of {len(np.unique(limbs.recording))} recordings, {wrong.sum()} 150 mm off")
-    console.print(f"whole: {numbers[0]:.2f}, {np.exp(numbers[1]):.1f}, {np.exp(numbers[2]):.2f}")
-    console.print(f"limb: {numbers[3]:.2f}, {np.exp(numbers[4]):.1f}")
+    console.print(
+        ", ".join(f"{name} {number:.4g}" for name, number in odds._asdict().items()), highlight=False, soft_wrap=True
+    )
     for name, given, says in (("probability", told, told < 0.5), ("flags", by_flags, limbs.flagged)):
         brier, found, false = np.mean((given - limbs.right) ** 2), np.sum(says & wrong), np.sum(says & limbs.right)
         console.print(f"{name}: Brier {brier:.4f}, of those off {found} said, {false} false")

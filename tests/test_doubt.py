@@ -36,7 +36,6 @@ from tracker.tracking.loss import (
     left_over_of,
     limb_spreads_m,
     limbs_left_over,
-    probabilities,
     sought_anew,
     trusted_parts,
 )
@@ -381,32 +380,3 @@ def test_why_nobody_was_found_is_said_of_whole_recordings_without_anybody() -> N
     assert told.startswith("of 2 frames 2 lost (frames 0-1), nobody was found: frame 1: ")
     found = after_all(list(track(simulation.frames(), simulation.scene, cycle_for(simulation, TrueStart(simulation)))))
     assert "nobody" not in found.sentence()
-
-
-def test_a_worse_image_never_makes_a_limb_more_probable(truth: Scene, observation: Observation) -> None:
-    body, right = truth.persons[0].body, estimate_of(truth, observation)
-    told = probabilities(body, right)
-    assert set(told) == set(body.limbs)
-    assert all(0.9 < one <= 1 for one in told.values())
-    arm = body.parts_of("left_arm")
-    before = told
-    for share in (0.3, 0.6, 1.0):
-        missed_px = right.account.missed_px + share * np.where(arm, right.account.visible_px, 0.0)
-        worse = replace(right, account=replace(right.account, missed_px=missed_px))
-        now = probabilities(body, worse)
-        assert all(now[limb] <= before[limb] for limb in now)
-        assert now["left_arm"] < before["left_arm"]
-        before = now
-    assert before["left_arm"] < 0.1 < 0.8 < before["right_leg"]
-    vague = probabilities(body, replace(right, covariance=0.01 * np.eye(body.dof)))
-    assert all(vague[limb] < told[limb] for limb in told)
-
-
-def test_an_estimation_without_covariance_tells_probabilities_by_what_is_left_over(
-    truth: Scene, observation: Observation
-) -> None:
-    right = estimate_of(truth, observation)
-    unknown = replace(right, covariance=np.full_like(right.covariance, np.nan))
-    body = truth.persons[0].body
-    told, known = probabilities(body, unknown), probabilities(body, right)
-    assert all(0.5 < told[limb] < known[limb] for limb in body.limbs)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -18,13 +17,20 @@ from benchmarks.trial import LIMB_MM
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.errors import SequenceError
 from tracker.results.evaluation.comparison import evaluate
+from tracker.results.evaluation.tables import read_rows
+from tracker.tracking.limb_probabilities import Known, Odds, right_by
 
 EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.97, 0.99, 1.0)
 """Of the probabilities that are told together."""
 
-# Where the fit begins, and how far its three slopes are held near: log odds, logarithms of slopes.
+# Where the fit begins, and how far each number is held near that: log odds as they are, what takes from them as
+# logarithms, so that it stays positive.
 _BEGIN = np.array([4.0, 4.5, 1.0, 5.0, 2.5])
 _HELD = np.array([0.0, 1.0, 1.0, 0.0, 1.0])
+_SLOPES = np.array([False, True, True, False, True])
+
+Row = tuple[str, float, float, float, bool, bool]
+"""Recording, what is known of the limb, whether it is right, and whether the run flags it."""
 
 
 @dataclass(frozen=True)
@@ -32,80 +38,58 @@ class Limbs:
     """Limbs of all frames of some runs (N,)."""
 
     recording: Array
-    known: Array
-    """(N, 3) left over of the limb; of the whole, squared; logarithm of the spread of its joints over 3 cm."""
-
+    known: Known
     right: Mask
     flagged: Mask
 
 
 def limbs_of(folders: Sequence[Path], recordings: Mapping[str, Recorded]) -> Limbs:
-    """All limbs of runs below some folders that a table of what was known of limbs is kept of."""
-    rows: list[tuple[str, float, float, float, bool, bool]] = []
+    """All limbs of runs below some folders that a table of what was known of limbs is kept of.
+
+    Raises:
+        SequenceError: there is none.
+    """
+    rows: list[Row] = []
     for path in sorted(path for folder in folders for path in folder.rglob(FILE)):
         name = next((name for name in recordings if path.parents[1].name.startswith(f"{name}_")), "")
         if name:
             rows += _rows(path, name, recordings[name])
     if not rows:
         raise SequenceError(f"no {FILE} of a recording with a truth below {', '.join(map(str, folders))}")
-    names, left, whole, spread_m, right, flagged = zip(*rows, strict=True)
-    vague = np.log(np.maximum(spread_m, 0.003) / 0.03)
-    known = np.column_stack([left, np.square(whole), vague])
-    return Limbs(np.array(names), known, np.array(right), np.array(flagged))
+    names, left_over, whole, spread_m, right, flagged = map(np.array, zip(*rows, strict=True))
+    return Limbs(names, Known(left_over, whole, spread_m), right, flagged)
 
 
-def _rows(path: Path, name: str, recording: Recorded) -> list[tuple[str, float, float, float, bool, bool]]:
+def _rows(path: Path, name: str, recording: Recorded) -> list[Row]:
     found = evaluate(path.parent, recording.truth)
     curves = {one.person: curve for one, curve in zip(found.persons, found.distances_mm, strict=True)}
     places = {who: {int(frame): n for n, frame in enumerate(curve["frame"])} for who, curve in curves.items()}
-    rows = []
-    with path.open(newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            n = places.get(row["person"], {}).get(int(row["frame"]))
-            if n is None:  # lost, or unknown to the truth
-                continue
-            curve = curves[row["person"]]
-            gaps_mm = np.array([curve[joint][n] for joint in row["joints"].split() if joint in curve])
-            if not np.isfinite(gaps_mm).any():
-                continue
-            left, whole, spread_m = (float(row[key]) for key in ("left_over", "whole", "spread_m"))
-            rows.append(
-                (
-                    name,
-                    left,
-                    whole,
-                    spread_m,
-                    bool(np.nanmax(gaps_mm) <= LIMB_MM),
-                    bool(row["doubts"] or row["whole_doubts"]),
-                )
-            )
+    rows: list[Row] = []
+    for row in read_rows(path):
+        n = places.get(row["person"], {}).get(int(row["frame"]))
+        if n is None:  # lost, or unknown to the truth
+            continue
+        curve = curves[row["person"]]
+        gaps_mm = np.array([curve[joint][n] for joint in row["joints"].split() if joint in curve])
+        if np.isfinite(gaps_mm).any():
+            left_over, whole, spread_m = (float(row[key]) for key in ("left_over", "whole", "spread_m"))
+            right = bool(np.nanmax(gaps_mm) <= LIMB_MM)
+            rows.append((name, left_over, whole, spread_m, right, row["flagged"] == "1"))
     return rows
 
 
-def fitted(known: Array, right: Mask) -> Array:
-    """(5,) odds and slopes: of the whole 1, left over, spread; of the limb 1, left over. Slopes are logarithms."""
+def fitted(known: Known, right: Mask) -> Odds:
+    """The odds by which it is least surprising which limbs (N,) are right."""
+
+    def odds(numbers: Array) -> Odds:
+        return Odds(*np.where(_SLOPES, np.exp(numbers), numbers).tolist())
 
     def cost(numbers: Array) -> float:
-        told = np.clip(told_by(numbers, known), 1e-9, 1 - 1e-9)
+        told = np.clip(right_by(odds(numbers), known), 1e-9, 1 - 1e-9)
         surprise = -np.log(np.where(right, told, 1 - told)).sum()
         return float(surprise + 0.5 * (_HELD * (numbers - _BEGIN) ** 2).sum())
 
-    numbers: Array = minimize(cost, _BEGIN, method="BFGS").x
-    return numbers
-
-
-def told_by(numbers: Array, known: Array) -> Array:
-    """(N,) probabilities; see `tracker.tracking.loss.probabilities`."""
-    left, whole, vague = known.T
-    slopes = np.exp(numbers[[1, 2, 4]])
-    of_whole = numbers[0] - slopes[0] * whole - slopes[1] * vague
-    told: Array = _sigmoid(of_whole) * _sigmoid(numbers[3] - slopes[2] * left)
-    return told
-
-
-def _sigmoid(log_odds: Array) -> Array:
-    found: Array = 0.5 * (1 + np.tanh(0.5 * log_odds))
-    return found
+    return odds(minimize(cost, _BEGIN, method="BFGS").x)
 
 
 def left_out(limbs: Limbs) -> tuple[Array, Array]:
@@ -113,10 +97,11 @@ def left_out(limbs: Limbs) -> tuple[Array, Array]:
     told, by_flags = np.empty(len(limbs.right)), np.empty(len(limbs.right))
     for name in np.unique(limbs.recording):
         own = limbs.recording == name
-        told[own] = told_by(fitted(limbs.known[~own], limbs.right[~own]), limbs.known[own])
+        others = Known(*(values[~own] for values in limbs.known))
+        told[own] = right_by(fitted(others, limbs.right[~own]), Known(*(values[own] for values in limbs.known)))
         for flag in (False, True):
-            others = ~own & (limbs.flagged == flag)
-            by_flags[own & (limbs.flagged == flag)] = (limbs.right[others].sum() + 1) / (others.sum() + 2)
+            alike = ~own & (limbs.flagged == flag)
+            by_flags[own & (limbs.flagged == flag)] = (limbs.right[alike].sum() + 1) / (alike.sum() + 2)
     return told, by_flags
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -16,14 +15,6 @@ from tracker.foundation.arrays import Mask
 from tracker.foundation.configuration.components import component
 from tracker.tracking.doubt import Because, Doubt
 from tracker.tracking.estimate import Estimate, Status
-
-# Log odds that a person's pose is right in the trunk, by what the whole leaves over (squared) and by the logarithm of
-# how vaguely a limb's joints are known; and that a limb is right if the trunk is, by what the limb leaves over. Fitted
-# by scripts/fit_doubt.py to 16 600 limbs, 700 of them 150 mm off, see docs/lab/probability_of_limbs.md.
-_WHOLE, _WHOLE_LEFT_OVER, _WHOLE_VAGUE = 3.93, 129.4, 4.06
-_LIMB, _LIMB_LEFT_OVER = 11.3, 27.6
-_KNOWN_M, _LEAST_SPREAD_M = 0.03, 0.003
-"""Spread of a joint at which it counts nothing, and that from which on it is known no better, metres."""
 
 # In so many times of `restart_every` somebody who is lost is looked for once at least.
 _SELDOM = 8
@@ -164,26 +155,6 @@ def limb_spreads_m(body: BodyModel, estimate: Estimate) -> dict[str, float]:
         variances = np.linalg.eigvalsh(moved @ estimate.covariance @ moved.transpose(0, 2, 1))[:, -1]
         spreads = np.sqrt(np.maximum(variances, 0.0))
     return {limb: float(spreads[body.landmarks_of(limb)].max(initial=0.0)) for limb in body.limbs}
-
-
-def probabilities(body: BodyModel, estimate: Estimate) -> dict[str, float]:
-    """Limb -> how probable it is that all its joints are within 150 mm of where they are said to be, 0 to 1.
-
-    Two things may be wrong: the pose as a whole, or the limb alone. The images tell of the first by what the whole body
-    leaves over and by how vaguely joints are known, of the second by what the limb leaves over.
-    """
-    limbs, spreads_m, smaller = limbs_left_over(body, estimate.account), limb_spreads_m(body, estimate), smallness(body)
-    whole = _WHOLE - _WHOLE_LEFT_OVER * estimate.account.left_over**2
-    known, found = np.isfinite(estimate.covariance).all(), {}
-    for limb in body.limbs:
-        vague = math.log(max(spreads_m[limb] / smaller, _LEAST_SPREAD_M) / _KNOWN_M) if known else 0.0
-        right = _sigmoid(whole - _WHOLE_VAGUE * vague)
-        found[limb] = right * _sigmoid(_LIMB - _LIMB_LEFT_OVER * limbs[limb])
-    return found
-
-
-def _sigmoid(log_odds: float) -> float:
-    return 0.5 * (1.0 + math.tanh(0.5 * log_odds))
 
 
 def left_over_of(limb: Account) -> float:

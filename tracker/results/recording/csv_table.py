@@ -15,7 +15,7 @@ from tracker.foundation.files import GrowingFile, csv_lines
 from tracker.results.recording import RunContext
 from tracker.tracking.doubt import Doubt
 from tracker.tracking.estimate import Estimate, Status
-from tracker.tracking.loss import probabilities
+from tracker.tracking.limb_probabilities import limb_probabilities
 from tracker.tracking.trajectory import Step
 
 _JOINT_COLUMNS = ("frame", "time_s", "person", "joint", "x_m", "y_m", "z_m", "status", "sigma_m")
@@ -28,7 +28,8 @@ _POSE_COLUMNS = ("frame", "time_s", "person", "status", "ambiguous", "distance_p
 class CsvTable:
     """`poses.csv`, `sigmas.csv` and `joints.csv`, in lost frames with empty values; `doubts.csv`, a row a reason.
 
-    `limbs.csv` has a row a limb: how probable it is that its joints are within 150 mm, see `loss.probabilities`.
+    `limbs.csv` has a row a limb: how probable it is that its joints are within 150 mm, see
+    `tracker.tracking.limb_probabilities`.
     """
 
     decimals: int = pydantic.Field(default=5, ge=0, le=15)
@@ -73,7 +74,7 @@ class CsvRecorder:
                 spread = "" if estimate.lost else self._text(sigmas_m[mark])
                 joints.append([*start, person.body.landmark_names[mark], *where, statuses[mark], spread])
             doubts += [[*start, *self._reason(doubt)] for doubt in estimate.doubts]
-            right = {} if estimate.lost else probabilities(person.body, estimate)
+            right = {} if estimate.lost else limb_probabilities(person.body, estimate)
             limbs += [[*start, limb, f"{right[limb]:.3f}" if right else ""] for limb in person.body.limbs]
         for file, rows in zip(self._files, (poses, sigmas, joints, doubts, limbs), strict=True):
             file.add(csv_lines(rows))

@@ -1,0 +1,81 @@
+"""How probable it is that a limb is where it is said to be."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tracker.bodies.body import BodyModel
+from tracker.bodies.limbs import smallness
+from tracker.foundation.arrays import Array
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.loss import limb_spreads_m, limbs_left_over
+
+_KNOWN_M, _LEAST_SPREAD_M = 0.03, 0.003
+"""Spread of a joint that speaks neither for a pose nor against it, and below which one is no better known, metres."""
+
+
+class Odds(NamedTuple):
+    """Two things may be wrong: the pose as a whole, or a limb alone. Log odds that either is right."""
+
+    whole: float
+    """Of a pose that leaves nothing over, whose joints are known to 3 cm."""
+
+    whole_left_over: float
+    """What the squared share that the whole body leaves over takes from them."""
+
+    whole_vague: float
+    """What the logarithm of a joint's spread over 3 cm takes from them."""
+
+    limb: float
+    """Of a limb that leaves nothing over, in a pose that is right."""
+
+    limb_left_over: float
+    """What the share that the limb leaves over takes from them."""
+
+
+# Fitted by scripts/fit_doubt.py to 16 844 limbs, 698 of them 150 mm off. See docs/lab/probability_of_limbs.md.
+FITTED = Odds(whole=3.93, whole_left_over=129.4, whole_vague=4.06, limb=11.3, limb_left_over=27.6)
+
+
+class Known(NamedTuple):
+    """What a run knows of N limbs, each (N,)."""
+
+    left_over: Array
+    """Share of the limb's contour, see `tracker.tracking.loss.limbs_left_over`."""
+
+    whole_left_over: Array
+    """The same of the whole body."""
+
+    spread_m: Array
+    """Of the limb's joints, see `tracker.tracking.loss.limb_spreads_m`; NaN where it is not known."""
+
+
+def known_of(body: BodyModel, estimate: Estimate) -> Known:
+    """What is known of the limbs of a body, in the order of `body.limbs`; spreads are those of a person's size."""
+    left_over, spreads_m = limbs_left_over(body, estimate.account), limb_spreads_m(body, estimate)
+    found = np.array([spreads_m[limb] for limb in body.limbs]) / smallness(body)
+    if not np.isfinite(estimate.covariance).all():
+        found = np.full(len(body.limbs), np.nan)
+    whole = np.full(len(body.limbs), estimate.account.left_over)
+    return Known(np.array([left_over[limb] for limb in body.limbs]), whole, found)
+
+
+def right_by(odds: Odds, known: Known) -> Array:
+    """(N,) how probable it is that all joints of some limbs are within 150 mm of where they are said to be, 0 to 1."""
+    vague = np.nan_to_num(np.log(np.maximum(known.spread_m, _LEAST_SPREAD_M) / _KNOWN_M))
+    whole = odds.whole - odds.whole_left_over * known.whole_left_over**2 - odds.whole_vague * vague
+    right: Array = _sigmoid(whole) * _sigmoid(odds.limb - odds.limb_left_over * known.left_over)
+    return right
+
+
+def limb_probabilities(body: BodyModel, estimate: Estimate) -> dict[str, float]:
+    """Limb -> how probable it is that all its joints are within 150 mm of where they are said to be, 0 to 1."""
+    right = right_by(FITTED, known_of(body, estimate))
+    return dict(zip(body.limbs, right.tolist(), strict=True))
+
+
+def _sigmoid(log_odds: Array) -> Array:
+    share: Array = 0.5 * (1.0 + np.tanh(0.5 * log_odds))
+    return share
