@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import functools
-import html
-import json
 import re
-import shutil
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -15,28 +12,19 @@ import pytest
 from doubted import in_doubt
 from motions import estimate_of
 from recordings import small_simulation
-from test_run import killed_after
-from typer.testing import CliRunner
 
-from tracker.acquisition.calibrated_views import ViewSettings
-from tracker.acquisition.fit_task import FitSettings
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
-from tracker.cameras.rig_layouts import load_rig
 from tracker.results.alignment import ViewAlignment
 from tracker.results.alignment._gauge import without_common_motion
 from tracker.results.alignment._looks import by_turn
 from tracker.results.alignment.adjustment import FEWEST, align, turned
 from tracker.results.alignment.in_step import in_step
 from tracker.results.alignment.moments import MOST_MOMENTS, Tracked, chosen_moments, moments_of, rates_of
-from tracker.results.result import load_result
 from tracker.running.aligned_result import described
-from tracker.running.cli import app
 from tracker.running.jobs._views import told_of_views
-from tracker.running.viewing.images import reading_of
 from tracker.synthesis.simulation.movements import poses_of
 from tracker.synthesis.simulation.sequence import Recipe, simulate
-from tracker.synthesis.simulation.sequence_files import write_sequence
 from tracker.tracking.initialization._person_sized import enlarged
 
 FPS = 12.5
@@ -294,112 +282,23 @@ def test_a_delay_is_told_from_five_sigmas_and_what_matters():
     assert made([0, 0.02, 0, 0], 0.001, n_moments=10).out_of_step
 
 
-GIVEN = (
-    "initialization.use=given",
-    "initialization.poses=truth_poses.csv",
-    "persons.0.carries=[]",
-    "evidence=contours",
-    "passes=1",
-)
-"""What runs need not find out here; the start is where the person is when the first view looks."""
-
-
-FITTED = "persons.0.shape=recording", "recordings=[{use='csv_table'},{use='journal'},{use='run_json'}]"
-
-
-def ran(config, output, *settings, options=()):
-    """What the command prints."""
-    words = [*options, *(word for setting in (*GIVEN, *settings) for word in ("--set", setting))]
-    done = CliRunner().invoke(app, ["run", str(config), "--output", str(output), *words])
-    assert done.exit_code == 0, done.output
-    return " ".join(done.output.split())
-
-
-@pytest.fixture(scope="module")
-def run_out_of_step(tmp_path_factory):
-    """A run of a recording whose views are out of step, with its body fitted to it, if in few steps."""
-    folder = tmp_path_factory.mktemp("late")
-    recipe = Recipe("walking_on_the_spot", seconds=2.4, fps=FPS, delays_s=DELAYS_S, size=(360, 288))
-    config = write_sequence(recipe, folder / "recording")
-    few = ViewSettings(frames=4, rounds=1, fit=FitSettings(iterations=4, pose_deg=8.0, pose_m=0.05, rigid_share=0.2))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tracker.running.jobs._persons.ViewSettings", lambda: few)
-        printed = ran(config, folder / "result", *FITTED)
-    return folder / "result", printed
-
-
-def test_a_run_tells_that_views_are_out_of_step(run_out_of_step):
-    folder, output = run_out_of_step
-    assert "input: views are out of step with" in output
-    assert any("out of step" in line for line in json.loads((folder / "run.json").read_text())["findings"])
-
-
-def test_a_resumed_run_knows_that_views_are_out_of_step(run_out_of_step, tmp_path):
-    """Poses that bodies were fitted at are then not refined, in whichever run."""
-    folder, _ = run_out_of_step
-    part = killed_after(12, folder, tmp_path / "part")
-    ran(folder.parent / "recording" / "config.toml", part, *FITTED, options=["--resume"])
-    assert (part / "poses.csv").read_bytes() == (folder / "poses.csv").read_bytes()
+def told_of(simulation, images, lost=()):
+    """The one line that a run says of views between which nothing is found."""
+    frames, told = tracked(simulation, lost=lost), []
+    steps = [SimpleNamespace(frame=frame, estimates=one.estimates) for frame, one in zip(images, frames, strict=True)]
+    assert told_of_views(steps, simulation.scene, 1 / FPS, lambda line, *_: told.append(line)) == ()
+    (line,) = told
+    return line
 
 
 def test_views_in_step_are_said_to_be_so():
-    simulation, images = recorded()
-    frames, told = tracked(simulation), []
-    steps = [SimpleNamespace(frame=frame, estimates=one.estimates) for frame, one in zip(images, frames, strict=True)]
-    assert told_of_views(steps, simulation.scene, 1 / FPS, lambda line, *_: told.append(line)) == ()
-    assert len(told) == 1
-    assert "views: in step to" in told[0]
-    assert re.search(r"in \d+ frames from \d+ to 2\d: of others", told[0]), "a delay that grows shows later"
+    told = told_of(*recorded())
+    assert "views: in step to" in told
+    assert re.search(r"in \d+ frames from \d+ to 2\d: of others", told), "a delay that grows shows later"
 
 
 def test_views_are_not_called_in_step_where_a_part_of_the_run_tells_nothing():
     """A delay that grows is small where poses fit at all."""
-    simulation, images = recorded()
-    frames, told = tracked(simulation, lost={*range(6), *range(18, 30)}), []
-    steps = [SimpleNamespace(frame=frame, estimates=one.estimates) for frame, one in zip(images, frames, strict=True)]
-    assert told_of_views(steps, simulation.scene, 1 / FPS, lambda line, *_: told.append(line)) == ()
-    assert len(told) == 1
-    assert "in step to" not in told[0]
-    assert "alone: too few to tell whether views are in step all along" in told[0]
-
-
-def test_a_run_whose_bodies_are_not_fitted_is_asked_at_its_end(run_out_of_step, tmp_path):
-    """Also then its files say so."""
-    folder, _ = run_out_of_step
-    outputs = "recordings=[{use='csv_table'},{use='report'},{use='run_json'}]"
-    recording = folder.parent / "recording" / "config.toml"
-    ran(recording, tmp_path / "result", "persons.0.shape=model", "reading.downscale=1", outputs)
-    told = [
-        line for line in json.loads((tmp_path / "result" / "run.json").read_text())["findings"] if "of step" in line
-    ]
-    assert len(told) == 1
-    assert told[0] in html.unescape((tmp_path / "result" / "report.html").read_text())
-
-
-def test_the_command_writes_poses_at_one_moment_and_a_rig(run_out_of_step, tmp_path, monkeypatch):
-    folder, _ = run_out_of_step
-    done = CliRunner().invoke(app, ["result", "align", str(folder), "--rig", str(tmp_path / "turned.toml")])
-    assert done.exit_code == 0, done.output
-    assert "out of step" in done.output
-    assert "poses at the moment of" in done.output
-    result = load_result(folder / "in_step")
-    assert len(result.frames) == 30
-    shutil.copytree(folder / "in_step", tmp_path / "elsewhere" / "in_step")
-    monkeypatch.chdir(folder / "in_step")
-    raw, *others = (
-        reading_of(load_result(p)) for p in (folder, folder / "in_step", ".", tmp_path / "elsewhere/in_step")
-    )
-    assert others == [raw] * 3, "wherever they lie, and from wherever they are asked for"
-    late = [view["late_ms"] for view in result.details["alignment"].values()]
-    assert late == pytest.approx([1000 * delay for delay in DELAYS_S], abs=4)
-    assert load_rig(tmp_path / "turned.toml").names == result.rig.names
-    rows = (tmp_path / "turned.toml").read_bytes()
-    rig_there = ["--rig", str(tmp_path / "turned.toml"), "--output", str(tmp_path / "other")]
-    again = CliRunner().invoke(app, ["result", "align", str(folder), *rig_there])
-    assert again.exit_code != 0
-    assert "not there yet" in str(again.exception)
-    assert (tmp_path / "turned.toml").read_bytes() == rows
-    again = CliRunner().invoke(app, ["result", "align", str(folder), "--rig", str(tmp_path / "another.toml")])
-    assert "in_step is not empty: choose another --output" in str(again.exception)
-    assert "views, by" not in again.output, "refused before the views are compared"
-    assert not (tmp_path / "another.toml").exists()
+    told = told_of(*recorded(), lost={*range(6), *range(18, 30)})
+    assert "in step to" not in told
+    assert "alone: too few to tell whether views are in step all along" in told

@@ -13,18 +13,11 @@ from collections.abc import Callable
 import pytest
 from modules import APART, LAYER, ROOT, Module, Modules, imported, modules_of_the_project, ours, packages_above, unit_of
 
-OPTIONAL = {
-    "moderngl",
-    "glcontext",
-    "pyrender",
-    "OpenGL",
-    "dask",
-    "distributed",
-    "rerun",
-    "viser",
-    "mediapipe",
-    "rtmlib",
-}
+OPTIONAL = (
+    {"moderngl", "glcontext", "pyrender", "OpenGL", "rerun", "viser"}
+    | {"dask", "distributed"}
+    | {"mediapipe", "rtmlib"}
+)
 """Libraries that a plain installation lacks: imported by the one component that needs them."""
 
 VAGUE_NAMES = {"utils", "util", "helpers", "helper", "core", "common", "manager", "misc", "base"}
