@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Image
 from tracker.foundation.errors import CalibrationError
-from tracker.foundation.files import write_whole
 
 # BGR, told apart on dark and bright.
 _COLOURS = ((66, 135, 245), (72, 199, 116), (235, 120, 60), (200, 90, 200), (60, 200, 220), (120, 120, 250))
@@ -80,16 +77,3 @@ def _tiled(images: list[Image], width_px: int = 800) -> Image:
     rows = [np.hstack(padded[k : k + 2]) for k in range(0, len(padded), 2)]
     picture: Image = np.vstack(rows)
     return picture
-
-
-def write_picture(picture: Image, path: Path) -> None:
-    """Writes a PNG or JPEG.
-
-    Raises:
-        CalibrationError: the kind of file is unknown or the folder is missing.
-        OSError: it cannot be written.
-    """
-    if path.suffix.lower() not in (".png", ".jpg", ".jpeg") or not path.parent.is_dir():
-        raise CalibrationError(f"{path}: expected a .png or .jpg in a folder that exists")
-    _, content = cv2.imencode(path.suffix.lower(), picture)
-    write_whole(path, content.tobytes())

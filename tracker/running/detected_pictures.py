@@ -2,19 +2,11 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
-from pathlib import Path
-from typing import Any
-
-import av
 import cv2
 import numpy as np
-from av.container import OutputContainer
-from av.video.stream import VideoStream
 
 from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Array, Image
-from tracker.foundation.files import replacing
 
 _HEIGHT_PX = 288
 """Of a view in a picture of all."""
@@ -83,36 +75,3 @@ def pages(pictures: list[Image]) -> Image:
     rows = [np.pad(one, ((0, 0), (0, width - one.shape[1]), (0, 0))) for one in pictures]
     whole: Image = np.vstack(rows)
     return whole
-
-
-class Film:
-    """A film of pictures, H.264, playable in browsers; its file is there when it is whole."""
-
-    def __init__(self, path: Path, fps: float) -> None:
-        """Nothing is written before the first picture."""
-        self._rate = Fraction(fps).limit_denominator(1001)
-        self._replacing = replacing(path)
-        self._container: OutputContainer | None = None
-        self._stream: VideoStream | None = None
-
-    def __enter__(self) -> Film:
-        """Begins the file, under another name."""
-        self._container = av.open(str(self._replacing.__enter__()), "w", format="mp4")
-        return self
-
-    def add(self, picture: Image) -> None:
-        """Adds a picture, made as large as the first one."""
-        assert self._container is not None
-        if self._stream is None:
-            self._stream = self._container.add_stream("libx264", rate=self._rate, options={"preset": "ultrafast"})
-            self._stream.width, self._stream.height, self._stream.pix_fmt = picture.shape[1], len(picture), "yuv420p"
-        shown = cv2.resize(picture, (self._stream.width, self._stream.height))
-        self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(shown, format="bgr24")))
-
-    def __exit__(self, *fault: Any) -> None:
-        """Puts the file into its place; removes it where there was a fault."""
-        assert self._container is not None
-        if self._stream is not None and fault[0] is None:
-            self._container.mux(self._stream.encode(None))
-        self._container.close()
-        self._replacing.__exit__(*fault)

@@ -16,7 +16,6 @@ import numpy as np
 from tracker.bodies.keypoint_layouts.openpose import persons_in
 from tracker.bodies.keypoint_layouts.orders import LAYOUTS
 from tracker.bodies.keypoint_layouts.views import USUAL
-from tracker.cameras.epipolar_picture import write_picture
 from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.tables import build
@@ -25,9 +24,10 @@ from tracker.foundation.files import write_json, write_whole
 from tracker.foundation.progress import Progress, silent
 from tracker.foundation.source_files import json_of
 from tracker.images.detection import Detection, Finder
+from tracker.images.picture_files import film_writer, write_picture
 from tracker.images.reading import Reading
 from tracker.images.reading import Sequence as Recording
-from tracker.running.detected_pictures import Film, drawn, pages
+from tracker.running.detected_pictures import drawn, pages
 from tracker.running.jobs import fingerprints, read_own
 
 _NOTE = "detected.json"
@@ -89,19 +89,19 @@ def detect(
     beside = Path(pattern).parent
     shown, counted, pictures = _shown(sequence.n_frames), _Counted(views), []
     files = [beside / "detected.jpg", *([beside / "detected.mp4"] if film else [])]
-    with Film(files[-1], sequence.fps) if film else contextlib.nullcontext() as writer:
+    with film_writer(files[-1], sequence.fps, preset="ultrafast") if film else contextlib.nullcontext() as add:
         for k, frame in enumerate(sequence.frames()):
             counted.add([view.found(frame, v, find) for v, view in enumerate(views)])
             rate = f"{counted.n_new / (time.perf_counter() - begin):.1f} images/s" if counted.n_new else ""
             progress("detecting", k + 1, sequence.n_frames, rate)
-            if writer is None and k not in shown:
+            if add is None and k not in shown:
                 continue
             persons = [view.persons(frame, v) for v, view in enumerate(views)]
             picture = drawn(frame, persons, LAYOUTS[detection.layout])
             pictures += [picture] if k in shown else []
-            if writer is not None:
-                writer.add(picture)
-    write_picture(pages(pictures), files[0])
+            if add is not None:
+                add(picture)
+    write_picture(files[0], pages(pictures))
     took = time.perf_counter() - begin
     return Detected(pattern, counted.n_images, counted.n_new, counted.shares(), took, tuple(files))
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 from matplotlib.cm import ScalarMappable
@@ -13,7 +11,6 @@ from matplotlib.figure import Figure
 
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Image
-from tracker.foundation.files import write_whole
 from tracker.points.following.overview import Overview
 from tracker.points.following.record import Rows, between
 from tracker.points.trajectories import PointStatus
@@ -137,9 +134,3 @@ def counts_figure(overview: Overview, times: Array) -> Figure:
     events.set(xlabel="s", title="a frame")
     events.legend(fontsize=8)
     return figure
-
-
-def write_picture(path: Path, picture: Image) -> None:
-    """Writes a picture as JPEG."""
-    _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 92])
-    write_whole(path, data.tobytes())

@@ -42,9 +42,10 @@ def rig_check(
 ) -> None:
     """Looks a rig over: geometry, who sees whom, reprojection, scale, and epipolar lines over the views."""
     from tracker.cameras.calibration import read_points
-    from tracker.cameras.epipolar_picture import epipolar_picture, write_picture
+    from tracker.cameras.epipolar_picture import epipolar_picture
     from tracker.cameras.rig_check import check_points, check_rig
     from tracker.cameras.rig_layouts import read_rig
+    from tracker.images.picture_files import write_picture
 
     opened = read_rig(rig, _pixels(size), units, scale)
     _tell(opened)
@@ -75,7 +76,7 @@ def rig_check(
     for doubt in found.doubts:
         console.print(marked("look", doubt), highlight=False, soft_wrap=True)
     if images is not None:
-        write_picture(epipolar_picture(loaded, _pictures(images, loaded.names)), picture)
+        write_picture(picture, epipolar_picture(loaded, _pictures(images, loaded.names)))
         console.print(f"epipolar lines: {picture}", highlight=False, soft_wrap=True)
 
 

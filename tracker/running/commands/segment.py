@@ -33,9 +33,10 @@ def segment(
 ) -> None:
     """Draws contours by level sets with and without the shape prior, and the poses found, over frames of a result."""
     from tracker.foundation.files import check_free
+    from tracker.images.picture_files import write_picture
     from tracker.results.result import load_result
     from tracker.running.viewing.segmentation import Chosen, segmented
-    from tracker.running.viewing.segmentation_picture import write_picture
+    from tracker.running.viewing.segmentation_picture import picture_of
 
     chosen = Chosen(every, *_range(frames), back)
     by, folder = _evidence(set_ or []), output or result / FOLDER
@@ -48,7 +49,7 @@ def segment(
             continue
         folder.mkdir(parents=True, exist_ok=True)
         n_drawn += 1
-        write_picture(folder / f"{one.frame:06d}.png", one, width)
+        write_picture(folder / f"{one.frame:06d}.png", picture_of(one, width))
         alone, held = one.overlaps()
         console.print(
             f"frame {one.frame}: overlap with the pose found {alone:.2f} without its shape, {held:.2f} with it",

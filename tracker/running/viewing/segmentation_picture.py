@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 
 from tracker.bodies.contours import ViewContours
 from tracker.foundation.arrays import Array, Image, Mask
-from tracker.foundation.files import replacing
 from tracker.running.viewing.segmentation import Segmented, SegmentedView
 
 # BGR; what lies between is blue, lighter step by step.
@@ -23,12 +20,6 @@ _HEIGHT = 1.3
 
 _SUBPIXEL = 4
 """Binary digits after the point in OpenCV's drawing."""
-
-
-def write_picture(path: Path, segmented: Segmented, width_px: int) -> None:
-    """Writes a picture as PNG, as a whole."""
-    with replacing(path) as unfinished:
-        unfinished.write_bytes(cv2.imencode(".png", picture_of(segmented, width_px))[1].tobytes())
 
 
 def picture_of(segmented: Segmented, width_px: int) -> Image:

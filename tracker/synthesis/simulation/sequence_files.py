@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import csv
 import shutil
-from fractions import Fraction
+from contextlib import ExitStack
 from pathlib import Path
 
-import av
 import cv2
 import numpy as np
 import tomli_w
@@ -16,6 +15,7 @@ from tracker.bodies.body.files import save_description
 from tracker.cameras.rig_layouts import save_rig
 from tracker.foundation.files import whole_folder
 from tracker.foundation.progress import Progress, silent
+from tracker.images.picture_files import film_writer
 from tracker.synthesis.simulation.movements import movement_of
 from tracker.synthesis.simulation.sequence import Recipe, Simulation, sensed, simulate
 
@@ -73,26 +73,14 @@ def _write_plates(simulation: Simulation, folder: Path) -> None:
 def _write_videos(simulation: Simulation, folder: Path, progress: Progress) -> None:
     recipe, total = simulation.recipe, len(simulation.recipe.times)
     options = {"crf": str(recipe.constant_rate_factor), "preset": "veryfast"}
-    containers = [av.open(str(folder / f"{name}.mp4"), "w") for name in simulation.scene.rig.names]
-    streams = []
-    for container, camera in zip(containers, simulation.scene.rig.cameras, strict=True):
-        rate = Fraction(recipe.fps).limit_denominator(1001)
-        stream = container.add_stream("libx264", rate=rate, options=options)
-        # colours at half the resolution need even sides
-        even = camera.size[0] % 2 == camera.size[1] % 2 == 0
-        stream.width, stream.height, stream.pix_fmt = *camera.size, "yuv420p" if even else "yuv444p"
-        streams.append(stream)
-    try:
+    with ExitStack() as films:
+        names = simulation.scene.rig.names
+        adds = [films.enter_context(film_writer(folder / f"{name}.mp4", recipe.fps, **options)) for name in names]
         for frame in simulation.frames():
-            for container, stream, image in zip(containers, streams, frame.images, strict=True):
+            for add, image in zip(adds, frame.images, strict=True):
                 if image is not None:
-                    container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
+                    add(image)
             progress("simulating", frame.index + 1, total)
-        for container, stream in zip(containers, streams, strict=True):
-            container.mux(stream.encode(None))
-    finally:
-        for container in containers:
-            container.close()
 
 
 def _write_truth(simulation: Simulation, folder: Path) -> None:
