@@ -1,7 +1,7 @@
 """Builds the extension `tracker._native` in build/, with CMake and ninja: `python native/build.py [--sanitize]`.
 
-Called by scripts/build_native.sh, which leaves it in tracker/ for imports from the checkout, and by the build hook of
-the package (native/hatch_build.py).
+Called by scripts/build_native.sh, which leaves it in tracker/ for imports from the checkout, by the build hook of the
+package (native/hatch_build.py), and by scripts/sanitized.sh, for which it stays in build/.
 """
 
 from __future__ import annotations
@@ -75,9 +75,9 @@ def _run(command: list[object]) -> None:
         raise BuildError(f"{done.stdout}{done.stderr}\nthe extension tracker._native could not be built, see above")
 
 
-def build_in_place(*, sanitize: bool = False) -> Path:
+def build_in_place() -> Path:
     """Builds, and lays the extension into tracker/, from where a checkout imports it; returns where it lies."""
-    built = build(sanitize=sanitize)
+    built = build()
     place = ROOT / "tracker" / built.name
     shutil.copy2(built, place.with_suffix(".new"))
     place.with_suffix(".new").replace(place)  # a process that runs the old one keeps it
@@ -86,6 +86,6 @@ def build_in_place(*, sanitize: bool = False) -> Path:
 
 if __name__ == "__main__":
     try:
-        build_in_place(sanitize="--sanitize" in sys.argv[1:])
+        build(sanitize=True) if "--sanitize" in sys.argv[1:] else build_in_place()
     except BuildError as error:
         sys.exit(f"error: {error}")

@@ -46,7 +46,10 @@ def spoil(
     only: Annotated[str, typer.Option(help="Readers whose name begins so.")] = "",
     batch: Annotated[int, typer.Option(hidden=True)] = -1,
 ) -> None:
-    """Spoils files for every reader: `python scripts/fuzz.py readers --minutes 30 --seed 1`."""
+    """Spoils files for every reader: `python scripts/fuzz.py readers --minutes 30 --seed 1`.
+
+    `scripts/sanitized.sh .venv/bin/python scripts/fuzz.py readers` has the kernels checked as well.
+    """
     if batch >= 0:
         _work(seed, batch, only)
         return
@@ -122,7 +125,8 @@ def _last(output: str | bytes | None) -> str:
 
 def _work(seed: int, batch: int, only: str) -> None:
     """Tries a batch of inputs; each is named before it is tried, in case it is the last one."""
-    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
+    if "libasan" not in os.environ.get("LD_PRELOAD", ""):  # whose shadow of the memory is 16 TiB of addresses
+        resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     rng = random.Random(f"{seed} {batch}")
     with tempfile.TemporaryDirectory() as folder:
         benches = [Bench(reader, Path(folder)) for reader in readers() if reader.name.startswith(only)]

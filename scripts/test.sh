@@ -1,11 +1,18 @@
 #!/bin/sh
 # Sets everything up in .venv and passes the tests: lint, format, types, pytest. Arguments go to pytest.
+# --sanitize, in the first place: only the tests that call kernels (or those named), with scripts/sanitized.sh.
 set -eu
 cd "$(dirname "$0")/.."
 . scripts/environment.sh
 make_environment "[gl,dev]"
 # else each of forty processes compiles 600 files anew, 0.2 s
 unset PYTHONDONTWRITEBYTECODE
+if [ "${1:-}" = --sanitize ]; then
+    shift
+    # shellcheck disable=SC2046
+    [ $# -gt 0 ] || set -- $(grep -lE "^(from|import) tracker\.(kernels|_native)" tests/test_*.py)
+    OPENBLAS_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 exec scripts/sanitized.sh .venv/bin/python -m pytest -n auto --dist loadfile "$@"
+fi
 # pyrender pins PyOpenGL 3.1.0, which fails on Python 3.12 and with OSMesa.
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --upgrade "PyOpenGL>=3.1.10" 2>/dev/null
 

@@ -12,7 +12,7 @@ import tracker._native as native
 from tracker.foundation.errors import InstallationError
 from tracker.foundation.native_sources import digest_of, load_extension
 
-ROOT = Path(native.__file__).parents[1]
+ROOT = Path(__file__).parents[1]
 
 
 def asked(**changes):
