@@ -9,9 +9,10 @@ make_environment "[gl,dev]"
 unset PYTHONDONTWRITEBYTECODE
 if [ "${1:-}" = --sanitize ]; then
     shift
+    # a fault ends the process: what it says must not wait in what pytest has caught
     # shellcheck disable=SC2046
     [ $# -gt 0 ] || set -- $(grep -lE "^(from|import) tracker\.(kernels|_native)" tests/test_*.py)
-    OPENBLAS_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 exec scripts/sanitized.sh .venv/bin/python -m pytest -n auto --dist loadfile "$@"
+    OPENBLAS_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 exec scripts/sanitized.sh .venv/bin/python -m pytest -n auto --dist loadfile --capture=sys "$@"
 fi
 # pyrender pins PyOpenGL 3.1.0, which fails on Python 3.12 and with OSMesa.
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --upgrade "PyOpenGL>=3.1.10" 2>/dev/null
