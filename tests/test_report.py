@@ -75,6 +75,8 @@ def test_what_is_in_doubt_comes_first_with_its_reasons(tmp_path: Path, folder: P
     strip = re.findall(r'<i style="flex-grow[^>]* title="([^"]*)"', page)
     assert f"person1, frames 13 to 15: limb ambiguous. left arm: {Because.JUMP.phrase}; right arm: " in "|".join(strip)
     assert f'<td class="why">left arm: {Because.JUMP.phrase}; right arm: {Because.TWO_POSES.phrase}</td>' in page
+    # below the list the command that draws its first frame, the worst
+    assert "<code>bodytrack show frame RESULT --frame 14</code>" in page.partition("Worst frames")[2]
 
 
 def test_a_start_that_is_rather_wrong_is_a_doubt_though_no_frame_is_in_any(tmp_path: Path) -> None:

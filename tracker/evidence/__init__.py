@@ -7,14 +7,15 @@ It imports `synthesis`, `images`, `bodies` and what lies below, and `points` in 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.evidence.measures.account import Account
 from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.measures.equations import Equations
-from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.arrays import Array, Image, Mask
+from tracker.foundation.configuration.tables import component_name
 from tracker.images.sight import Sight
 
 Observed = Any
@@ -27,12 +28,23 @@ GUESSED: Memory = object()
 """In place of a memory where the pose expected is one of several guesses: it must not teach what would confirm it."""
 
 
+class EvidencePicture(NamedTuple):
+    """What one kind of evidence saw in a view of a frame, drawn by itself."""
+
+    title: str
+    """What is shown; or which evidence has no picture, and why."""
+
+    picture: Image | None
+    """(H, W, 3) BGR, as large as the view's image; None where there is nothing to draw."""
+
+
 @runtime_checkable
 class Evidence(Protocol):
     """A component that answers for one kind of evidence. Search and refinement know none of them by name.
 
     One pose has one number: what `distances` ranks by is what `account` reports. Components derive from this class
-    and inherit the optional methods, `check`, `told`, `takes_part_plates`, `look`, `learned` and `observe_again`.
+    and inherit the optional methods, `check`, `told`, `takes_part_plates`, `look`, `learned`, `observe_again` and
+    `pictures`.
     """
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Observed:
@@ -114,3 +126,13 @@ class Evidence(Protocol):
             trusted: (V, P) parts of the scene that can be learned from in a view.
         """
         return memory
+
+    def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
+        """What it saw in a view of a frame, to be looked at; by default it says that it draws nothing.
+
+        Args:
+            asked: the person at the pose found, and what was observed.
+            sight: the frame that was observed.
+            view: number of a view that has an image.
+        """
+        return (EvidencePicture(f"{component_name(type(self))}: draws no picture", None),)

@@ -61,7 +61,7 @@ class Held:
 
     def gaps_px(self, body: BodyModel, poses: Array, rig: Rig, most_m: float) -> Array:
         """(B, N) distances at poses (B, dof), no more than that of a wrong point, px."""
-        world = self._world(body, poses)
+        world = self.world(body, poses)
         gaps = np.zeros(world.shape[:2])
         for v in np.unique(self.view):
             rows = self.view == v
@@ -82,7 +82,7 @@ class Held:
             rig: the cameras.
             slide_m: standard deviation of a point against its part, metres.
         """
-        world, placed = self._world(body, q[None])[0], body.world_from_part(q)[self.part]
+        world, placed = self.world(body, q[None])[0], body.world_from_part(q)[self.part]
         rotations = placed[:, :3, :3]
         spread = rotations @ self.covariance @ rotations.transpose(0, 2, 1) + slide_m**2 * np.eye(3)
         slope, gap, noise = self._slopes(rig, world), np.zeros_like(world), np.array(self.noise)
@@ -106,7 +106,7 @@ class Held:
 
         In the axes of the residuals. Near a contour a turn moves a point in depth alone, which an image hardly shows.
         """
-        world, placed = self._world(body, q[None])[0], body.world_from_part(q)[self.part]
+        world, placed = self.world(body, q[None])[0], body.world_from_part(q)[self.part]
         turn = np.cross(placed[:, :3, 2], world - placed[:, :3, 3])
         # a point on the axis itself tells of no turn; it must not divide by nothing
         turn /= np.maximum(np.linalg.norm(turn, axis=1, keepdims=True), 1e-6)
@@ -125,7 +125,7 @@ class Held:
                 slope[rows, :2] = rig.cameras[v].project_jacobian(world[rows])
         return slope
 
-    def _world(self, body: BodyModel, poses: Array) -> Array:
+    def world(self, body: BodyModel, poses: Array) -> Array:
         """(B, N, 3) where the parts carry the points, metres."""
         placed = body.world_from_part(poses)[:, self.part]
         world: Array = (placed[..., :3, :3] @ self.place[..., None])[..., 0] + placed[..., :3, 3]

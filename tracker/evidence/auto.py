@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
-from tracker.evidence import Evidence, Memory, Observed
+from tracker.evidence import Evidence, EvidencePicture, Memory, Observed
 from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.measures.account import Account
 from tracker.evidence.measures.comparison import Comparison
@@ -20,6 +20,10 @@ from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import component
 from tracker.images.plate import Plate
 from tracker.images.sight import Sight
+
+WITHOUT_PLATES = "no background plates"
+WHERE_NOBODY_STAYS = "foreground where nobody stays"
+"""What it tells of itself where plates are none, and where they are made behind persons who stay."""
 
 # A silhouette in one view alone tells nothing of the depth; see also what `initialization.auto` does.
 _LEAST_VIEWS = 2
@@ -89,9 +93,9 @@ class AutoEvidence(Evidence):
         if any(isinstance(one, Plate) and one.recorded for one in known):
             views += ", made of what the recording shows most of the time"
         stays = any(isinstance(one, Plate) and one.stays for one in known)
-        foreground = "" if not _enough(known) else "foreground where nobody stays, " if stays else "foreground, "
+        foreground = "" if not _enough(known) else f"{WHERE_NOBODY_STAYS}, " if stays else "foreground, "
         what = f"contours, {foreground}colours and motion of the parts"
-        return f"{what}, {views}" if any(one is not None for one in known) else f"{what}, no background plates"
+        return f"{what}, {views}" if any(one is not None for one in known) else f"{what}, {WITHOUT_PLATES}"
 
     def look(self, sight: Sight, around: Contours) -> None:
         """What the one chosen does ahead."""
@@ -121,6 +125,10 @@ class AutoEvidence(Evidence):
     def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Memory:
         """What it has learned."""
         return self._chosen(sight).learned(memory, sight, scene, fitted, trusted)
+
+    def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
+        """What the one chosen saw."""
+        return _by(asked).pictures(_put(asked), sight, view)
 
     def _chosen(self, sight: Sight) -> Evidence:
         if sight.frame.masks or not any(plate is not None and plate.stays for plate in sight.plates):

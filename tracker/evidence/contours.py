@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pydantic
 
 from tracker.bodies.contours import Contours
-from tracker.evidence import Evidence, Memory
+from tracker.evidence import Evidence, EvidencePicture, Memory
+from tracker.evidence._drawn import UNKNOWN
 from tracker.evidence._shares import over_views, shares
 from tracker.evidence.measures.account import Account
 from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.measures.equations import Equations
 from tracker.evidence.similarity import Similarity
 from tracker.evidence.similarity.chamfer import ChamferSimilarity
-from tracker.foundation.arrays import Array
+from tracker.foundation.arrays import Array, Array32, Image
 from tracker.foundation.configuration.components import component
 from tracker.images.analysis import Analysis
 from tracker.images.analysis.contours import ContourAnalysis
-from tracker.images.observation import Observation
+from tracker.images.observation import Observation, ViewObservation
 from tracker.images.sight import Sight
 
 # Distance where every view is missing, px: that of an outlier everywhere.
@@ -61,3 +63,31 @@ class ContourEvidence(Evidence):
         distances = float(over_views(per_view, _NOTHING_PX)[0]), per_view[0]
         near_px = self.explained_px, self.missed_px
         return shares(asked.fine(q), asked.observed, len(asked.scene.shapes), near_px, distances).of(asked.own)
+
+    def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
+        """Edges, accepted edges and the chamfer image, as in figure 6 of Gavrila & Davis."""
+        seen, image = asked.observed.views[view], sight.frame.images[view]
+        if seen is None or image is None:
+            return (EvidencePicture("contours: the view has no image", None),)
+        return (
+            EvidencePicture("edges", _marked(image.shape, seen.edges)),
+            EvidencePicture("accepted edges", _marked(image.shape, seen.edges[seen.accepted])),
+            EvidencePicture("chamfer image", _chamfer_picture(image.shape, seen)),
+        )
+
+
+def _marked(shape: tuple[int, ...], points: Array32) -> Image:
+    """Points (N, 2) white on black, px."""
+    picture = np.zeros(shape, dtype=np.uint8)
+    x, y = np.clip(np.rint(points).astype(np.int64), 0, np.array([shape[1], shape[0]]) - 1).T
+    picture[y, x] = 255
+    return picture
+
+
+def _chamfer_picture(shape: tuple[int, ...], seen: ViewObservation) -> Image:
+    """Distances as grey: black on an edge, white at the reach and beyond; blue where something hides the persons."""
+    grey, (x, y), (height, width) = np.full(shape[:2], 255, np.uint8), seen.origin, seen.distance.shape
+    grey[y : y + height, x : x + width] = np.clip(255 * seen.distance / seen.reach, 0, 255)
+    picture = np.repeat(grey[..., None], 3, axis=2)
+    picture[y : y + height, x : x + width][seen.distance < 0] = UNKNOWN
+    return picture

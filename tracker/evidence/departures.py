@@ -12,7 +12,7 @@ import pydantic
 from tracker.bodies.contours import Contours
 from tracker.bodies.expectation import expected_region
 from tracker.bodies.scene import Scene
-from tracker.evidence import GUESSED, Evidence, Memory
+from tracker.evidence import GUESSED, Evidence, EvidencePicture, Memory
 from tracker.evidence._bare import AtStart, Bare, bare_in, begun_at, covered_by_skins, missed_by_limbs
 from tracker.evidence._known_views import KnownView, Levels, linked
 from tracker.evidence._reduced_images import reduced, reduced_silhouettes, reduction
@@ -20,7 +20,7 @@ from tracker.evidence._shares import over_views
 from tracker.evidence.measures.account import Account
 from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.measures.equations import Equations
-from tracker.foundation.arrays import Array, Mask, frozen
+from tracker.foundation.arrays import Array, Image, Mask, frozen
 from tracker.foundation.configuration.components import component
 from tracker.images.operations.densities import colour_codes, densities
 from tracker.images.operations.opening import opened
@@ -122,6 +122,16 @@ class DeparturesEvidence(Evidence):
             self._taught(one, sight, v, factor, small, trusted[v])
             for v, (one, small) in enumerate(zip(known, reduced_silhouettes(scene, factor), strict=True))
         )
+
+    def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
+        """What has departed from the background of earlier frames and looks like the person, white."""
+        image, seen = sight.frame.images[view], begun_at(asked).observed
+        if image is None or seen.masks[view] is None:
+            return (EvidencePicture("departures: the background is not known yet", None),)
+        size = image.shape[1], image.shape[0]
+        grey = cv2.resize(np.uint8(255) * seen.masks[view], size, interpolation=cv2.INTER_NEAREST)
+        picture: Image = np.repeat(grey[..., None], 3, axis=2)
+        return (EvidencePicture("what has departed, and a pose has to cover", picture),)
 
     def _per_view(self, asked: Comparison, poses: Array) -> Array:
         """(B, V) px."""

@@ -21,7 +21,8 @@ from tracker.bodies.keypoints import Meant, limbs, meant, swapped_sides
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
-from tracker.evidence import Evidence, Memory
+from tracker.evidence import Evidence, EvidencePicture, Memory
+from tracker.evidence._drawn import gaps_picture
 from tracker.evidence._shares import over_views
 from tracker.evidence.measures.account import Account
 from tracker.evidence.measures.comparison import Comparison
@@ -197,6 +198,18 @@ class KeypointEvidence(KeypointFiles, Evidence):
         per_part = total / np.where(visible > 0, visible, np.nan)
         lengths = _WORTH_PX * visible, _WORTH_PX * found, np.zeros(len(body.parts))
         return Account(distance_px, per_view[0], per_part, *lengths)
+
+    def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
+        """Keypoints of the detection that fits the pose best, each with a line to its point of the body; red if far."""
+        q, image = asked.scene.persons[asked.person].q, sight.frame.images[view]
+        matched, known = self._matched(asked, q[None]), asked.observed.about(asked, self).meant
+        there = np.flatnonzero(matched.weights[0, view] > 0)
+        if image is None or not len(there):
+            return (EvidencePicture("keypoints: none in this view", None),)
+        points = asked.body.points_in_world(q, known.points, known.ends)[there]
+        carried, far = asked.scene.rig.cameras[view].project(points), matched.losses[0, view, there] >= _NEAR
+        picture = gaps_picture(image, carried - matched.gaps[0, view, there], carried, far)
+        return (EvidencePicture("keypoints, and their points of the body", picture),)
 
     @property
     def _reach_m(self) -> float:

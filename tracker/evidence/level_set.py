@@ -11,7 +11,7 @@ import pydantic
 
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
-from tracker.evidence import GUESSED, Memory, Observed
+from tracker.evidence import GUESSED, EvidencePicture, Memory, Observed
 from tracker.evidence._around import Around, Reach, around
 from tracker.evidence.measures.account import Account
 from tracker.evidence.measures.comparison import Comparison
@@ -117,6 +117,10 @@ class LevelSetEvidence(SilhouetteEvidence):
         pelvis was then left out of one, and the man was lost within four frames.
         """
         return replace(super().account(self._put(asked), q), by_view_px=None)
+
+    def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
+        """The region inside of the zero level; see `SilhouetteEvidence.pictures`."""
+        return super().pictures(self._put(asked), sight, view)
 
     def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Memory:
         """Densities inside and outside of the model's outline, a running mean."""

@@ -15,8 +15,9 @@ import pydantic
 
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
-from tracker.evidence import GUESSED, Evidence, Memory
+from tracker.evidence import GUESSED, Evidence, EvidencePicture, Memory
 from tracker.evidence._anchors import Anchors, Grey, attached, corners
+from tracker.evidence._drawn import gaps_picture
 from tracker.evidence._shares import over_views
 from tracker.evidence._shown import seen_parts
 from tracker.evidence.measures.account import Account
@@ -142,6 +143,17 @@ class MotionEvidence(Evidence):
         )
         put = placements, anchors.carried, found, weights, asked.ends, asked.twists(q), asked.body.moves
         return Equations(*anchor_equations(*put))
+
+    def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
+        """Places where the image shows them, with a line to where the pose carries them; red if that is too far."""
+        image, (anchors, _) = sight.frame.images[view], asked.observed.of(asked)
+        anchors = anchors.chosen(anchors.views == view)
+        if image is None or not len(anchors.parts):
+            return (EvidencePicture("motion: follows no place in this view from the frame before", None),)
+        found = anchors.residuals(asked.scene.world_from_parts(), asked.scene.rig, self.slide_m)
+        off = found[:, U] ** 2 + found[:, W] ** 2 > 2 * self.outlier_sigmas**2 * found[:, VARIANCE]
+        picture = gaps_picture(image, anchors.pixels, anchors.pixels + found[:, [U, W]], off)
+        return (EvidencePicture("places followed, and where the pose carries them", picture),)
 
     def account(self, asked: Comparison, q: Array) -> Account:
         """The distance alone: what was attached where a pose had its parts explains nothing."""

@@ -16,8 +16,9 @@ import pydantic
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.cameras.rig import Rig
-from tracker.evidence import GUESSED, Evidence, Memory
+from tracker.evidence import GUESSED, Evidence, EvidencePicture, Memory
 from tracker.evidence._attaching import Attachments, met_by_rays, nearest_parts, ray_covariances
+from tracker.evidence._drawn import gaps_picture
 from tracker.evidence._followed import Followed, open_followed
 from tracker.evidence._held import Held, held_in, turning
 from tracker.evidence._shares import over_views
@@ -154,6 +155,19 @@ class PointEvidence(Evidence):
         seen = tuple(image is not None for image in sight.frame.images)
         attached = self._after(attached, sight.frame.index, seen, scene, trusted)
         return attached.joined(self._fresh(attached, sight.frame.index, seen, scene, trusted))
+
+    def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
+        """Followed points where the frame has them, with a line to where their parts carry them; red if too far."""
+        image, held = sight.frame.images[view], asked.observed.held(self, asked)
+        here = (held.view == view) | (held.view < 0)
+        if image is None or not here.any():
+            return (EvidencePicture("points: none is attached that this view shows", None),)
+        q, rig = asked.scene.persons[asked.person].q, asked.scene.rig
+        wrong = held.residuals(asked.body, q, rig, self.slide_m).beyond(self.outlier_sigmas)
+        carried = rig.cameras[view].project(held.world(asked.body, q[None])[0])
+        shown = np.where(held.view[:, None] < 0, rig.cameras[view].project(held.seen_at), held.seen_at[:, :2])
+        picture = gaps_picture(image, shown[here], carried[here], wrong[here])
+        return (EvidencePicture("followed points, and where their parts carry them", picture),)
 
     @property
     def _most_m(self) -> float:

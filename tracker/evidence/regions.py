@@ -10,23 +10,25 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
 
+import cv2
 import numpy as np
 import pydantic
 
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
-from tracker.evidence import GUESSED, Evidence
+from tracker.evidence import GUESSED, Evidence, EvidencePicture
 from tracker.evidence._colour_numbers import colour_numbers, picture_around
 from tracker.evidence._colours import FLOOR, Colours
+from tracker.evidence._drawn import UNKNOWN
 from tracker.evidence._shares import over_views
 from tracker.evidence.measures.account import Account
 from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.measures.equations import Equations
-from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.geometry.superquadrics import box_bounds
 from tracker.images.sight import Sight
-from tracker.kernels.regions.colours import Picture
+from tracker.kernels.regions.colours import HIDDEN, Picture
 from tracker.kernels.regions.equations import shift_equations
 from tracker.kernels.regions.learning import longest_lines
 from tracker.kernels.regions.lines import Lines, Rule, Samples
@@ -159,6 +161,24 @@ class RegionEvidence(Evidence):
         picture = picture_around(sight, fitted, self.around, longest_px)
         return _taught(memory, picture, scene, fitted, trusted, self._spans)
 
+    def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
+        """White where a pixel has the colours of the part whose contour is nearest, black where of what is beside it.
+
+        Blue: something that has hidden the part has this colour, or the part's are not known in this view.
+        """
+        image, colours = sight.frame.images[view], self._colours(asked)
+        found = asked.fine(asked.scene.persons[asked.person].q).of(view)
+        own = (found.parts >= asked.own.start) & (found.parts < asked.own.stop)
+        if image is None or colours is None or not own.any():
+            return (EvidencePicture("regions: no colour is known yet, or the view does not show the person", None),)
+        start, x, y, width, height = asked.observed.picture.layout[view].tolist()
+        codes = asked.observed.picture.codes[start : start + width * height].reshape(height, width)
+        nearest = _nearest_parts(image.shape[:2], found.pixels[own], found.parts[own])[y : y + height, x : x + width]
+        inside, picture = colours.posteriors[view][nearest, codes], np.zeros(image.shape, dtype=np.uint8)
+        picture[y : y + height, x : x + width] = inside[..., None]
+        picture[y : y + height, x : x + width][(inside == HIDDEN) | ~colours.known[view][nearest]] = UNKNOWN
+        return (EvidencePicture("colours of the nearest part", picture),)
+
     @property
     def _spans(self) -> tuple[float, float]:
         return self.step_m, self.news
@@ -230,3 +250,15 @@ def _mean_px(misfits: Array) -> Array:
     """(...,) misfit per contour of sums (..., 3) from `region_misfits`; NaN without contour."""
     mean: Array = misfits[..., 1] / np.where(misfits[..., 0] > 0, misfits[..., 0], np.nan)
     return mean
+
+
+def _nearest_parts(shape: tuple[int, ...], pixels: Array32, parts: Integers) -> Integers:
+    """(H, W) the part of the contour sample (N, 2) nearest to each pixel."""
+    blank: Image = np.ones(shape, dtype=np.uint8)
+    x, y = np.clip(np.rint(pixels).astype(np.int64), 0, np.array([shape[1], shape[0]]) - 1).T
+    blank[y, x] = 0
+    labels = cv2.distanceTransformWithLabels(blank, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)[1]
+    part_of = np.zeros(int(labels.max()) + 1, dtype=np.int64)
+    part_of[labels[y, x]] = parts
+    nearest: Integers = part_of[labels]
+    return nearest

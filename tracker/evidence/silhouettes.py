@@ -11,7 +11,8 @@ import pydantic
 
 from tracker.bodies.contours import Contours
 from tracker.bodies.expectation import expected_region
-from tracker.evidence import Evidence, Memory
+from tracker.evidence import Evidence, EvidencePicture, Memory
+from tracker.evidence._drawn import UNKNOWN
 from tracker.evidence._shares import over_views, shares
 from tracker.evidence._small_pictures import SmallPictures
 from tracker.evidence.measures.account import Account
@@ -139,6 +140,21 @@ class SilhouetteEvidence(Evidence):
         near_px, distances = (self.explained_px, self.missed_px), (float(over_views(per_view, 0.0)[0]), per_view[0])
         outer, n_parts = self._outer(asked, q), len(asked.scene.shapes)
         return shares(outer, asked.observed.outlines, n_parts, near_px, distances).of(asked.own)
+
+    def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
+        """The foreground white, shadows and other changes grey, what the plate does not know blue."""
+        image, mask = sight.frame.images[view], asked.observed.masks[view]
+        if image is None or mask is None:
+            return (EvidencePicture("silhouettes: no foreground, for want of a plate or of trust in it", None),)
+        changes = sight.changes(view, (0, 0, image.shape[1], image.shape[0]))
+        unknown = sight.unknown(view)
+        picture = np.zeros(image.shape, dtype=np.uint8)
+        if changes is not None:
+            picture[changes.moving] = 110
+        if unknown is not None:
+            picture[unknown] = UNKNOWN
+        picture[mask] = 255
+        return (EvidencePicture("foreground", picture),)
 
     def _per_view(self, asked: Comparison, poses: Array) -> Array:
         """(B, V) px; NaN for a view without a foreground."""

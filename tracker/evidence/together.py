@@ -12,7 +12,7 @@ import pydantic
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.cameras.rig import Rig
-from tracker.evidence import GUESSED, Evidence, Memory, Observed
+from tracker.evidence import GUESSED, Evidence, EvidencePicture, Memory, Observed
 from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.measures.account import Account, summed
 from tracker.evidence.measures.comparison import Comparison
@@ -126,6 +126,11 @@ class TogetherEvidence(Evidence):
         """What each of them has learned."""
         pairs = zip(self.of, self._memories(memory), strict=True)
         return tuple(one.learned(known, sight, scene, fitted, trusted) for one, known in pairs)
+
+    def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
+        """What each of them saw."""
+        pairs = zip(self.of, asked.observed, strict=True)
+        return tuple(made for one, seen in pairs for made in one.pictures(asked.put(seen), sight, view))
 
     def _memories(self, memory: Memory) -> tuple[Memory, ...]:
         return (memory,) * len(self.of) if memory is None or memory is GUESSED else memory

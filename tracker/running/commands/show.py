@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import importlib
 import json
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.table import Table
 
+from tracker.foundation.errors import ConfigError
+from tracker.running.commands.options import Overwrite
+from tracker.running.commands.show_frame import show_frame
 from tracker.running.commands.terminal import console
 
 FILES = {
@@ -21,19 +25,35 @@ FILES = {
 
 def show(
     stage: Annotated[
-        str | None, typer.Argument(help="A stage, `jobs` for the sections of each, or a section of one: `loss`.")
+        str | None,
+        typer.Argument(help="A stage, `jobs` (the sections of each), a section of one: `loss`; or `frame`."),
     ] = None,
+    result: Annotated[Path | None, typer.Argument(help="Of `frame`: result folder of a run.")] = None,
     schema: Annotated[
         bool,
         typer.Option("--schema", help=f"Print the JSON schema of a file: run (default), {', '.join(FILES)}, a job."),
     ] = False,
+    frame: Annotated[int | None, typer.Option(help="Of `frame`: its number.")] = None,
+    view: Annotated[str | None, typer.Option(help="Of `frame`: one view alone.")] = None,
+    person: Annotated[str | None, typer.Option(help="Of `frame`: whose limbs; default the first person.")] = None,
+    output: Annotated[Path | None, typer.Option(help="Of `frame`: folder; default RESULT/exports.")] = None,
+    overwrite: Overwrite = False,
 ) -> None:
-    """Lists the components of the stages, or the fields of one stage's components, or of a section."""
+    """Lists the components of the stages, or the fields of one stage's components, or of a section.
+
+    `show frame RESULT --frame N` draws what each kind of evidence saw in a frame, a picture a view.
+    """
+    if stage == "frame":
+        if result is None or frame is None or schema:
+            raise ConfigError("show frame: expected a result and a frame: bodytrack show frame RESULT --frame 12")
+        show_frame(result, frame, (view, person), output, overwrite)
+        return
+    _refuse_of_frame(stage, RESULT=result, frame=frame, view=view, person=person, output=output, overwrite=overwrite)
     if schema:
         console.print(json.dumps(_schema(stage or "run"), indent=1), highlight=False, soft_wrap=True)
         return
     from tracker.foundation.configuration.components import available, find, stages
-    from tracker.foundation.errors import ConfigError, nearest
+    from tracker.foundation.errors import nearest
 
     shown = ("jobs", *stages())
     if stage is None:
@@ -55,11 +75,20 @@ def show(
         raise ConfigError(f'no stage or section "{stage}"; {nearest(stage, (*shown, *sections))}')
 
 
+def _refuse_of_frame(stage: str | None, **options: object) -> None:
+    """Refuses what only `show frame` has, where something else is asked for."""
+    for name, value in options.items():
+        if value not in (None, False):
+            what = f'"{value}"' if name == "RESULT" else f"--{name}"
+            asked = f"show {stage}" if stage else "show"
+            raise ConfigError(f"{what}: {asked} has none; bodytrack show frame RESULT --frame 12 draws a frame")
+
+
 def _schema(kind: str) -> dict[str, Any]:
     """The schema of a configuration, or of another file."""
     from tracker.foundation.configuration.components import available
     from tracker.foundation.configuration.schema import schema_of_job, schema_of_table
-    from tracker.foundation.errors import ConfigError, nearest
+    from tracker.foundation.errors import nearest
 
     jobs = {use: use for use in available("jobs")} | {"run": "track"}
     if kind in jobs:

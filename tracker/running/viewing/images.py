@@ -29,7 +29,7 @@ def images_of(result: Result) -> Iterator[Frame]:
     Raises:
         TrackerError: the recording is not there any more.
     """
-    reading = reading_of(result, _chosen(result))
+    reading = reading_of(result, chosen_images(result))
     # still pictures are never looked through for plates, nor do they have masks
     none = {"background": "none", "masks": None, "occluders": None, "align_background": False}
     sequence: Sequence = dataclasses.replace(
@@ -38,7 +38,7 @@ def images_of(result: Result) -> Iterator[Frame]:
     return sequence.frames()
 
 
-def _chosen(result: Result) -> list[str]:
+def chosen_images(result: Result) -> list[str]:
     """What the run has chosen for its images by itself, as overrides of its configuration, which leaves it open."""
     chosen: Any = result.details.get("images", {})
     if not isinstance(chosen, dict):
@@ -47,17 +47,22 @@ def _chosen(result: Result) -> list[str]:
 
 
 def reading_of(result: Result, overrides: SequenceOf[str] = ()) -> Any:
-    """How the recording is read that the result was made from.
+    """How the recording is read that the result was made from; see `job_of`."""
+    return job_of(result, overrides).reading
+
+
+def job_of(result: Result, overrides: SequenceOf[str] = ()) -> Any:
+    """The job that the result was made by.
 
     Raises:
         ConfigError: its configuration is damaged, or not there.
     """
     path, told = _config_of(result.folder), result.details.get("config")
     if path.is_file() or not isinstance(told, dict):
-        return load_job("track", path, overrides).reading
+        return load_job("track", path, overrides)
     table = deepcopy(told)  # of poses changed after the run and written elsewhere
     override_table(table, overrides)
-    return job_from("track", table, "run.json", result.folder, result.name).reading
+    return job_from("track", table, "run.json", result.folder, result.name)
 
 
 def _config_of(folder: Path) -> Path:
