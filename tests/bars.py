@@ -13,7 +13,7 @@ from tracker.cameras.calibration._states import state_of
 from tracker.cameras.calibration.reference_bar import BarImages, ReferenceBarCalibration
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Mask
-from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
+from tracker.kernels.rows import BundleUnknowns
 from tracker.synthesis.simulation.bars import SIZE, BarRecording, Faults, four_around, three_in_line, wave
 
 CLEAN = Faults(0.1, 0.0, 0.0)
@@ -43,6 +43,6 @@ def at_truth(recording: BarRecording, rig: Rig | None = None) -> tuple[State, Ob
 
 
 def all_but_offsets(n_cameras: int) -> Mask:
-    free = np.ones((n_cameras, N_UNKNOWNS), dtype=np.bool_)
+    free = np.ones((n_cameras, BundleUnknowns.N_UNKNOWNS), dtype=np.bool_)
     free[:, 16] = False
     return free

@@ -7,8 +7,7 @@ import numpy as np
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Image, Integers
-from tracker.kernels.regions.colours import EVEN, N_COLOURS, Picture, Tables, encode, tabulate_posteriors
-from tracker.kernels.regions.lines import Looks, Rule, Samples
+from tracker.kernels.regions import EVEN, N_COLOURS, Looks, Picture, Rule, Samples, Tables, encode, tabulate_posteriors
 from tracker.synthesis.cpu import CpuSynthesis
 
 RULE = Rule(step_m=0.005, reach=7, slack=0.07, floor=2e-4, gate_px=8.0, widest=1.0)

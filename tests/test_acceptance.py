@@ -9,7 +9,7 @@ from rounding import assert_alike
 from tracker.foundation.arrays import Array32
 from tracker.images.analysis._observe import accepted_segments
 from tracker.images.operations.edges import EdgeSegments
-from tracker.kernels.images.acceptance import expected_distances, marked
+from tracker.kernels.edges import expected_distances, marked
 
 
 def straight(length: int, start: tuple[float, float], step: tuple[float, float]) -> tuple[Array32, Array32]:

@@ -16,7 +16,7 @@ from tracker.evidence.regions import RegionEvidence
 from tracker.foundation.arrays import Array, Image, Region
 from tracker.images.operations.appearance import _TABLES, appearance, is_monochrome
 from tracker.images.sight import Sight
-from tracker.kernels.images.appearance import mark_appearance
+from tracker.kernels.changes import mark_appearance
 from tracker.synthesis.cpu import CpuSynthesis
 
 RNG = np.random.default_rng(3)

@@ -9,8 +9,7 @@ import pytest
 from tracker.foundation.arrays import Array, Image, Mask, frozen
 from tracker.images.plate import Plate, threshold_level
 from tracker.images.plate_changes import _SHADOW, changed, difference, foreground
-from tracker.kernels.images.changes import large_regions, mark_changes, median_level
-from tracker.kernels.images.shadows import MARGIN, without_shadows
+from tracker.kernels.changes import MARGIN, large_regions, mark_changes, median_level, without_shadows
 
 SIZE = 240, 320
 BOX = slice(60, 180), slice(120, 180)

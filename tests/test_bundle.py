@@ -12,10 +12,8 @@ from tracker.cameras.calibration._objects import Bars, Boards, MeasuredPoints
 from tracker.cameras.calibration._precision import precision
 from tracker.cameras.calibration._self_calibration import self_calibrated
 from tracker.cameras.calibration._states import GROUPS, PARAMETERS, camera_of, moved, rigid_motions, state_of
-from tracker.kernels.adjustment.bundle import N_OBJECT
-from tracker.kernels.adjustment.projecting import project_with_slopes
-from tracker.kernels.rows import bundle_camera
-from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
+from tracker.kernels.adjustment import N_OBJECT, project_with_slopes
+from tracker.kernels.rows import BundleCameraRow, BundleUnknowns
 from tracker.synthesis.simulation.bars import SIZE, Faults
 
 
@@ -33,16 +31,18 @@ def test_slopes_are_differences_and_the_projection_is_the_camera_s(seed):
     points = rng.uniform(-0.5, 0.5, (20, 3))
     # within the reach of the lens: beyond, where it turns back, a camera shows nothing
     point, velocity = points[np.isfinite(camera.project(points)).all(axis=1)][0], rng.normal(0, 5, 2)
-    by_camera, by_point = np.empty((2, N_UNKNOWNS)), np.empty((2, 3))
+    by_camera, by_point = np.empty((2, BundleUnknowns.N_UNKNOWNS)), np.empty((2, 3))
 
     def image(row, at):
-        return np.array(project_with_slopes(row, at, velocity, np.empty((2, N_UNKNOWNS)), np.empty((2, 3)))[:2])
+        return np.array(
+            project_with_slopes(row, at, velocity, np.empty((2, BundleUnknowns.N_UNKNOWNS)), np.empty((2, 3)))[:2]
+        )
 
     found = np.array(project_with_slopes(state, point, velocity, by_camera, by_point)[:2])
-    np.testing.assert_allclose(found, camera.project(point) + state[bundle_camera.DELAY] * velocity, rtol=1e-12)
-    np.testing.assert_allclose(state_of(camera)[: bundle_camera.DELAY], state[: bundle_camera.DELAY], atol=1e-12)
-    for k in range(N_UNKNOWNS):
-        step = np.zeros((1, N_UNKNOWNS))
+    np.testing.assert_allclose(found, camera.project(point) + state[BundleCameraRow.DELAY] * velocity, rtol=1e-12)
+    np.testing.assert_allclose(state_of(camera)[: BundleCameraRow.DELAY], state[: BundleCameraRow.DELAY], atol=1e-12)
+    for k in range(BundleUnknowns.N_UNKNOWNS):
+        step = np.zeros((1, BundleUnknowns.N_UNKNOWNS))
         step[0, k] = 1e-6
         differences = (image(moved(state[None], step)[0], point) - image(moved(state[None], -step)[0], point)) / 2e-6
         np.testing.assert_allclose(by_camera[:, k], differences, rtol=1e-5, atol=1e-5, err_msg=PARAMETERS[k])
@@ -54,7 +54,7 @@ def test_slopes_are_differences_and_the_projection_is_the_camera_s(seed):
 def test_a_point_behind_the_camera_has_no_image():
     row = some_state(0)
     behind = row[9:12] - row[6:9]
-    slopes = np.ones((2, N_UNKNOWNS)), np.ones((2, 3))
+    slopes = np.ones((2, BundleUnknowns.N_UNKNOWNS)), np.ones((2, 3))
     assert not project_with_slopes(row, behind, np.zeros(2), *slopes)[2]
     assert not slopes[0].any()
 
@@ -99,11 +99,11 @@ def test_objects_move_and_are_conditioned_as_they_say(objects):
 def dense(state: State, observations, weights) -> tuple[np.ndarray, np.ndarray]:
     """The twin: normal equations of all unknowns together, from differences."""
     n_cameras, n_objects = len(state.cameras), len(state.objects.ends)
-    n = n_cameras * N_UNKNOWNS + n_objects * N_OBJECT
+    n = n_cameras * BundleUnknowns.N_UNKNOWNS + n_objects * N_OBJECT
     counted = np.full(2 * n_objects, 4)
 
     def errors(step: np.ndarray) -> np.ndarray:
-        cameras, objects = step[: n_cameras * N_UNKNOWNS], step[n_cameras * N_UNKNOWNS :]
+        cameras, objects = step[: n_cameras * BundleUnknowns.N_UNKNOWNS], step[n_cameras * BundleUnknowns.N_UNKNOWNS :]
         tried = State(moved(state.cameras, cameras), state.objects.moved(objects.reshape(-1, N_OBJECT)))
         images = residuals(tried, observations) * np.sqrt(weights)[:, None]
         return np.concatenate([images.ravel(), tried.objects.conditions(counted)[2]])
@@ -146,7 +146,7 @@ def test_precision_is_that_of_the_whole_system():
     whole = s0**2 * (scale[:, None] * (whole @ whole.T) * scale)
     n = free.sum()
     reduced = covariance[np.ix_(free.ravel(), free.ravel())]
-    interior = np.flatnonzero(np.tile(np.arange(N_UNKNOWNS) >= 6, 4)[free.ravel()])
+    interior = np.flatnonzero(np.tile(np.arange(BundleUnknowns.N_UNKNOWNS) >= 6, 4)[free.ravel()])
     np.testing.assert_allclose(np.diag(reduced)[interior], np.diag(whole[:n, :n])[interior], rtol=1e-2)
 
 

@@ -17,7 +17,7 @@ from tracker.cameras.rig import Rig
 from tracker.cameras.rig_check import check_rig
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import CalibrationError
-from tracker.kernels.lens import undistort
+from tracker.kernels.projection import undistort
 
 TERMS = ("k1", "k2", "p1", "p2", "k3")
 LENSES = {

@@ -23,7 +23,7 @@ from tracker.evidence.similarity.chamfer import ChamferSimilarity
 from tracker.foundation.arrays import Array, Array32
 from tracker.foundation.resources import model_path
 from tracker.images.observation import Observation, ViewObservation
-from tracker.kernels.contours.chamfer import chamfer_lookup, directed_distances, robust_mean
+from tracker.kernels.contours import chamfer_lookup, directed_distances, robust_mean
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.objective import Objective
 

@@ -31,8 +31,8 @@ from tracker.foundation.errors import ConfigError, InitializationError
 from tracker.images.analysis.contours import ContourAnalysis
 from tracker.images.observation import Observation
 from tracker.images.sight import Sight
-from tracker.kernels.contours.chamfer import directed_distances
-from tracker.kernels.regions.lines import Lines
+from tracker.kernels.contours import directed_distances
+from tracker.kernels.regions import Lines
 from tracker.synthesis._pictures import misfits_of
 from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.cycle import Cycle

@@ -14,7 +14,7 @@ from tracker.cameras.calibration._correlated import _equations_of, _left_out
 from tracker.cameras.calibration._states import PARAMETERS
 from tracker.cameras.calibration.chessboard import BoardImages, ChessboardCalibration
 from tracker.cameras.camera import Camera
-from tracker.kernels.rows import bundle_unknown as unknown
+from tracker.kernels.rows import BundleUnknowns
 
 SIZE = 640, 480
 MATRIX = np.array([[800.8, 0, 322.0], [0, 800.0, 241.0], [0, 0, 1]])
@@ -63,7 +63,7 @@ def test_standard_errors_are_those_that_errors_have(faults, grown, n_positions):
     for seed in range(16):
         adjustment = CALIBRATION.calibrate_images(pictures(seed, n_positions, **faults)).adjustment
         found = adjustment.state.cameras[0, 12:15] - (MATRIX[1, 1], *MATRIX[:2, 2])
-        ratios.append(found / adjustment.sigmas[0, [unknown.C, unknown.CX, unknown.CY]])
+        ratios.append(found / adjustment.sigmas[0, [BundleUnknowns.C, BundleUnknowns.CX, BundleUnknowns.CY]])
         inflations.append(adjustment.inflation)
         bents.append(adjustment.bent_m)
     # the mean square of 48 errors, a third of them independent, has a standard deviation of a third
@@ -123,7 +123,7 @@ def test_positions_add_up_to_the_whole_and_one_left_out_is_one_adjusted_without(
     steps = _left_out(normals, sides, inverse)[:, inner]
     interior = free.copy()
     interior[:, :6] = False
-    constant = list(np.flatnonzero(free[0])[inner]).index(unknown.C)
+    constant = list(np.flatnonzero(free[0])[inner]).index(BundleUnknowns.C)
     for g in (0, 5):
         used = adjustment.used & (state.objects.owners[rows.points] != g)
         without, _ = adjust(replace(state), rows, interior, Noise(NOISE_PX, used=used))

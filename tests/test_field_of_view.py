@@ -18,7 +18,7 @@ from tracker.cameras.rig_check import check_rig
 from tracker.cameras.rig_layouts import read_rig, save_rig
 from tracker.foundation.arrays import Array32
 from tracker.kernels.projection import project_grid, project_point
-from tracker.kernels.skins.depths import see_vertices
+from tracker.kernels.skins import see_vertices
 from tracker.results.recording._player import _camera
 from tracker.synthesis._pictures import rasterized_ids
 from tracker.synthesis._pinhole import pinhole_of

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from tracker.bodies.scene import Scene
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Mask
-from tracker.kernels.pictures.silhouettes import fill_parts
+from tracker.kernels.pictures import fill_parts
 from tracker.synthesis.cpu import CpuSynthesis, _grids
 
 LAYOUT = (13, 24)

@@ -14,7 +14,7 @@ from tracker.cameras.calibration._board_start import board_start
 from tracker.cameras.calibration.chessboard import BoardImages, ChessboardCalibration
 from tracker.cameras.camera import Camera
 from tracker.foundation.arrays import Array
-from tracker.kernels.rows import bundle_camera
+from tracker.kernels.rows import BundleCameraRow
 
 SIZE = (1280, 720)
 # Of a sports camera: 130 degrees from corner to corner.
@@ -91,7 +91,7 @@ def test_an_equidistant_lens_is_found_from_few_boards() -> None:
     """Pixels to a radian, within what is adjusted afterwards."""
     images = boards_seen(three_cameras(), n=12)
     state, _ = board_start(images.seen, images.names, images.sizes, "fisheye")
-    np.testing.assert_allclose(state.cameras[:, bundle_camera.C], MATRIX[1, 1], rtol=0.1)
+    np.testing.assert_allclose(state.cameras[:, BundleCameraRow.C], MATRIX[1, 1], rtol=0.1)
 
 
 def test_radial_terms_of_a_fisheye_lens_are_held_where_it_began() -> None:

@@ -15,7 +15,7 @@ from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.cameras.triangulation import triangulate
 from tracker.foundation.errors import SequenceError
-from tracker.kernels.adjustment.ray_intersection import intersect_rays
+from tracker.kernels.adjustment import intersect_rays
 from tracker.points.following.births import chosen_evenly, points_of_image, points_of_surface
 from tracker.points.following.density import Density
 from tracker.points.following.following import Following

@@ -9,8 +9,7 @@ import pytest
 from textures import Waves, deformed, pixels_of, sensed
 
 from tracker.foundation.arrays import frozen
-from tracker.kernels.patches.growth import stretch
-from tracker.kernels.patches.matching import HALF_PATCH, MATCHED
+from tracker.kernels.patches import HALF_PATCH, MATCHED, stretch
 from tracker.points.surfaces.curvature import corrected_for_curvature
 from tracker.points.surfaces.filters import NeighbourhoodFilter, voxel_members
 from tracker.points.surfaces.growth import Growth, MatchField

@@ -9,7 +9,7 @@ from bars import CLEAN, at_truth, images_of, recorded
 
 from tracker.cameras.calibration._self_calibration import chosen_unknowns, self_calibrated
 from tracker.cameras.calibration._start import bar_observations
-from tracker.kernels.rows import bundle_camera
+from tracker.kernels.rows import BundleCameraRow
 
 
 def test_a_time_offset_that_is_held_is_none() -> None:
@@ -22,4 +22,4 @@ def test_a_time_offset_that_is_held_is_none() -> None:
     found = self_calibrated(state, replace(observations, velocities=speeds), wanted, 0.1, views)
     assert {held.parameter for held in found.held} == {"time offset"}
     assert all(str(held).endswith("held at 0") for held in found.held)
-    np.testing.assert_array_equal(found.state.cameras[:, bundle_camera.K4 :], 0.0)
+    np.testing.assert_array_equal(found.state.cameras[:, BundleCameraRow.K4 :], 0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from textures import Waves, deformed
 
-from tracker.kernels.patches.bending import LARGEST_PX, LEAST_NEIGHBOURS, NO_SHIFT_PX2, NO_SPREAD_PX2, bending_shifts
+from tracker.kernels.patches import LARGEST_PX, LEAST_NEIGHBOURS, NO_SHIFT_PX2, NO_SPREAD_PX2, bending_shifts
 from tracker.points.following.keys import Keys, Quality, Starts, find_keys
 from tracker.points.surfaces.matching import LeastSquaresMatching
 

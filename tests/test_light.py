@@ -15,7 +15,7 @@ from tracker.images.operations.light import Light, light_of, sparse
 from tracker.images.plate import Plate, threshold_level
 from tracker.images.plate_changes import changed
 from tracker.images.reading.video import open_clip
-from tracker.kernels.images.light import DARK, block_ratios, connected_blocks, relight, smooth_surface
+from tracker.kernels.changes import DARK, block_ratios, connected_blocks, relight, smooth_surface
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Simulation
 

@@ -11,10 +11,7 @@ from rounding import assert_alike
 
 from tracker.foundation.arrays import Array32, Image, Integers
 from tracker.images.operations.edges import canny, gradient
-from tracker.kernels.images.constant_curvature import split_segments
-from tracker.kernels.images.edge_segments import trace_segments
-from tracker.kernels.images.linking import Pixels, link_edges
-from tracker.kernels.images.profiles import edge_profile
+from tracker.kernels.edges import Pixels, edge_profile, link_edges, split_segments, trace_segments
 
 RULE = (4, float(np.radians(20.0)), 8)
 

@@ -23,7 +23,7 @@ from tracker.evidence.motion import MotionEvidence, Remembered
 from tracker.foundation.arrays import Array, Image, Mask
 from tracker.foundation.resources import model_path
 from tracker.images.sight import Sight
-from tracker.kernels.body.rays import meet_parts
+from tracker.kernels.body import meet_parts
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.rendering import draw_persons, mesh_of
 

@@ -14,7 +14,7 @@ from tracker.cameras.rig import Rig
 from tracker.evidence.measures.correspondences import Correspondences, correspondences
 from tracker.foundation.arrays import Array, Integers
 from tracker.images.observation import Observation
-from tracker.kernels.contours.oriented_matching import match_oriented, normal_equations
+from tracker.kernels.contours import match_oriented, normal_equations
 
 
 def directed_points(rng: np.random.Generator, n: int, reach: float = 60.0) -> Array:

@@ -9,8 +9,7 @@ from scipy.optimize import least_squares
 from textures import Waves, deformed
 
 from tracker.foundation.errors import ConfigError
-from tracker.kernels.patches.growth import grow
-from tracker.kernels.patches.matching import (
+from tracker.kernels.patches import (
     COVARIANCE,
     DRIFTED,
     HALF_PATCH,
@@ -19,8 +18,12 @@ from tracker.kernels.patches.matching import (
     NOT_CONVERGED,
     OUTSIDE,
     WEAK,
+    grow,
+    reaches_out,
+    sample_gradient,
+    sample_patch,
+    sample_whole_pixels,
 )
-from tracker.kernels.patches.splines import reaches_out, sample_gradient, sample_patch, sample_whole_pixels
 from tracker.points.surfaces._noise import gaussian_taps, noise_powers
 from tracker.points.surfaces.matching import LeastSquaresMatching
 

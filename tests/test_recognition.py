@@ -17,7 +17,7 @@ from tracker.bodies.body.files import load_body
 from tracker.bodies.keypoints import meant
 from tracker.foundation.errors import ConfigError, ModelError
 from tracker.foundation.resources import model_path
-from tracker.kernels.movements.warping import direction_gaps, warp_sequence
+from tracker.kernels.movements import direction_gaps, warp_sequence
 from tracker.results.recognition.additions import one_round
 from tracker.results.recognition.library import Description, Library, Movement
 from tracker.results.recognition.limb_directions import (

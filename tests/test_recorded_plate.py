@@ -14,7 +14,7 @@ from tracker.foundation.arrays import Image
 from tracker.images.reading._plates import _LEAST_KNOWN, recorded_plates
 from tracker.images.reading._recorded_plate import N_SAMPLES, recorded_plate
 from tracker.images.reading.video import VideoReading
-from tracker.kernels.images.modes import dominant_modes
+from tracker.kernels.changes import dominant_modes
 
 SIZE = 240, 320
 

@@ -18,7 +18,7 @@ from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.regions import RegionEvidence
 from tracker.foundation.arrays import Array, Mask
 from tracker.images.sight import Sight
-from tracker.kernels.regions.colours import N_COLOURS, Tables
+from tracker.kernels.regions import N_COLOURS, Tables
 from tracker.synthesis.cpu import CpuSynthesis
 
 EVIDENCE, SYNTHESIS = RegionEvidence(), CpuSynthesis()

@@ -12,13 +12,21 @@ from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Integers, Mask
-from tracker.kernels.regions.colours import EVEN, N_COLOURS, Picture, Tables
-from tracker.kernels.regions.equations import shift_equations
-from tracker.kernels.regions.learning import learn_lines
-from tracker.kernels.regions.lines import SPOTS, Lines, Looks, Samples
-from tracker.kernels.regions.misfits import score_lines
-from tracker.kernels.regions.shifts import find_shifts
-from tracker.kernels.regions.sides import parts_beside
+from tracker.kernels.regions import (
+    EVEN,
+    N_COLOURS,
+    SPOTS,
+    Lines,
+    Looks,
+    Picture,
+    Samples,
+    Tables,
+    find_shifts,
+    learn_lines,
+    parts_beside,
+    score_lines,
+    shift_equations,
+)
 from tracker.synthesis.cpu import CpuSynthesis, _grids
 
 COLOURS = np.random.default_rng(5).integers(20, 236, (40, 3)).astype(np.float64)

@@ -26,8 +26,8 @@ from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.foundation.errors import RenderError
 from tracker.images.observation import Observation
-from tracker.kernels.contours.chamfer import directed_distances
-from tracker.kernels.pictures.id_contours import id_contours
+from tracker.kernels.contours import directed_distances
+from tracker.kernels.pictures import id_contours
 from tracker.synthesis import _atlas
 from tracker.synthesis._pictures import rasterized_ids
 from tracker.synthesis.cpu import FINEST, CpuSynthesis

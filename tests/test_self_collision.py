@@ -14,7 +14,7 @@ from tracker.bodies.scene import Scene
 from tracker.foundation.geometry.superquadrics import inside_outside
 from tracker.foundation.resources import model_path
 from tracker.images.observation import Observation
-from tracker.kernels.body.self_collision import depth
+from tracker.kernels.body import depth
 from tracker.synthesis.simulation.sequence import Recipe, simulate
 
 from observations import objective_of  # isort: skip

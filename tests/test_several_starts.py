@@ -18,7 +18,7 @@ from tracker.foundation.arrays import Array
 from tracker.foundation.errors import InitializationError
 from tracker.foundation.resources import model_path
 from tracker.images.reading.video import VideoReading
-from tracker.kernels.pictures.rods import covered_by_rods
+from tracker.kernels.pictures import covered_by_rods
 from tracker.running.jobs.track import TrackJob
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation

@@ -16,7 +16,7 @@ from tracker.evidence.together import TogetherEvidence
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.errors import ConfigError
 from tracker.images.sight import Changes, Sight
-from tracker.kernels.pictures.coverage import cover_shares
+from tracker.kernels.pictures import cover_shares
 from tracker.synthesis.cpu import CpuSynthesis
 
 

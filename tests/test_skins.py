@@ -18,7 +18,7 @@ from tracker.bodies.skin import Skin
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.geometry.superquadric_meshes import meshes_of
 from tracker.foundation.resources import model_path
-from tracker.kernels.pictures.rasterization import rasterize
+from tracker.kernels.pictures import rasterize
 from tracker.synthesis.cpu import CpuSynthesis
 
 CPU = CpuSynthesis()

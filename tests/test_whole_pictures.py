@@ -19,8 +19,8 @@ from tracker.bodies.shape import TaperedSuperquadric
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Mask
-from tracker.kernels.contours.pieces import MOST_COLUMNS, MOST_ROWS
-from tracker.kernels.regions.lines import Lines
+from tracker.kernels.contours import MOST_COLUMNS, MOST_ROWS
+from tracker.kernels.regions import Lines
 from tracker.synthesis import cpu
 from tracker.synthesis._pictures import distances_of, misfits_of, rasterized_ids
 from tracker.synthesis._pinhole import pinhole_of

@@ -15,7 +15,7 @@ Slopes = NDArray[np.int16]
 SOURCES: str
 """Digest of what it was built from, see `tracker.foundation.native_sources`."""
 
-# adjustment/: named tuples of `tracker.kernels.adjustment.bundle`
+# adjustment/: named tuples of `tracker.kernels.adjustment`
 def project_with_slopes(
     camera: Array, point: Array, velocity: Array, by_camera: Array, by_point: Array
 ) -> tuple[float, float, bool]: ...

@@ -16,7 +16,7 @@ namespace {
 
 using Five = std::tuple<nb::handle, nb::handle, nb::handle, nb::handle, nb::handle>;
 
-// Observations of points by cameras; see `tracker.kernels.adjustment.bundle.Observed`.
+// Observations of points by cameras; see `tracker.kernels.adjustment.Observed`.
 class ObservedArguments {
   public:
     ObservedArguments(const Five &observed, Index n_views, Index n_points)

@@ -33,7 +33,7 @@ class ChainArguments {
     Input<Index, 1> parents_;
 };
 
-// A named tuple `tracker.kernels.body.anchors.Carried`.
+// A named tuple `tracker.kernels.body.Carried`.
 class CarriedArguments {
   public:
     CarriedArguments(const nb::tuple &given, Index n_views, Index n_parts)

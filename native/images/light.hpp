@@ -4,7 +4,7 @@
 
 namespace bodytrack::images {
 
-// Grey levels added before ratios are taken; tracker/kernels/images/light.py says why.
+// Grey levels added before ratios are taken; tracker/kernels/changes.py says why.
 constexpr double DARK = 6.0;
 
 // Median log ratios (h / size, w / size, 3) of an image (h, w, 3) and its plate in square blocks, of every `step`th

@@ -8,7 +8,7 @@ namespace bodytrack::patches {
 
 namespace {
 
-// tracker/kernels/patches/bending.py says what these are.
+// tracker/kernels/patches.py says what these are.
 constexpr double LEAST_NEIGHBOURS = 6.0, LARGEST_PX = 0.5, NO_SPREAD_PX2 = 1.0, NO_SHIFT_PX2 = 1e-12;
 
 struct Shift {

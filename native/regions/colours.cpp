@@ -10,7 +10,7 @@ namespace {
 constexpr int BINS = 16;
 
 // A colour is the hider's where it is so much more frequent than in the part, and no stray one; as in `hides` of
-// tracker.kernels.regions.colours.
+// tracker.kernels.regions.
 constexpr double HIDES = 3.0, LEAST_HIDER = 1e-3;
 
 // Fewer pixels than this teach nothing: a table of a handful of colours calls every other one strange.

@@ -13,7 +13,7 @@ namespace skins {
 
 namespace {
 
-// A named tuple `tracker.kernels.skins.mesh.Mesh`.
+// A named tuple `tracker.kernels.skins.Mesh`.
 class MeshArguments {
   public:
     explicit MeshArguments(const nb::tuple &mesh)

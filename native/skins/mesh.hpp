@@ -6,7 +6,7 @@
 
 namespace bodytrack::skins {
 
-// Triangles of what is seen of all persons, as `tracker.kernels.skins.mesh.Mesh`.
+// Triangles of what is seen of all persons, as `tracker.kernels.skins.Mesh`.
 struct Mesh {
     // (N, 3) vertices in the pose that the surface was measured in, metres; unit normals of the surface there, outwards
     Array<const float, 2> points, normals;

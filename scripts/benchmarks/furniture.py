@@ -12,7 +12,7 @@ from tracker.bodies.body import BodyModel
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Array32, Image
-from tracker.kernels.pictures.rasterization import rasterize
+from tracker.kernels.pictures import rasterize
 
 # From the nearest place of a person's middle to that of a cupboard, and from a sitting person's hips to the backrest.
 _CUPBOARD_AWAY_M, _BACKREST_AWAY_M = 1.0, 0.24

@@ -18,7 +18,7 @@ from tracker.evidence.auto import AutoEvidence
 from tracker.foundation.arrays import Array
 from tracker.foundation.geometry.superquadric_meshes import meshes_of
 from tracker.images.plate import Plate
-from tracker.kernels.pictures.rasterization import rasterize
+from tracker.kernels.pictures import rasterize
 from tracker.synthesis.cpu import FINEST, CpuSynthesis
 from tracker.synthesis.simulation.sequence import Recipe, simulate
 from tracker.tracking.cycle import Cycle

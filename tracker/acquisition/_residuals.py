@@ -16,7 +16,7 @@ from tracker.evidence.measures.outlines import on_outline
 from tracker.foundation.arrays import Array, Array32, Integers, Mask
 from tracker.foundation.geometry.superquadrics import shape_derivatives
 from tracker.images.observation import Observation
-from tracker.kernels.contours.oriented_matching import match_oriented
+from tracker.kernels.contours import match_oriented
 from tracker.synthesis import Synthesis
 
 Bodies = tuple[BodyModel, Variants, Array]

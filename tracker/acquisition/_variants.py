@@ -11,7 +11,7 @@ from tracker.bodies.body import BodyModel
 from tracker.bodies.body.description import BodyDescription
 from tracker.foundation.arrays import Array, Integers, frozen
 from tracker.foundation.geometry.superquadrics import surface
-from tracker.kernels.body.kinematics import chain_transforms
+from tracker.kernels.body import chain_transforms
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from tracker.evidence.measures.outlines import on_outline
 from tracker.foundation.arrays import Array, Integers
 from tracker.foundation.geometry.superquadrics import surface
 from tracker.foundation.progress import Progress, silent
-from tracker.kernels.contours.oriented_matching import match_oriented
+from tracker.kernels.contours import match_oriented
 from tracker.synthesis import Synthesis
 
 # How far an image contour may be from the part's present one, metres, and their directions from each other.

@@ -47,7 +47,7 @@ class TaperedSuperquadric:
 
     @property
     def packed(self) -> Array:
-        """(7,) the row that kernels take; `tracker.kernels.rows.superquadric` names the columns."""
+        """(7,) the row that kernels take; `tracker.kernels.rows.SuperquadricRow` names the columns."""
         return frozen(np.concatenate([self.size, self.squareness, self.taper]))
 
     def surface(self, eta: Array, omega: Array) -> tuple[Array, Array]:

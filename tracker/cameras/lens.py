@@ -1,6 +1,6 @@
 """The lens of a camera: where it images directions, and how far from its axis it can.
 
-`tracker.kernels.lens` has the same formulas point by point.
+`tracker.kernels.projection` has the same formulas point by point.
 """
 
 from __future__ import annotations

@@ -173,7 +173,7 @@ class Rig:
 
     @cached_property
     def packed(self) -> Array:
-        """(V, 29) one row a camera for compiled kernels; `tracker.kernels.rows.camera` names the columns."""
+        """(V, 29) one row a camera for compiled kernels; `tracker.kernels.rows.CameraRow` names the columns."""
         rows = [
             np.concatenate(
                 [

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from tracker.bodies.scene import Scene
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Integers, Mask
-from tracker.kernels.body.anchors import Carried, residuals_of
-from tracker.kernels.body.rays import meet_parts
-from tracker.kernels.rows import carried_place, met_place
+from tracker.kernels.body import Carried, meet_parts, residuals_of
+from tracker.kernels.rows import CarriedPlaceRow, MetPlaceRow
 
 Grey = NDArray[np.uint8]
 
@@ -48,7 +47,7 @@ class Anchors:
 
     surface: Array
     """(N, 9) place, metres, normal and the ray by which it was found, in the part's frame: see
-    `tracker.kernels.rows.met_place`."""
+    `tracker.kernels.rows.MetPlaceRow`."""
 
     depths_m: Array
     """(N,) standard deviation of the place along that ray, metres."""
@@ -73,7 +72,7 @@ class Anchors:
         """No place yet."""
         whole, pairs = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
         return Anchors(
-            whole, whole, np.zeros((0, met_place.N_SURFACE)), np.zeros(0), pairs, pairs, np.zeros(0), pairs, whole
+            whole, whole, np.zeros((0, MetPlaceRow.N_SURFACE)), np.zeros(0), pairs, pairs, np.zeros(0), pairs, whole
         )
 
     def joined(self, *others: Anchors) -> Anchors:
@@ -95,14 +94,15 @@ class Anchors:
     def carried(self) -> Carried:
         """As compiled kernels take them."""
         place, normal, ray = (
-            np.ascontiguousarray(self.surface[:, k : k + 3]) for k in (met_place.X, met_place.NORMAL_X, met_place.RAY_X)
+            np.ascontiguousarray(self.surface[:, k : k + 3])
+            for k in (MetPlaceRow.X, MetPlaceRow.NORMAL_X, MetPlaceRow.RAY_X)
         )
         whole = np.ascontiguousarray(self.views), np.ascontiguousarray(self.parts)
         return Carried(*whole, place, normal, ray, self.depths_m, self.pixels, self.variances)
 
     def residuals(self, placements: Array, rig: Rig, slide_m: float) -> Array:
-        """(N, 10) rows of `tracker.kernels.rows.carried_place`; parts (1, P, 4, 4) in the world."""
-        found = np.empty((len(self.parts), carried_place.N_COLUMNS))
+        """(N, 10) rows of `tracker.kernels.rows.CarriedPlaceRow`; parts (1, P, 4, 4) in the world."""
+        found = np.empty((len(self.parts), CarriedPlaceRow.N_COLUMNS))
         residuals_of(placements, rig.packed, self.carried, slide_m, found)
         return found
 
@@ -182,17 +182,17 @@ def attached(
         facing: least cosine between normal and ray.
         sigmas: standard deviations of the surface along its normal, metres, and of a pixel, px.
     """
-    camera, found = scene.rig.cameras[view], np.zeros((len(parts), met_place.N_COLUMNS))
+    camera, found = scene.rig.cameras[view], np.zeros((len(parts), MetPlaceRow.N_COLUMNS))
     placed = scene.world_from_parts()[0]
     meet_parts(placed, scene.shapes, camera.centre, camera.rays(pixels), parts, found)
-    kept = found[:, met_place.FACING] >= facing
+    kept = found[:, MetPlaceRow.FACING] >= facing
     found, pixels, parts = found[kept], pixels[kept], parts[kept]
     n = len(parts)
     return Anchors(
         np.full(n, view),
         parts,
-        found[:, : met_place.N_SURFACE],
-        sigmas[0] / found[:, met_place.FACING],
+        found[:, : MetPlaceRow.N_SURFACE],
+        sigmas[0] / found[:, MetPlaceRow.FACING],
         pixels,
         pixels,
         np.full(n, sigmas[1] ** 2),

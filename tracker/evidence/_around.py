@@ -12,7 +12,7 @@ from tracker.foundation.arrays import Array32, Image, Mask, Region
 from tracker.images.operations.densities import Codes, Densities, colour_codes, densities, texture_codes
 from tracker.images.operations.level_set import signed_distance
 from tracker.images.sight import Sight
-from tracker.kernels.pictures.coverage import cover_shares
+from tracker.kernels.pictures import cover_shares
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from tracker.bodies.expectation import expected_region
 from tracker.foundation.arrays import Array, Image, Numbers16, Region, frozen
 from tracker.images.operations.appearance import appearance
 from tracker.images.sight import Sight
-from tracker.kernels.regions.colours import Picture, encode
+from tracker.kernels.regions import Picture, encode
 
 Codes = tuple[Region, Numbers16]
 """A region of a view and its colour numbers, row by row."""

@@ -7,9 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask, frozen
-from tracker.kernels.regions.colours import EVEN, N_COLOURS, Picture, Tables, hides, tabulate_posteriors
-from tracker.kernels.regions.learning import learn_lines
-from tracker.kernels.regions.lines import Looks, Samples
+from tracker.kernels.regions import (
+    EVEN,
+    N_COLOURS,
+    Looks,
+    Picture,
+    Samples,
+    Tables,
+    hides,
+    learn_lines,
+    tabulate_posteriors,
+)
 
 FLOOR = 2e-4
 """Share that a colour never seen has: one of 4096 bins by chance."""

@@ -8,7 +8,7 @@ from tracker.bodies.contours import Contours
 from tracker.evidence.measures.account import Account
 from tracker.foundation.arrays import Array
 from tracker.images.observation import Observation
-from tracker.kernels.contours.shares import edge_shares
+from tracker.kernels.contours import edge_shares
 
 Distances = tuple[float, Array]
 

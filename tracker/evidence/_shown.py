@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Integers, Mask, frozen
 from tracker.foundation.geometry.superquadric_meshes import meshes_of
-from tracker.kernels.pictures.nearest import draw_nearest, project_surfaces
+from tracker.kernels.pictures import draw_nearest, project_surfaces
 
 _GRID = 7, 10
 """Latitudes and longitudes of the surfaces."""

@@ -10,10 +10,9 @@ import numpy as np
 from tracker.evidence.measures.comparison import Comparison
 from tracker.foundation.arrays import Array, Array32, Integers, Mask, frozen
 from tracker.foundation.geometry.superquadrics import spread, surface
-from tracker.kernels.contours.scoring import moving_parts
-from tracker.kernels.pictures.coverage import cover_still, covered_sums
-from tracker.kernels.rows import superquadric
-from tracker.kernels.rows.camera import CX, CY, FX, FY, SHEAR
+from tracker.kernels.contours import moving_parts
+from tracker.kernels.pictures import cover_still, covered_sums
+from tracker.kernels.rows import CameraRow, SuperquadricRow
 
 # Grid of a part when it is filled: chords of 5 x 8 points lie inside, 3 % more covers the same area.
 _GRID, _GROWN = (5, 8), 1.03
@@ -52,8 +51,8 @@ class SmallPictures:
 def _small(cameras: Array, factor: int) -> Array:
     """Rows of `Rig.packed` (V, 29) as `Rig.downscaled` makes them."""
     rows = cameras.copy()
-    rows[:, [FX, FY, SHEAR]] /= factor
-    rows[:, [CX, CY]] = (rows[:, [CX, CY]] + 0.5) / factor - 0.5
+    rows[:, [CameraRow.FX, CameraRow.FY, CameraRow.SHEAR]] /= factor
+    rows[:, [CameraRow.CX, CameraRow.CY]] = (rows[:, [CameraRow.CX, CameraRow.CY]] + 0.5) / factor - 0.5
     return rows
 
 
@@ -61,7 +60,7 @@ def _small(cameras: Array, factor: int) -> Array:
 def _grids(shapes: bytes) -> Array32:
     """(P, R * C, 3) surface points of all parts, from their packed shapes."""
     grids = []
-    for shape in np.frombuffer(shapes).reshape(-1, superquadric.N_COLUMNS):
+    for shape in np.frombuffer(shapes).reshape(-1, SuperquadricRow.N_COLUMNS):
         eta, omega = spread(shape, *_GRID)
         points, _ = surface(shape, eta[:, None], omega[None, :])
         grids.append(_GROWN * points.reshape(-1, 3))

@@ -31,7 +31,7 @@ from tracker.foundation.arrays import Array, frozen
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import ConfigError, SequenceError
 from tracker.images.sight import Sight
-from tracker.kernels.body.keypoints import Detected, Matches, match_keypoints
+from tracker.kernels.body import Detected, Matches, match_keypoints
 
 _WORTH_PX = 60.0
 """Contour that a keypoint counts as where lengths are added up, px: an arm's of four views count as its contours do.

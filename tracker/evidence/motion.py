@@ -26,8 +26,8 @@ from tracker.evidence.measures.equations import Equations
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import component
 from tracker.images.sight import Sight
-from tracker.kernels.body.anchors import anchor_equations, gaps_of
-from tracker.kernels.rows.carried_place import FACING, VARIANCE, U, W
+from tracker.kernels.body import anchor_equations, gaps_of
+from tracker.kernels.rows import CarriedPlaceRow
 
 _FACING = 0.1
 """A place is taken for seen where its surface faces the camera by this cosine: beyond it something else is followed."""
@@ -136,10 +136,16 @@ class MotionEvidence(Evidence):
             return Equations.nothing(asked.body.dof)
         placements = asked.placements(q[None])
         found = anchors.residuals(placements, asked.scene.rig, self.slide_m)
-        squares, variances = found[:, U] ** 2 + found[:, W] ** 2, found[:, VARIANCE]
+        squares, variances = (
+            found[:, CarriedPlaceRow.U] ** 2 + found[:, CarriedPlaceRow.W] ** 2,
+            found[:, CarriedPlaceRow.VARIANCE],
+        )
         scale = min(0.5 * gate_px, self.reach_px) ** 2 + 9 * variances
         weights = (
-            (1 + squares / scale) ** -2 * shares * ((found[:, FACING] > _FACING) & (anchors.strikes == 0)) / variances
+            (1 + squares / scale) ** -2
+            * shares
+            * ((found[:, CarriedPlaceRow.FACING] > _FACING) & (anchors.strikes == 0))
+            / variances
         )
         put = placements, anchors.carried, found, weights, asked.ends, asked.twists(q), asked.body.moves
         return Equations(*anchor_equations(*put))
@@ -151,8 +157,9 @@ class MotionEvidence(Evidence):
         if image is None or not len(anchors.parts):
             return (EvidencePicture("motion: follows no place in this view from the frame before", None),)
         found = anchors.residuals(asked.scene.world_from_parts(), asked.scene.rig, self.slide_m)
-        off = found[:, U] ** 2 + found[:, W] ** 2 > 2 * self.outlier_sigmas**2 * found[:, VARIANCE]
-        picture = gaps_picture(image, anchors.pixels, anchors.pixels + found[:, [U, W]], off)
+        gaps = found[:, [CarriedPlaceRow.U, CarriedPlaceRow.W]]
+        off = (gaps**2).sum(axis=1) > 2 * self.outlier_sigmas**2 * found[:, CarriedPlaceRow.VARIANCE]
+        picture = gaps_picture(image, anchors.pixels, anchors.pixels + gaps, off)
         return (EvidencePicture("places followed, and where the pose carries them", picture),)
 
     def account(self, asked: Comparison, q: Array) -> Account:
@@ -203,11 +210,15 @@ class MotionEvidence(Evidence):
     def _judged(self, anchors: Anchors, scene: Scene, trusted: Mask) -> Anchors:
         """Places at the poses of a frame, without those that their parts no longer carry; nobody's before the parts."""
         found = anchors.residuals(scene.world_from_parts(), scene.rig, self.slide_m)
-        squares = found[:, U] ** 2 + found[:, W] ** 2
+        squares = found[:, CarriedPlaceRow.U] ** 2 + found[:, CarriedPlaceRow.W] ** 2
         blocking = anchors.standing & (squares > self.reach_px**2)
-        off = (squares / (2 * found[:, VARIANCE]) > self.outlier_sigmas**2) | blocking
+        off = (squares / (2 * found[:, CarriedPlaceRow.VARIANCE]) > self.outlier_sigmas**2) | blocking
         strikes = np.where(off, anchors.strikes + 1, 0)
-        kept = (strikes < self.patience) & trusted[anchors.views, anchors.parts] & (found[:, FACING] > _FACING)
+        kept = (
+            (strikes < self.patience)
+            & trusted[anchors.views, anchors.parts]
+            & (found[:, CarriedPlaceRow.FACING] > _FACING)
+        )
         foreign = blocking & (strikes >= self.patience)
         judged = replace(anchors, strikes=strikes, parts=np.where(foreign, -1, anchors.parts))
         return judged.chosen(kept | foreign)
@@ -250,6 +261,9 @@ def _moved(anchors: Anchors, before: Array, after: Array, scene: Scene) -> Array
     """(N, 2) how far parts moved the places from placements (1, P, 4, 4) to others, px."""
     moved, own = np.zeros_like(anchors.pixels), anchors.parts >= 0
     carried = anchors.chosen(own)
-    ends = [carried.residuals(placements, scene.rig, 0.0)[:, [U, W]] for placements in (before, after)]
+    ends = [
+        carried.residuals(placements, scene.rig, 0.0)[:, [CarriedPlaceRow.U, CarriedPlaceRow.W]]
+        for placements in (before, after)
+    ]
     moved[own] = ends[1] - ends[0]
     return moved

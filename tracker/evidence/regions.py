@@ -28,13 +28,18 @@ from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.geometry.superquadrics import box_bounds
 from tracker.images.sight import Sight
-from tracker.kernels.regions.colours import HIDDEN, Picture
-from tracker.kernels.regions.equations import shift_equations
-from tracker.kernels.regions.learning import longest_lines
-from tracker.kernels.regions.lines import Lines, Rule, Samples
-from tracker.kernels.regions.shifts import find_shifts
-from tracker.kernels.regions.sides import parts_beside
-from tracker.kernels.rows import superquadric
+from tracker.kernels.regions import (
+    HIDDEN,
+    Lines,
+    Picture,
+    Rule,
+    Samples,
+    find_shifts,
+    longest_lines,
+    parts_beside,
+    shift_equations,
+)
+from tracker.kernels.rows import SuperquadricRow
 
 # As for contours: a sample and its neighbours share one line of pixels and one interpolation.
 _PX_PER_OBSERVATION = 16.0
@@ -217,7 +222,7 @@ def _seen_beside(scene: Scene, placements: Array, contours: Contours, step_m: fl
 @lru_cache(maxsize=8)
 def _bounds(shapes: bytes) -> Array:
     """The bounds of packed shapes, kept for those last used."""
-    return box_bounds(np.frombuffer(shapes).reshape(-1, superquadric.N_COLUMNS))
+    return box_bounds(np.frombuffer(shapes).reshape(-1, SuperquadricRow.N_COLUMNS))
 
 
 def _taught(

@@ -24,7 +24,7 @@ from tracker.foundation.arrays import Array, Array32, Mask, frozen
 from tracker.foundation.configuration.components import component
 from tracker.images.observation import Observation
 from tracker.images.sight import Sight
-from tracker.kernels.pictures.coverage import cover_shares
+from tracker.kernels.pictures import cover_shares
 
 # The longer side of an image is brought to about this for the overlap, px: a quarter of 720.
 _SMALL_PX = 180

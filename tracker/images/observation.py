@@ -64,10 +64,10 @@ class PackedEdges(NamedTuple):
     """Chamfer images, px."""
 
     regions: Integers
-    """(V, 5) where each lies in `images`; `tracker.kernels.rows.region` names the columns."""
+    """(V, 5) where each lies in `images`; `tracker.kernels.rows.RegionRow` names the columns."""
 
     points: Array32
-    """(S, 5) scene points, each view's sorted by y; `tracker.kernels.rows.scene_point` names the columns."""
+    """(S, 5) scene points, each view's sorted by y; `tracker.kernels.rows.ScenePointRow` names the columns."""
 
     first: Integers
     """(V + 1,) first point of each view."""

@@ -11,8 +11,7 @@ import numpy as np
 
 from tracker.foundation.arrays import Image, Mask, Region, frozen
 from tracker.images.operations.light import SAMPLING, Light, light_of, sparse
-from tracker.kernels.images.changes import median_level
-from tracker.kernels.images.shadows import MARGIN
+from tracker.kernels.changes import MARGIN, median_level
 
 MOST_LEVEL = 80.0
 """Threshold (6 sigmas of the noise, grey levels) above which a plate is of no use. Noise and a soft lens before a wall

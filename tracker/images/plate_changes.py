@@ -10,8 +10,7 @@ import numpy as np
 from tracker.foundation.arrays import Image, Mask, Region
 from tracker.images.operations.light import Light, light_of, sparse
 from tracker.images.plate import MOST_LEVEL, Lit, Plate, cut, largest_difference, lit_by, threshold_level
-from tracker.kernels.images.changes import large_regions, mark_changes
-from tracker.kernels.images.shadows import MARGIN, ShadowRule, without_shadows
+from tracker.kernels.changes import MARGIN, ShadowRule, large_regions, mark_changes, without_shadows
 
 # A shadow keeps the colour to 8 grey levels and loses up to 55 % of the light. Grey trousers before a grey floor
 # keep the colour too: where the texture does not show (correlation 0.7), only up to 20 % of loss is always a shadow,

@@ -1,6 +1,6 @@
 """Compiled inner loops; each has a plain twin that the tests hold it against. They import `foundation` alone.
 
-Those of the extension `tracker._native` lie in native/, in the same folders; files here name and explain them.
+Their code is the extension `tracker._native`, made of native/; files here name and explain it, a file a subject.
 """
 
 from __future__ import annotations

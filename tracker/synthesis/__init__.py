@@ -15,7 +15,7 @@ from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.images.observation import Observation
-from tracker.kernels.regions.lines import Lines
+from tracker.kernels.regions import Lines
 from tracker.synthesis._pictures import distances_of, misfits_of
 
 _One = TypeVar("_One")
@@ -60,7 +60,7 @@ class Synthesis(Protocol):
         """Normalized directed chamfer distances (paper, eq. 2) of many poses of one person.
 
         The service that searches live on: no contour need be written to memory on the way. It is a faster way to what
-        `tracker.kernels.contours.chamfer.directed_distances` says of the coarse contours.
+        `tracker.kernels.contours.directed_distances` says of the coarse contours.
 
         Args:
             scene: persons, poses and rig.
@@ -79,7 +79,7 @@ class Synthesis(Protocol):
         """How much beside the contours of many poses of one person has the colours of the other side.
 
         As for `directed_distances`, no contour need be written to memory on the way. It is a faster way to what
-        `tracker.kernels.regions.misfits.score_lines` says of the coarse contours.
+        `tracker.kernels.regions.score_lines` says of the coarse contours.
 
         Args:
             scene: persons, poses and rig.

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Array32, Mask
 from tracker.foundation.geometry.superquadric_meshes import meshes_of
-from tracker.kernels.contours.scoring import moving_parts
-from tracker.kernels.pictures.nearest import draw_nearest, project_surfaces
+from tracker.kernels.contours import moving_parts
+from tracker.kernels.pictures import draw_nearest, project_surfaces
 from tracker.synthesis._skins import ids_of_skins
 
 PartIds = NDArray[np.int16]

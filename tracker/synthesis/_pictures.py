@@ -14,13 +14,10 @@ from tracker.foundation.arrays import Array, Array32, Integers, Mask
 from tracker.foundation.geometry.superquadric_meshes import meshes_of
 from tracker.foundation.geometry.superquadrics import box_bounds
 from tracker.images.observation import Observation
-from tracker.kernels.contours.chamfer import directed_distances
-from tracker.kernels.pictures.id_contours import id_contours
-from tracker.kernels.pictures.rasterization import rasterize
-from tracker.kernels.regions.lines import Lines
-from tracker.kernels.regions.misfits import score_lines
-from tracker.kernels.regions.sides import parts_beside
-from tracker.kernels.rows import superquadric
+from tracker.kernels.contours import directed_distances
+from tracker.kernels.pictures import id_contours, rasterize
+from tracker.kernels.regions import Lines, parts_beside, score_lines
+from tracker.kernels.rows import SuperquadricRow
 from tracker.synthesis._meshes import before_cameras, boxes_of
 
 
@@ -93,8 +90,8 @@ def solids_of(shapes: Array, placements: Array) -> Array:
     """Parts (B, P, 17) as `id_contours` takes them, of shapes (P, 7) placed at (B, P, 4, 4)."""
     rotations = np.swapaxes(placements[..., :3, :3], -1, -2)
     motions = np.concatenate([rotations, -rotations @ placements[..., :3, 3:]], axis=-1) / shapes[:, :3, None]
-    e1, e2 = shapes[:, superquadric.E1], shapes[:, superquadric.E2]
-    rows = np.stack([shapes[:, superquadric.K1], shapes[:, superquadric.K2], 2 / e2, e2 / e1, 2 / e1], axis=-1)
+    e1, e2 = shapes[:, SuperquadricRow.E1], shapes[:, SuperquadricRow.E2]
+    rows = np.stack([shapes[:, SuperquadricRow.K1], shapes[:, SuperquadricRow.K2], 2 / e2, e2 / e1, 2 / e1], axis=-1)
     flat = motions.reshape(*placements.shape[:2], 12)
     return np.concatenate([flat, np.broadcast_to(rows, (len(placements), *rows.shape))], axis=-1)
 

@@ -11,10 +11,8 @@ from tracker.bodies.contours import Contours, gathered
 from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Integers, Mask, frozen
 from tracker.foundation.geometry.superquadric_meshes import meshes_of
-from tracker.kernels.pictures.rasterization import rasterize
-from tracker.kernels.skins.filling import fill_mesh
-from tracker.kernels.skins.mesh import Mesh
-from tracker.kernels.skins.tracing import trace_skins
+from tracker.kernels.pictures import rasterize
+from tracker.kernels.skins import Mesh, fill_mesh, trace_skins
 from tracker.synthesis._meshes import NEAREST_M
 
 # Cells of a depth picture along the longer side of an image: 3 px of 720, 1 cm at a person who fills the picture. Half

@@ -12,7 +12,7 @@ from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import RenderError
 from tracker.images.observation import Observation
-from tracker.kernels.regions.lines import Lines
+from tracker.kernels.regions import Lines
 from tracker.synthesis._atlas import atlas_on
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.egl import EglSynthesis

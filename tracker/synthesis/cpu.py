@@ -16,12 +16,9 @@ from tracker.foundation.arrays import Array, Array32, Integers, Mask, frozen
 from tracker.foundation.configuration.components import component
 from tracker.foundation.geometry.superquadrics import spread, surface
 from tracker.images.observation import Observation
-from tracker.kernels.contours.pieces import MOST_COLUMNS, MOST_ROWS
-from tracker.kernels.contours.scoring import moving_parts, score_poses, trace_still
-from tracker.kernels.contours.tracing import trace_contours
-from tracker.kernels.pictures.silhouettes import fill_parts
-from tracker.kernels.regions.lines import Lines
-from tracker.kernels.regions.scoring import score_regions
+from tracker.kernels.contours import MOST_COLUMNS, MOST_ROWS, moving_parts, score_poses, trace_contours, trace_still
+from tracker.kernels.pictures import fill_parts
+from tracker.kernels.regions import Lines, score_regions
 from tracker.synthesis._part_ids import PartIds, ids_of_poses
 from tracker.synthesis._skins import fill_skins, skinned_parts, with_skins
 

@@ -13,8 +13,8 @@ from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.geometry.superquadric_meshes import Meshes, meshes_of
 from tracker.images.observation import Observation
-from tracker.kernels.regions.lines import Lines
-from tracker.kernels.rows import region
+from tracker.kernels.regions import Lines
+from tracker.kernels.rows import RegionRow
 from tracker.synthesis._atlas import Atlas, atlas_on
 from tracker.synthesis._meshes import before_cameras
 from tracker.synthesis._pictures import Picture, contours_of, distances_of, misfits_of
@@ -86,7 +86,7 @@ class EglSynthesis:
         if reject:
             return distances_of(self.contours(scene, person, poses, True), observation, theta, reject)
         atlas, placements = atlas_on(self.device), scene.world_from_parts(person, poses)
-        present = observation.packed.regions[:, region.WIDTH] > 0
+        present = observation.packed.regions[:, RegionRow.WIDTH] > 0
         distances = np.full((len(placements), len(present), 2), np.nan)
         against = observation, theta, self.contact_m
         for meshes, batch in self._batches(atlas, scene, placements, present):

@@ -8,7 +8,7 @@ import numpy as np
 
 from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Integers
-from tracker.kernels.body.self_collision import POINTS_A_PART, sum_collisions
+from tracker.kernels.body import POINTS_A_PART, sum_collisions
 from tracker.tracking.doubt import Because, Doubt
 from tracker.tracking.estimate import Estimate
 

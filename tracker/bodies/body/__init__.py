@@ -15,7 +15,7 @@ from tracker.bodies.shape import TaperedSuperquadric
 from tracker.bodies.skin import Skin
 from tracker.foundation.arrays import Array, Integers, Mask, frozen
 from tracker.foundation.errors import ModelError, nearest
-from tracker.kernels.body.self_collision import sum_collisions
+from tracker.kernels.body import sum_collisions
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from tracker.bodies.segments import Landmark, Parameter, Part, Root
 from tracker.foundation.arrays import Array, Integers, Mask, frozen
 from tracker.foundation.errors import ModelError, nearest
-from tracker.kernels.body.kinematics import chain_transforms, twists_in_world
+from tracker.kernels.body import chain_transforms, twists_in_world
 
 # How far what carries all of a body may slide along a rail, in extents of the body.
 _RAIL = 2.0

@@ -13,8 +13,7 @@ from tracker.cameras.calibration._precision import correlation
 from tracker.cameras.calibration._states import PARAMETERS, STATE_COLUMNS, UNITS, camera_of
 from tracker.cameras.camera import Camera
 from tracker.foundation.arrays import Array, Mask
-from tracker.kernels.rows import bundle_camera, bundle_unknown
-from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
+from tracker.kernels.rows import BundleCameraRow, BundleUnknowns
 
 
 @dataclass(frozen=True)
@@ -63,7 +62,7 @@ class Adjustment:
     @property
     def sigmas(self) -> Array:
         """(V, 17) standard errors, in `UNITS`."""
-        return np.sqrt(np.diag(self.covariance)).reshape(-1, N_UNKNOWNS)
+        return np.sqrt(np.diag(self.covariance)).reshape(-1, BundleUnknowns.N_UNKNOWNS)
 
     def in_world(self, motion: Array) -> Adjustment:
         """The same adjustment in another frame, with the standard errors along its axes.
@@ -72,12 +71,12 @@ class Adjustment:
             motion: (4, 4) from the present frame to the other one.
         """
         cameras = self.state.cameras.copy()
-        turned = cameras[:, bundle_camera.ROTATION].reshape(-1, 3, 3) @ motion[:3, :3].T
-        cameras[:, bundle_camera.ROTATION] = turned.reshape(-1, 9)
-        cameras[:, bundle_camera.CENTRE] = transformed(motion, cameras[:, bundle_camera.CENTRE])
+        turned = cameras[:, BundleCameraRow.ROTATION].reshape(-1, 3, 3) @ motion[:3, :3].T
+        cameras[:, BundleCameraRow.ROTATION] = turned.reshape(-1, 9)
+        cameras[:, BundleCameraRow.CENTRE] = transformed(motion, cameras[:, BundleCameraRow.CENTRE])
         # the rotations are about the cameras' own axes, which move along
-        slope = np.eye(N_UNKNOWNS)
-        slope[bundle_unknown.CENTRE, bundle_unknown.CENTRE] = motion[:3, :3]
+        slope = np.eye(BundleUnknowns.N_UNKNOWNS)
+        slope[BundleUnknowns.CENTRE, BundleUnknowns.CENTRE] = motion[:3, :3]
         slopes = np.kron(np.eye(len(cameras)), slope)
         covariance = slopes @ self.covariance @ slopes.T
         np.fill_diagonal(covariance, np.maximum(np.diag(covariance), 0.0))  # of one camera they are 0 but for rounding
@@ -92,8 +91,8 @@ class Adjustment:
         """Correlated parameters of one camera, the highest first: correlation and the two names."""
         found = []
         for v, name in enumerate(self.names):
-            block = correlation(self.covariance)[v * N_UNKNOWNS :, v * N_UNKNOWNS :]
-            for i in range(N_UNKNOWNS):
+            block = correlation(self.covariance)[v * BundleUnknowns.N_UNKNOWNS :, v * BundleUnknowns.N_UNKNOWNS :]
+            for i in range(BundleUnknowns.N_UNKNOWNS):
                 for j in range(i):
                     if abs(block[i, j]) >= at_least:
                         pair = f"{name}: {PARAMETERS[j]}", PARAMETERS[i]

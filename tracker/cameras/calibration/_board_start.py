@@ -27,7 +27,7 @@ from tracker.cameras.camera import Camera
 from tracker.cameras.fisheye import rational_of
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import CalibrationError
-from tracker.kernels.rows import bundle_camera
+from tracker.kernels.rows import BundleCameraRow
 
 LensKind = Literal["pinhole", "fisheye"]
 
@@ -73,8 +73,8 @@ def board_start(
         check_ends(links, names)
     seen, camera_from_board = one_way_round(seen, camera_from_board, motions, turns)
     for v, motion in enumerate(motions):
-        cameras[v, bundle_camera.ROTATION] = motion[:3, :3].ravel()
-        cameras[v, bundle_camera.CENTRE] = -motion[:3, :3].T @ motion[:3, 3]
+        cameras[v, BundleCameraRow.ROTATION] = motion[:3, :3].ravel()
+        cameras[v, BundleCameraRow.CENTRE] = -motion[:3, :3].T @ motion[:3, 3]
     frames = sorted({frame for _, frame in seen})
     world_from_board = []
     for frame in frames:
@@ -94,7 +94,7 @@ def _cameras(seen: SeenCorners, names: Sequence[str], sizes: Sequence[tuple[int,
             f"{', '.join(names)}: the board is tilted too little before every camera, which leaves focal lengths and "
             "distances open: hold it turned by 20 to 45 degrees, to all sides, and near"
         )
-    usual = float(np.median([found[v][0][bundle_camera.C] / max(sizes[v]) for v in told]))
+    usual = float(np.median([found[v][0][BundleCameraRow.C] / max(sizes[v]) for v in told]))
     return np.stack(
         [camera if v in told else nominal_state(sizes[v], usual * max(sizes[v])) for v, (camera, _) in enumerate(found)]
     )
@@ -159,8 +159,8 @@ def _bent_px(camera: Camera, shape: Array, pixels: Array) -> float:
 def _pose(camera: Array, shape: Array, pixels: Array) -> Array:
     """(4, 4) camera_from_board."""
     matrix = pinhole_of(camera)
-    _, turn, shift = cv2.solvePnP(shape, pixels, matrix, camera[bundle_camera.DISTORTION], flags=cv2.SOLVEPNP_IPPE)
-    turn, shift = cv2.solvePnPRefineLM(shape, pixels, matrix, camera[bundle_camera.DISTORTION], turn, shift)
+    _, turn, shift = cv2.solvePnP(shape, pixels, matrix, camera[BundleCameraRow.DISTORTION], flags=cv2.SOLVEPNP_IPPE)
+    turn, shift = cv2.solvePnPRefineLM(shape, pixels, matrix, camera[BundleCameraRow.DISTORTION], turn, shift)
     motion = np.eye(4)
     motion[:3, :3] = Rotation.from_rotvec(turn.ravel()).as_matrix()
     motion[:3, 3] = shift.ravel()

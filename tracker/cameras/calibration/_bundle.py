@@ -15,8 +15,8 @@ from tracker.cameras.calibration._objects import CalibrationObjects
 from tracker.cameras.calibration._states import moved
 from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.foundation.errors import CalibrationError
-from tracker.kernels.adjustment.bundle import N_OBJECT, Objects, Observed, reduce_normal, residuals_of
-from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
+from tracker.kernels.adjustment import N_OBJECT, Objects, Observed, reduce_normal, residuals_of
+from tracker.kernels.rows import BundleUnknowns
 
 # A bound: who reaches it has not converged, and is told so.
 _MOST_STEPS = 40
@@ -126,7 +126,7 @@ class NormalEquations:
 
     def object_steps(self, camera_step: Array) -> Array:
         """(G, 6) steps of the objects that belong to a step (17V,) of the cameras."""
-        pulled = np.einsum("gvjk,vk->gj", self.couplings, camera_step.reshape(-1, N_UNKNOWNS))
+        pulled = np.einsum("gvjk,vk->gj", self.couplings, camera_step.reshape(-1, BundleUnknowns.N_UNKNOWNS))
         steps: Array = np.einsum("gij,gj->gi", self.inverses, self.object_sides - pulled)
         return steps
 
@@ -148,13 +148,13 @@ def normal_equations(
     n_cameras, n_objects = len(state.cameras), len(priors)
     firsts = np.searchsorted(objects.owners[observations.points], np.arange(n_objects + 1))
     packed: Objects = np.ascontiguousarray(objects.points), objects.slopes, firsts, priors, prior_sides
-    n = N_UNKNOWNS * n_cameras
+    n = BundleUnknowns.N_UNKNOWNS * n_cameras
     equations = NormalEquations(
         np.empty((n, n)),
         np.empty(n),
         np.empty((n_objects, N_OBJECT, N_OBJECT)),
         np.empty((n_objects, N_OBJECT)),
-        np.empty((n_objects, n_cameras, N_OBJECT, N_UNKNOWNS)),
+        np.empty((n_objects, n_cameras, N_OBJECT, BundleUnknowns.N_UNKNOWNS)),
     )
     reduced = equations.normal, equations.side, equations.inverses, equations.object_sides, equations.couplings
     reduce_normal(state.cameras, packed, _observed(observations, weights), damping, reduced)

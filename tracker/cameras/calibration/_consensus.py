@@ -11,7 +11,7 @@ from tracker.cameras.calibration._bundle import Noise, Observations, State, resi
 from tracker.cameras.calibration._objects import Bars
 from tracker.cameras.calibration._states import camera_of
 from tracker.foundation.arrays import Array, Mask
-from tracker.kernels.rows import bundle_camera
+from tracker.kernels.rows import BundleCameraRow
 
 # All pairs of eight cameras; beyond, more pairs hardly change the medians and cost time.
 _MOST_PAIRS = 28
@@ -30,7 +30,7 @@ def with_consensus(state: State, observations: Observations, sigma_px: float) ->
     """
     points = state.objects.points
     directions = _directions(state, observations, len(points))
-    centres = state.cameras[:, bundle_camera.CENTRE]
+    centres = state.cameras[:, BundleCameraRow.CENTRE]
     best, least = points, _disagreement(state, observations, sigma_px, points)
     for i, j in itertools.islice(itertools.combinations(range(len(centres)), 2), _MOST_PAIRS):
         proposed = _between_rays(centres[i], directions[i], centres[j], directions[j])

@@ -11,9 +11,7 @@ from tracker.cameras.calibration._bundle import State
 from tracker.cameras.calibration._precision import correlation
 from tracker.cameras.calibration._states import PARAMETERS, camera_of
 from tracker.foundation.arrays import Array, Mask
-from tracker.kernels.rows import bundle_camera
-from tracker.kernels.rows import bundle_unknown as unknown
-from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
+from tracker.kernels.rows import BundleCameraRow, BundleUnknowns
 
 NamedSize = tuple[str, tuple[int, int]]
 """Name and image size, px."""
@@ -79,14 +77,14 @@ def _least_determined(
     if not (ratios > 1).any():
         return None
     view, k = np.unravel_index(int(ratios.argmax()), ratios.shape)
-    row = correlation(covariance)[view * N_UNKNOWNS + k]
-    row[view * N_UNKNOWNS + k] = 0.0
+    row = correlation(covariance)[view * BundleUnknowns.N_UNKNOWNS + k]
+    row[view * BundleUnknowns.N_UNKNOWNS + k] = 0.0
     other = int(np.abs(row).argmax())
-    partner = PARAMETERS[other % N_UNKNOWNS]
+    partner = PARAMETERS[other % BundleUnknowns.N_UNKNOWNS]
     if partner.startswith("centre"):
         partner = "centre"  # along which axis, the adjustment's own frame has it, which is not the world
-    if other // N_UNKNOWNS != view:
-        partner += f' of camera "{names[other // N_UNKNOWNS]}"'
+    if other // BundleUnknowns.N_UNKNOWNS != view:
+        partner += f' of camera "{names[other // BundleUnknowns.N_UNKNOWNS]}"'
     told = PARAMETERS[k], float(sigmas[view, k]), float(limits[view, k]), partner, float(row[other])
     return (int(view), int(k)), Held(names[view], *told, at_start=_has_its_own(state.cameras[view], int(k)))
 
@@ -95,7 +93,7 @@ def _turning_back(state: State, free: Mask, views: Sequence[NamedSize]) -> tuple
     """The highest radial term of a camera whose distortion turns back inside the image, as of few views it may."""
     for view, (row, (name, size)) in enumerate(zip(state.cameras, views, strict=True)):
         turns_px = camera_of(row, name, size).turns_back_px
-        terms = [k for k in (unknown.K3, unknown.K2, unknown.K1) if free[view, k]]
+        terms = [k for k in (BundleUnknowns.K3, BundleUnknowns.K2, BundleUnknowns.K1) if free[view, k]]
         if turns_px is not None and terms:
             told = PARAMETERS[terms[0]], 0.0, 0.0, "", 0.0, turns_px, _has_its_own(row, terms[0])
             return (view, terms[0]), Held(name, *told)
@@ -104,9 +102,9 @@ def _turning_back(state: State, free: Mask, views: Sequence[NamedSize]) -> tuple
 
 def _has_its_own(camera: Array, k: int) -> bool:
     """Whether the usual value of an unknown is that of the start: without its numerator a wide lens is no lens."""
-    radial = k in (unknown.K1, unknown.K2, unknown.K3)
-    wide = bool(camera[bundle_camera.K4 : bundle_camera.DELAY].any())
-    return k in (unknown.C, unknown.CX, unknown.CY) or (radial and wide)
+    radial = k in (BundleUnknowns.K1, BundleUnknowns.K2, BundleUnknowns.K3)
+    wide = bool(camera[BundleCameraRow.K4 : BundleCameraRow.DELAY].any())
+    return k in (BundleUnknowns.C, BundleUnknowns.CX, BundleUnknowns.CY) or (radial and wide)
 
 
 def _limits(camera: Array, size: tuple[int, int]) -> Array:
@@ -114,11 +112,14 @@ def _limits(camera: Array, size: tuple[int, int]) -> Array:
 
     Radial distortion is judged by its effect near the corners, 3 % of the distance from the centre for each term.
     """
-    radius = 0.4 * float(np.hypot(*size)) / camera[bundle_camera.C]
-    limits = np.full(N_UNKNOWNS, np.inf)
-    limits[unknown.C], limits[[unknown.CX, unknown.CY]] = 0.05 * camera[bundle_camera.C], 0.02 * camera[bundle_camera.C]
-    limits[unknown.AFFINITY], limits[unknown.SHEAR] = 0.005, 0.002
-    limits[[unknown.K1, unknown.K2, unknown.K3]] = 0.03 / radius ** np.array([2, 4, 6])
-    limits[[unknown.P1, unknown.P2]] = 0.003
-    limits[unknown.DELAY] = 0.3
+    radius = 0.4 * float(np.hypot(*size)) / camera[BundleCameraRow.C]
+    limits = np.full(BundleUnknowns.N_UNKNOWNS, np.inf)
+    limits[BundleUnknowns.C], limits[[BundleUnknowns.CX, BundleUnknowns.CY]] = (
+        0.05 * camera[BundleCameraRow.C],
+        0.02 * camera[BundleCameraRow.C],
+    )
+    limits[BundleUnknowns.AFFINITY], limits[BundleUnknowns.SHEAR] = 0.005, 0.002
+    limits[[BundleUnknowns.K1, BundleUnknowns.K2, BundleUnknowns.K3]] = 0.03 / radius ** np.array([2, 4, 6])
+    limits[[BundleUnknowns.P1, BundleUnknowns.P2]] = 0.003
+    limits[BundleUnknowns.DELAY] = 0.3
     return limits

@@ -1,6 +1,6 @@
 """What is seen while calibrating: bars of known length, boards of known shape, points of known position.
 
-Each object has six unknowns; see `tracker.kernels.adjustment.bundle`.
+Each object has six unknowns; see `tracker.kernels.adjustment`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tracker.foundation.arrays import Array, Integers, Mask
-from tracker.kernels.adjustment.bundle import N_OBJECT
+from tracker.kernels.adjustment import N_OBJECT
 
 
 class CalibrationObjects(Protocol):

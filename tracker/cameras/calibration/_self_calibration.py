@@ -16,7 +16,7 @@ from tracker.cameras.calibration._precision import cluster_robust, precision
 from tracker.cameras.calibration._states import GROUPS, STATE_COLUMNS
 from tracker.foundation.arrays import Mask
 from tracker.foundation.errors import CalibrationError, nearest
-from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
+from tracker.kernels.rows import BundleUnknowns
 
 _REJECTED_AT = 4.0
 """A residual longer than so many standard deviations is a gross error; 3 of 10 000 right ones are."""
@@ -28,7 +28,7 @@ def chosen_unknowns(groups: Sequence[str], n_cameras: int) -> Mask:
     Raises:
         CalibrationError: there is no such group.
     """
-    free = np.zeros((n_cameras, N_UNKNOWNS), dtype=np.bool_)
+    free = np.zeros((n_cameras, BundleUnknowns.N_UNKNOWNS), dtype=np.bool_)
     for group in ("exterior", *groups):
         if group not in GROUPS:
             raise CalibrationError(f'no group of parameters "{group}"; {nearest(group, GROUPS)}')

@@ -17,8 +17,7 @@ from tracker.cameras.calibration._relative_orientation import FEWEST_BARS, best_
 from tracker.cameras.calibration._states import GROUPS
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.errors import CalibrationError
-from tracker.kernels.rows import bundle_camera
-from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
+from tracker.kernels.rows import BundleCameraRow, BundleUnknowns
 
 _RESECTION_PX = 20.0
 """Errors that are taken for distortion and a wrong focal length."""
@@ -58,7 +57,7 @@ def start_values(pixels: Array, nominal: Array, bar: tuple[float, float], names:
     known = list(pair.views)
     ends = _triangulated(cameras, plane, flipped, known)
     scale = bar[0] / np.nanmedian(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
-    cameras[:, bundle_camera.CENTRE] *= scale
+    cameras[:, BundleCameraRow.CENTRE] *= scale
     cameras, ends = _settled(cameras, scale * ends, pixels, flipped, known, bar)
     while len(known) < len(nominal):
         view = _resect_next(cameras, ends, plane, flipped, known, names)
@@ -70,7 +69,7 @@ def start_values(pixels: Array, nominal: Array, bar: tuple[float, float], names:
 
 
 def _orient(camera: Array, rotation: Array, translation: Array) -> None:
-    camera[bundle_camera.ROTATION], camera[bundle_camera.CENTRE] = rotation.ravel(), -rotation.T @ translation
+    camera[BundleCameraRow.ROTATION], camera[BundleCameraRow.CENTRE] = rotation.ravel(), -rotation.T @ translation
 
 
 def _labelled(values: Array, flipped: Mask) -> Array:
@@ -86,15 +85,17 @@ def _triangulated(cameras: Array, plane: Array, flipped: Mask, known: list[int])
     for view, images, visible in zip(known, labelled, seen, strict=True):
         local = np.column_stack([np.nan_to_num(images), np.ones(len(images))])
         local /= np.linalg.norm(local, axis=1, keepdims=True)
-        rays = local @ cameras[view, bundle_camera.ROTATION].reshape(3, 3)
+        rays = local @ cameras[view, BundleCameraRow.ROTATION].reshape(3, 3)
         across = (np.eye(3) - rays[:, :, None] * rays[:, None, :]) * visible[:, None, None]
         matrix += across
-        vector += across @ cameras[view, bundle_camera.CENTRE]
+        vector += across @ cameras[view, BundleCameraRow.CENTRE]
     good = (seen.sum(axis=0) >= 2) & (np.linalg.det(matrix) > 1e-7)
     points = np.full((len(matrix), 3), np.nan)
     points[good] = np.linalg.solve(matrix[good], vector[good][..., None])[..., 0]
     for view, visible in zip(known, seen, strict=True):
-        depth = (points - cameras[view, bundle_camera.CENTRE]) @ cameras[view, bundle_camera.R31 : bundle_camera.X]
+        depth = (points - cameras[view, BundleCameraRow.CENTRE]) @ cameras[
+            view, BundleCameraRow.R31 : BundleCameraRow.X
+        ]
         points[visible & ~(depth > 1e-6)] = np.nan
     return points.reshape(-1, 2, 3)
 
@@ -113,9 +114,9 @@ def _resect_next(
             f'camera "{names[view]}" shows {max(0, n_shown[view]) // 2} of the bar positions that the others see, '
             f"expected {FEWEST_BARS}: move the bar where its view overlaps with another camera's"
         )
-    best = _resection(ends, plane[view], cameras[view, bundle_camera.C])
+    best = _resection(ends, plane[view], cameras[view, BundleCameraRow.C])
     if best[0] < 0.6 * n_shown[view]:
-        other = _resection(ends, plane[view][:, ::-1], cameras[view, bundle_camera.C])
+        other = _resection(ends, plane[view][:, ::-1], cameras[view, BundleCameraRow.C])
         flipped[view] = other[0] > best[0]
         best = max(best, other, key=lambda resection: resection[0])
     if best[0] < FEWEST_BARS:
@@ -158,7 +159,7 @@ def _settled(
     labelled[known] = _labelled(pixels, flipped)[known]
     labelled = labelled[:, good]
     observations = bar_observations(labelled, np.zeros_like(labelled))
-    free = np.zeros((len(cameras), N_UNKNOWNS), dtype=np.bool_)
+    free = np.zeros((len(cameras), BundleUnknowns.N_UNKNOWNS), dtype=np.bool_)
     free[np.ix_(known, [*GROUPS["exterior"], *GROUPS["camera_constant"], 11])] = True
     # Weak until the noise is known: a bar that is certain to 0.1 mm would overrule the images.
     state = State(cameras, Bars(ends[good], bar[0], 0.005 * bar[0]))

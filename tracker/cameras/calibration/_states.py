@@ -7,8 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from tracker.cameras.camera import Camera
 from tracker.foundation.arrays import Array
-from tracker.kernels.rows import bundle_camera, bundle_unknown
-from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
+from tracker.kernels.rows import BundleCameraRow, BundleUnknowns
 
 PARAMETERS = (
     "rotation about x",
@@ -29,22 +28,22 @@ PARAMETERS = (
     "radial k3",
     "time offset",
 )
-"""The unknowns of a camera in the order of `tracker.kernels.rows.bundle_unknown`."""
+"""The unknowns of a camera in the order of `tracker.kernels.rows.BundleUnknowns`."""
 
 UNITS = ("rad",) * 3 + ("m",) * 3 + ("px",) * 3 + ("",) * 7 + ("frames",)
 """Their units; the rotations are about the camera's own axes."""
 
-STATE_COLUMNS = (-1, -1, -1, *range(bundle_camera.X, bundle_camera.K4), bundle_camera.DELAY)
+STATE_COLUMNS = (-1, -1, -1, *range(BundleCameraRow.X, BundleCameraRow.K4), BundleCameraRow.DELAY)
 """The number of a camera's state that each of them changes; -1 for the rotations, which change nine."""
 
 GROUPS = {
-    "exterior": tuple(range(bundle_unknown.C)),
-    "camera_constant": (bundle_unknown.C,),
-    "principal_point": (bundle_unknown.CX, bundle_unknown.CY),
-    "affinity": (bundle_unknown.AFFINITY, bundle_unknown.SHEAR),
-    "radial": (bundle_unknown.K1, bundle_unknown.K2, bundle_unknown.K3),
-    "decentring": (bundle_unknown.P1, bundle_unknown.P2),
-    "time_offset": (bundle_unknown.DELAY,),
+    "exterior": tuple(range(BundleUnknowns.C)),
+    "camera_constant": (BundleUnknowns.C,),
+    "principal_point": (BundleUnknowns.CX, BundleUnknowns.CY),
+    "affinity": (BundleUnknowns.AFFINITY, BundleUnknowns.SHEAR),
+    "radial": (BundleUnknowns.K1, BundleUnknowns.K2, BundleUnknowns.K3),
+    "decentring": (BundleUnknowns.P1, BundleUnknowns.P2),
+    "time_offset": (BundleUnknowns.DELAY,),
 }
 """Parameters that are chosen together; see `ReferenceBarCalibration.estimated`."""
 
@@ -60,48 +59,48 @@ def state_of(camera: Camera) -> Array:
 
 def camera_of(state: Array, name: str, size: tuple[int, int]) -> Camera:
     """The camera of (26,) numbers."""
-    c, x, y, affinity, shear = state[bundle_camera.INTERIOR]
+    c, x, y, affinity, shear = state[BundleCameraRow.INTERIOR]
     motion = np.eye(4)
-    motion[:3, :3] = state[bundle_camera.ROTATION].reshape(3, 3)
-    motion[:3, 3] = -motion[:3, :3] @ state[bundle_camera.CENTRE]
+    motion[:3, :3] = state[BundleCameraRow.ROTATION].reshape(3, 3)
+    motion[:3, 3] = -motion[:3, :3] @ state[BundleCameraRow.CENTRE]
     matrix = np.array([[c * (1 + affinity), c * shear, x], [0.0, c, y], [0.0, 0.0, 1.0]])
-    return Camera(name, size, matrix, state[bundle_camera.DISTORTION], motion)
+    return Camera(name, size, matrix, state[BundleCameraRow.DISTORTION], motion)
 
 
 def pinhole_of(state: Array) -> Array:
     """(3, 3) camera matrix with neither affinity nor shear, as resections start from."""
-    c, x, y = state[bundle_camera.C : bundle_camera.AFFINITY]
+    c, x, y = state[BundleCameraRow.C : BundleCameraRow.AFFINITY]
     return np.array([[c, 0.0, x], [0.0, c, y], [0.0, 0.0, 1.0]])
 
 
 def nominal_state(size: tuple[int, int], focal_px: float) -> Array:
     """(26,) a camera at the origin that looks along z, without distortion."""
-    state = np.zeros(bundle_camera.N_COLUMNS)
-    state[bundle_camera.ROTATION] = np.eye(3).ravel()
-    state[bundle_camera.C : bundle_camera.AFFINITY] = focal_px, (size[0] - 1) / 2, (size[1] - 1) / 2
+    state = np.zeros(BundleCameraRow.N_COLUMNS)
+    state[BundleCameraRow.ROTATION] = np.eye(3).ravel()
+    state[BundleCameraRow.C : BundleCameraRow.AFFINITY] = focal_px, (size[0] - 1) / 2, (size[1] - 1) / 2
     return state
 
 
 def moved(states: Array, steps: Array) -> Array:
     """States (V, 26) after a step (V, 17) of the unknowns."""
-    steps = steps.reshape(-1, N_UNKNOWNS)
+    steps = steps.reshape(-1, BundleUnknowns.N_UNKNOWNS)
     result: Array = states.copy()
-    turns = Rotation.from_rotvec(steps[:, bundle_unknown.TURN]).as_matrix()
-    turned = turns @ states[:, bundle_camera.ROTATION].reshape(-1, 3, 3)
-    result[:, bundle_camera.ROTATION] = turned.reshape(-1, 9)
-    result[:, bundle_camera.X : bundle_camera.K4] += steps[:, bundle_unknown.X : bundle_unknown.DELAY]
-    result[:, bundle_camera.DELAY] += steps[:, bundle_unknown.DELAY]
+    turns = Rotation.from_rotvec(steps[:, BundleUnknowns.TURN]).as_matrix()
+    turned = turns @ states[:, BundleCameraRow.ROTATION].reshape(-1, 3, 3)
+    result[:, BundleCameraRow.ROTATION] = turned.reshape(-1, 9)
+    result[:, BundleCameraRow.X : BundleCameraRow.K4] += steps[:, BundleUnknowns.X : BundleUnknowns.DELAY]
+    result[:, BundleCameraRow.DELAY] += steps[:, BundleUnknowns.DELAY]
     return result
 
 
 def rigid_motions(states: Array) -> Array:
     """(17V, 6) steps of all cameras that turn and shift the rig as a whole: the datum that images leave open."""
     n = len(states)
-    motions = np.zeros((n, N_UNKNOWNS, 6))
+    motions = np.zeros((n, BundleUnknowns.N_UNKNOWNS, 6))
     for v, state in enumerate(states):
         # the world turned by w: R' = R exp(-w), so that the step about the camera's axes is -R w
-        motions[v, bundle_unknown.TURN, :3] = -state[bundle_camera.ROTATION].reshape(3, 3)
-        x, y, z = state[bundle_camera.CENTRE]
-        motions[v, bundle_unknown.CENTRE, :3] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
-        motions[v, bundle_unknown.CENTRE, 3:] = np.eye(3)
+        motions[v, BundleUnknowns.TURN, :3] = -state[BundleCameraRow.ROTATION].reshape(3, 3)
+        x, y, z = state[BundleCameraRow.CENTRE]
+        motions[v, BundleUnknowns.CENTRE, :3] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+        motions[v, BundleUnknowns.CENTRE, 3:] = np.eye(3)
     return motions.reshape(-1, 6)

@@ -21,8 +21,7 @@ from tracker.cameras.calibration._consensus import exchange_swapped_ends, with_c
 from tracker.cameras.calibration._states import GROUPS
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import CalibrationError
-from tracker.kernels.rows import bundle_camera, bundle_unknown
-from tracker.kernels.rows.bundle_unknown import N_UNKNOWNS
+from tracker.kernels.rows import BundleCameraRow, BundleUnknowns
 
 _OFFSET = GROUPS["time_offset"][0]
 # Free-running cameras are up to half a frame apart; by fewer than 20 moving points nothing is told: a choice.
@@ -46,7 +45,7 @@ def time_offsets(state: State, observations: Observations, sigma_px: float) -> t
     Returns:
         (V,) offsets and (V,) their standard errors, 0 of a view that is itself the median; NaN where nothing moves.
     """
-    free = np.zeros((len(state.cameras), N_UNKNOWNS), dtype=np.bool_)
+    free = np.zeros((len(state.cameras), BundleUnknowns.N_UNKNOWNS), dtype=np.bool_)
     free[:, [*GROUPS["exterior"], *GROUPS["camera_constant"], 11]] = True
     free[1:, _OFFSET] = True
     speeds = np.linalg.norm(observations.velocities, axis=1)
@@ -67,7 +66,7 @@ def time_offsets(state: State, observations: Observations, sigma_px: float) -> t
     inverse = np.linalg.pinv(equations.normal[np.ix_(columns, columns)], hermitian=True, rcond=1e-13)
     covariance = np.zeros((len(columns), len(columns)))
     covariance[np.ix_(columns, columns)] = inverse
-    return _beside_median(state.cameras[:, bundle_camera.DELAY], covariance)
+    return _beside_median(state.cameras[:, BundleCameraRow.DELAY], covariance)
 
 
 def _beside_median(offsets: Array, covariance: Array) -> tuple[Array, Array]:
@@ -77,7 +76,7 @@ def _beside_median(offsets: Array, covariance: Array) -> tuple[Array, Array]:
     """
     order, n = np.argsort(offsets), len(offsets)
     less = np.eye(n) - np.eye(n)[order[[(n - 1) // 2, n // 2]]].mean(axis=0)
-    own = covariance[_OFFSET::N_UNKNOWNS, _OFFSET::N_UNKNOWNS]
+    own = covariance[_OFFSET :: BundleUnknowns.N_UNKNOWNS, _OFFSET :: BundleUnknowns.N_UNKNOWNS]
     return less @ offsets, np.sqrt(np.maximum(np.einsum("vi,ij,vj->v", less, own, less), 0.0))
 
 
@@ -129,7 +128,7 @@ def lag_measures(adjustment: Adjustment) -> tuple[Measure, ...]:
 
 def _lags(adjustment: Adjustment) -> list[tuple[str, float, float]]:
     """Name, time offset behind the others and its standard error, frames, of every camera; none if not determined."""
-    if not adjustment.free[:, bundle_unknown.DELAY].any():
+    if not adjustment.free[:, BundleUnknowns.DELAY].any():
         return []
-    lags, sigmas = _beside_median(adjustment.state.cameras[:, bundle_camera.DELAY], adjustment.covariance)
+    lags, sigmas = _beside_median(adjustment.state.cameras[:, BundleCameraRow.DELAY], adjustment.covariance)
     return list(zip(adjustment.names, lags.tolist(), sigmas.tolist(), strict=True))

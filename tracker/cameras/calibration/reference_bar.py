@@ -33,7 +33,7 @@ from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import CalibrationError
 from tracker.foundation.progress import Progress
-from tracker.kernels.rows.bundle_camera import DELAY
+from tracker.kernels.rows import BundleCameraRow
 
 __all__ = ["BarImages", "ReferenceBarCalibration"]
 
@@ -202,7 +202,7 @@ class ReferenceBarCalibration:
             return np.zeros(0)
         pixels = np.full((len(views), len(bars.ends) * 2, 2), np.nan)
         judged = observations.chosen(held & adjustment.used)
-        lags = other.state.cameras[judged.views, DELAY]
+        lags = other.state.cameras[judged.views, BundleCameraRow.DELAY]
         # where a view that looks late would have seen the target together with the others
         pixels[judged.views, judged.points] = judged.pixels - lags[:, None] * judged.velocities
         points, _ = Rig(other.cameras).triangulate(pixels)

@@ -23,7 +23,7 @@ from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import FilePath, component
 from tracker.foundation.errors import CalibrationError
 from tracker.foundation.progress import Progress
-from tracker.kernels.rows import bundle_camera
+from tracker.kernels.rows import BundleCameraRow
 
 __all__ = ["ScenePointsCalibration"]
 
@@ -114,5 +114,5 @@ class ScenePointsCalibration:
         chosen = fitting.ravel()
         turn, shift = cv2.solvePnPRefineLM(positions[seen][chosen], pixels[seen][chosen], matrix, None, turn, shift)
         rotation = Rotation.from_rotvec(turn.ravel()).as_matrix()
-        camera[bundle_camera.ROTATION], camera[bundle_camera.CENTRE] = rotation.ravel(), -rotation.T @ shift.ravel()
+        camera[BundleCameraRow.ROTATION], camera[BundleCameraRow.CENTRE] = rotation.ravel(), -rotation.T @ shift.ravel()
         return camera

@@ -13,8 +13,8 @@ from tracker.cameras.rig import Rig
 from tracker.evidence.measures.comparison import Comparison
 from tracker.foundation.arrays import Array, Integers, Mask, frozen
 from tracker.images.observation import PackedEdges
-from tracker.kernels.contours.oriented_matching import match_oriented
-from tracker.kernels.rows import sample, scene_point
+from tracker.kernels.contours import match_oriented
+from tracker.kernels.rows import SampleRow, ScenePointRow
 
 
 @dataclass(frozen=True)
@@ -98,13 +98,13 @@ def voted_pairs(
         return pairs
     votes = np.zeros((int(segments.max()) + 1, int(limbs.max()) + 1))
     voted = limbs[contours.parts[0][voting[:, 0], voting[:, 1]]]
-    np.add.at(votes, (segments[voting[:, 2]], voted), edges.points[voting[:, 2], scene_point.WEIGHT])
+    np.add.at(votes, (segments[voting[:, 2]], voted), edges.points[voting[:, 2], ScenePointRow.WEIGHT])
     winners = np.where(votes.any(axis=1), votes.argmax(axis=1), -1)[segments]
     of_samples = limbs[np.where(contours.valid[0], contours.parts[0], 0)]
     found = []
     for limb in np.unique(voted):
         rows, positions = np.flatnonzero(winners == limb), contours.positions.copy()
-        positions[0, of_samples != limb, sample.LENGTH] = 0
+        positions[0, of_samples != limb, SampleRow.LENGTH] = 0
         first = np.searchsorted(rows, edges.first)
         theirs = edges._replace(points=frozen(edges.points[rows], np.float32), first=frozen(first, np.int64))
         own = oriented_pairs(replace(contours, positions=positions), theirs, gate_px, direction_deg)

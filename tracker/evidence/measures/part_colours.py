@@ -20,7 +20,7 @@ from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Image, Integers, Mask, Numbers16, frozen
 from tracker.images.operations.appearance import appearance
 from tracker.images.sight import Sight
-from tracker.kernels.regions.colours import N_COLOURS, encode
+from tracker.kernels.regions import N_COLOURS, encode
 from tracker.synthesis.cpu import CpuSynthesis
 
 # Pictures are so much smaller: forearms of persons 300 px high are still ten pixels wide.

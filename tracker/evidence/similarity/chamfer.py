@@ -12,7 +12,7 @@ from tracker.evidence.measures.correspondences import limbs_of, oriented_pairs, 
 from tracker.evidence.measures.equations import Equations
 from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.components import component
-from tracker.kernels.contours.oriented_matching import normal_equations
+from tracker.kernels.contours import normal_equations
 
 
 @component

@@ -7,7 +7,7 @@ import numpy as np
 from tracker.foundation.arrays import Array32, Integers, Mask, Region, frozen
 from tracker.images.observation import ViewObservation
 from tracker.images.operations.edges import EdgeSegments, chamfer_image
-from tracker.kernels.images.acceptance import expected_distances
+from tracker.kernels.edges import expected_distances
 
 
 def accepted_segments(

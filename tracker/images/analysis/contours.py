@@ -18,7 +18,7 @@ from tracker.images.analysis._observe import accepted_segments, view_observation
 from tracker.images.observation import Observation, ViewObservation
 from tracker.images.operations.edges import EdgeSegments, canny, gradient, segment_edges
 from tracker.images.sight import Sight
-from tracker.kernels.images.acceptance import marked
+from tracker.kernels.edges import marked
 
 
 @dataclass(frozen=True)

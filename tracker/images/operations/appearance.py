@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from tracker.foundation.arrays import Image, Region, frozen
-from tracker.kernels.images.appearance import mark_appearance
+from tracker.kernels.changes import mark_appearance
 
 # Chroma of a pixel in quarters of a level from Cr and Cb (ITU-R BT.601): a fourth of it is 1.05 red - 0.39 green - 0.66
 # blue, so that none of the primary and secondary colours has that of grey.

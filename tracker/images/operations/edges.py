@@ -8,9 +8,7 @@ import cv2
 import numpy as np
 
 from tracker.foundation.arrays import Array32, Image, Integers, Mask
-from tracker.kernels.images.distance_images import chamfer_distances
-from tracker.kernels.images.edge_segments import trace_segments
-from tracker.kernels.images.slopes import Slopes, strongest_slopes
+from tracker.kernels.edges import Slopes, chamfer_distances, strongest_slopes, trace_segments
 
 
 @dataclass(frozen=True)
@@ -74,7 +72,7 @@ def segment_edges(
     Args:
         edges: (h, w) non-zero at edge pixels.
         gradients: (h, w) image gradient.
-        rule: see `tracker.kernels.images.constant_curvature.split_segments`.
+        rule: see `tracker.kernels.edges.split_segments`.
         near: (h, w) non-zero where edges matter; None for everywhere.
 
     Returns:

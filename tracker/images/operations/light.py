@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from tracker.foundation.arrays import Array32, Image, Mask
-from tracker.kernels.images.light import block_ratios, connected_blocks, relight, smooth_surface
+from tracker.kernels.changes import block_ratios, connected_blocks, relight, smooth_surface
 
 SAMPLING = 4
 """Pixels from one to the next of the sparse pictures from which light and noise are found."""

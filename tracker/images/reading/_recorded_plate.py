@@ -13,7 +13,7 @@ from tracker.images.operations.growing import grown
 from tracker.images.operations.light import Light, light_of, sparse
 from tracker.images.plate import Plate
 from tracker.images.plate_changes import changed
-from tracker.kernels.images.modes import dominant_modes
+from tracker.kernels.changes import dominant_modes
 
 N_SAMPLES = 25
 """Images, spread over a recording, that a plate is made of."""

@@ -11,9 +11,8 @@ from scipy.spatial import cKDTree
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask
 from tracker.foundation.errors import MatchingError
-from tracker.kernels.adjustment.ray_intersection import intersect_rays
-from tracker.kernels.patches.keys import key_side
-from tracker.kernels.patches.matching import COVARIANCE
+from tracker.kernels.adjustment import intersect_rays
+from tracker.kernels.patches import COVARIANCE, key_side
 from tracker.points.following.newborn import NewPoints
 from tracker.points.surfaces.growth import MatchField
 from tracker.points.surfaces.matching import Matches, PatchImage

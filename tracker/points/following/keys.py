@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracker.foundation.arrays import Array, Array32, Integers, Mask
-from tracker.kernels.patches.keys import cut_keys, key_side, match_keys
-from tracker.kernels.patches.matching import COVARIANCE, N_FOUND
+from tracker.kernels.patches import COVARIANCE, N_FOUND, cut_keys, key_side, match_keys
 from tracker.points.surfaces.matching import LeastSquaresMatching, Matches, PatchImage
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tracker.foundation.arrays import Array, Array32, Integers
-from tracker.kernels.patches.keys import key_side
+from tracker.kernels.patches import key_side
 from tracker.points.following.keys import Keys, Starts
 from tracker.points.following.points import Points
 from tracker.points.surfaces.matching import PatchImage

@@ -8,8 +8,8 @@ import numpy as np
 
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Image, Integers, Mask
-from tracker.kernels.adjustment.ray_intersection import intersect_rays
-from tracker.kernels.patches.bending import bending_shifts
+from tracker.kernels.adjustment import intersect_rays
+from tracker.kernels.patches import bending_shifts
 from tracker.points.following.following import Following
 from tracker.points.following.keys import Keys, Sighting
 from tracker.points.following.newborn import N_NEAREST

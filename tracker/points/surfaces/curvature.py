@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter
 
 from tracker.foundation.arrays import Array, Mask, frozen
-from tracker.kernels.patches.matching import HALF_PATCH
+from tracker.kernels.patches import HALF_PATCH
 from tracker.points.surfaces.growth import MatchField
 
 # A larger correction is no curvature but a wrong neighbour; a plane has three unknowns.

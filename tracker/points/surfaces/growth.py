@@ -12,8 +12,7 @@ from scipy.spatial import cKDTree
 from tracker.foundation.arrays import Array, Integers, Mask, frozen
 from tracker.foundation.configuration.components import component
 from tracker.foundation.progress import Progress, silent
-from tracker.kernels.patches.growth import UNTRIED, Grid, Heap, grow, push_all
-from tracker.kernels.patches.matching import MATCHED, N_FOUND
+from tracker.kernels.patches import MATCHED, N_FOUND, UNTRIED, Grid, Heap, grow, push_all
 from tracker.points.surfaces.matching import FAILURES, LeastSquaresMatching, Matches, PatchImage
 
 # So that progress is told, and Ctrl-C heard, again and again.
@@ -33,7 +32,7 @@ class MatchField:
     """Rows and columns."""
 
     found: Array
-    """(rows * columns, 15) columns as in `tracker.kernels.patches.matching`; meaningless where not matched."""
+    """(rows * columns, 15) columns as in `tracker.kernels.patches`; meaningless where not matched."""
 
     ended: Integers
     """(rows * columns,) how each match ended, 0 for a match, -1 where none was tried."""

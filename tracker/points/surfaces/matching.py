@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask, frozen
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import ConfigError
-from tracker.kernels.patches.equations import Noise, Rule
-from tracker.kernels.patches.matching import (
+from tracker.kernels.patches import (
     CORRELATION,
     COVARIANCE,
     DRIFTED,
@@ -26,9 +25,11 @@ from tracker.kernels.patches.matching import (
     SIGMA0,
     WARP,
     WEAK,
+    Noise,
+    Rule,
+    SplineImage,
     match_patches,
 )
-from tracker.kernels.patches.splines import SplineImage
 from tracker.points.surfaces._noise import NoisePowers, gaussian_taps, noise_powers, spline_taps
 
 FAILURES = {
@@ -64,7 +65,7 @@ class Matches:
     """(N, 2) centres of the template patches, px."""
 
     found: Array
-    """(N, 15) columns as in `tracker.kernels.patches.matching`."""
+    """(N, 15) columns as in `tracker.kernels.patches`."""
 
     ended: Integers
     """(N,) how each match ended, 0 for a match."""

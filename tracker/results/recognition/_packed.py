@@ -10,7 +10,7 @@ import numpy as np
 
 from tracker.foundation.arrays import Array32, Integers, Mask, frozen
 from tracker.foundation.errors import ConfigError
-from tracker.kernels.movements.warping import direction_gaps, warp_sequence
+from tracker.kernels.movements import direction_gaps, warp_sequence
 from tracker.results.recognition._variants import Variant, variants
 from tracker.results.recognition.library import Library
 from tracker.results.recognition.limb_directions import FEATURES, RATE_HZ, Course

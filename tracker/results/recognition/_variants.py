@@ -9,7 +9,7 @@ import numpy as np
 
 from tracker.foundation.arrays import Array32, Integers, frozen
 from tracker.foundation.errors import ConfigError, nearest
-from tracker.kernels.movements.warping import direction_gaps
+from tracker.kernels.movements import direction_gaps
 from tracker.results.recognition.library import LEAST_FRAMES, Library, Movement
 from tracker.results.recognition.rule import Rule
 from tracker.results.recognition.segment_directions import Features

@@ -1,4 +1,4 @@
-// Contour samples from pictures of part numbers and depths: tracker/kernels/pictures/id_contours.py for a graphics card.
+// Contour samples from pictures of part numbers and depths: tracker/kernels/pictures.py for a graphics card.
 layout(std430, binding = 3) readonly buffer Tiles { ivec4 tiles[]; };              // 3 a tile: atlas x y, view, pose; box; depths
 layout(std430, binding = 4) readonly buffer Solids { float solids[]; };            // 17 a part: motion, taper, exponents
 

@@ -1,4 +1,4 @@
-// Cameras, and what their lenses do: tracker/kernels/lens.py for a graphics card.
+// Cameras, and what their lenses do: tracker/kernels/projection.py for a graphics card.
 layout(std430, binding = 2) readonly buffer Cameras { float cameras[]; };          // CAMERA a view: Rig.packed
 
 const int CAMERA = 29;

@@ -1,4 +1,4 @@
-// Directed chamfer distances of one pose in one view, a workgroup a tile: tracker/kernels/contours/chamfer.py.
+// Directed chamfer distances of one pose in one view, a workgroup a tile: tracker/kernels/contours.py.
 layout(local_size_x = 256) in;
 layout(std430, binding = 5) readonly buffer Views { int views[]; };     // 9 a view: image size, chamfer image, points
 layout(std430, binding = 6) readonly buffer Chamfer { float chamfer[]; };

@@ -13,7 +13,7 @@ from tracker.bodies.body.sections import Clothes
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.camera import Camera
 from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask
-from tracker.kernels.pictures.rasterization import rasterize
+from tracker.kernels.pictures import rasterize
 
 # The chords of 36 faces lie at most 0.4 % of the radius inside the surface: 0.6 mm at a trunk.
 _N_ETA, _N_OMEGA = 25, 36

@@ -22,7 +22,7 @@ class TwistIcpEstimation:
     scene edges of agreeing direction), and repeats with a smaller gate.
 
     In the terms of Rosenhahn et al. 2006, section 2.3: motions are products of exponentials of twists (eqs. 5, 8, 9,
-    12: `tracker.kernels.body.kinematics`), linearized with twists in the world (eq. 11: `BodyModel.point_jacobian`);
+    12: `tracker.kernels.body`), linearized with twists in the world (eq. 11: `BodyModel.point_jacobian`);
     the equations of all views are one system for the six parameters of the body and its joint angles (`Equations`),
     solved by Cholesky with limits and a prior where the paper takes Householder's. Which part a point belongs to is
     told by the contour that it is paired with, or by votes as in section 2.2 (`votes` of `chamfer` and `level_set`).

@@ -10,7 +10,7 @@ from tracker.bodies.body import BodyModel
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Array32, Mask
-from tracker.kernels.pictures.rods import covered_by_rods
+from tracker.kernels.pictures import covered_by_rods
 
 # Pixels of a view that are asked for: a choice.
 _PIXELS = 150

@@ -1,9 +1,11 @@
-"""Dynamic time warping of a recording onto the movements of a library, in one pass."""
+"""Warping of recorded movements in time onto a queried one, for `recognition`."""
 
 from __future__ import annotations
 
 import tracker._native as native
 from tracker.foundation.arrays import Array32, Integers, Mask
+
+# Dynamic time warping of a recording onto the movements of a library, in one pass.
 
 
 def direction_gaps(queried: Array32, known: Array32, gaps: Array32) -> None:

@@ -1,1 +1,0 @@
-"""Bundle adjustment and ray intersection, for `calibration` and `lsm`."""

@@ -1,1 +1,0 @@
-"""Forward kinematics and collisions of parts, for `tracker.bodies.body.kinematic_tree` and `tracker.bodies.body`."""

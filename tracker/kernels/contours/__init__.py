@@ -1,1 +1,0 @@
-"""Occluding contours of a posed body, found and compared with edges, for `synthesis`, `similarity` and `estimation`."""

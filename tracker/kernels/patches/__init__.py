@@ -1,1 +1,0 @@
-"""Least squares matching of image patches, for `lsm`."""

@@ -1,1 +1,0 @@
-"""Colours beside contours, for the evidence of regions."""

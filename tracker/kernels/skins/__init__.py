@@ -1,1 +1,0 @@
-"""Kernels of skins: triangle meshes that move with the parts of a body."""
