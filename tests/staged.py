@@ -17,6 +17,12 @@ class Node:
 
     on_click = on_update
 
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *fault: object) -> None:
+        """What is added inside of a folder is found as what is outside."""
+
 
 class Server:
     """Takes note of nodes and of what steers them; nothing is served."""
@@ -32,7 +38,7 @@ class Server:
         def add(what, *arguments, **told):
             self.nodes[what if isinstance(what, str) else name] = node = Node(*arguments, **told)
             if name == "add_slider":
-                node.value = arguments[-1]
+                node.min, node.max, node.step, node.value = arguments
             if name == "add_checkbox":
                 node.value = arguments[0]
             return node

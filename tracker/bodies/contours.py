@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -38,6 +38,10 @@ class ViewContours:
 
     between: Mask
     """(N,) edge between touching parts: drawn, not matched (paper, section 5)."""
+
+    def chosen(self, rows: Mask) -> ViewContours:
+        """Some of the samples (N,)."""
+        return ViewContours(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
 @dataclass(frozen=True)

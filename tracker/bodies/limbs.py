@@ -72,7 +72,7 @@ def exchanged(body: BodyModel, q: Array, one: str, other: str) -> Array:
     paired = places != np.arange(len(places))
     marks = np.flatnonzero((body.landmarks_of(one) | body.landmarks_of(other)) & paired)
     columns = np.concatenate([body.group(one), body.group(other)])
-    return _reaching(body, mirrored(body, q, one, other), columns, marks, body.landmarks_in_world(q)[places[marks]])
+    return reaching(body, mirrored(body, q, one, other), columns, marks, body.landmarks_in_world(q)[places[marks]])
 
 
 def turned_round(body: BodyModel, q: Array) -> Array:
@@ -92,7 +92,7 @@ def turned_round(body: BodyModel, q: Array) -> Array:
         some = np.flatnonzero(marks & alike)
         if not len(columns) or not len(some):
             continue  # the paper's trunk is one piece
-        reached = _reaching(body, flipped.copy(), columns, some, targets[some])
+        reached = reaching(body, flipped.copy(), columns, some, targets[some])
         gaps = body.landmarks_in_world(np.array([flipped, reached]))[:, some] - targets[some]
         before_m, after_m = np.linalg.norm(gaps, axis=2).sum(axis=1)
         flipped = reached if after_m < before_m else flipped
@@ -131,7 +131,7 @@ def taken_over(body: BodyModel, q: Array, other: Array, group: str) -> Array:
     pose, columns = q.copy(), body.group(group)
     pose[columns] = other[columns]
     marks = np.flatnonzero(body.landmarks_of(group))
-    return _reaching(body, body.clamped(pose), columns, marks, body.landmarks_in_world(other)[marks])
+    return reaching(body, body.clamped(pose), columns, marks, body.landmarks_in_world(other)[marks])
 
 
 def scattered(body: BodyModel, centres: Array, group: str, n: int, spread: tuple[float, float]) -> Array:
@@ -164,8 +164,16 @@ def scattered_evenly(body: BodyModel, q: Array, columns: Integers, n: int) -> Ar
     return poses
 
 
-def _reaching(body: BodyModel, pose: Array, columns: Integers, marks: Integers, targets: Array) -> Array:
-    """The pose (dof,) whose landmarks reach for points (M, 3) with some of its parameters."""
+def reaching(body: BodyModel, pose: Array, columns: Integers, marks: Integers, targets: Array) -> Array:
+    """The pose (dof,) whose landmarks reach for points with some of its parameters, inside the limits.
+
+    Args:
+        body: the model.
+        pose: (dof,) rad and m, where they begin; changed.
+        columns: the parameters that may move.
+        marks: (M,) numbers of the landmarks.
+        targets: (M, 3) where they reach for, metres.
+    """
     ends = np.array([body.landmarks[mark].parameter for mark in marks], dtype=np.int64)
     for _ in range(_STEPS):
         points = body.landmarks_in_world(pose)[marks]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tracker.running.commands.options import Overrides
+from tracker.running.commands.options import Overrides, Overwrite
 from tracker.running.commands.terminal import ProgressBar, console
 
 if TYPE_CHECKING:
@@ -19,8 +19,18 @@ def view(
     what: Annotated[Path, typer.Argument(help="Result folder; or a configuration, to look on while it tracks.")],
     set_: Overrides = None,
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port; the next free one if it is taken.")] = 8080,
+    place: Annotated[
+        int | None, typer.Option(min=0, help="Number of a frame: place the bodies in it by hand, and save a start.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="Of --place: the start's file; default start.csv beside WHAT, or in exports.")
+    ] = None,
+    overwrite: Overwrite = False,
 ) -> None:
-    """Shows a result, or a run while it tracks, in a browser on this machine; needs viser. Ctrl-C ends it."""
+    """Shows a result, or a run while it tracks, in a browser on this machine; needs viser. Ctrl-C ends it.
+
+    With --place it shows one frame, and you pose the bodies in it: initialization `given` begins from what you save.
+    """
     from tracker.foundation.errors import ConfigError
     from tracker.results.result import load_result
     from tracker.running.viewing.server import serving
@@ -28,12 +38,40 @@ def view(
     live = what.suffix.lower() == ".toml" and not what.is_dir()
     if set_ and not live:
         raise ConfigError(f"--set: {what} is a result; it was tracked as its config.toml says")
+    if place is not None:
+        _placed(what, (set_ or []) if live else None, place, (output, overwrite), port)
+        return
+    if output is not None or overwrite:
+        raise ConfigError(f"--{'output' if output else 'overwrite'}: only --place writes a file")
     result = None if live else load_result(what)
     with serving(port) as server:
         if result is None:
             _live(what, set_ or [], server)
         else:
             _finished(result, server)
+
+
+def _placed(what: Path, overrides: list[str] | None, number: int, written: tuple[Path | None, bool], port: int) -> None:
+    """Poses in a frame of a configuration, or of a result, which has no overrides."""
+    from tracker.foundation.files import check_free
+    from tracker.results.exports import EXPORTS
+    from tracker.running.viewing.beginning import begun_in_result, begun_in_run
+    from tracker.running.viewing.placing import Placing
+    from tracker.running.viewing.server import serving
+
+    folder = what.parent if overrides is not None else what / EXPORTS
+    path = written[0] or folder / "start.csv"
+    check_free([path], written[1])
+    scene, frame = begun_in_result(what, number) if overrides is None else begun_in_run(what, overrides, number)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with serving(port, wide=True) as server:
+        placing = Placing(server, scene, frame, path)
+        with contextlib.suppress(KeyboardInterrupt):
+            _tell_address(server)
+            placing.serve()
+    given = f'initialization = {{ use = "given", poses = "{path.resolve()}" }}'
+    told = f"written: {path}; begin from it: {given} in the configuration, and --frames {number}:"
+    console.print(told if placing.saved else "no start was saved", highlight=False, soft_wrap=True)
 
 
 def _finished(result: Result, server: Any) -> None:

@@ -6,6 +6,7 @@ import dataclasses
 import logging
 import time
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -13,6 +14,7 @@ from typing import Annotated, ClassVar
 import pydantic
 
 from tracker.acquisition.variations import telling_bodies
+from tracker.bodies.body.description import BodyDescription
 from tracker.bodies.keypoint_layouts.views import KeypointFiles
 from tracker.bodies.scene import Person, Scene
 from tracker.bodies.subject import Subject
@@ -159,16 +161,27 @@ class TrackJob:
             raise ConfigError("one view: at least two are needed, for one does not tell how far away anybody is")
         if self.smoothing is not None:
             check_smoothing(self.smoothing, sequence.interval_s, self.recordings)
-        bodies = [model.build() for model in models.values()]
-        pairs = zip(self.persons, bodies, strict=True)
-        persons = tuple(Person(subject.name, body, body.rest(), subject.at) for subject, body in pairs)
-        scene = Scene(persons, sequence.rig)
+        scene = Scene(self.at_rest(models), sequence.rig)
         self.evidence.check(scene)
         self.initialization.check(scene, sequence.known)
         if earlier is None:
             return OpenedTrack(sequence, scene, models, self._frames(sequence))
         kept = self._earlier(earlier, scene), known_before(earlier, scene)
         return OpenedTrack(sequence, scene, models, self._frames(sequence), *kept)
+
+    def at_rest(self, models: Mapping[str, BodyDescription] | None = None) -> tuple[Person, ...]:
+        """The persons in their models' reference poses.
+
+        Args:
+            models: who -> description of the body; None for those that the configuration names.
+
+        Raises:
+            ModelError: a model cannot be used.
+        """
+        known = models or {subject.name: subject.description() for subject in self.persons}
+        bodies = [known[subject.name].build() for subject in self.persons]
+        pairs = zip(self.persons, bodies, strict=True)
+        return tuple(Person(subject.name, body, body.rest(), subject.at) for subject, body in pairs)
 
     def _frames(self, sequence: Sequence) -> Reopen:
         """Opens the recording; its first frames are decoded once if several look at them."""

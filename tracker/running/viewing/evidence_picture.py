@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import textwrap
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from tracker.bodies.contours import ViewContours
 from tracker.evidence import EvidencePicture
-from tracker.foundation.arrays import Image
+from tracker.foundation.arrays import Array32, Image
 from tracker.running.viewing.frame_evidence import SeenFrame, SeenView
 
 # BGR: contours expected, and found.
@@ -63,35 +64,57 @@ def _title(seen: SeenFrame, view: SeenView) -> list[str]:
 
 def _cell(one: EvidencePicture, view: SeenView, with_found: bool, width: int) -> Image:
     """A picture cut around the persons, with contours and its title, as wide as told."""
-    x, y, w, h = _window(view)
+    height, width_px = np.asarray(view.image.picture).shape[:2]
+    x, y, w, h = around(np.concatenate([view.expected.pixels, view.found.pixels]), (width_px, height))
     scale = width / w
     picture: Image = cv2.resize(
         np.ascontiguousarray(one.picture)[y : y + h, x : x + w], (width, round(h * scale)), interpolation=cv2.INTER_AREA
     )
-    _draw(picture, view.expected, (x, y), scale, _EXPECTED)
+    draw_contours(picture, view.expected, (x, y), scale, _EXPECTED)
     if with_found:
-        _draw(picture, view.found, (x, y), scale, _FOUND)
+        draw_contours(picture, view.found, (x, y), scale, _FOUND)
     _write(picture, "image: expected yellow, found violet" if with_found else one.title, picture.shape[0] - 8)
     return picture
 
 
-def _window(view: SeenView) -> tuple[int, int, int, int]:
-    """Left, top, width and height of what is shown: all contours with a margin, else the whole view."""
-    height, width = np.asarray(view.image.picture).shape[:2]
-    pixels = np.concatenate([view.expected.pixels, view.found.pixels])
-    if not len(pixels):
-        return 0, 0, width, height
-    low, high = pixels.min(axis=0), pixels.max(axis=0)
+class Window(NamedTuple):
+    """A part of a view, px."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+
+def around(pixels: Array32, size: tuple[int, int]) -> Window:
+    """What of a view is shown: contours with a margin, else all of it.
+
+    Args:
+        pixels: (N, 2) of the contours.
+        size: width and height of the view.
+    """
+    inside = pixels[((pixels > -1) & (pixels < size)).all(axis=1)]
+    if not len(inside):
+        return Window(0, 0, *size)
+    low, high = inside.min(axis=0), inside.max(axis=0)
     margin = _MARGIN * float((high - low).max()) + 8
-    left, top = np.clip(low - margin, 0, (width - 8, height - 8)).astype(int).tolist()
-    right, bottom = np.clip(high + margin, (left + 8, top + 8), (width, height)).astype(int).tolist()
-    return left, top, right - left, bottom - top
+    left, top = np.clip(low - margin, 0, np.array(size) - 8).astype(int).tolist()
+    right, bottom = np.clip(high + margin, (left + 8, top + 8), size).astype(int).tolist()
+    return Window(left, top, right - left, bottom - top)
 
 
-def _draw(
+def draw_contours(
     picture: Image, contours: ViewContours, origin: tuple[int, int], scale: float, shade: tuple[int, ...]
 ) -> None:
-    """Draws each matched sample as a piece of its contour."""
+    """Draws each matched sample as a piece of its contour.
+
+    Args:
+        picture: drawn into.
+        contours: of a view.
+        origin: pixel of the view at the picture's left upper corner.
+        scale: of the picture, against the view.
+        shade: BGR.
+    """
     seen = ~contours.between
     normals = contours.normals[seen]
     along = np.stack([-normals[:, 1], normals[:, 0]], axis=1) * contours.weights[seen, None] / 2

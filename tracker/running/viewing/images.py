@@ -29,13 +29,36 @@ def images_of(result: Result) -> Iterator[Frame]:
     Raises:
         TrackerError: the recording is not there any more.
     """
-    reading = reading_of(result, chosen_images(result))
+    return without_plates(reading_of(result, chosen_images(result))).frames()
+
+
+def without_plates(reading: Any) -> Sequence:
+    """A recording whose plates are not needed, and not made.
+
+    Raises:
+        TrackerError: the recording is not there.
+    """
     # still pictures are never looked through for plates, nor do they have masks
     none = {"background": "none", "masks": None, "occluders": None, "align_background": False}
-    sequence: Sequence = dataclasses.replace(
+    opened: Sequence = dataclasses.replace(
         reading, **(none if hasattr(reading, "masks") else {"background": None})
     ).open()
-    return sequence.frames()
+    return opened
+
+
+def single_frame(reading: Any, number: int) -> tuple[Sequence, Frame]:
+    """The opened recording, and one frame of it.
+
+    Raises:
+        ConfigError: the recording has no such frame.
+        TrackerError: the recording is not there.
+    """
+    ends = {"start": number, "stop": number + 1}
+    opened = without_plates(dataclasses.replace(reading, **{k: v for k, v in ends.items() if hasattr(reading, k)}))
+    frame = next(opened.frames(), None)
+    if frame is None or frame.index != number:
+        raise ConfigError(f"frame {number}: the recording has none; it begins at {0 if frame is None else frame.index}")
+    return opened, frame.unpacked()
 
 
 def chosen_images(result: Result) -> list[str]:

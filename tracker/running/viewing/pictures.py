@@ -28,8 +28,15 @@ _QUALITY = 75
 class Pictures:
     """The images so far, by frame; without the lens's distortion, the principal point in the middle."""
 
-    def __init__(self, rig: Rig, n_frames: int) -> None:
-        self._lenses = [_Lens(camera) for camera in rig.cameras]
+    def __init__(self, rig: Rig, n_frames: int, width_px: int = _WIDTH_PX) -> None:
+        """Nothing is kept yet.
+
+        Args:
+            rig: the cameras.
+            n_frames: how many frames there may be; of very many, not all are kept.
+            width_px: of a kept image, at most.
+        """
+        self._lenses = [_Lens(camera, width_px) for camera in rig.cameras]
         self._every = max(1, -(-n_frames // _MOST_FRAMES))
         self._kept: dict[int, tuple[NDArray[np.uint8] | None, ...]] = {}
         self._n_seen = 0
@@ -81,9 +88,9 @@ class Pictures:
 class _Lens:
     """How a camera's images are made small and straight."""
 
-    def __init__(self, camera: Camera) -> None:
+    def __init__(self, camera: Camera, width_px: int) -> None:
         width, height = camera.size
-        self.scale = min(1.0, _WIDTH_PX / width)
+        self.scale = min(1.0, width_px / width)
         self.size = max(1, round(width * self.scale)), max(1, round(height * self.scale))
         straight = np.diag([camera.matrix[0, 0], camera.matrix[1, 1], 1.0])
         straight[:2] *= self.scale

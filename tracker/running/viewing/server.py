@@ -15,8 +15,12 @@ LOOPBACK = "127.0.0.1"
 
 
 @contextlib.contextmanager
-def serving(port: int) -> Iterator[Any]:
+def serving(port: int, wide: bool = False) -> Iterator[Any]:
     """A viser server on the loopback address, as long as it is used; on the next free port if this one is taken.
+
+    Args:
+        port: of the address.
+        wide: whether what steers it needs much room.
 
     Raises:
         ConfigError: viser is not installed, or no port is free.
@@ -30,7 +34,8 @@ def serving(port: int) -> Iterator[Any]:
             server = viser.ViserServer(host=LOOPBACK, port=port, label="bodytrack", verbose=False)
     except (OSError, RuntimeError) as error:
         raise ConfigError(f"--port {port}: cannot be listened to: {error}") from error
-    server.gui.configure_theme(show_logo=False, show_share_button=False)  # the button would open a tunnel to outside
+    # the button would open a tunnel to outside
+    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large" if wide else "medium")
     server.scene.set_up_direction("+z")
     try:
         yield server

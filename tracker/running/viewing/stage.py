@@ -45,17 +45,29 @@ class Stage:
     def show(self, estimates: Sequence[Estimate]) -> None:
         """Poses the bodies; who is lost is not shown."""
         for person, meshes, estimate in zip(self._persons, self._bodies, estimates, strict=True):
-            placed = segments_in_world(person.body, estimate.q)
-            turns = _wxyz(placed[:, :3, :3])
-            colours = colours_of_doubt(person, estimate)
-            for mesh, segment, colour in zip(meshes, person.body.segments_of_parts, colours, strict=True):
-                mesh.visible = not estimate.lost
-                mesh.position, mesh.wxyz, mesh.color = placed[segment, :3, 3], turns[segment], colour
+            _place(person, meshes, estimate.q)
+            for mesh, colour in zip(meshes, colours_of_doubt(person, estimate), strict=True):
+                mesh.visible, mesh.color = not estimate.lost, colour
+
+    def pose(self, poses: Sequence[Array]) -> None:
+        """Poses the bodies as somebody wants them (dof,), whom nothing is doubted of."""
+        for person, meshes, q in zip(self._persons, self._bodies, poses, strict=True):
+            _place(person, meshes, q)
+            for mesh in meshes:
+                mesh.visible = True
 
     def show_images(self, images: Sequence[Image | None]) -> None:
         """Puts an image (h, w, 3) BGR, or none, before each camera."""
         for camera, image in zip(self._cameras, images, strict=True):
             camera.image = None if image is None else image[..., ::-1]
+
+
+def _place(person: Person, meshes: Sequence[Any], q: Array) -> None:
+    """Puts the parts of a person where a pose (dof,) has them."""
+    placed = segments_in_world(person.body, q)
+    turns = _wxyz(placed[:, :3, :3])
+    for mesh, segment in zip(meshes, person.body.segments_of_parts, strict=True):
+        mesh.position, mesh.wxyz = placed[segment, :3, 3], turns[segment]
 
 
 def colours_of_doubt(person: Person, estimate: Estimate) -> list[tuple[int, int, int]]:
