@@ -89,6 +89,11 @@ class Rig:
         axis = int(np.argmax(np.abs(upwards)))
         return ("-" if upwards[axis] < 0 else "") + "xyz"[axis]
 
+    @property
+    def probable_up(self) -> Array:
+        """(3,) direction of the world that is up as far as the cameras tell: `held_up`, else the axis `likely_up`."""
+        return _axis(self.likely_up) if self.held_up is None else self.held_up
+
     @cached_property
     def held_up(self) -> Array | None:
         """(3,) direction of the world about which all cameras are upright, as tripods hold them; None if there is none.
@@ -131,8 +136,17 @@ class Rig:
                 'up = "cameras": no direction about which all cameras are upright, expected three that look to '
                 "different sides; name an axis"
             )
+        return self.standing(_axis(up) if self.held_up is None or up != CAMERAS else self.held_up, floor_m)
+
+    def standing(self, up: Array, floor_m: float = 0.0) -> Rig:
+        """The rig in a world whose z axis is up, turned as little as can be.
+
+        Args:
+            up: (3,) unit vector that is up in this one.
+            floor_m: where the floor is along it, metres; z is 0 there.
+        """
         new_from_old = np.eye(4)
-        new_from_old[:3, :3] = _turn_to_z(up) if self.held_up is None or up != CAMERAS else _least_turn(self.held_up)
+        new_from_old[:3, :3] = _least_turn(up)
         new_from_old[2, 3] = -floor_m
         old_from_new = np.linalg.inv(new_from_old)
         return Rig(tuple(replace(one, camera_from_world=one.camera_from_world @ old_from_new) for one in self.cameras))
@@ -196,14 +210,10 @@ class Rig:
         return frozen([camera.size for camera in self.cameras])
 
 
-def _turn_to_z(up: str) -> Array:
-    """(3, 3) rotation that takes an axis to z: a quarter turn about x or y, a half turn about x."""
-    axis, sign = "xyz".index(up[-1]), -1.0 if up[0] == "-" else 1.0
-    if axis == 0:
-        return np.array([[0.0, 0, -sign], [0, 1, 0], [sign, 0, 0]])
-    if axis == 1:
-        return np.array([[1.0, 0, 0], [0, 0, -sign], [0, sign, 0]])
-    return np.diag([1.0, sign, sign])
+def _axis(name: str) -> Array:
+    """(3,) unit vector of an axis, for instance `-y`."""
+    axis: Array = np.eye(3)["xyz".index(name[-1])]
+    return -axis if name[0] == "-" else axis
 
 
 def _least_turn(up: Array) -> Array:
