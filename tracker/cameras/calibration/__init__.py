@@ -5,12 +5,23 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 from tracker.cameras.calibration._calibrated import Calibrated, Measure
+from tracker.cameras.calibration._floor_marks import Mark, floor_marks
 from tracker.cameras.calibration._report import report_html, report_text
 from tracker.cameras.calibration._world import read_points
 from tracker.cameras.views import Views
 from tracker.foundation.progress import Progress
 
-__all__ = ["Calibrated", "Calibration", "Measure", "Views", "read_points", "report_html", "report_text"]
+__all__ = [
+    "Calibrated",
+    "Calibration",
+    "Mark",
+    "Measure",
+    "Views",
+    "floor_marks",
+    "read_points",
+    "report_html",
+    "report_text",
+]
 
 
 @runtime_checkable

@@ -104,14 +104,14 @@ def sighting(pictures: Sequence[Image], wanted: Pattern) -> Sighting | None:
         wanted: the pattern of the configuration; what is nearer to it is preferred.
     """
     for picture in map(plain_grey, pictures):
-        for tried in (_charucos, _chessboards):  # of a ChArUco board, a plain one is seen as well
+        for tried in (_charucos, chessboards):  # of a ChArUco board, a plain one is seen as well
             found = list(tried(picture, wanted))
             if found:
                 return max(found, key=lambda one: (one.n_corners, -_apart(one.pattern, wanted)))
     return None
 
 
-def _chessboards(picture: Image, wanted: Pattern) -> Iterator[Sighting]:
+def chessboards(picture: Image, wanted: Pattern) -> Iterator[Sighting]:
     """The largest chessboard of about the wanted size, which may be told in squares; of a part of it others are."""
     columns, rows = wanted.size
     near = [(columns + a, rows + b) for a, b in itertools.product((1, 0, -1), repeat=2)]
@@ -155,7 +155,7 @@ def _charucos(picture: Image, wanted: Pattern) -> Iterator[Sighting]:
 def _with_any_markers(shown: Image, wanted: Pattern) -> Iterator[tuple[Pattern, int]]:
     """Patterns that see corners, and how many, with markers of any dictionary and in rows of any length."""
     for names in families().values():
-        corners, numbers = _markers(shown, names[-1])
+        corners, numbers = markers_in(shown, names[-1])
         if len(numbers) < _FEWEST_MARKERS:
             continue
         # numbers far above the others are of what looks like a marker
@@ -166,7 +166,8 @@ def _with_any_markers(shown: Image, wanted: Pattern) -> Iterator[tuple[Pattern, 
                 yield _named(pattern, wanted), len(found)
 
 
-def _markers(shown: Image, dictionary: str) -> tuple[Sequence[Array], Integers]:
+def markers_in(shown: Image, dictionary: str) -> tuple[Sequence[Array], Integers]:
+    """Corners (1, 4, 2) px and numbers of the markers of a dictionary that a grey picture shows."""
     corners, numbers, _ = cv2.aruco.ArucoDetector(markers_of(dictionary)).detectMarkers(shown)
     return corners, np.zeros(0, dtype=np.int32) if numbers is None else numbers
 
@@ -174,7 +175,7 @@ def _markers(shown: Image, dictionary: str) -> tuple[Sequence[Array], Integers]:
 def _lonely_markers(grey: Image) -> Iterator[tuple[str, Integers]]:
     """Dictionaries and numbers of markers that a picture shows, of small dictionaries, which are not seen by chance."""
     for shown, names in itertools.product((grey, 255 - grey), families().values()):
-        numbers = _markers(shown, names[0])[1]
+        numbers = markers_in(shown, names[0])[1]
         if len(numbers) > _FEWEST_MARKERS:
             yield names[0], numbers
 

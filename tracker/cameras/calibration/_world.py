@@ -81,7 +81,7 @@ class WorldFrame:
             motion, source = _from_points(rig, self.points), f"points of {self.points.name}"
         elif self.board is not None:
             motion, source = self._from_board(rig, self.board), "a board on the floor"
-            if len(_orders(self.board_columns, self.board_rows)) > 1:
+            if len(orders_alike(self.board_columns, self.board_rows)) > 1:
                 source += "; it looks the same when it is turned: look at which corner the origin is"
         else:
             motion, source = _level(rig, middle), "level cameras; origin in the middle of what was seen"
@@ -112,7 +112,7 @@ class WorldFrame:
         columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
         plan = self.board_square_m * np.stack([columns, rows, 0.0 * rows], axis=-1).reshape(-1, 3)
         corners = np.stack(images)
-        corners = _from_one_end(rig, corners, plan, _orders(*size))
+        corners = _from_one_end(rig, corners, plan, orders_alike(*size))
         points, _ = rig.triangulate(corners)
         if np.isfinite(points).all(axis=1).sum() < 4:
             raise CalibrationError(
@@ -128,7 +128,7 @@ class WorldFrame:
         return aligned_to_level(plan, points, rig)
 
 
-def _orders(columns: int, rows: int) -> list[Integers]:
+def orders_alike(columns: int, rows: int) -> list[Integers]:
     """Orders of a chessboard's corners that look alike: of an even sum from both ends, of a square from all sides."""
     grid = np.arange(columns * rows).reshape(rows, columns)
     turns = range(4) if columns == rows else (0, 2) if (columns - rows) % 2 == 0 else (0,)

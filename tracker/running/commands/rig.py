@@ -13,6 +13,7 @@ from tracker.foundation.errors import CalibrationError, ConfigError
 from tracker.running.commands.terminal import console, marked
 
 if TYPE_CHECKING:
+    from tracker.cameras.floor import Floor
     from tracker.cameras.rig import Rig
     from tracker.cameras.rig_layouts import RigFile
     from tracker.foundation.arrays import Image
@@ -27,6 +28,12 @@ Units = Annotated[
 ]
 Scale = Annotated[float, typer.Option(help="Factor for its lengths besides, where they have no unit.")]
 
+SEEN = "What tells the floor: a result folder (resting feet), a run.toml with keypoints, or pictures of a board or "
+SEEN += "markers on the floor, such as floor/{view}.png."
+
+AUTO = "auto"
+"""In place of metres: as what was seen tells."""
+
 rig_app = typer.Typer(no_args_is_help=True, help="Checks and converts calibrations.")
 
 
@@ -35,6 +42,7 @@ def rig_check(
     rig: Annotated[Path, typer.Argument(help="Calibration, in any layout that `rig convert` reads.")],
     images: Annotated[str | None, typer.Option(help="Pictures such as first/{view}.png: draws epipolar lines.")] = None,
     points: Annotated[Path | None, typer.Option(help="CSV: VIEW_u, VIEW_v and, for the scale, x, y, z.")] = None,
+    floor: Annotated[str | None, typer.Option(help=f"Proposes the floor and the axis that is up. {SEEN}")] = None,
     picture: Annotated[Path, typer.Option(help="Where the epipolar lines are drawn.")] = Path("epipolar.png"),
     size: Size = None,
     units: Units = None,
@@ -75,28 +83,65 @@ def rig_check(
             console.print(f"scale: measured distances are {beside.scale:.5f} times the known ones", highlight=False)
     for doubt in found.doubts:
         console.print(marked("look", doubt), highlight=False, soft_wrap=True)
+    if floor is not None:
+        _tell_floor(loaded, floor, f"`bodytrack rig convert {rig} NEW.toml --floor {AUTO} --seen {floor}` sets it")
     if images is not None:
         write_picture(picture, epipolar_picture(loaded, _pictures(images, loaded.names)))
         console.print(f"epipolar lines: {picture}", highlight=False, soft_wrap=True)
 
 
+def _tell_floor(rig: Rig, seen: str, advice: str = "") -> Floor:
+    """The floor that is told by what was seen, told about on the terminal."""
+    from tracker.running.floors import found_floor
+
+    found = found_floor(rig, seen, lambda pattern: _pictures_there(pattern, rig.names))
+    for line in found.told():
+        console.print(line, highlight=False, soft_wrap=True)
+    if advice:
+        console.print(advice, highlight=False, soft_wrap=True)
+    return found.floor
+
+
 def _pictures(pattern: str, names: tuple[str, ...]) -> tuple[Image, ...]:
+    """A picture of each view, or the first frame of a film.
+
+    Raises:
+        CalibrationError: one is missing, or is none.
+    """
+    paths = _paths(pattern, names)
+    missing = next((name for name, path in paths.items() if not path.is_file()), None)
+    if missing is not None:
+        raise CalibrationError(f'view "{missing}": no file {paths[missing]}')
+    return tuple(_picture(path, name) for name, path in paths.items())
+
+
+def _pictures_there(pattern: str, names: tuple[str, ...]) -> tuple[Image | None, ...]:
+    """The same, None for each view without a file.
+
+    Raises:
+        CalibrationError: no view has one, or one is none.
+    """
+    paths = _paths(pattern, names)
+    if not any(path.is_file() for path in paths.values()):
+        raise CalibrationError(f"{pattern}: no such file for any of the views {', '.join(names)}")
+    return tuple(_picture(path, name) if path.is_file() else None for name, path in paths.items())
+
+
+def _paths(pattern: str, names: tuple[str, ...]) -> dict[str, Path]:
+    if "{view}" not in pattern and len(names) > 1:
+        raise CalibrationError(f"{pattern}: no {{view}} in it, so all {len(names)} views would show the same")
+    return {name: Path(pattern.replace("{view}", name)) for name in names}
+
+
+def _picture(path: Path, name: str) -> Image:
     from tracker.images.reading.images import intact_image
     from tracker.images.reading.video import open_clip
 
-    if "{view}" not in pattern and len(names) > 1:
-        raise CalibrationError(f"--images {pattern}: no {{view}} in it, so all {len(names)} views would show the same")
-    found = []
-    for name in names:
-        path = Path(pattern.replace("{view}", name))
-        if not path.is_file():
-            raise CalibrationError(f'view "{name}": no file {path}')
-        still = path.suffix.lower() in (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-        image = intact_image(path) if still else open_clip(path, name)[2].read(0)
-        if image is None:
-            raise CalibrationError(f"{path}: holds no image")
-        found.append(image)
-    return tuple(found)
+    still = path.suffix.lower() in (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+    image = intact_image(path) if still else open_clip(path, name)[2].read(0)
+    if image is None:
+        raise CalibrationError(f"{path}: holds no image")
+    return image
 
 
 @rig_app.command("convert")
@@ -111,14 +156,19 @@ def rig_convert(
     up: Annotated[
         str, typer.Option(help="Axis up in the source: x, y, z, -x, -y, -z; or cameras: what all hold up.")
     ] = "z",
-    floor: Annotated[float, typer.Option(help="Where the floor is along that axis, metres; it becomes z = 0.")] = 0.0,
+    floor: Annotated[
+        str,
+        typer.Option(help=f"Where the floor is along that axis, metres; becomes z = 0. {AUTO}: as --seen tells."),
+    ] = "0",
+    seen: Annotated[str | None, typer.Option(help=f"For --floor {AUTO}. {SEEN}")] = None,
 ) -> None:
     """Converts a calibration from and for other programs."""
     from tracker.cameras.rig_layouts import read_rig, save_rig
 
+    floor_m = _floor_m(floor, up, seen)
     opened = read_rig(source, _pixels(size), units, scale)
-    _tell(opened, but="" if up == "z" else "--up")
-    rig = opened.rig.with_up(up, floor)
+    _tell(opened, but="--up" if up != "z" or seen is not None else "")
+    rig = opened.rig.with_up(up, floor_m) if seen is None else _tell_floor(opened.rig, seen).laid(opened.rig)
     if upright:
         rig = _upright(rig)
     for cost in save_rig(rig, target, layout):
@@ -142,6 +192,25 @@ def told_rig(path: Path, size: str | None = None) -> Rig:
     opened = read_rig(path, _pixels(size))
     _tell(opened)
     return opened.rig
+
+
+def _floor_m(floor: str, up: str, seen: str | None) -> float:
+    """Metres of `--floor`; 0 where what was seen tells it.
+
+    Raises:
+        ConfigError: it is no number, or options do not belong together.
+    """
+    if floor == AUTO and seen is None:
+        raise ConfigError(f"--floor {AUTO}: what tells it? expected --seen RESULT, --seen run.toml or --seen PICTURES")
+    if seen is not None and (floor != AUTO or up != "z"):
+        raise ConfigError(f"--seen tells the floor and the axis that is up: expected --floor {AUTO}, and no --up")
+    try:
+        metres = 0.0 if floor == AUTO else float(floor)
+    except ValueError:
+        metres = math.nan
+    if not math.isfinite(metres):
+        raise ConfigError(f"--floor {floor}: expected metres along the axis that is up, or {AUTO}")
+    return metres
 
 
 def _pixels(size: str | None) -> tuple[int, int] | None:
