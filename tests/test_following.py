@@ -16,13 +16,10 @@ from tracker.cameras.rig import Rig
 from tracker.cameras.triangulation import triangulate
 from tracker.foundation.errors import SequenceError
 from tracker.kernels.adjustment import intersect_rays
-from tracker.points.following.births import chosen_evenly, points_of_image, points_of_surface
-from tracker.points.following.density import Density
+from tracker.points.following.births import Density, chosen_evenly, points_of_image, points_of_surface
 from tracker.points.following.following import Following
-from tracker.points.following.neighbours import expected
-from tracker.points.following.points import restored
-from tracker.points.following.saved_state import STATE, Counts, save_state, saved_state
-from tracker.points.following.sequence import follow
+from tracker.points.following.points import expected, restored
+from tracker.points.following.sequence import STATE, Counts, follow, save_state, saved_state
 from tracker.points.surfaces.growth import Growth
 from tracker.points.surfaces.matching import LeastSquaresMatching
 from tracker.points.surfaces.surface import SurfaceMeasurement, measure_surface

@@ -10,10 +10,9 @@ from textures import Waves, deformed, pixels_of, sensed
 
 from tracker.foundation.arrays import frozen
 from tracker.kernels.patches import HALF_PATCH, MATCHED, stretch
-from tracker.points.surfaces.curvature import corrected_for_curvature
-from tracker.points.surfaces.filters import NeighbourhoodFilter, voxel_members
-from tracker.points.surfaces.growth import Growth, MatchField
+from tracker.points.surfaces.growth import Growth, MatchField, corrected_for_curvature
 from tracker.points.surfaces.matching import LeastSquaresMatching
+from tracker.points.surfaces.points import NeighbourhoodFilter, voxel_members
 
 SIZE = (160, 120)
 AFFINE, SHIFT = np.array([[1.05, 0.02], [-0.03, 0.97]]), np.array([2.0, 3.0])

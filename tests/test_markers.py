@@ -20,8 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from tracker.bodies.body import BodyModel
 from tracker.foundation.errors import ConfigError, SequenceError, TrackerError
-from tracker.points.following.marker_files import Markers as FollowedMarkers
-from tracker.points.following.marker_files import write_c3d
+from tracker.points.following.tables import Markers as FollowedMarkers
+from tracker.points.following.tables import write_c3d
 from tracker.results.evaluation.marker_comparison import compare
 from tracker.results.evaluation.marker_set import joints_of, load_marker_set
 from tracker.results.marker_layouts import read_markers

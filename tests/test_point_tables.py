@@ -7,9 +7,8 @@ import pytest
 from test_trajectories import trajectories
 
 from tracker.foundation.errors import SequenceError
-from tracker.points.following.motion import motion_of
-from tracker.points.following.read_tables import read_trajectories
-from tracker.points.following.tables import csv_header, csv_lines
+from tracker.points.following.record import motion_of
+from tracker.points.following.tables import csv_header, csv_lines, read_trajectories
 
 HEAD = "frame,time_s,point,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m"
 

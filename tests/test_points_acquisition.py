@@ -28,7 +28,7 @@ from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import save_rig
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.errors import ConfigError, SequenceError, TrackerError
-from tracker.points.following.read_tables import read_trajectories
+from tracker.points.following.tables import read_trajectories
 from tracker.points.surfaces.points import SurfacePoints
 from tracker.points.surfaces.surface_files import write_ply
 from tracker.running.cli import _told, app

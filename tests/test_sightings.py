@@ -8,7 +8,7 @@ from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.points.following.following import Following
 from tracker.points.following.keys import Keys, Sighting
-from tracker.points.following.newborn import NewPoints, born
+from tracker.points.following.points import NewPoints, born
 from tracker.points.following.sightings import NewKeys, Prepared, Sightings
 from tracker.points.trajectories import PointStatus
 

@@ -10,11 +10,17 @@ import numpy as np
 import pytest
 
 from tracker.foundation.errors import ConfigError
-from tracker.points.following.leading import inside, led_nodes
-from tracker.points.following.led_snakes import advanced, begun, evenly
-from tracker.points.following.snake_edges import _best
-from tracker.points.following.snake_files import FollowedSnake, Seen, snakes_csv
-from tracker.points.following.snakes import Contour, Snake
+from tracker.points.following.led_snakes import (
+    FollowedSnake,
+    Seen,
+    advanced,
+    begun,
+    evenly,
+    inside,
+    led_nodes,
+    snakes_csv,
+)
+from tracker.points.following.snakes import Contour, Snake, _best
 
 SIZE, RADII, NOISE_GREY = (220, 160), np.array((34.0, 22.0)), 2.0
 

@@ -22,9 +22,8 @@ from tracker.foundation.errors import ConfigError, MatchingError, SequenceError,
 from tracker.images.operations.local_contrast import wallis_filter
 from tracker.images.reading.stills import StillReading
 from tracker.points.following.births import given_points
-from tracker.points.surfaces.filters import NeighbourhoodFilter
 from tracker.points.surfaces.growth import Growth
-from tracker.points.surfaces.points import voxel_filtered
+from tracker.points.surfaces.points import NeighbourhoodFilter, voxel_filtered
 from tracker.points.surfaces.seeds import Seeds
 from tracker.points.surfaces.surface import SurfaceMeasurement, measure_surface, residual_rms_px
 from tracker.points.surfaces.surface_files import write_csv

@@ -19,7 +19,7 @@ from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import load_rig
 from tracker.foundation.arrays import Array, Image, Mask
 from tracker.points.following.births import chosen_evenly, points_of_surface
-from tracker.points.following.newborn import NewPoints
+from tracker.points.following.points import NewPoints
 from tracker.points.surfaces.growth import Growth
 from tracker.points.surfaces.surface import SurfaceMeasurement, measure_surface
 

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Image, Mask
-from tracker.points.following.snake_files import FollowedSnake, Seen
+from tracker.points.following.led_snakes import FollowedSnake, Seen
 from tracker.points.following.snakes import Snake
 from tracker.points.trajectories import PointFrame
 from tracker.running.jobs import load_job

@@ -27,7 +27,7 @@ from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import SequenceError
 from tracker.foundation.progress import Progress, silent
 from tracker.images.observation import Observation
-from tracker.points.following.read_tables import PointTable
+from tracker.points.following.tables import PointTable
 from tracker.synthesis.cpu import CpuSynthesis
 
 _MOST_M = 0.05

@@ -11,7 +11,7 @@ import numpy as np
 from tracker.foundation.arrays import Array, Integers
 from tracker.foundation.errors import SequenceError
 from tracker.foundation.files import Stamp, stamp_of
-from tracker.points.following.read_tables import TABLE, PointTable, read_trajectories
+from tracker.points.following.tables import TABLE, PointTable, read_trajectories
 
 
 @dataclass(frozen=True)

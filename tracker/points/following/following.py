@@ -11,8 +11,7 @@ import pydantic
 from tracker.foundation.arrays import Integers
 from tracker.foundation.configuration.components import component
 from tracker.points.following.keys import Keys, Quality
-from tracker.points.following.newborn import NewPoints, born
-from tracker.points.following.points import Points
+from tracker.points.following.points import NewPoints, Points, born
 from tracker.points.surfaces.matching import LeastSquaresMatching, PatchImage
 
 

@@ -1,18 +1,93 @@
-"""Points in space from matched points: forward ray intersection with covariances, and the voxel filter."""
+"""Points in space from matched points, the filters of both, and how much of the views they cover."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pydantic
+from scipy.ndimage import label, uniform_filter
+from scipy.spatial import cKDTree
 
 from tracker.cameras.camera import Camera
 from tracker.cameras.triangulation import triangulate
 from tracker.foundation.arrays import Array, Image, Integers, Mask
-from tracker.points.surfaces.filters import voxel_members
+from tracker.foundation.configuration.components import component
 from tracker.points.surfaces.growth import MatchField
+
+
+@component
+class NeighbourhoodFilter:
+    """Removes matches that differ from the local mean of their neighbours (paper, section 2.2)."""
+
+    window: int = pydantic.Field(default=5, ge=3, le=51)
+    """Side of the neighbourhood, cells of the growth grid, odd."""
+
+    max_affine: float = pydantic.Field(default=0.15, gt=0)
+    """Largest difference of an affine parameter from the neighbours' mean."""
+
+    max_shift_px: float = pydantic.Field(default=1.0, gt=0)
+    """Largest distance from where the neighbours' mean position and affine transformation expect the point, px."""
+
+    min_neighbours: int = pydantic.Field(default=3, ge=1)
+    """Matches with fewer neighbours are removed."""
+
+    min_island: int = pydantic.Field(default=30, ge=1)
+    """Connected matches of fewer cells are removed: mismatches hang together."""
+
+    rounds: int = pydantic.Field(default=1, ge=0, le=10)
+    """How often what was removed is measured again and filtered again."""
+
+    def doubtful(self, field: MatchField) -> Mask:
+        """(rows * columns,) matched cells to be removed."""
+        matched = field.matched.reshape(field.shape)
+        values = np.concatenate([field.at, field.found[:, :6]], axis=1).reshape(*field.shape, 8)
+        n, means = _neighbour_means(values, matched, self.window | 1)
+        own = values[..., 2:]
+        affine = np.abs(own[..., 2:] - means[..., 4:]).max(axis=-1)
+        offset = values[..., :2] - means[..., :2]
+        expected = means[..., 2:4] + np.einsum("...ij,...j->...i", means[..., 4:].reshape(*field.shape, 2, 2), offset)
+        shift = np.linalg.norm(own[..., :2] - expected, axis=-1)
+        lonely = n < self.min_neighbours
+        away = lonely | (affine > self.max_affine) | (shift > self.max_shift_px)
+        doubtful: Mask = matched & (away | self._islands(matched & ~away))
+        return doubtful.ravel()
+
+    def _islands(self, matched: Mask) -> Mask:
+        """Cells (rows, columns) of small connected regions."""
+        regions, _ = label(matched, structure=np.ones((3, 3)))
+        small = np.bincount(regions.ravel()) < self.min_island
+        small[0] = False
+        islands: Mask = small[regions]
+        return islands
+
+
+def _neighbour_means(values: Array, valid: Mask, window: int) -> tuple[Integers, Array]:
+    """Number of valid neighbours (rows, columns) in a window, and their means (rows, columns, k), without the cell."""
+    weight = valid.astype(np.float64)
+    area = window * window
+
+    def summed(layer: Array) -> Array:
+        masked = np.where(valid, layer, 0.0)
+        sums: Array = uniform_filter(masked, window, mode="constant") * area - masked
+        return sums
+
+    count = np.round(summed(weight)).astype(np.int64)
+    sums = np.stack([summed(values[..., k]) for k in range(values.shape[-1])], axis=-1)
+    return count, sums / np.maximum(count, 1)[..., None]
+
+
+def voxel_members(points: Array, voxel_m: float) -> Integers:
+    """Number (N,) of the voxel that each point (N, 3) lies in, counted from 0 over the voxels that hold any."""
+    cells = np.floor((points - points.min(axis=0)) / voxel_m).astype(np.int64)
+    _, members = np.unique(cells, axis=0, return_inverse=True)
+    return np.asarray(members.ravel(), dtype=np.int64)
+
+
+# Points in space from matched points: forward ray intersection with covariances, and the voxel filter.
 
 
 @dataclass(frozen=True)
@@ -182,3 +257,63 @@ def _means(values: Array, members: Integers) -> Array:
     sums = np.stack([np.bincount(members, weights=column) for column in columns], axis=1)
     means: Array = (sums / np.bincount(members)[:, None]).reshape(-1, *values.shape[1:])
     return means
+
+
+# How much of what two views are known to show a surface measurement has reached, and why not more.
+
+# Below half of the region, a surface is no success.
+_ENOUGH = 0.5
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What the measurement of one search image started from."""
+
+    at: Array
+    """(N, 2) template pixels that are known to be visible in both views."""
+
+    n_seeds: int
+    """Cells that growth started from."""
+
+    faults: tuple[str, ...]
+    """Why the others failed as seeds, a text for each."""
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What became of the places that template and search image are known to have in common."""
+
+    n_candidates: int
+    """Approximate correspondences: image features that look alike and agree with the rig, or given seeds."""
+
+    n_covered: int
+    """Those of them with a measured point within reach."""
+
+    n_seeds: int
+    """Cells that growth started from."""
+
+    faults: tuple[str, ...]
+    """Why candidates failed as seeds, a text for each."""
+
+    @property
+    def share(self) -> float:
+        """Of the candidates that are covered."""
+        return self.n_covered / max(self.n_candidates, 1)
+
+    def warning(self, template: str, search: str) -> str | None:
+        """What to say of a surface that covers less than half of what the views are known to show."""
+        if self.share >= _ENOUGH:
+            return None
+        said = f"{template} - {search}: the surface covers {self.n_covered} of {self.n_candidates} places that both "
+        said += f"views are known to show ({100 * self.share:.0f} %): it is not complete"
+        if self.faults:
+            reasons = ", ".join(f"{n} {why}" for why, n in Counter(self.faults).most_common(3))
+            said += f"; {len(self.faults)} of {self.n_candidates} seeds failed: {reasons}"
+        return said + "; try another matching.patch_px, views nearer to one another, or preparation.enhance_contrast"
+
+
+def coverage_of(attempt: Attempt, at: Array, reach_px: float) -> Coverage:
+    """What became of an attempt, where points were measured at template pixels (N, 2)."""
+    n = len(attempt.at)
+    gaps = cKDTree(at).query(attempt.at)[0] if len(at) and n else np.full(n, np.inf)
+    return Coverage(n, int((np.asarray(gaps) <= reach_px).sum()), attempt.n_seeds, attempt.faults)

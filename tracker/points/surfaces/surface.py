@@ -15,14 +15,18 @@ from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import ConfigError, MatchingError, nearest
 from tracker.foundation.progress import Progress, silent, within
-from tracker.points.surfaces.coverage import Attempt, Coverage, coverage_of
-from tracker.points.surfaces.curvature import corrected_for_curvature
-from tracker.points.surfaces.filters import NeighbourhoodFilter
-from tracker.points.surfaces.growth import Growth, MatchField
-from tracker.points.surfaces.image_features import Candidates
+from tracker.points.surfaces.growth import Growth, MatchField, corrected_for_curvature
 from tracker.points.surfaces.matching import LeastSquaresMatching, Matches, PatchImage
-from tracker.points.surfaces.points import SurfacePoints, intersect, voxel_filtered
-from tracker.points.surfaces.seeds import Seeds, matched_seeds
+from tracker.points.surfaces.points import (
+    Attempt,
+    Coverage,
+    NeighbourhoodFilter,
+    SurfacePoints,
+    coverage_of,
+    intersect,
+    voxel_filtered,
+)
+from tracker.points.surfaces.seeds import Candidates, Seeds, matched_seeds
 from tracker.points.surfaces.views import Preparation, PreparedView
 
 

@@ -20,7 +20,7 @@ from tracker.points.following.births import (
     with_room,
 )
 from tracker.points.following.following import Following
-from tracker.points.following.newborn import NewPoints
+from tracker.points.following.points import NewPoints
 from tracker.points.surfaces.points import one_a_voxel
 from tracker.points.surfaces.surface import Surface, SurfaceMeasurement, measure_surface
 

@@ -13,12 +13,12 @@ from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Image, Integers
 from tracker.foundation.files import write_whole
 from tracker.images.picture_files import write_picture
-from tracker.points.following.cuts import Cuts
+from tracker.points.following.filters import Cuts
 from tracker.points.following.following import Following
-from tracker.points.following.pictures import points_picture
+from tracker.points.following.led_snakes import FollowedSnake, Seen, drawn, seen_in, sheet, sheet_frames, snakes_csv
 from tracker.points.following.record import Rows, between
+from tracker.points.following.report import points_picture
 from tracker.points.following.sequence import prepared, prepared_rig
-from tracker.points.following.snake_files import FollowedSnake, Seen, drawn, seen_in, sheet, sheet_frames, snakes_csv
 from tracker.points.following.snakes import Contour, Snake
 from tracker.points.surfaces.views import Preparation
 

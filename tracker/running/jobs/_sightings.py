@@ -9,7 +9,7 @@ from pathlib import Path
 from tracker.foundation.progress import Progress
 from tracker.points.following.points import Points
 from tracker.points.following.record import append, shortened
-from tracker.points.following.saved_state import Counts, SavedState, save_state
+from tracker.points.following.sequence import Counts, SavedState, save_state
 from tracker.points.trajectories import PointFrame
 from tracker.running.jobs import ResultFolder
 from tracker.running.jobs._stopping import stopping

@@ -12,14 +12,11 @@ import numpy as np
 
 from tracker.foundation.arrays import Array, Integers
 from tracker.foundation.files import replacing, write_whole
-from tracker.points.following.cuts import Cuts
+from tracker.points.following.filters import Cuts
 from tracker.points.following.key_points import KEY_POINTS_HEADER, Surroundings, followed_key_points, key_points_csv
-from tracker.points.following.marker_files import marker_labels, trc_text, write_c3d
-from tracker.points.following.motion import REACH_FRAMES, Motion, motion_of
-from tracker.points.following.overview import Gathering, Overview
-from tracker.points.following.record import Rows, between
-from tracker.points.following.tables import Names, csv_header, csv_lines, ply_bytes
-from tracker.points.following.windows import Window, windows
+from tracker.points.following.record import REACH_FRAMES, Motion, Rows, Window, between, motion_of, windows
+from tracker.points.following.report import Gathering, Overview
+from tracker.points.following.tables import Names, csv_header, csv_lines, marker_labels, ply_bytes, trc_text, write_c3d
 
 Around = Callable[[Integers, Array], Surroundings]
 """The points around the key points, of the ids (N,) and positions (N, 3) m in the first frame."""

@@ -28,7 +28,7 @@ from tracker.foundation.configuration.components import FilePath, ModelFile, com
 from tracker.foundation.errors import ConfigError, ModelError, nearest
 from tracker.foundation.progress import Progress
 from tracker.foundation.resources import model_path
-from tracker.points.following.read_tables import PointTable, read_trajectories
+from tracker.points.following.tables import PointTable, read_trajectories
 from tracker.running.jobs import ResultFolder, described
 from tracker.running.jobs._acquired import Acquired, AcquireOutcome
 from tracker.synthesis.cpu import CpuSynthesis

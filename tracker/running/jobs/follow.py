@@ -21,21 +21,16 @@ from tracker.foundation.errors import ConfigError, nearest
 from tracker.foundation.files import replacing, write_json, write_whole
 from tracker.foundation.progress import Progress, silent
 from tracker.images.reading import Reading, Sequence
-from tracker.points.following.cuts import cut_where_false, no_cuts
-from tracker.points.following.density import Density
-from tracker.points.following.filters import TrajectoryFilters
+from tracker.points.following.births import Density
+from tracker.points.following.filters import TrajectoryFilters, cut_where_false, no_cuts
 from tracker.points.following.following import Following
 from tracker.points.following.key_points import clicked_places, surroundings
-from tracker.points.following.marker_files import C3D_ASKED
-from tracker.points.following.newborn import NewPoints
-from tracker.points.following.pictures import counts_figure, trajectories_figure
-from tracker.points.following.points import Points
+from tracker.points.following.points import NewPoints, Points
 from tracker.points.following.record import read
-from tracker.points.following.report import report_html
-from tracker.points.following.saved_state import Counts, SavedState, saved_state
-from tracker.points.following.sequence import follow, prepared_rig
+from tracker.points.following.report import Course, Summary, counts_figure, report_html, summarized, trajectories_figure
+from tracker.points.following.sequence import Counts, SavedState, follow, prepared_rig, saved_state
 from tracker.points.following.snakes import Contour, Snake, snake_faults
-from tracker.points.following.summary import Course, Summary, summarized
+from tracker.points.following.tables import C3D_ASKED
 from tracker.points.surfaces.surface import SurfaceMeasurement
 from tracker.points.trajectories import PointFrame
 from tracker.running.jobs import ResultFolder, described

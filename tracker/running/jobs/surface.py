@@ -17,8 +17,7 @@ from tracker.foundation.files import replacing, write_json
 from tracker.foundation.progress import Progress
 from tracker.images.reading import Reading, Sequence
 from tracker.points.surfaces.surface import Surface, SurfaceMeasurement, measure_surface, residual_rms_px
-from tracker.points.surfaces.surface_files import write_csv, write_ply
-from tracker.points.surfaces.surface_pictures import cloud_figure, matches_figure
+from tracker.points.surfaces.surface_files import cloud_figure, matches_figure, write_csv, write_ply
 from tracker.running.jobs import ResultFolder, described
 
 
