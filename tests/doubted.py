@@ -46,6 +46,6 @@ def estimate_of(truth: Scene, observation: Observation, **off_deg: float) -> Est
 
 def in_doubt(estimate: Estimate, *limbs: str, whole: bool = False, vague: bool = False) -> Estimate:
     """The estimate with these limbs in doubt, perhaps the person as a whole, and nothing else; vague limbs or not."""
-    because = Because.TWO_POSES if vague else Because.LEFT_OVER
+    because = Because.IMPROBABLE if vague else Because.LEFT_OVER
     everything = [Doubt("", Because.LEFT_OVER, 0.4, 0.25)] if whole else []
     return replace(estimate, doubts=(*everything, *(Doubt(limb, because, 0.1, 0.2) for limb in limbs)))

@@ -13,7 +13,8 @@ from tracker.foundation.errors import SequenceError
 from tracker.images.observation import Observation
 from tracker.results.recording._journal_line import line_of, replay_of
 from tracker.tracking.doubt import Because, Doubt
-from tracker.tracking.loss import LossRule, judged, limbs_left_over
+from tracker.tracking.limb_probabilities import limbs_left_over
+from tracker.tracking.loss import LossRule, judged
 
 
 def test_the_reason_of_a_doubt_is_measured(truth: Scene, observation: Observation) -> None:
@@ -33,22 +34,22 @@ def test_a_limb_is_doubted_once_for_a_reason(truth: Scene, observation: Observat
     once = in_doubt(estimate_of(truth, observation), "left_arm", vague=True).doubting((jump,))
     assert (once.ambiguous, once.vague, once.limbs_in_doubt) == (("left_arm",), (), ("left_arm",))
     assert once.doubting((replace(jump, value=0.2),)) == once
-    assert [doubt.because for doubt in once.doubts] == [Because.TWO_POSES, Because.JUMP]
+    assert [doubt.because for doubt in once.doubts] == [Because.IMPROBABLE, Because.JUMP]
 
 
 def test_the_last_line_says_why(truth: Scene, observation: Observation) -> None:
     sure = in_doubt(estimate_of(truth, observation))
-    arm = sure.doubting((Doubt("left_arm", Because.TWO_POSES, 0.1, 0.2),))
+    arm = sure.doubting((Doubt("left_arm", Because.IMPROBABLE, 0.1, 0.2),))
     gone = in_doubt(sure, whole=True).losing(Doubt("", Because.FEW_VIEWS, 1, 2))
     rows = [[sure], [arm], [arm], [gone], [arm.doubting((Doubt("left_arm", Because.JUMP, 0.3, 0.1),))]]
     assert after_all(steps_of(truth, observation, rows)).why() == (
-        "4 of 5 frames in doubt: 3 left arm: two poses explain the images alike, 1 left arm: it jumps from one frame "
-        "to another, 1 lost: too few views show it"
+        "4 of 5 frames in doubt: 3 left arm: it is rather elsewhere than where it is told, 1 left arm: it "
+        "jumps from one frame to another, 1 lost: too few views show it"
     )
     name, pairs = truth.persons[0].name, [(arm, sure), (sure, gone)]
     assert after_all(steps_of(truth, observation, pairs)).why() == (
-        f"2 of 2 frames in doubt: 1 {name}'s left arm: two poses explain the images alike, 1 other lost: too few views "
-        "show it"
+        f"2 of 2 frames in doubt: 1 {name}'s left arm: it is rather elsewhere than where it is told, 1 other lost: too "
+        "few views show it"
     )
     assert after_all(steps_of(truth, observation, [[sure]])).why() == ""
     many = sure.doubting(
@@ -59,7 +60,7 @@ def test_the_last_line_says_why(truth: Scene, observation: Observation) -> None:
 
 def test_the_journal_keeps_the_reasons(truth: Scene, observation: Observation) -> None:
     found = in_doubt(estimate_of(truth, observation), "left_arm").doubting(
-        (Doubt("head", Because.IMPRECISE, 0.07, 0.06),)
+        (Doubt("head", Because.IMPROBABLE, 0.07, 0.06),)
     )
     lost = found.losing(Doubt("", Because.NOT_FOUND))
     for estimate in (found, lost):

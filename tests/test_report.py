@@ -47,7 +47,7 @@ def sure() -> Movement:
 def doubted() -> Movement:
     """The left arm jumps in three frames, in one of them two poses explain the right one."""
     movement = sure()
-    jump, other = Doubt("left_arm", Because.JUMP, 0.3, 0.1), Doubt("right_arm", Because.TWO_POSES, 0.1, 0.2)
+    jump, other = Doubt("left_arm", Because.JUMP, 0.3, 0.1), Doubt("right_arm", Because.IMPROBABLE, 0.1, 0.2)
     steps = list(movement.steps)
     for t, told in ((3, (jump,)), (4, (jump, other)), (5, (jump,))):
         steps[t] = replace(steps[t], estimates=(steps[t].estimates[0].doubting(told),))
@@ -71,10 +71,10 @@ def test_what_is_in_doubt_comes_first_with_its_reasons(tmp_path: Path, folder: P
     assert "Nothing is in doubt" not in page
     assert f"3 of {N_FRAMES} frames are in doubt:" in page
     told = re.findall(r"<li>(.*?)</li>", page)
-    assert told == [f"left arm in 3: {Because.JUMP.phrase}", f"right arm in 1: {Because.TWO_POSES.phrase}"]
+    assert told == [f"left arm in 3: {Because.JUMP.phrase}", f"right arm in 1: {Because.IMPROBABLE.phrase}"]
     strip = re.findall(r'<i style="flex-grow[^>]* title="([^"]*)"', page)
     assert f"person1, frames 13 to 15: limb ambiguous. left arm: {Because.JUMP.phrase}; right arm: " in "|".join(strip)
-    assert f'<td class="why">left arm: {Because.JUMP.phrase}; right arm: {Because.TWO_POSES.phrase}</td>' in page
+    assert f'<td class="why">left arm: {Because.JUMP.phrase}; right arm: {Because.IMPROBABLE.phrase}</td>' in page
     # below the list the command that draws its first frame, the worst
     assert "<code>bodytrack show frame RESULT --frame 14</code>" in page.partition("Worst frames")[2]
 

@@ -16,7 +16,6 @@ from tracker.tracking.cycle import Cycle
 from tracker.tracking.estimate import Status
 from tracker.tracking.jumps import with_jumps
 from tracker.tracking.loss import Troubles
-from tracker.tracking.outcome import judged_as_wholes
 from tracker.tracking.rehearsal import Reopen
 from tracker.tracking.sequence import replayed
 from tracker.tracking.trajectory import History, Replay, Step
@@ -58,8 +57,7 @@ def before_all(steps: Sequence[Step], at: Pass, begin: int, cycle: Cycle, reopen
         if cycle.leaving() or seen_s - (turn_s - back[-1].frame.time_s) >= _GONE_S:
             break
     # a limb may jump between two windows as well
-    judged = [judged_as_wholes(step) for step in with_jumps(found)]
-    there = [step for step in _told_forwards([first, *judged])[1:] if turn_s - step.frame.time_s >= seen_s]
+    there = [step for step in _told_forwards([first, *with_jumps(found)])[1:] if turn_s - step.frame.time_s >= seen_s]
     return {step.frame.index: replace(as_replay(step), time_s=turn_s - step.frame.time_s) for step in there}
 
 

@@ -30,18 +30,19 @@ class Because(StrEnum):
     FEW_VIEWS = "few_views", "too few views show it"
     SAME_PLACE = "same_place", "somebody else stands in the same place", "%"
     LEFT_OVER = "left_over", "model and images leave over too much of each other's contour", "%"
-    MOST_LIMBS = "most_limbs", "most limbs may be elsewhere"
     UNSURE_START = "unsure_start", "the start is rather wrong than right, and no frame has confirmed it", "%"
-    IMPRECISE = "imprecise", "the images hardly tell where a joint lies", "m"
+    IMPROBABLE = "improbable", "it is rather elsewhere than where it is told", "%"
     TWO_POSES = "two_poses", "two poses explain the images alike", "px"
     JUMP = "jump", "it jumps from one frame to another", "m"
     UNTOLD = "untold", "an older version of the program kept no reason"
     BRIDGED = "bridged", "an older version led it evenly past where it was found", "m"
+    MOST_LIMBS = "most_limbs", "an older version found that most limbs may be elsewhere"
+    IMPRECISE = "imprecise", "an older version found that the images hardly tell where a joint lies", "m"
     HARDLY_SEEN = "hardly_seen", "an older version kept only that the images tell little of it"
 
 
 _LOSING = frozenset((Because.NOT_FOUND, Because.UNEXPLAINED, Because.FEW_VIEWS, Because.SAME_PLACE))
-_VAGUE = frozenset((Because.IMPRECISE, Because.TWO_POSES, Because.HARDLY_SEEN))
+_VAGUE = frozenset((Because.IMPROBABLE, Because.TWO_POSES, Because.IMPRECISE, Because.HARDLY_SEEN))
 
 
 @dataclass(frozen=True)

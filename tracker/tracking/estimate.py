@@ -101,13 +101,15 @@ class Estimate:
         return tuple(limb for limb in self.ambiguous if limb not in self.vague)
 
     def doubting(self, doubts: Iterable[Doubt]) -> Estimate:
-        """The same with further doubts; of a limb that is doubted for the same reason already nothing is added."""
+        """The same with further doubts, one a limb and reason; nothing is added of who is lost."""
+        if self.lost:
+            return self
         told = {(doubt.limb, doubt.because) for doubt in self.doubts}
         return replace(self, doubts=(*self.doubts, *(one for one in doubts if (one.limb, one.because) not in told)))
 
     def losing(self, doubt: Doubt) -> Estimate:
-        """The same, not to be used for a reason, which is the first to be told."""
-        return replace(self, status=Status.LOST, doubts=(doubt, *self.doubts))
+        """The same, not to be used for a reason, which is the first to be told; of its limbs nothing is told."""
+        return replace(self, status=Status.LOST, doubts=(doubt, *(one for one in self.doubts if not one.limb)))
 
     @property
     def distance_px(self) -> float:

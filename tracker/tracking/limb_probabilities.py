@@ -8,12 +8,20 @@ import numpy as np
 
 from tracker.bodies.body import BodyModel
 from tracker.bodies.limbs import smallness
+from tracker.evidence.measures.account import Account
 from tracker.foundation.arrays import Array
 from tracker.tracking.estimate import Estimate
-from tracker.tracking.loss import limb_spreads_m, limbs_left_over
 
 _KNOWN_M, _LEAST_SPREAD_M = 0.03, 0.003
 """Spread of a joint that speaks neither for a pose nor against it, and below which one is no better known, metres."""
+
+
+# A limb that shows less contour than this over all views is judged as if it showed so much, px.
+_LEAST_LIMB_PX = 100.0
+# Of heads in their place hair leaves over 0.03 to 0.27 (K-Kick, V-Dance, T-Punch-light, with plates and without), and
+# 0.60 of one that a start had bent forward.
+# See docs/lab/acquired_starts.md.
+_USUAL_OF_HEADS = 0.2
 
 
 class Odds(NamedTuple):
@@ -49,7 +57,7 @@ class Known(NamedTuple):
     """The same of the whole body."""
 
     spread_m: Array
-    """Of the limb's joints, see `tracker.tracking.loss.limb_spreads_m`; NaN where it is not known."""
+    """Of the limb's joints, see `limb_spreads_m`; NaN where it is not known."""
 
 
 def known_of(body: BodyModel, estimate: Estimate) -> Known:
@@ -79,3 +87,31 @@ def limb_probabilities(body: BodyModel, estimate: Estimate) -> dict[str, float]:
 def _sigmoid(log_odds: Array) -> Array:
     share: Array = 0.5 * (1.0 + np.tanh(0.5 * log_odds))
     return share
+
+
+def limbs_left_over(body: BodyModel, account: Account) -> dict[str, float]:
+    """Limb -> share of its contour that is left over, see `left_over_of`; head and tail with what is unusual of it."""
+    # The trunk is where the limbs hang; what is left over of it is clothes.
+    usual = dict.fromkeys(body.doubted_ends, _USUAL_OF_HEADS) | dict.fromkeys(body.limbs, 0.0)
+    return {group: max(left_over_of(account.of(body.parts_of(group))) - usual[group], 0.0) for group in usual}
+
+
+def limb_spreads_m(body: BodyModel, estimate: Estimate) -> dict[str, float]:
+    """Limb -> standard deviation of its joints, of each in the direction in which it is known least, at most, metres.
+
+    0 where the estimation gave no covariance.
+    """
+    spreads = np.zeros(len(body.landmarks))
+    if np.isfinite(estimate.covariance).all():
+        points = body.landmarks_in_world(estimate.q)
+        ends = np.array([mark.parameter for mark in body.landmarks])
+        moved = body.point_jacobian(estimate.q, points, ends)
+        variances = np.linalg.eigvalsh(moved @ estimate.covariance @ moved.transpose(0, 2, 1))[:, -1]
+        spreads = np.sqrt(np.maximum(variances, 0.0))
+    return {limb: float(spreads[body.landmarks_of(limb)].max(initial=0.0)) for limb in body.limbs}
+
+
+def left_over_of(limb: Account) -> float:
+    """Share of a limb's contour that is left over; of one that is hardly seen, of what it should at least show."""
+    visible_px = max(float(limb.visible_px.sum()), _LEAST_LIMB_PX)
+    return float(limb.left_over_px.sum()) / visible_px

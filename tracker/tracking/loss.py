@@ -9,21 +9,14 @@ import numpy as np
 import pydantic
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.limbs import smallness
-from tracker.evidence.measures.account import Account
 from tracker.foundation.arrays import Mask
 from tracker.foundation.configuration.components import component
 from tracker.tracking.doubt import Because, Doubt
 from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.limb_probabilities import limb_probabilities, limbs_left_over
 
 # In so many times of `restart_every` somebody who is lost is looked for once at least.
 _SELDOM = 8
-# A limb that shows less contour than this over all views is judged as if it showed so much, px.
-_LEAST_LIMB_PX = 100.0
-# Of heads in their place hair leaves over 0.03 to 0.27 (K-Kick, V-Dance, T-Punch-light, with plates and without), and
-# 0.60 of one that a start had bent forward.
-# See docs/lab/acquired_starts.md.
-_USUAL_OF_HEADS = 0.2
 
 
 @component
@@ -48,11 +41,9 @@ class LossRule:
     its place is on D-TwoElbowRot, K-Kick, V-Dance and balancing, in steps of 0.02, one run each. On five other
     recordings it finds 41 of 75 frames with a limb 150 mm off, and doubts 12 of 348 without."""
 
-    vague_above_m: float = pydantic.Field(default=0.06, gt=0)
-    """Standard deviation of a joint, in the direction in which it is known least, above which its limb is ambiguous,
-    metres; of a body below 0.8 m its share of that. Of four recordings by two cameras 15 of 25 frames with a joint
-    150 mm off are flagged, 7 without it, and 20 of 209 others, 10 without; with four cameras it names no limb of K-Kick
-    and T-Punch-light that nothing else names. See `Estimate.vague`."""
+    improbable_below: float = pydantic.Field(default=0.5, ge=0, le=1)
+    """How probable it must be that a limb is where it is said to be, or it is ambiguous; 0 for no such doubt. See
+    `tracker.tracking.limb_probabilities` and `Estimate.vague`."""
 
     # See docs/lab/elsewhere.md.
     elsewhere_px: float = pydantic.Field(default=0.2, ge=0)
@@ -105,15 +96,14 @@ class LossRule:
 def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
     """The estimate with its status and all that is in doubt about it."""
     account = estimate.account
-    limbs, spreads_m = limbs_left_over(body, account), limb_spreads_m(body, estimate)
-    vague_above_m = loss.vague_above_m * smallness(body)
     doubts = [
         *_above({"": account.left_over}, Because.LEFT_OVER, loss.doubtful_above),
-        *_above(limbs, Because.LEFT_OVER, loss.ambiguous_above),
+        *_above(limbs_left_over(body, account), Because.LEFT_OVER, loss.ambiguous_above),
     ]
-    in_doubt = {doubt.limb for doubt in doubts}
-    sure = {limb: spread_m for limb, spread_m in spreads_m.items() if limb not in in_doubt}
-    doubts += _above(sure, Because.IMPRECISE, vague_above_m)
+    in_doubt, least = {doubt.limb for doubt in doubts}, loss.improbable_below
+    if "" not in in_doubt:  # or all limbs would be told for what is wrong of the whole
+        told = limb_probabilities(body, estimate).items()
+        doubts += [Doubt(limb, Because.IMPROBABLE, p, least) for limb, p in told if p < least and limb not in in_doubt]
     found_again = replace(estimate, status=found, doubts=tuple(doubts))
     if account.explained < loss.lost_below:
         return found_again.losing(Doubt("", Because.UNEXPLAINED, account.explained, loss.lost_below))
@@ -133,34 +123,6 @@ def trusted_parts(body: BodyModel, estimate: Estimate) -> Mask:
     for group in estimate.limbs_in_doubt:
         trusted[:, body.parts_of(group)] = False
     return trusted
-
-
-def limbs_left_over(body: BodyModel, account: Account) -> dict[str, float]:
-    """Limb -> share of its contour that is left over, see `left_over_of`; head and tail with what is unusual of it."""
-    # The trunk is where the limbs hang; what is left over of it is clothes.
-    usual = dict.fromkeys(body.doubted_ends, _USUAL_OF_HEADS) | dict.fromkeys(body.limbs, 0.0)
-    return {group: max(left_over_of(account.of(body.parts_of(group))) - usual[group], 0.0) for group in usual}
-
-
-def limb_spreads_m(body: BodyModel, estimate: Estimate) -> dict[str, float]:
-    """Limb -> standard deviation of its joints, of each in the direction in which it is known least, at most, metres.
-
-    0 where the estimation gave no covariance.
-    """
-    spreads = np.zeros(len(body.landmarks))
-    if np.isfinite(estimate.covariance).all():
-        points = body.landmarks_in_world(estimate.q)
-        ends = np.array([mark.parameter for mark in body.landmarks])
-        moved = body.point_jacobian(estimate.q, points, ends)
-        variances = np.linalg.eigvalsh(moved @ estimate.covariance @ moved.transpose(0, 2, 1))[:, -1]
-        spreads = np.sqrt(np.maximum(variances, 0.0))
-    return {limb: float(spreads[body.landmarks_of(limb)].max(initial=0.0)) for limb in body.limbs}
-
-
-def left_over_of(limb: Account) -> float:
-    """Share of a limb's contour that is left over; of one that is hardly seen, of what it should at least show."""
-    visible_px = max(float(limb.visible_px.sum()), _LEAST_LIMB_PX)
-    return float(limb.left_over_px.sum()) / visible_px
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from tracker.foundation.arrays import Array, Mask, frozen
 from tracker.images.sight import Sight
 from tracker.synthesis import Synthesis
 from tracker.tracking.clock import Clock
-from tracker.tracking.doubt import Because, Doubt
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.overlap import judged_in_space
 from tracker.tracking.trajectory import Step
@@ -50,26 +49,7 @@ def finished(
     overlap = _overlap(there, foregrounds, [sight.unknown(v) for v in range(len(foregrounds))]) if looked else None
     step = Step(sight.held, scene, estimates, fitted, clock.seconds, overlap)
     step = replace(step, model_px=covered_px(models, estimates))
-    return judged_as_wholes(replace(step, untrusted=sight.untrusted, strangers=sight.strangers))
-
-
-def judged_as_wholes(step: Step) -> Step:
-    """The step; a person most of whose limbs are ambiguous is doubtful, and no limb of a lost person is ambiguous.
-
-    Of who is cut by the edges of images a pose was 100 mm off and more on average in three frames, its four limbs
-    ambiguous, and of R-UpperBody in nine, three of them. Of 52 000 frames of other results 6 had three and were not
-    doubtful, of a skirt. A body of two limbs is left out: its limbs say little of its trunk.
-    """
-    estimates = list(step.estimates)
-    for k, (person, estimate) in enumerate(zip(step.scene.persons, step.estimates, strict=True)):
-        limbs = set(person.body.limbs)
-        n_ambiguous, half = len(limbs.intersection(estimate.ambiguous)), len(limbs) / 2
-        if estimate.lost:
-            # who was not found has no limb elsewhere: tables, counts and the terminal would disagree
-            estimates[k] = replace(estimate, doubts=tuple(doubt for doubt in estimate.doubts if not doubt.limb))
-        elif len(limbs) > 2 and n_ambiguous > half and not estimate.doubtful:
-            estimates[k] = estimate.doubting((Doubt("", Because.MOST_LIMBS, n_ambiguous, half),))
-    return replace(step, estimates=tuple(estimates))
+    return replace(step, untrusted=sight.untrusted, strangers=sight.strangers)
 
 
 def still_lost(

@@ -19,7 +19,8 @@ from tracker.synthesis import side_by_side
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.cycle_turn import advance, settled
 from tracker.tracking.estimate import Estimate, Status
-from tracker.tracking.loss import LossRule, limbs_left_over
+from tracker.tracking.limb_probabilities import limbs_left_over
+from tracker.tracking.loss import LossRule
 from tracker.tracking.start import Hypothesis, Start, limbs_shown, sureness
 from tracker.tracking.strangers import hide_strangers
 from tracker.tracking.trajectory import Step

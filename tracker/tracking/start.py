@@ -59,7 +59,7 @@ class Hypothesis:
     """Direction faced: the turn about the body's axis, degrees."""
 
     limbs_left_over: Mapping[str, float] = field(default_factory=dict)
-    """Limb -> what it leaves over, see `tracker.tracking.loss.left_over_of`."""
+    """Limb -> what it leaves over, see `tracker.tracking.limb_probabilities.left_over_of`."""
 
     given: bool = False
     """Whether it was told, not found: it stays, whatever the others say."""

@@ -23,7 +23,6 @@ from tracker.tracking.easier_start import LedBack
 from tracker.tracking.estimate import Status
 from tracker.tracking.jumps import with_jumps
 from tracker.tracking.loss import LossRule, doubted
-from tracker.tracking.outcome import judged_as_wholes
 from tracker.tracking.rehearsal import Reopen
 from tracker.tracking.sequence import Ahead, Looking, tracked
 from tracker.tracking.trajectory import Step
@@ -142,7 +141,7 @@ def both_ways(
     if cycle.leaving():
         return [replace(step, provisional=True) for step in first], reached
     found = first if again is None else again
-    judged = [judged_as_wholes(step) for step in with_jumps(found, begin.before)]
+    judged = with_jumps(found, begin.before)
     if again is not None:
         judged = _found_anew(judged, first, begin.before)
     unconfirmed, led = _unconfirmed(begin, judged), reached.back

@@ -14,7 +14,7 @@ from tracker.tracking.estimate import Estimate
 from tracker.tracking.estimation import Estimation
 from tracker.tracking.estimation.hybrid import HybridEstimation
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
-from tracker.tracking.loss import left_over_of
+from tracker.tracking.limb_probabilities import left_over_of
 from tracker.tracking.objective import Objective
 
 

@@ -14,7 +14,7 @@ from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Array
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.initialization import Stages
-from tracker.tracking.loss import limbs_left_over
+from tracker.tracking.limb_probabilities import limbs_left_over
 from tracker.tracking.start import Hypothesis, Start, limbs_shown, sureness
 
 # Of another body that may be the person: so many times what the best pose leaves over, at most. The wrong one of two
