@@ -230,6 +230,25 @@ def test_a_cover_is_no_film(copied: Path, caplog: pytest.LogCaptureFixture) -> N
     assert "films" not in caplog.text
 
 
+def of_unknown_codec(path: Path) -> None:
+    """A file's last film in a form that FFmpeg knows, by a codec that it does not."""
+    before, _, behind = path.read_bytes().rpartition(b"avc1")
+    path.write_bytes(before + b"none" + behind)
+
+
+def test_a_film_of_an_unknown_codec_is_said(copied: Path) -> None:
+    """It has no size to ask for."""
+    of_unknown_codec(copied / "north.mp4")
+    with pytest.raises(SequenceError, match=r"north.mp4 has a film of a codec that FFmpeg does not know"):
+        videos(copied).open()
+
+
+def test_beside_one_of_an_unknown_codec_another_film_is_read(copied: Path) -> None:
+    write_films(copied / "north.mp4", pictures_of(1), small(0, 2.0))
+    of_unknown_codec(copied / "north.mp4")
+    assert [views[1] for views in shown(videos(copied))] == [(1, k) for k in range(N_FRAMES)]
+
+
 def remarks(path: Path, caplog: pytest.LogCaptureFixture) -> str:
     """What is said of one view when it is opened."""
     caplog.clear()

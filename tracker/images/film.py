@@ -47,8 +47,9 @@ def opened(path: Path) -> InputContainer:
 
 
 def films_of(container: InputContainer) -> list[VideoStream]:
-    """The video streams of a file that are films: no cover, no preview of single pictures."""
-    return [stream for stream in container.streams.video if not stream.disposition & _NO_FILM]
+    """The video streams of a file that are films: no cover, no preview, none of an unknown codec, which has no size."""
+    known = (stream for stream in container.streams.video if stream.codec_context is not None)
+    return [stream for stream in known if not stream.disposition & _NO_FILM]
 
 
 def film_of(container: InputContainer, size: tuple[int, int] | None = None) -> tuple[int, str]:
@@ -66,8 +67,7 @@ def film_of(container: InputContainer, size: tuple[int, int] | None = None) -> t
     """
     films = films_of(container)
     if not films:
-        what = "a cover picture, but no film" if container.streams.video else "no video stream"
-        raise SequenceError(f"has {what}")
+        raise SequenceError(f"has {_instead_of_films(container)}")
     fitting = [film for film in films if size is not None and sorted((film.width, film.height)) == sorted(size)]
     # the first of the largest; max takes the first of equals
     chosen = fitting[0] if fitting else max(films, key=lambda film: film.width * film.height)
@@ -79,6 +79,12 @@ def film_of(container: InputContainer, size: tuple[int, int] | None = None) -> t
         why = "the first one of that size; copy another one to a file of its own, if that is meant"
     sizes = ", ".join(f"{film.width}x{film.height}" for film in films)
     return number, f"it holds {len(films)} films ({sizes} px): {chosen.width}x{chosen.height} is read, {why}"
+
+
+def _instead_of_films(container: InputContainer) -> str:
+    if any(stream.codec_context is None for stream in container.streams.video):
+        return "a film of a codec that FFmpeg does not know"
+    return "a cover picture, but no film" if container.streams.video else "no video stream"
 
 
 def _areas(films: list[VideoStream]) -> list[int]:
