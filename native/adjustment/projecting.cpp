@@ -23,7 +23,8 @@ Lens<double> lens_of(const double *camera) {
 
 Pixel project_with_slopes(const double *camera, const double *point, const double *velocity, PixelSlopes &slopes) {
     slopes = {};
-    auto &[by_camera, by_point] = slopes;
+    auto &by_camera = slopes.by_camera;
+    auto &by_point = slopes.by_point;
     const double dx = point[0] - camera[of::X], dy = point[1] - camera[of::Y], dz = point[2] - camera[of::Z];
     const double px = camera[of::R11] * dx + camera[of::R12] * dy + camera[of::R13] * dz;
     const double py = camera[of::R21] * dx + camera[of::R22] * dy + camera[of::R23] * dz;

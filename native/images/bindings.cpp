@@ -75,8 +75,10 @@ void bind_light(nb::module_ &module) {
             const Output<Byte, 3> out(lit, "lit", {p.length(0), p.length(1), 3});
             expect(g.length(0) > 0 && g.length(1) > 0, "gains", "at least one block");
             expect(size > 0.0, "size", "a positive number");
-            const auto [x, y, spacing] = geometry;
-            unlocked([&] { relight(*p, *g, size, {x, y, spacing}, *out); });
+            unlocked([&] {
+                const auto [x, y, spacing] = geometry;
+                relight(*p, *g, size, {x, y, spacing}, *out);
+            });
         },
         named("picture"), named("gains"), nb::arg("size"), nb::arg("geometry"), named("lit"));
 }
