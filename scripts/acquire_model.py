@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tracker.foundation.configuration.files import read_config
+from tracker.foundation.configuration.tables import read_config
 from tracker.foundation.errors import TrackerError
 from tracker.running.commands.acquire import print_acquisition
 from tracker.running.commands.terminal import ProgressBar, console, print_error

@@ -12,8 +12,7 @@ from tracker.bodies.body import BodyModel
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.foundation.configuration.components import available, contract, find, stages
-from tracker.foundation.configuration.field_types import component_stage
-from tracker.foundation.configuration.tables import component_name
+from tracker.foundation.configuration.tables import component_name, component_stage
 from tracker.results.evaluation.comparison import Evaluation
 from tracker.running.programs import Simulated
 from tracker.tracking.estimate import Estimate

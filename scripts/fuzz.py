@@ -22,8 +22,7 @@ from fuzzing.readers import readers
 from fuzzing.trial import Bench, ended_if_it_hangs, keep, smallest
 from rich.console import Console
 
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 _BATCH = 5000
 """Inputs of one process, which takes as long to start as 1500 of them; one that dies or hangs costs no more."""

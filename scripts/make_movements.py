@@ -18,7 +18,7 @@ import typer
 from benchmarks.motion_files import read_deepmimic
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.foundation.resources import model_path
 from tracker.results.recognition.additions import add_performance
 from tracker.results.recognition.library import Description, bundled_library

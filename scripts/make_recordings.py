@@ -32,20 +32,19 @@ from benchmarks.refilmed import grey, grey_plates, refilmed
 from benchmarks.rooms import filmed_with, picture_of, placed, turned_cameras
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body, read_description
+from tracker.bodies.body.description import load_body, read_description
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import load_rig, save_rig
 from tracker.foundation.arrays import Array
-from tracker.foundation.configuration.files import read_config
+from tracker.foundation.configuration.tables import read_config
 from tracker.foundation.errors import ConfigError, TrackerError, nearest
 from tracker.foundation.files import whole_folder
 from tracker.foundation.progress import Progress
 from tracker.images.plate import Plate
 from tracker.running.commands.terminal import ProgressBar, print_error
 from tracker.running.jobs.acquire import acquire_to, acquisition_from
-from tracker.synthesis.simulation.sequence import Recipe, Simulation
-from tracker.synthesis.simulation.sequence_files import fill_folder
+from tracker.synthesis.simulation.sequence import Recipe, Simulation, fill_folder
 
 # Between the joints of any two persons, metres.
 _LEAST_APART_M = 0.3

@@ -9,8 +9,7 @@ import typer
 
 from tracker.foundation.errors import TrackerError
 from tracker.running.commands.terminal import ProgressBar, console, print_error
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 
 def main(

@@ -13,7 +13,7 @@ from numbered_pictures import record
 from observations import bent, four_views, ideal
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
 from tracker.foundation.resources import model_path
 from tracker.images.observation import Observation

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.foundation.resources import model_path
 from tracker.results.recognition.library import load_library
 

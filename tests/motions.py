@@ -10,7 +10,7 @@ import numpy as np
 from rig_samples import sample_rig
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame

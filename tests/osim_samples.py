@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 from motions import MODELS, performed
 
-from tracker.bodies.body.files import read_description
+from tracker.bodies.body.description import read_description
 from tracker.results.recording.osim import Osim
 
 OF_LIMBS = (

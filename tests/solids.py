@@ -9,11 +9,10 @@ from rig_samples import FISHEYE
 from scipy.spatial.transform import Rotation
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.contours import ViewContours
 from tracker.bodies.scene import Person
-from tracker.bodies.segments import Parameter, Part
-from tracker.bodies.shape import TaperedSuperquadric
+from tracker.bodies.segments import Parameter, Part, TaperedSuperquadric
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracker.acquisition.figures import shaded_views
-from tracker.acquisition.result import stature_of
+from tracker.acquisition.result import shaded_views, stature_of
 from tracker.bodies.body import BodyModel
 from tracker.evidence.measures.outlines import largest_region
 

@@ -14,10 +14,10 @@ from tracker.acquisition.result import bone_lengths, model_of, stature_of
 from tracker.acquisition.scan import read_scan
 from tracker.acquisition.scan_rigging import rigged
 from tracker.acquisition.shape_space import ShapePrior, space_of
-from tracker.bodies.belongings import Carried, with_carried
-from tracker.bodies.body.files import read_description
+from tracker.bodies.body.description import read_description
 from tracker.bodies.body.sections import KeypointEntry, Movement, Term
-from tracker.bodies.mirror import Mirror
+from tracker.bodies.segments import Mirror
+from tracker.bodies.subject import Carried, with_carried
 from tracker.foundation.resources import model_path
 
 POLE = Carried(name="pole", by="right_wrist", start=(0.1, 0, -0.8), end=(0.1, 0, 1.2), radii=(0.02, 0.02))

@@ -23,23 +23,23 @@ from tracker.acquisition.calibrated_views import (
     _own,
     check_overlaps,
 )
+from tracker.acquisition.clouds import Look
 from tracker.acquisition.fit_task import FitSettings, Task
 from tracker.acquisition.fitting import Fit, fit
-from tracker.acquisition.looks import Look
 from tracker.acquisition.part_search import section_distances
 from tracker.acquisition.pictures import Pair, Picture, orthographic_camera, read_silhouette
 from tracker.acquisition.result import bone_lengths, model_of, stature_of
 from tracker.acquisition.silhouette_task import SilhouetteSettings
 from tracker.acquisition.two_silhouettes import _turn_deg, acquire
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body, read_description, save_description
+from tracker.bodies.body.description import load_body, read_description, save_description
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.camera import Camera
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.evidence.measures.outlines import outline_observation, overlap
 from tracker.foundation.arrays import Array, Mask
-from tracker.foundation.configuration.files import Table, read_config
+from tracker.foundation.configuration.tables import Table, read_config
 from tracker.foundation.errors import SequenceError, TrackerError
 from tracker.foundation.geometry.superquadrics import surface
 from tracker.foundation.resources import model_path
@@ -47,8 +47,7 @@ from tracker.images.analysis.contours import ContourAnalysis
 from tracker.running.cli import app
 from tracker.running.jobs.acquire import _in_view, acquire_to, acquisition_from
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 SIZE, PX_PER_M = (440, 440), 200.0
 CAMERA = orthographic_camera("picture", SIZE, PX_PER_M)

@@ -8,9 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker.bodies.body.files import load_body
-from tracker.bodies.contours import Contours, joined
-from tracker.bodies.expectation import expected_samples, region_around
+from tracker.bodies.body.description import load_body
+from tracker.bodies.contours import Contours, expected_samples, joined, region_around
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.camera import Camera
 from tracker.cameras.frame import Frame

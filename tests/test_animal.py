@@ -11,13 +11,12 @@ import pytest
 from recordings import cycle_for, joint_errors_mm, small_simulation
 from typer.testing import CliRunner
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person
 from tracker.foundation.resources import model_path
 from tracker.running.cli import app
 from tracker.running.jobs import execute, load_job
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.initialization._persons import Found
 from tracker.tracking.initialization._placement import placements, stands_upright, without_legs
 from tracker.tracking.initialization._torso_axis import TorsoAxis

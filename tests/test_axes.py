@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from observations import four_views
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Mask
-from tracker.foundation.geometry.axes import line_from_planes, nearest_along_line
+from tracker.foundation.geometry.motions import line_from_planes, nearest_along_line
 from tracker.foundation.resources import model_path
 from tracker.images.operations.principal_axis import iterated_axes, region_points
 from tracker.synthesis.cpu import CpuSynthesis

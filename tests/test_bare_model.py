@@ -18,15 +18,14 @@ from typer.testing import CliRunner
 from tracker.acquisition.silhouette_task import SilhouetteSettings
 from tracker.acquisition.things import _is_near_the_trunk
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
 from tracker.foundation.errors import ModelError
 from tracker.foundation.resources import model_path
 from tracker.images.plate import Plate
 from tracker.running.cli import app
 from tracker.running.jobs import execute, load_job
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.initialization.auto import AutoInitialization
 from tracker.tracking.initialization.stance import StanceInitialization
 

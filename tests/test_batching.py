@@ -27,8 +27,7 @@ from tracker.running.batching.dask import Dask
 from tracker.running.batching.processes import Processes
 from tracker.running.cli import app
 from tracker.running.jobs import described, execute, load_job
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 GIVEN = [
     "initialization.use=given",

@@ -23,8 +23,7 @@ from tracker.results.recording._journal_line import line_of, replay_of
 from tracker.running.jobs import execute, load_job
 from tracker.running.jobs.track import TrackJob
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.synthesis.simulation.sequence import Recipe, Simulation
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, Simulation, write_sequence
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.easier_start import LedBack
 from tracker.tracking.found_before import StartedBefore

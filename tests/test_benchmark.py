@@ -23,8 +23,7 @@ from rich.console import Console
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.estimation.best_first import BestFirstEstimation
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 from tracker.tracking.initialization.pca import PcaInitialization

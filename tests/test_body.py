@@ -11,10 +11,10 @@ from rounding import assert_alike
 from scipy.linalg import expm
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.contours import ViewContours
 from tracker.bodies.scene import Person, Scene
-from tracker.bodies.shape import TaperedSuperquadric
+from tracker.bodies.segments import TaperedSuperquadric
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.evidence.contours import ContourEvidence

@@ -12,8 +12,8 @@ import pytest
 import tomli_w
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body, read_description, save_description
-from tracker.bodies.mirror import Mirror
+from tracker.bodies.body.description import load_body, read_description, save_description
+from tracker.bodies.segments import Mirror
 from tracker.foundation.errors import ModelError
 from tracker.foundation.resources import model_path
 from tracker.synthesis.simulation.movements import course, poses_of

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from tracker.bodies.body.files import load_body, read_description, save_description
+from tracker.bodies.body.description import load_body, read_description, save_description
 from tracker.foundation.errors import ModelError
 from tracker.running.jobs.acquire import acquisition_from
 

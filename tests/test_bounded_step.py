@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 
-from tracker.acquisition._bounded_step import bounded_step
+from tracker.acquisition.fitting import bounded_step
 
 
 @settings(max_examples=60, deadline=None)

@@ -10,9 +10,8 @@ import pytest
 from rounding import assert_alike
 
 from tracker.acquisition.shape_space import ShapePrior, space_of
-from tracker.bodies.belongings import with_carried
-from tracker.bodies.body.files import read_description
-from tracker.bodies.subject import Subject
+from tracker.bodies.body.description import read_description
+from tracker.bodies.subject import Subject, with_carried
 from tracker.foundation.configuration.tables import build_class, described_fields
 from tracker.foundation.errors import ConfigError
 from tracker.foundation.resources import model_path

@@ -13,7 +13,7 @@ from observations import bent, four_views, ideal
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial.distance import cdist
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Person, Scene
 from tracker.evidence._shares import shares

@@ -12,8 +12,7 @@ from typer.testing import CliRunner
 
 from tracker.foundation.errors import TrackerError
 from tracker.running.cli import _told, app
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 
 def bodytrack(*arguments: object, folder: Path | None = None) -> subprocess.CompletedProcess[str]:

@@ -20,9 +20,8 @@ from sections import made, minimal
 
 import tracker.evidence.similarity
 from tracker.foundation.configuration.components import available, contract, find, stages
-from tracker.foundation.configuration.field_types import component_stage
 from tracker.foundation.configuration.plugins import ask_before_plugins
-from tracker.foundation.configuration.tables import build, describe
+from tracker.foundation.configuration.tables import build, component_stage, describe
 from tracker.foundation.errors import ConfigError
 
 UNITS = ("px", "degrees", "metres", "seconds", "grey levels", "share", "frames", "per second", "factor", "rate")

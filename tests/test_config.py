@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tracker.foundation.configuration.files import read_config
-from tracker.foundation.configuration.tables import build, describe
+from tracker.foundation.configuration.tables import build, describe, read_config
 from tracker.foundation.errors import ConfigError
 from tracker.running.jobs import described, job_from, load_job
 

@@ -27,8 +27,7 @@ from tracker.running.cli import app
 from tracker.running.detecting import USUAL, detect, wanted
 from tracker.running.drafts.configuration import draft
 from tracker.running.jobs import described, job_from
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.initialization.auto import AutoInitialization
 from tracker.tracking.initialization.keypoints import KeypointInitialization
 from tracker.tracking.initialization.pca import PcaInitialization

@@ -29,8 +29,7 @@ from tracker.results.recording import chosen_recordings
 from tracker.running.cli import app
 from tracker.running.commands.export import FORMATS
 from tracker.running.jobs import execute, job_from, load_job
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.doubt import Because
 
 ROOT = Path(__file__).parents[1]

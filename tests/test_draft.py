@@ -22,8 +22,7 @@ from tracker.foundation.errors import ConfigError, SequenceError
 from tracker.running.cli import app
 from tracker.running.drafts.configuration import draft
 from tracker.running.jobs import load_job
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 MEASURED = ("persons.0.stature_m=1.75",)
 

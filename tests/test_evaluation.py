@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.foundation.errors import SequenceError
 from tracker.foundation.resources import model_path
 from tracker.results.evaluation.comparison import error_figure, evaluate

@@ -32,8 +32,7 @@ from tracker.running.cli import app
 from tracker.running.jobs import execute, load_job
 from tracker.running.viewing.evidence_picture import evidence_picture
 from tracker.running.viewing.frame_evidence import SeenFrame, seen_in_frame
-from tracker.synthesis.simulation.sequence import Recipe, Simulation
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, Simulation, write_sequence
 from tracker.tracking.cycle import Cycle
 
 

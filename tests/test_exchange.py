@@ -10,7 +10,7 @@ from observations import bent
 from rounding import assert_alike
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.limbs import exchanged, mirrored
 from tracker.foundation.resources import model_path
 

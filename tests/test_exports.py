@@ -13,7 +13,7 @@ from exported import FOUND, HUNDREDTH_MM, motion_of, vars_of
 from motions import LOST, MODELS, N_FRAMES, SIGMA, made_up, performed
 from typer.testing import CliRunner
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.foundation.configuration.components import find
 from tracker.foundation.errors import ConfigError
 from tracker.results.recording.bvh import Bvh

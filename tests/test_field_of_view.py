@@ -21,7 +21,7 @@ from tracker.kernels.projection import project_grid, project_point
 from tracker.kernels.skins import see_vertices
 from tracker.results.recording._player import _camera
 from tracker.synthesis._pictures import rasterized_ids
-from tracker.synthesis._pinhole import pinhole_of
+from tracker.synthesis._pyrender import pinhole_of
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.room import background_plates
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.contours import PX_PER_OBSERVATION
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.camera import Camera
@@ -22,23 +22,23 @@ from tracker.foundation.errors import CalibrationError, ConfigError, TrackerErro
 from tracker.foundation.resources import model_path
 from tracker.running.cli import app
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.synthesis.simulation import precision, room
+from tracker.synthesis.simulation import prospect, room
 from tracker.synthesis.simulation.common_volume import (
     Floor,
     best_place,
+    by_segment,
     check_asked,
     floor_seen,
     seen_whole,
     sees,
     sizes,
+    visible_shares,
 )
 from tracker.synthesis.simulation.filming import film, plan
 from tracker.synthesis.simulation.movements import poses_of
-from tracker.synthesis.simulation.precision import best_views, covariances, joint_sigmas, view_information
+from tracker.synthesis.simulation.prospect import best_views, covariances, joint_sigmas, view_information, volume_figure
 from tracker.synthesis.simulation.room import background_plates, default_rig, room_around
 from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.visibility import by_segment, visible_shares
-from tracker.synthesis.simulation.volume_figure import volume_figure
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 
 BODY = load_body(model_path("gavrila22"))
@@ -171,7 +171,7 @@ def test_information_is_that_of_contours_moved_by_the_pose():
 
 
 def test_the_prior_is_that_of_the_estimation():
-    assert TwistIcpEstimation(prior_deg=precision.PRIOR_DEG, prior_m=precision.PRIOR_M) == TwistIcpEstimation()
+    assert TwistIcpEstimation(prior_deg=prospect.PRIOR_DEG, prior_m=prospect.PRIOR_M) == TwistIcpEstimation()
 
 
 def test_a_view_less_is_never_better_and_the_best_views_are_the_best():
@@ -199,7 +199,7 @@ def test_of_thirty_cameras_not_all_subsets_are_made(monkeypatch):
         assert math.comb(len(views), n) < 1000
         return itertools.combinations(views, n)
 
-    monkeypatch.setattr(precision, "combinations", few)
+    monkeypatch.setattr(prospect, "combinations", few)
     assert best_views(BODY, poses, information) == {n: tuple(range(30 - n, 30)) for n in range(2, 31)}
 
 

@@ -15,7 +15,7 @@ from numbered_pictures import write_video
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.feet import footfalls, heights_over_sole, sole_parts, soles
 from tracker.bodies.keypoint_layouts.orders import LAYOUTS
 from tracker.bodies.scene import Person, Scene

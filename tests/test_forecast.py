@@ -11,14 +11,13 @@ import cv2
 import pytest
 from typer.testing import CliRunner
 
-from tracker.foundation.configuration.files import read_config
+from tracker.foundation.configuration.tables import read_config
 from tracker.foundation.errors import ConfigError, TrackerError
 from tracker.running.cli import app
 from tracker.running.forecast import Forecast, forecast
 from tracker.running.jobs import job_from, load_job
 from tracker.running.jobs.track import TrackJob, TrackOutcome
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.doubts import Doubts
 
 START = [

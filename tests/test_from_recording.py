@@ -20,8 +20,7 @@ from tracker.acquisition.calibrated_views import ViewSettings, Watching, fit_to_
 from tracker.acquisition.fit_task import FitSettings
 from tracker.acquisition.from_recording import best_seen, fit_bodies
 from tracker.acquisition.shape_space import ShapePrior, space_of
-from tracker.bodies.body.description import BodyDescription
-from tracker.bodies.body.files import read_description, save_description
+from tracker.bodies.body.description import BodyDescription, read_description, save_description
 from tracker.bodies.scene import Person, Scene
 from tracker.foundation.errors import InitializationError
 from tracker.foundation.progress import silent
@@ -32,8 +31,7 @@ from tracker.running.jobs._persons import _unlike
 from tracker.running.jobs.track import TrackJob
 from tracker.running.run import Run
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.synthesis.simulation.sequence import Recipe, Simulation
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, Simulation, write_sequence
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation

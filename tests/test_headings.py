@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.foundation.resources import model_path

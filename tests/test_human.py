@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.keypoints import meant
 from tracker.foundation.resources import model_path
 from tracker.tracking.initialization._inverse_kinematics import fitted_pose

@@ -11,7 +11,7 @@ from doubted import in_doubt
 from tests.motions import estimate_of
 from tests.observations import bent, four_views
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.limbs import turned_round
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame

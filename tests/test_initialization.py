@@ -13,7 +13,7 @@ from recordings import cycle_for, joint_errors_mm, small_simulation
 from typer.testing import CliRunner
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame
@@ -24,8 +24,7 @@ from tracker.foundation.resources import model_path
 from tracker.images.plate import Plate
 from tracker.running.cli import _told, app
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.synthesis.simulation.sequence import Recipe, Simulation
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, Simulation, write_sequence
 from tracker.tracking.estimation.hybrid import HybridEstimation
 from tracker.tracking.initialization import Stages
 from tracker.tracking.initialization._directions import direction_images

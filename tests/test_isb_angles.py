@@ -10,7 +10,7 @@ import pytest
 from motions import LOST, MODELS, N_FRAMES, made_up
 from scipy.spatial.transform import Rotation
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.foundation.errors import ConfigError
 from tracker.results.recording._anatomical import joints_of, leaning_limb
 from tracker.results.recording._motion import Y_UP

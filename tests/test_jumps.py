@@ -9,7 +9,7 @@ import pytest
 from doubted import in_doubt
 from recordings import TrueStart, cycle_for, small_simulation
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
 from tracker.foundation.resources import model_path
 from tracker.tracking.doubt import Because

@@ -15,8 +15,7 @@ from tracker.results.smoothed_result import write_smoothed
 from tracker.results.smoothing.rts import RauchTungStriebel
 from tracker.running.jobs import execute, load_job
 from tracker.running.programs import export
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 EXCHANGED = "the videos of FRONT and BACK are exchanged"
 

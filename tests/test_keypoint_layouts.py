@@ -12,9 +12,8 @@ import pytest
 from tracker.bodies.keypoint_layouts import open_keypoints
 from tracker.bodies.keypoint_layouts.orders import LAYOUTS
 from tracker.bodies.keypoint_layouts.views import KeypointViews
-from tracker.bodies.keypoint_names import plain_name
-from tracker.bodies.keypoints import swapped_sides
-from tracker.bodies.mirror import Mirror
+from tracker.bodies.keypoints import plain_name, swapped_sides
+from tracker.bodies.segments import Mirror
 from tracker.cameras.camera import Camera
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig

@@ -12,10 +12,9 @@ from recordings import cycle_for, small_simulation
 from rounding import assert_alike
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body, read_description, save_description
+from tracker.bodies.body.description import load_body, read_description, save_description
 from tracker.bodies.keypoint_layouts.orders import LAYOUTS
-from tracker.bodies.keypoint_names import plain_name
-from tracker.bodies.keypoints import limbs, meant, swapped_sides
+from tracker.bodies.keypoints import limbs, meant, plain_name, swapped_sides
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence.keypoints import KeypointEvidence

@@ -14,7 +14,7 @@ from observations import four_views
 from recordings import SMALL, cycle_for, small_simulation
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
 from tracker.bodies.subject import Subject
 from tracker.cameras.frame import Frame

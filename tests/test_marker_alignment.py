@@ -13,7 +13,7 @@ from marked import HINGES, OFFSET_S, SET, SHIFT, TIMES_S, TURN, joints_at, simul
 
 from tracker.bodies.body import BodyModel
 from tracker.foundation.errors import SequenceError
-from tracker.foundation.geometry.rigid_motion import rigid_motion
+from tracker.foundation.geometry.motions import rigid_motion
 from tracker.results.evaluation.marker_alignment import align
 from tracker.results.evaluation.marker_comparison import compare
 from tracker.results.evaluation.marker_fit import placed

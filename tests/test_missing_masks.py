@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from recordings import small_simulation
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame
 from tracker.foundation.resources import model_path

@@ -9,7 +9,7 @@ import pytest
 from observations import four_views
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.test_skins import meshed, smooth
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
 from tracker.foundation.resources import model_path
 from tracker.images.plate import Plate
@@ -19,8 +19,7 @@ from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.movements import poses_of
 from tracker.synthesis.simulation.rendering import draw_persons, mesh_of
 from tracker.synthesis.simulation.room import background_plates, default_rig
-from tracker.synthesis.simulation.sequence import Recipe, Simulation
-from tracker.synthesis.simulation.sequence_files import fill_folder
+from tracker.synthesis.simulation.sequence import Recipe, Simulation, fill_folder
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 

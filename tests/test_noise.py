@@ -15,8 +15,7 @@ from tracker.images.operations.noise import noise_grey, smoothed
 from tracker.images.reading.images import ImageReading
 from tracker.images.reading.video import VideoReading
 from tracker.running.jobs.track import TrackJob
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 
 def shots(sigma: float, flicker: float = 0.0, covered: float = 0.0) -> tuple[Image, Image]:

@@ -22,8 +22,7 @@ from tracker.images.reading.images import ImageReading
 from tracker.images.reading.video import VideoReading
 from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.synthesis.simulation.sequence import Simulation
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Simulation, write_sequence
 
 
 @pytest.fixture(scope="module")

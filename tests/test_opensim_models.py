@@ -15,7 +15,7 @@ from motions import INTERVAL_S, MODELS, made_up, performed
 from osim_samples import osim_like_rajagopals
 from typer.testing import CliRunner
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.foundation.configuration.tables import build
 from tracker.foundation.errors import ConfigError, ModelError
 from tracker.results.marker_layouts import read_markers

@@ -23,8 +23,7 @@ from tracker.running.viewing.hand_poses import dragged, handles, standing
 from tracker.running.viewing.placing import Placing
 from tracker.running.viewing.server import serving
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.initialization.given import GivenInitialization
 
 

@@ -12,7 +12,7 @@ from followed import followed, in_space, on_body, outer, seen_from, written
 from observations import four_views
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig

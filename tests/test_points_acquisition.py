@@ -16,8 +16,7 @@ from test_shape_space import some_shape, space
 from typer.testing import CliRunner
 
 from tracker.acquisition._residuals import part_slopes
-from tracker.acquisition._surface_rows import outside, surface_rows
-from tracker.acquisition._tied import Tied, Tracks, tied
+from tracker.acquisition._surface_points import Tied, Tracks, outside, surface_rows, tied
 from tracker.acquisition.clouds import Cloud, cloud_of, read_cloud
 from tracker.acquisition.from_points import FromPoints, Moment, PointSettings, acquire_from_points
 from tracker.acquisition.result import bone_lengths

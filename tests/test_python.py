@@ -21,8 +21,7 @@ from tracker.results.recording.wide_table import WideTable
 from tracker.running import programs
 from tracker.running.commands.export import FORMATS
 from tracker.running.jobs import execute, load_job
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "python.md").read_text()

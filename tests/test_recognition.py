@@ -13,7 +13,7 @@ import pytest
 from known_movements import BODY, LIBRARY, known
 from scipy.spatial.transform import Rotation
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.keypoints import meant
 from tracker.foundation.errors import ConfigError, ModelError
 from tracker.foundation.resources import model_path

@@ -10,7 +10,7 @@ import pytest
 from motions import made_up, performed
 from typer.testing import CliRunner
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.foundation.errors import ConfigError, ModelError
 from tracker.foundation.resources import model_path
 from tracker.results.recognition.additions import add_performance

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recordings import TrueStart, cycle_for, small_simulation
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person
 from tracker.evidence.measures.account import Account
 from tracker.foundation.errors import SequenceError

@@ -337,7 +337,7 @@ ELSEWHERE = """
 import sys
 import numpy as np
 from observations import bent, four_views
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.foundation.resources import model_path
 from tracker.bodies.scene import Person, Scene
 from tracker.synthesis.osmesa import OsmesaSynthesis

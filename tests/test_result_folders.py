@@ -11,7 +11,7 @@ import pytest
 from small_jobs import Waiting, smallest
 
 from tracker.cameras.camera import Camera
-from tracker.foundation.configuration.files import read_config
+from tracker.foundation.configuration.tables import read_config
 from tracker.foundation.errors import CalibrationError, ConfigError, SequenceError
 from tracker.foundation.files import GrowingFile, remove_unfinished, replacing, whole_folder, write_json, write_whole
 from tracker.foundation.progress import silent, within

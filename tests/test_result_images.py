@@ -16,8 +16,7 @@ from tracker.results.result import load_result
 from tracker.running.jobs import described, execute, load_job
 from tracker.running.jobs._delivered import opened_even
 from tracker.running.viewing.images import images_of
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 START = ["initialization.use=given", "initialization.poses=truth_poses.csv"]
 

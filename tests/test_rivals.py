@@ -11,7 +11,7 @@ from observations import bent
 from test_best_first import Landscape
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.limbs import taken_over
 from tracker.foundation.arrays import Array
 from tracker.foundation.resources import model_path

@@ -11,11 +11,11 @@ from trimesh.creation import icosphere
 from typer.testing import CliRunner
 
 from tracker.acquisition.from_robot import body_of, stands_at
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.body.surface import segments_in_world
 from tracker.bodies.robots.mjcf import read_mjcf
 from tracker.bodies.robots.urdf import read_urdf
-from tracker.bodies.skin_files import ScannedSurface, write_surface
+from tracker.bodies.skin import ScannedSurface, write_surface
 from tracker.foundation.errors import ConfigError, ModelError
 from tracker.running.cli import app
 

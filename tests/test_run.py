@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.cameras.rig_layouts import load_rig
 from tracker.foundation.errors import ConfigError, SequenceError, TrackerError
 from tracker.foundation.progress import Progress
@@ -27,8 +27,7 @@ from tracker.results.recording.run_json import RunJson
 from tracker.running.jobs import described, execute, job_from, load_job
 from tracker.running.jobs._recorded import TrackOutcome
 from tracker.running.jobs.track import TrackJob
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.initialization.given import GivenInitialization
 from tracker.tracking.loss import LossRule
 

@@ -17,8 +17,7 @@ from tracker.cameras.rig_layouts import load_rig
 from tracker.results.result import load_result
 from tracker.running.cli import app
 from tracker.running.viewing.images import reading_of
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 GIVEN = (
     "initialization.use=given",

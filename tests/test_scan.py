@@ -14,12 +14,11 @@ from typer.testing import CliRunner
 
 from tests.test_skins import meshed
 from tracker.acquisition.scan import ScanFiles, read_scan
-from tracker.acquisition.scan_rigging import rigged
-from tracker.acquisition.superquadric_fit import Fitted, fit_superquadric
+from tracker.acquisition.scan_rigging import Fitted, fit_superquadric, rigged
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body, read_description
-from tracker.bodies.mirror import Mirror
-from tracker.bodies.skin_files import Rigging, ScannedSurface, read_surface, write_rigging, write_surface
+from tracker.bodies.body.description import load_body, read_description
+from tracker.bodies.segments import Mirror
+from tracker.bodies.skin import Rigging, ScannedSurface, read_surface, write_rigging, write_surface
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import ConfigError, ModelError
 from tracker.foundation.geometry.superquadrics import surface

@@ -21,8 +21,7 @@ from tracker.running.jobs import execute, load_job
 from tracker.running.viewing.segmentation import STEPS, Chosen, Segmented, segmented
 from tracker.running.viewing.segmentation_picture import picture_of
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.estimate import Status
 
 

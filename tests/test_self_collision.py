@@ -9,7 +9,7 @@ import pytest
 from rounding import SINGLE, assert_alike
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Scene
 from tracker.foundation.geometry.superquadrics import inside_outside
 from tracker.foundation.resources import model_path

@@ -9,7 +9,7 @@ from observations import bent
 from tracker.acquisition._anatomy import Anatomy
 from tracker.acquisition._residuals import asks_of, part_slopes
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace, space_of
-from tracker.bodies.body.files import read_description
+from tracker.bodies.body.description import read_description
 from tracker.foundation.geometry.superquadrics import shape_derivatives, surface
 from tracker.foundation.resources import model_path, models_folder
 

@@ -13,7 +13,7 @@ import pytest
 import typer
 from recordings import small_simulation
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig_layouts import load_rig
 from tracker.foundation.errors import ConfigError
@@ -23,8 +23,7 @@ from tracker.synthesis.simulation.filming import plan
 from tracker.synthesis.simulation.movements import poses_of
 from tracker.synthesis.simulation.rendering import draw_persons, mesh_of
 from tracker.synthesis.simulation.room import default_rig
-from tracker.synthesis.simulation.sequence import Recipe, Simulation, simulate
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, Simulation, simulate, write_sequence
 
 TIMES = np.arange(0, 4, 0.02)
 

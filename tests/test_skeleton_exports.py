@@ -16,7 +16,7 @@ from exported import HUNDREDTH_MM, motion_of
 from motions import INTERVAL_S, LOST, N_FRAMES, made_up
 from scipy.spatial.transform import Rotation
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.body.surface import surface_of
 from tracker.bodies.skin import Skin
 from tracker.results.recording._motion import Y_UP, Motion

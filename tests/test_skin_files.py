@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import tomli_w
 
-from tracker.bodies.body.files import load_body, read_description, save_description
-from tracker.bodies.skin import Skin
-from tracker.bodies.skin_files import Rigging, ScannedSurface, read_rigging, read_surface, write_rigging, write_surface
+from tracker.bodies.body.description import load_body, read_description, save_description
+from tracker.bodies.skin import Rigging, ScannedSurface, Skin, read_rigging, read_surface, write_rigging, write_surface
 from tracker.foundation.errors import ModelError
 
 # Two parts one above the other, and a strip of surface over both.

@@ -11,12 +11,12 @@ from rounding import assert_alike
 from solids import RIGS, outline_errors, posed, solid, thing
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.contours import Contours, ViewContours
 from tracker.bodies.scene import Person, Scene
 from tracker.bodies.skin import Skin
 from tracker.foundation.arrays import Array, Mask
-from tracker.foundation.geometry.superquadric_meshes import meshes_of
+from tracker.foundation.geometry.superquadrics import meshes_of
 from tracker.foundation.resources import model_path
 from tracker.kernels.pictures import rasterize
 from tracker.synthesis.cpu import CpuSynthesis

@@ -27,8 +27,7 @@ from tracker.results.smoothing.rts import RauchTungStriebel, _likeliest
 from tracker.results.smoothing.spline import Spline
 from tracker.running.cli import app
 from tracker.running.jobs import execute, load_job
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.estimate import Status
 from tracker.tracking.sequence import track
 

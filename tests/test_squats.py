@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from known_movements import LIBRARY
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.foundation.resources import model_path
 from tracker.results.recognition.limb_directions import (
     RATE_HZ,

@@ -9,7 +9,7 @@ import pytest
 from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 from scipy import ndimage
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tracker.bodies.shape import TaperedSuperquadric
+from tracker.bodies.segments import TaperedSuperquadric
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import ModelError
 from tracker.foundation.geometry.superquadrics import inside_outside, signed_distance, spread, surface

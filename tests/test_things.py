@@ -15,17 +15,14 @@ import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 from test_from_recording import QUICK
 
-from tracker.acquisition.beside import CELL_M, Surroundings, shown_in, sight_of, surroundings
 from tracker.acquisition.calibrated_views import Seen, Watching
+from tracker.acquisition.cells import CELL_M, How, Surroundings, most_moving, shown_in, sight_of, surroundings
 from tracker.acquisition.from_recording import fit_bodies
-from tracker.acquisition.moving_along import How, most_moving
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.acquisition.things import Thing, _around, carried_of, entry_of, things_of, told_of_things, tracked_with
-from tracker.bodies.belongings import Carried, with_carried
-from tracker.bodies.body.description import BodyDescription
-from tracker.bodies.body.files import read_description, save_description
+from tracker.bodies.body.description import BodyDescription, read_description, save_description
 from tracker.bodies.scene import Person, Scene
-from tracker.bodies.subject import Subject
+from tracker.bodies.subject import Carried, Subject, with_carried
 from tracker.cameras.frame import Frame
 from tracker.foundation.configuration.tables import build_class
 from tracker.foundation.resources import model_path

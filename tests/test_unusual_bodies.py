@@ -14,7 +14,7 @@ from observations import ideal, objective_of
 from recordings import SMALL, TrueStart, cycle_for, joint_errors_mm, small_simulation
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.body.surface import segments_in_world, surface_of
 from tracker.bodies.limbs import exchanged, taken_over
 from tracker.bodies.scene import Person, Scene

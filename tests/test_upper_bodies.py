@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.camera import Camera
 from tracker.cameras.frame import Frame

@@ -9,7 +9,7 @@ import pytest
 from observations import ideal, joint_errors_mm, objective_of
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Scene
 from tracker.evidence.measures.equations import Equations
 from tracker.foundation.arrays import Array

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from tests.recordings import small_simulation
-from tracker.acquisition._lasting import Lasting
-from tracker.acquisition._residuals import Rows
+from tracker.acquisition._residuals import Lasting, Rows
+from tracker.acquisition.clouds import Look
 from tracker.acquisition.fit_task import FitSettings, Task, prior_of
-from tracker.acquisition.looks import Look
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.acquisition.variations import Unsure, of_people, telling_bodies, variations_of
+from tracker.bodies.body.description import read_description, save_description
 from tracker.bodies.body.entries import Variation
-from tracker.bodies.body.files import read_description, save_description
 from tracker.foundation.errors import ModelError
 from tracker.foundation.resources import model_path
 from tracker.synthesis.cpu import CpuSynthesis

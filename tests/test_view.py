@@ -34,8 +34,7 @@ from tracker.running.viewing.pictures import Pictures
 from tracker.running.viewing.server import serving
 from tracker.running.viewing.stage import BLUE, ORANGE, RED, Stage, colours_of_doubt
 from tracker.running.viewing.viewer import Viewer, _strip
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,9 @@ from recordings import SMALL, TrueStart, cycle_for, small_simulation
 
 from tracker.acquisition.calibrated_views import ViewSettings
 from tracker.acquisition.fit_task import FitSettings
-from tracker.acquisition.from_recording import fit_bodies
+from tracker.acquisition.from_recording import fit_bodies, whose
 from tracker.acquisition.result import stature_of
 from tracker.acquisition.shape_space import ShapePrior, space_of
-from tracker.acquisition.who_is_who import whose
 from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Person, Scene
 from tracker.bodies.subject import Subject

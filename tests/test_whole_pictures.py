@@ -14,8 +14,7 @@ from rig_samples import FISHEYE
 from solids import LENS, MIDDLE, MODELS, RIGS, camera_at, least, posed, solid, thing
 
 from tracker.bodies.scene import Scene
-from tracker.bodies.segments import Part
-from tracker.bodies.shape import TaperedSuperquadric
+from tracker.bodies.segments import Part, TaperedSuperquadric
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Mask
@@ -23,7 +22,7 @@ from tracker.kernels.contours import MOST_COLUMNS, MOST_ROWS
 from tracker.kernels.regions import Lines
 from tracker.synthesis import cpu
 from tracker.synthesis._pictures import distances_of, misfits_of, rasterized_ids
-from tracker.synthesis._pinhole import pinhole_of
+from tracker.synthesis._pyrender import pinhole_of
 from tracker.synthesis.cpu import FINEST, CpuSynthesis
 
 

@@ -19,7 +19,7 @@ STAGES = {
     "tracker.running.jobs.track:TrackJob.open": "opening",
     "tracker.running.jobs.track:looked_at": "opening",
     "tracker.running.jobs.track:first_sought": "opening",
-    "tracker.acquisition.rounds:fit_to_views": "body, fit",
+    "tracker.acquisition.from_recording:fit_to_views": "body, fit",
     "tracker.acquisition.from_recording:things_of": "body, things",
     "tracker.running.jobs.track:with_fitted_bodies": "body, tracked",
     "tracker.running.jobs.track:without_persons": "start",

@@ -18,7 +18,7 @@ from rich.table import Table
 from benchmarks.recorded import Recorded
 from benchmarks.recording_run import Asked
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.keypoint_layouts.views import KeypointViews
 from tracker.bodies.keypoints import limbs, swapped_sides
 from tracker.bodies.skeletons import skeletons

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker.bodies.body.files import read_description
+from tracker.bodies.body.description import read_description
 from tracker.bodies.body.sections import Movement
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import ModelError

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.motion_files import read_cmu
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.foundation.arrays import Array
 from tracker.foundation.resources import model_path
 from tracker.results.recognition.library import Library, load_library

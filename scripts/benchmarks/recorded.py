@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from tracker.foundation.configuration.files import Table
+from tracker.foundation.configuration.tables import Table
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 _TRUTHS = ("truth_joints.csv", "gt_joints.csv", "joints3d*.csv", "reference/joints3d*.csv")

@@ -17,7 +17,7 @@ from benchmarks.recorded import Recorded
 from benchmarks.scores import Score
 from benchmarks.trial import LIMB_MM, TRACKED_MM
 from tracker.foundation.arrays import Array, Mask
-from tracker.foundation.configuration.files import Table
+from tracker.foundation.configuration.tables import Table
 from tracker.foundation.errors import SequenceError
 from tracker.results.evaluation.comparison import evaluate
 from tracker.results.evaluation.person_errors import PersonErrors

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.body.surface import surface_of
 from tracker.bodies.scene import Person, Scene
 from tracker.bodies.skin import Skin

@@ -16,7 +16,7 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
 from tracker.foundation.arrays import Array
-from tracker.foundation.geometry.superquadric_meshes import meshes_of
+from tracker.foundation.geometry.superquadrics import meshes_of
 from tracker.images.plate import Plate
 from tracker.kernels.pictures import rasterize
 from tracker.synthesis.cpu import FINEST, CpuSynthesis

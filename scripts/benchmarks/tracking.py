@@ -19,8 +19,7 @@ from benchmarks.trial import Outcome, default_cycle, tracked
 from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Image
 from tracker.images.reading.video import VideoReading
-from tracker.synthesis.simulation.sequence import Recipe, simulate
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, simulate, write_sequence
 
 # VGA and PAL.
 SIZES = ((640, 480), (720, 576))

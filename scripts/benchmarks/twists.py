@@ -19,7 +19,7 @@ from benchmarks.recorded import Recorded, recorded
 from benchmarks.recording_run import Asked, described
 from tracker.cameras.rig_layouts import load_rig
 from tracker.foundation.arrays import Array, Integers
-from tracker.foundation.configuration.files import Table as Configuration
+from tracker.foundation.configuration.tables import Table as Configuration
 from tracker.foundation.errors import TrackerError
 from tracker.results.evaluation.comparison import evaluate
 from tracker.results.result import load_result

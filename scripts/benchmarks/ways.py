@@ -24,7 +24,7 @@ from benchmarks.recorded import CONFIGS, Recorded, recorded
 from benchmarks.recording_run import Asked, described
 from tracker.evidence.measures.outlines import overlap
 from tracker.foundation.arrays import Array
-from tracker.foundation.configuration.files import Table as Configuration
+from tracker.foundation.configuration.tables import Table as Configuration
 from tracker.foundation.errors import TrackerError
 from tracker.results.evaluation.comparison import evaluate
 from tracker.results.evaluation.person_errors import PersonErrors

@@ -21,8 +21,7 @@ from benchmarks import booked_run
 from benchmarks.checkout import Code
 from benchmarks.recorded import Recorded, recorded
 from tracker.foundation.errors import SequenceError
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 _SPLIT = ("importing", "opening", "start", "body, tracked", "body, fit", "body, things", "pass")
 _WRITING = ("writing", "writing, end")

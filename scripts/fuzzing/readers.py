@@ -14,12 +14,12 @@ from fuzzing import samples
 from fuzzing.image_readers import image_readers
 from fuzzing.mutations import BINARY, TEXT
 from fuzzing.trial import Reader
-from tracker.bodies.body.files import load_body, read_description
+from tracker.bodies.body.description import load_body, read_description
 from tracker.bodies.keypoint_layouts import open_keypoints
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.calibration import read_points
 from tracker.cameras.rig_layouts import read_rig, save_rig
-from tracker.foundation.configuration.files import read_config
+from tracker.foundation.configuration.tables import read_config
 from tracker.foundation.resources import model_path
 from tracker.results.evaluation.comparison import evaluate
 from tracker.results.marker_layouts import read_markers

@@ -12,7 +12,7 @@ import cv2
 import ezc3d
 import numpy as np
 
-from tracker.bodies.body.files import load_body, read_description, save_description
+from tracker.bodies.body.description import load_body, read_description, save_description
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig

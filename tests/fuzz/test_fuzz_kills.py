@@ -7,8 +7,7 @@ from pathlib import Path
 
 from fuzzing.kills import difference, killed_behind, left_alone, run_of
 
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 N_FRAMES = 6
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from tracker.bodies.body.description import BodyDescription
 from tracker.bodies.body.entries import PartEntry
-from tracker.foundation.arrays import Array
+from tracker.foundation.arrays import Array, frozen
 
 _FIELDS = ("joints", "starts", "ends", "radii", "squareness", "taper", "landmarks")
 
@@ -229,3 +229,134 @@ def _is_beside(part: PartEntry, across: Array) -> bool:
     """Whether the plane of symmetry does not run through a part."""
     levels = np.array([part.start, part.end]) @ across
     return bool(np.abs(levels).min() > max(part.radii) and levels[0] * levels[1] > 0)
+
+
+# How the numbers of a body model file change together when a body grows: each change is packed, per unit of it.
+
+
+def grown(anatomy: Anatomy) -> Array:
+    """The whole body larger: change per relative unit."""
+    change = replace(anatomy.still(), radii=np.ones_like(anatomy.radii))
+    same = {name: getattr(anatomy, name) for name in ("joints", "starts", "ends", "landmarks")}
+    return replace(change, **same).packed()
+
+
+def fattened(anatomy: Anatomy) -> Array:
+    """All radii larger: change per relative unit."""
+    return replace(anatomy.still(), radii=np.ones_like(anatomy.radii)).packed()
+
+
+def lengthened(anatomy: Anatomy, k: int) -> Array:
+    """A segment longer along its axis: change per relative unit."""
+    change, axis = anatomy.still(), anatomy.length_axis(k)
+    assert axis is not None
+    _stretch(anatomy, change, k, np.outer(axis, axis))
+    return change.packed()
+
+
+def widened(anatomy: Anatomy, k: int, axis: int) -> Array:
+    """A segment with several joints larger along one axis of the reference pose: change per relative unit."""
+    change, unit = anatomy.still(), np.eye(3)[axis]
+    _stretch(anatomy, change, k, np.outer(unit, unit))
+    for p, segment in enumerate(anatomy.part_segments):
+        if segment == k:
+            _, front, side = anatomy.part_axes(p)
+            change.radii[p] += (front @ unit) ** 2, (side @ unit) ** 2
+    return change.packed()
+
+
+def shifted(anatomy: Anatomy, k: int, shift: Array) -> Array:
+    """A joint elsewhere on its parent: change per metre; landmarks between it and its mate follow half."""
+    change = anatomy.still()
+    _carry(anatomy, change, k, shift)
+    middle = (anatomy.joints[k] + anatomy.joints[anatomy.segment_mates[k]]) / 2
+    for m, segment in enumerate(anatomy.landmark_segments):
+        if segment == anatomy.parents[k] and np.linalg.norm(anatomy.landmarks[m] - middle) < SAME_M:
+            change.landmarks[m] += shift / (1 if anatomy.segment_mates[k] == k else 2)
+    return change.packed()
+
+
+def end_moved(anatomy: Anatomy, p: int, end: str, shift: Array) -> Array:
+    """One end of a part elsewhere: change per metre; landmarks there follow."""
+    change, points = anatomy.still(), anatomy.starts if end == "start" else anatomy.ends
+    (change.starts if end == "start" else change.ends)[p] += shift
+    for m, segment in enumerate(anatomy.landmark_segments):
+        if segment == anatomy.part_segments[p] and np.linalg.norm(anatomy.landmarks[m] - points[p]) < SAME_M:
+            change.landmarks[m] += shift
+    return change.packed()
+
+
+def _carry(anatomy: Anatomy, change: Anatomy, k: int, shift: Array) -> None:
+    """Moves segment k with all that hangs on it."""
+    below = set(anatomy.below(k))
+    for j in below:
+        change.joints[j] += shift
+    for p, segment in enumerate(anatomy.part_segments):
+        if segment in below:
+            change.starts[p] += shift
+            change.ends[p] += shift
+    for m, segment in enumerate(anatomy.landmark_segments):
+        if segment in below:
+            change.landmarks[m] += shift
+
+
+def _stretch(anatomy: Anatomy, change: Anatomy, k: int, along: Array) -> None:
+    joint = anatomy.joints[k]
+    for j in anatomy.children(k):
+        _carry(anatomy, change, j, along @ (anatomy.joints[j] - joint))
+    for p, segment in enumerate(anatomy.part_segments):
+        if segment == k:
+            change.starts[p] += along @ (anatomy.starts[p] - joint)
+            change.ends[p] += along @ (anatomy.ends[p] - joint)
+    for m, segment in enumerate(anatomy.landmark_segments):
+        if segment == k:
+            change.landmarks[m] += along @ (anatomy.landmarks[m] - joint)
+
+
+# How lengths of persons of one stature go together: who has long thighs has a short trunk, and hands as feet.
+#
+# ANSUR II (Gordon et al., 2012 Anthropometric Survey of U.S. Army Personnel, NATICK/TR-15/007, 2014; public data of
+# 4082 men and 1986 women): logarithms of lengths over the stature, correlated over the men and over the women, mean of
+# both. Upper arm: acromion to radiale; forearm: radiale to stylion; thigh: trochanterion less lateral femoral
+# epicondyle; shin: that less lateral malleolus; trunk: cervicale less trochanterion; head and neck: stature less
+# cervicale.
+
+SEGMENTS = ("upper_arm", "forearm", "hand", "thigh", "shin", "foot", "trunk", "head")
+
+CORRELATIONS = frozen(
+    [
+        [1.00, 0.34, 0.21, 0.18, 0.37, 0.13, -0.26, -0.29],
+        [0.34, 1.00, 0.39, 0.28, 0.42, 0.34, -0.38, -0.28],
+        [0.21, 0.39, 1.00, 0.08, 0.28, 0.61, -0.20, -0.15],
+        [0.18, 0.28, 0.08, 1.00, 0.05, 0.05, -0.74, -0.23],
+        [0.37, 0.42, 0.28, 0.05, 1.00, 0.24, -0.50, -0.35],
+        [0.13, 0.34, 0.61, 0.05, 0.24, 1.00, -0.17, -0.10],
+        [-0.26, -0.38, -0.20, -0.74, -0.50, -0.17, 1.00, -0.05],
+        [-0.29, -0.28, -0.15, -0.23, -0.35, -0.10, -0.05, 1.00],
+    ]
+)
+"""Standard deviations are 0.033, 0.043, 0.040, 0.049, 0.039, 0.035, 0.040 and 0.048: `ShapePrior.length`."""
+
+_CALLED = {"chest.height": "trunk", "torso.height": "trunk"}
+"""Parameters that lengthen what is measured under another name."""
+
+
+def correlated(names: Sequence[str], sides: Sequence[str]) -> Array:
+    """(S, S) correlations of shape parameters; those that people's proportions do not tell are independent.
+
+    Args:
+        names: of the parameters, `left_thigh.length`.
+        sides: words that tell sides apart, `left`.
+    """
+    found, first = np.eye(len(names)), dict[str, int]()
+    for k, name in enumerate(names):
+        plain = name
+        for side in sides:
+            plain = plain.removeprefix(f"{side}_")
+        segment = _CALLED.get(plain, plain.removesuffix(".length"))
+        if segment in SEGMENTS and (plain.endswith(".length") or plain in _CALLED):
+            first.setdefault(segment, k)  # of a body whose sides differ the first one: the other is as free as it was
+    for one, k in first.items():
+        for other, j in first.items():
+            found[k, j] = CORRELATIONS[SEGMENTS.index(one), SEGMENTS.index(other)]
+    return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import io
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,9 +13,12 @@ import pydantic
 from scipy.spatial import cKDTree
 
 from tracker.acquisition.pictures import Picture
-from tracker.foundation.arrays import Array, frozen
+from tracker.bodies.contours import Contours
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Array, Integers, frozen
 from tracker.foundation.configuration.components import FilePath, component
 from tracker.foundation.errors import SequenceError
+from tracker.images.observation import Observation
 
 _LARGEST_BYTES = 2**30
 """Of a file: a cloud of ten million points has a third of it."""
@@ -130,3 +134,36 @@ def _normals(points: Array) -> Array:
     _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))
     normals: Array = axes[:, :, 0]
     return normals
+
+
+# Looks: what the cameras of one moment show of a person.
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A joint clicked in a picture."""
+
+    landmark: int
+    view: int
+    pixel: Array
+    """(2,) px."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """What the cameras of one moment show of the person."""
+
+    rig: Rig
+    columns: Integers
+    """(dof,) where the pose is among all pose values: looks can share joint angles."""
+
+    outlines: Observation | None = None
+    """Outlines of the silhouettes."""
+
+    edges: Callable[[Contours], Observation] | None = None
+    """Edges that are accepted, given the expected contours."""
+
+    marks: tuple[Mark, ...] = ()
+
+    cloud: Cloud | None = None
+    """Points measured on its surface."""

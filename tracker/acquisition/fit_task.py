@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pydantic
 
-from tracker.acquisition._tied import Tracks
-from tracker.acquisition.looks import Look
+from tracker.acquisition._surface_points import Tracks
+from tracker.acquisition.clouds import Look
 from tracker.acquisition.shape_space import ShapeSpace
 from tracker.bodies.body import BodyModel
 from tracker.foundation.arrays import Array

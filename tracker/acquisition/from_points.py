@@ -12,12 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import pydantic
 
-from tracker.acquisition._surface_rows import outside
-from tracker.acquisition._tied import Tracks
-from tracker.acquisition.clouds import Cloud
+from tracker.acquisition._surface_points import Tracks, outside
+from tracker.acquisition.clouds import Cloud, Look, Mark
 from tracker.acquisition.fit_task import FitSettings, Task
 from tracker.acquisition.fitting import Fit, fit
-from tracker.acquisition.looks import Look, Mark
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
 from tracker.acquisition.standing_points import Posed, moved_to, standing_among
 from tracker.bodies.body import BodyModel

@@ -9,12 +9,12 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tracker.acquisition.superquadric_fit import Fitted, fit_superquadric
+from tracker.acquisition.scan_rigging import Fitted, fit_superquadric
 from tracker.bodies.body.description import BodyDescription
 from tracker.bodies.body.entries import AxisEntry, PartEntry, SegmentEntry, Vector
 from tracker.bodies.body.sections import SkinSection
 from tracker.bodies.robots import Joint, Link, Robot
-from tracker.bodies.skin_files import Rigging, ScannedSurface
+from tracker.bodies.skin import Rigging, ScannedSurface
 from tracker.foundation.arrays import Array, Integers
 from tracker.foundation.configuration.components import FilePath, component
 from tracker.foundation.errors import ModelError

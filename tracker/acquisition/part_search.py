@@ -8,9 +8,8 @@ from itertools import product
 import numpy as np
 
 from tracker.acquisition.fitting import Fit
-from tracker.acquisition.pictures import Silhouette
+from tracker.acquisition.pictures import Silhouette, scene_of
 from tracker.acquisition.shape_space import ShapeSpace
-from tracker.acquisition.standing import scene_of
 from tracker.bodies.body import BodyModel
 from tracker.bodies.contours import Contours
 from tracker.cameras.camera import Camera

@@ -9,11 +9,10 @@ from typing import Annotated
 import numpy as np
 import pydantic
 
+from tracker.acquisition.clouds import Look, Mark
 from tracker.acquisition.fit_task import FitSettings, Task
-from tracker.acquisition.looks import Look, Mark
-from tracker.acquisition.pictures import Silhouette
+from tracker.acquisition.pictures import Silhouette, best_pose, placed
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
-from tracker.acquisition.standing import best_pose, placed
 from tracker.bodies.body import BodyModel
 from tracker.bodies.body.description import BodyDescription
 from tracker.cameras.rig import Rig

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tracker.acquisition._surface_rows import outside
+from tracker.acquisition._surface_points import outside
 from tracker.acquisition.clouds import Cloud, cloud_of
 from tracker.bodies.body import BodyModel
 from tracker.bodies.body.surface import surface_of

@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tracker.acquisition.beside import CELL_M, sight_of, surroundings
 from tracker.acquisition.calibrated_views import Seen, Watching
-from tracker.acquisition.moving_along import How, Moving, most_moving
-from tracker.bodies.belongings import Carried, with_carried
+from tracker.acquisition.cells import CELL_M, How, Moving, most_moving, sight_of, surroundings
 from tracker.bodies.body import BodyModel
 from tracker.bodies.body.description import BodyDescription
 from tracker.bodies.body.entries import Vector
 from tracker.bodies.scene import Scene
+from tracker.bodies.subject import Carried, with_carried
 from tracker.foundation.arrays import Array, Mask
 
 _N_FRAMES = 20

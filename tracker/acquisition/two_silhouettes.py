@@ -10,10 +10,9 @@ import numpy as np
 from tracker.acquisition.fit_task import FitSettings
 from tracker.acquisition.fitting import Fit, fit
 from tracker.acquisition.part_search import searched_parts
-from tracker.acquisition.pictures import Pair, Silhouette, read_silhouette
+from tracker.acquisition.pictures import Pair, Silhouette, read_silhouette, scene_of
 from tracker.acquisition.shape_space import space_of
 from tracker.acquisition.silhouette_task import SilhouetteSettings, started
-from tracker.acquisition.standing import scene_of
 from tracker.bodies.body import BodyModel
 from tracker.bodies.body.description import BodyDescription
 from tracker.evidence.measures.outlines import overlap

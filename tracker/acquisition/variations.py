@@ -15,8 +15,7 @@ import numpy as np
 
 from tracker.acquisition._anatomy import Anatomy
 from tracker.acquisition._residuals import Bodies, across_normals, asks_of, part_slopes
-from tracker.acquisition._variants import Variants
-from tracker.acquisition.shape_space import ShapeSpace
+from tracker.acquisition.shape_space import ShapeSpace, Variants
 from tracker.bodies.body import BodyModel
 from tracker.bodies.body.description import BodyDescription
 from tracker.bodies.body.entries import Variation

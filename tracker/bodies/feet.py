@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.keypoint_names import plain_name
-from tracker.bodies.keypoints import meant
+from tracker.bodies.keypoints import meant, plain_name
 from tracker.foundation.arrays import Array, Integers, Mask
 
 _FEET = {"ankle", "heel", "toe", "foot", "paw", "hoof"}

@@ -2,13 +2,102 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from tracker.bodies.shape import TaperedSuperquadric
-from tracker.foundation.arrays import Array, Integers
+import numpy as np
+
+from tracker.foundation.arrays import Array, Integers, frozen, shape_fault
+from tracker.foundation.errors import ModelError
+from tracker.foundation.geometry.superquadrics import inside_outside, surface
+
+Side = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """The symmetry of a body: names that differ in the word of a side only are a pair."""
+
+    sides: Side = ("left", "right")
+    """Words in names, between underscores: `left_thigh` and `right_thigh`, `front_left_paw` and `front_right_paw`."""
+
+    across: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    """Normal of the plane of symmetry, which goes through the origin of the reference pose."""
+
+    def of(self, name: str) -> str:
+        """The name of the other side's part, parameter or landmark; the same name on the midline."""
+        one, other = self.sides
+        swapped = {one: other, other: one}
+        return "_".join(swapped.get(word, word) for word in name.split("_"))
+
+    def meant(self, name: str, names: Iterable[str]) -> list[str]:
+        """Which of the names one stands for: itself, or both sides' where the word of the side is left out."""
+        valid = tuple(names)
+        if name in valid:
+            return [name]
+        found = [own for own in valid if name == _without(own, self.sides)]
+        return sorted(found, key=lambda own: self.sides[1] in own.split("_"))
+
+
+@functools.lru_cache(maxsize=4096)
+def _without(name: str, sides: Side) -> str:
+    """A name without the word of a side. Bodies made anew in a fit ask for the same ones again: a tenth of its time."""
+    return "_".join(word for word in name.split("_") if word not in sides)
+
+
+@dataclass(frozen=True)
+class TaperedSuperquadric:
+    """A superquadric, tapered linearly along its z axis (Metaxas & Terzopoulos 1993; paper, section 3).
+
+    ``x = a1 (1 + k1 z/a3) cos^e1(eta) cos^e2(omega)``, ``y = a2 (1 + k2 z/a3) cos^e1(eta) sin^e2(omega)``,
+    ``z = a3 sin^e1(eta)``.
+
+    Raises:
+        ModelError: sizes not positive, squareness outside 0.1-1 (convex shapes), taper outside -0.7..0.7.
+    """
+
+    size: Array
+    """(3,) half extents a1 a2 a3, metres."""
+
+    squareness: Array
+    """(2,) exponents e1 (along z) and e2 (around z): 1 an ellipsoid, towards 0 a box."""
+
+    taper: Array
+    """(2,) relative growth of x and y from the middle to the +z end; the -z end shrinks alike. Beyond 0.7 an ellipsoid
+    is no longer convex, which silhouettes and visibility rely on."""
+
+    def __post_init__(self) -> None:
+        for name, length in (("size", 3), ("squareness", 2), ("taper", 2)):
+            values = frozen(getattr(self, name))
+            if fault := shape_fault(values, length):
+                raise ModelError(f"superquadric: {name}: {fault}")
+            object.__setattr__(self, name, values)
+        if not (self.size > 0).all():
+            raise ModelError(f"superquadric: half extents {self.size.tolist()} m, expected positive")
+        if not ((self.squareness >= 0.1) & (self.squareness <= 1)).all():
+            raise ModelError(f"superquadric: squareness {self.squareness.tolist()}, expected 0.1 to 1")
+        if not (np.abs(self.taper) <= 0.7).all():
+            raise ModelError(f"superquadric: taper {self.taper.tolist()}, expected -0.7 to 0.7")
+
+    @property
+    def packed(self) -> Array:
+        """(7,) the row that kernels take; `tracker.kernels.rows.SuperquadricRow` names the columns."""
+        return frozen(np.concatenate([self.size, self.squareness, self.taper]))
+
+    def surface(self, eta: Array, omega: Array) -> tuple[Array, Array]:
+        """Points (..., 3) and outward unit normals (..., 3) at latitudes eta and longitudes omega, rad."""
+        return surface(self.packed, eta, omega)
+
+    def inside_outside(self, points: Array) -> Array:
+        """Inside-outside function of points (..., 3) in the part's frame: < 1 inside, 1 on the surface."""
+        return inside_outside(self.packed, points)
+
+    def scaled(self, length: float, girth: float) -> TaperedSuperquadric:
+        """The shape with its z extent times `length` and its x and y extents times `girth`."""
+        return TaperedSuperquadric(self.size * (girth, girth, length), self.squareness, self.taper)
 
 
 @dataclass(frozen=True)

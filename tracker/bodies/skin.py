@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import importlib
+import io
+import zipfile
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from tracker.foundation.arrays import Array, Array32, Integers, frozen, shape_fault
-from tracker.foundation.errors import ModelError
+from tracker.foundation.errors import ModelError, nearest
+from tracker.foundation.files import write_whole
+from tracker.foundation.source_files import text_of
 
 MOST_BONES = 4
 """Parts that move one vertex; in scans of two dressed persons none has more with over 1 % each."""
@@ -123,3 +129,210 @@ def _strongest(weights: Array) -> Array:
         np.put_along_axis(kept, weakest, 0.0, axis=1)
     total: Array = kept / kept.sum(axis=1, keepdims=True)
     return total
+
+
+# Surfaces of skins as files: PLY or OBJ, and tables of labels or weights.
+
+_LARGEST_BYTES = 2**28
+"""Of a surface: a scan of a million triangles has a tenth of it."""
+
+_MOST_VERTICES = 2**31
+"""More than a file of that size can have."""
+
+_NO_ARCHIVE = TypeError, ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zipfile.LargeZipFile
+"""What numpy makes of files that are none, or of one array alone."""
+
+
+@dataclass(frozen=True)
+class ScannedSurface:
+    """A triangle mesh as a file holds it."""
+
+    points: Array
+    """(N, 3) in the unit of the file."""
+
+    faces: Integers
+    """(T, 3) vertex numbers."""
+
+    groups: tuple[str, ...] = ()
+    """(T,) name of the group of each triangle; empty where the file has none."""
+
+
+@dataclass(frozen=True)
+class Rigging:
+    """Which segments move the vertices of a surface."""
+
+    segments: tuple[str, ...]
+    """(S,) names of segments or parts."""
+
+    weights: Array
+    """(N, S) how much each of them moves a vertex."""
+
+    def rigid(self) -> Rigging:
+        """Every vertex moved by its strongest segment alone."""
+        alone = np.eye(len(self.segments))[self.weights.argmax(axis=1)]
+        return Rigging(self.segments, alone)
+
+
+def read_surface(path: Path) -> ScannedSurface:
+    """Reads a triangle mesh.
+
+    Raises:
+        ModelError: the file is missing, no mesh of triangles, or neither PLY nor OBJ.
+    """
+    readers = {".ply": _read_ply, ".obj": _read_obj}
+    if path.suffix.lower() not in readers:
+        raise ModelError(f"{path}: expected a surface in a .ply or .obj file")
+    try:
+        surface = readers[path.suffix.lower()](path)
+    except OSError as error:
+        raise ModelError(f"{path}: cannot read the surface: {error.strerror or error}") from error
+    n_points = len(surface.points)
+    if not n_points or not len(surface.faces):
+        raise ModelError(f"{path}: {n_points} vertices and {len(surface.faces)} triangles, expected a surface")
+    if surface.faces.min() < 0 or surface.faces.max() >= n_points or not np.isfinite(surface.points).all():
+        raise ModelError(f"{path}: a triangle of vertices that do not exist, or a vertex that is not finite")
+    return surface
+
+
+def _read_ply(path: Path) -> ScannedSurface:
+    with path.open("rb") as file:
+        content = file.read(_LARGEST_BYTES)
+    if not content.startswith(b"ply"):
+        raise ModelError(f"{path}: not a PLY file: it does not begin with ply")
+    # a quarter of a second that bodies without a skin need not wait
+    trimesh = importlib.import_module("trimesh")
+    try:
+        mesh = trimesh.load(io.BytesIO(content), file_type="ply", process=False)
+        points, faces = np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
+    except Exception as error:  # whatever a damaged file makes of the parser
+        raise ModelError(f"{path}: damaged PLY file, or no mesh of triangles: {str(error)[:100]}") from error
+    return ScannedSurface(points.reshape(-1, 3), faces.reshape(-1, 3))
+
+
+def _read_obj(path: Path) -> ScannedSurface:
+    points: list[list[float]] = []
+    faces: list[list[int]] = []
+    groups: list[str] = []
+    group = ""
+    for n, line in enumerate(text_of(path, ModelError, "the surface", _LARGEST_BYTES).splitlines(), start=1):
+        words = line.split()
+        try:
+            if words[:1] == ["v"]:
+                points.append([float(word) for word in words[1:4]])
+            elif words[:1] in (["g"], ["o"]):
+                group = words[1] if len(words) > 1 else ""
+            elif words[:1] == ["f"]:
+                corners = [int(word.partition("/")[0]) for word in words[1:]]
+                if not all(0 < abs(one) < _MOST_VERTICES for one in corners):
+                    raise ModelError(f"{path}: line {n}: vertices {corners}, expected 1 and on, or -1 and back")
+                corners = [one - 1 if one > 0 else len(points) + one for one in corners]
+                # a polygon as a fan of triangles
+                for k in range(1, len(corners) - 1):
+                    faces.append([corners[0], corners[k], corners[k + 1]])
+                    groups.append(group)
+        except ValueError as error:
+            raise ModelError(f"{path}: line {n}: {error}") from error
+    if any(len(point) != 3 for point in points):
+        raise ModelError(f"{path}: a vertex without three coordinates")
+    named = tuple(groups) if any(groups) else ()
+    return ScannedSurface(np.array(points).reshape(-1, 3), np.array(faces, dtype=np.int64).reshape(-1, 3), named)
+
+
+def read_rigging(path: Path, n_points: int) -> Rigging:
+    """Reads which segments move the vertices: an .npz archive of `segments` and `weights` (N, S) or `label` (N,).
+
+    Args:
+        path: the archive, as `numpy.savez` writes it.
+        n_points: number of vertices that it must be for.
+
+    Raises:
+        ModelError: the file is missing or damaged, or for another surface.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            found = {name: archive[name] for name in archive.files if name in ("segments", "weights", "label")}
+            names = list(archive.files)
+    except OSError as error:
+        raise ModelError(f"{path}: cannot read the weights: {error.strerror or error}") from error
+    except _NO_ARCHIVE as error:
+        raise ModelError(f"{path}: not an archive of numpy: {str(error)[:100]}") from error
+    if "segments" not in found or not {"weights", "label"} & set(found):
+        raise ModelError(
+            f'{path}: expected "segments", and "weights" or "label"; found {", ".join(names) or "nothing"}'
+        )
+    segments = tuple(str(name) for name in found["segments"].ravel())
+    name = "weights" if "weights" in found else "label"
+    if found[name].dtype.kind not in "biuf":
+        raise ModelError(f'{path}: "{name}" are of type {found[name].dtype}, expected numbers')
+    if name == "weights":
+        weights = np.asarray(found["weights"], dtype=np.float64)
+    else:
+        if not np.array_equal(found["label"], np.floor(found["label"])):
+            raise ModelError(f'{path}: "label" has values that are no whole numbers, expected those of segments')
+        labels = np.asarray(found["label"], dtype=np.int64).ravel()
+        if len(labels) and not 0 <= labels.min() <= labels.max() < len(segments):
+            raise ModelError(f"{path}: labels {labels.min()} to {labels.max()}, expected 0 to {len(segments) - 1}")
+        weights = np.eye(len(segments))[labels]
+    if weights.shape != (n_points, len(segments)):
+        raise ModelError(f"{path}: weights {weights.shape}, expected ({n_points}, {len(segments)}): vertices, segments")
+    return Rigging(segments, weights)
+
+
+def rigging_of_groups(surface: ScannedSurface, path: Path) -> Rigging:
+    """Groups of an OBJ file as labels of their vertices; a vertex of several groups belongs to the first.
+
+    Raises:
+        ModelError: there are no groups, or vertices of none.
+    """
+    if not surface.groups:
+        raise ModelError(f'{path}: has no groups: name the parts in lines "g PART", or give `weights`, an .npz file')
+    segments = tuple(dict.fromkeys(surface.groups))
+    weights = np.zeros((len(surface.points), len(segments)))
+    for k in range(len(segments) - 1, -1, -1):
+        own = surface.faces[[group == segments[k] for group in surface.groups]].ravel()
+        weights[own] = 0.0
+        weights[own, k] = 1.0
+    # a vertex of no triangle is never seen
+    weights[weights.sum(axis=1) == 0, 0] = 1.0
+    return Rigging(segments, weights)
+
+
+def write_surface(surface: ScannedSurface, path: Path) -> None:
+    """Writes a mesh as binary PLY, metres; replaced as a whole."""
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(surface.points)}"]
+    header += [f"property float {axis}" for axis in "xyz"]
+    header += [f"element face {len(surface.faces)}", "property list uchar int vertex_indices", "end_header"]
+    faces = np.zeros(len(surface.faces), dtype=[("n", "u1"), ("corners", "<i4", 3)])
+    faces["n"], faces["corners"] = 3, surface.faces
+    content = surface.points.astype("<f4").tobytes() + faces.tobytes()
+    write_whole(path, ("\n".join(header) + "\n").encode("ascii") + content)
+
+
+def write_rigging(rigging: Rigging, path: Path) -> None:
+    """Writes names and weights as an archive of numpy, the same bytes for the same content; replaced as a whole."""
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, segments=np.array(rigging.segments), weights=rigging.weights.astype(np.float32))
+    write_whole(path, buffer.getvalue())
+
+
+def columns_of(rigging: Rigging, parts: tuple[str, ...], segments: tuple[str, ...]) -> Integers:
+    """(S,) number of the part that each name of a rigging means: a part, or the only part of a segment.
+
+    Args:
+        rigging: names and weights.
+        parts: (P,) names of the body's parts.
+        segments: (P,) the segment that each of them belongs to.
+
+    Raises:
+        ModelError: a name that moves something is neither.
+    """
+    found = np.full(len(rigging.segments), -1, dtype=np.int64)
+    for k, name in enumerate(rigging.segments):
+        own = [p for p, segment in enumerate(segments) if segment == name]
+        if name in parts:
+            found[k] = parts.index(name)
+        elif len(own) == 1:
+            found[k] = own[0]
+        elif rigging.weights[:, k].any():
+            raise ModelError(f'skin: no part "{name}"; {nearest(name, parts)}')
+    return found

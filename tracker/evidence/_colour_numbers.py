@@ -7,8 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from tracker.bodies.contours import Contours
-from tracker.bodies.expectation import expected_region
+from tracker.bodies.contours import Contours, expected_region
 from tracker.foundation.arrays import Array, Image, Numbers16, Region, frozen
 from tracker.images.operations.appearance import appearance
 from tracker.images.sight import Sight

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Integers, Mask, frozen
-from tracker.foundation.geometry.superquadric_meshes import meshes_of
+from tracker.foundation.geometry.superquadrics import meshes_of
 from tracker.kernels.pictures import draw_nearest, project_surfaces
 
 _GRID = 7, 10

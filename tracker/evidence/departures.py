@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 import pydantic
 
-from tracker.bodies.contours import Contours
-from tracker.bodies.expectation import expected_region
+from tracker.bodies.contours import Contours, expected_region
 from tracker.bodies.scene import Scene
 from tracker.evidence import GUESSED, Evidence, EvidencePicture, Memory
 from tracker.evidence._bare import AtStart, Bare, bare_in, begun_at, covered_by_skins, missed_by_limbs

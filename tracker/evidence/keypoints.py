@@ -15,8 +15,7 @@ import pydantic
 
 from tracker.bodies.body import BodyModel
 from tracker.bodies.contours import Contours
-from tracker.bodies.keypoint_layouts.lengths import fitting_layout
-from tracker.bodies.keypoint_layouts.views import KeypointFiles
+from tracker.bodies.keypoint_layouts.views import KeypointFiles, fitting_layout
 from tracker.bodies.keypoints import Meant, limbs, meant, swapped_sides
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame

@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 import pydantic
 
-from tracker.bodies.contours import Contours
-from tracker.bodies.expectation import expected_region
+from tracker.bodies.contours import Contours, expected_region
 from tracker.evidence import Evidence, EvidencePicture, Memory
 from tracker.evidence._drawn import UNKNOWN
 from tracker.evidence._shares import over_views, shares

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from tracker.bodies.keypoint_layouts.openpose import persons_in
+from tracker.bodies.keypoint_layouts.one_json import persons_in
 from tracker.bodies.keypoint_layouts.orders import LAYOUTS
 from tracker.bodies.keypoint_layouts.views import USUAL
 from tracker.cameras.frame import Frame

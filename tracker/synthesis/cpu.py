@@ -19,8 +19,7 @@ from tracker.images.observation import Observation
 from tracker.kernels.contours import MOST_COLUMNS, MOST_ROWS, moving_parts, score_poses, trace_contours, trace_still
 from tracker.kernels.pictures import fill_parts
 from tracker.kernels.regions import Lines, score_regions
-from tracker.synthesis._part_ids import PartIds, ids_of_poses
-from tracker.synthesis._skins import fill_skins, skinned_parts, with_skins
+from tracker.synthesis._skins import PartIds, fill_skins, ids_of_poses, skinned_parts, with_skins
 
 # A part shows about 2 n_eta pieces, long ones cut at step_px: 64 were never reached at the default step.
 _SAMPLES_PER_PART = 64

@@ -11,15 +11,13 @@ from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.foundation.configuration.components import component
-from tracker.foundation.geometry.superquadric_meshes import Meshes, meshes_of
+from tracker.foundation.geometry.superquadrics import Meshes, meshes_of
 from tracker.images.observation import Observation
 from tracker.kernels.regions import Lines
 from tracker.kernels.rows import RegionRow
-from tracker.synthesis._atlas import Atlas, atlas_on
-from tracker.synthesis._meshes import before_cameras
-from tracker.synthesis._pictures import Picture, contours_of, distances_of, misfits_of
+from tracker.synthesis._atlas import Atlas, Batch, atlas_on, batches
+from tracker.synthesis._pictures import Picture, before_cameras, contours_of, distances_of, misfits_of
 from tracker.synthesis._skins import ids_of_skins
-from tracker.synthesis._tiles import Batch, batches
 from tracker.synthesis.cpu import CpuSynthesis
 
 

@@ -11,11 +11,10 @@ from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Image, Integers, Mask
 from tracker.foundation.configuration.components import component
-from tracker.foundation.geometry.superquadric_meshes import meshes_of
+from tracker.foundation.geometry.superquadrics import meshes_of
 from tracker.images.observation import Observation
 from tracker.kernels.regions import Lines
-from tracker.synthesis._meshes import before_cameras
-from tracker.synthesis._pictures import Picture, contours_of, distances_of, misfits_of
+from tracker.synthesis._pictures import Picture, before_cameras, contours_of, distances_of, misfits_of
 from tracker.synthesis._pyrender import Drawing, drawn, shaded
 from tracker.synthesis._skins import ids_of_skins
 from tracker.synthesis.cpu import CpuSynthesis

@@ -9,9 +9,7 @@ import numpy as np
 
 from tracker.bodies.body.kinematic_tree import KinematicTree
 from tracker.bodies.body.sections import Clothes, Joints, Movement, RigidEnd, StartMarks
-from tracker.bodies.mirror import Mirror
-from tracker.bodies.segments import Landmark, Segment, unjoined
-from tracker.bodies.shape import TaperedSuperquadric
+from tracker.bodies.segments import Landmark, Mirror, Segment, TaperedSuperquadric, unjoined
 from tracker.bodies.skin import Skin
 from tracker.foundation.arrays import Array, Integers, Mask, frozen
 from tracker.foundation.errors import ModelError, nearest

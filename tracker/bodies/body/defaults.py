@@ -9,8 +9,7 @@ import numpy as np
 from tracker.bodies.body import BodyModel
 from tracker.bodies.body.entries import LandmarkEntry, PartEntry, SegmentEntry
 from tracker.bodies.body.sections import Clothes, Joints, Movement, StartMarks, Term
-from tracker.bodies.mirror import Mirror
-from tracker.bodies.segments import Landmark, Root, Segment
+from tracker.bodies.segments import Landmark, Mirror, Root, Segment
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import ModelError
 

@@ -10,8 +10,7 @@ import numpy as np
 import pydantic
 
 from tracker.bodies.body.sections import Entry, OrInfinite
-from tracker.bodies.segments import Parameter, Part, Segment
-from tracker.bodies.shape import TaperedSuperquadric
+from tracker.bodies.segments import Parameter, Part, Segment, TaperedSuperquadric
 from tracker.foundation.arrays import Array, frozen
 from tracker.foundation.errors import ModelError, nearest
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from tracker.bodies.body import BodyModel, defaults
 from tracker.bodies.body.sections import Clothes, Entry, Joints, KeypointEntry, Movement, RigidEnd, StartMarks
-from tracker.bodies.keypoint_names import plain_name
-from tracker.bodies.mirror import Mirror
-from tracker.bodies.segments import Landmark
+from tracker.bodies.keypoints import plain_name
+from tracker.bodies.segments import Landmark, Mirror
 from tracker.foundation.arrays import frozen
 from tracker.foundation.errors import ModelError, name_fault, nearest
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from tracker.bodies.keypoint_names import plain_name
+from tracker.bodies.keypoints import plain_name
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import SequenceError, nearest
 

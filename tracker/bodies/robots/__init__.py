@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tracker.bodies.skin_files import ScannedSurface
+from tracker.bodies.skin import ScannedSurface
 from tracker.foundation.arrays import Array
 
 

@@ -10,9 +10,20 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tracker.bodies.robots import Robot
-from tracker.bodies.robots._shapes import box, capsule, cylinder, ellipsoid, read_mesh
-from tracker.bodies.robots._tree import Nested, NestedJoint, assembled, mimicking, moved, placed
-from tracker.bodies.skin_files import ScannedSurface
+from tracker.bodies.robots._links import (
+    Nested,
+    NestedJoint,
+    assembled,
+    box,
+    capsule,
+    cylinder,
+    ellipsoid,
+    mimicking,
+    moved,
+    placed,
+    read_mesh,
+)
+from tracker.bodies.skin import ScannedSurface
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import ModelError, nearest, shortened
 from tracker.foundation.source_files import xml_of

@@ -16,7 +16,7 @@ from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Image, Integers
 from tracker.foundation.configuration.components import FilePath, PathPattern, component
 from tracker.foundation.errors import CalibrationError
-from tracker.foundation.geometry.rigid_motion import rigid_motion
+from tracker.foundation.geometry.motions import rigid_motion
 from tracker.foundation.source_files import number_in, rows_of
 
 _MISPLACED = 0.1

@@ -12,8 +12,7 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
 from tracker.foundation.configuration.components import ModelName, ReadBy, available, find
-from tracker.foundation.configuration.field_types import component_stage, entries_of, options_of, path_mark
-from tracker.foundation.configuration.tables import component_name
+from tracker.foundation.configuration.tables import component_name, component_stage, entries_of, options_of, path_mark
 from tracker.foundation.errors import ConfigError
 from tracker.foundation.resources import models_folder
 from tracker.foundation.source_files import json_of

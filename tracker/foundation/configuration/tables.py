@@ -6,18 +6,111 @@ import dataclasses
 import itertools
 import os
 import re
+import tomllib
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pydantic
 
-from tracker.foundation.configuration.components import ReadBy, available, find
-from tracker.foundation.configuration.field_types import component_stage, entries_of, named_of, options_of, path_mark
-from tracker.foundation.configuration.files import Table
+from tracker.foundation.configuration.components import ReadBy, RelativePath, available, find, stage_of
 from tracker.foundation.errors import ConfigError, ModelError, nearest
+from tracker.foundation.source_files import toml_of
+
+
+def component_stage(kind: Any) -> str | None:
+    """The stage whose contract, or whose component, a field is typed with; None for plain values."""
+    module = getattr(kind, "__module__", "")
+    if not isinstance(kind, type) or not module.startswith("tracker."):
+        return None
+    if getattr(kind, "_is_protocol", False) or "__pydantic_config__" in vars(kind):
+        return stage_of(module)
+    return None
+
+
+def path_mark(kind: Any) -> RelativePath | None:
+    """How a field's path is resolved; None for fields that hold none."""
+    marks = (mark for mark in getattr(kind, "__metadata__", ()) if isinstance(mark, RelativePath))
+    inner = (path_mark(argument) for argument in typing.get_args(kind))
+    return next(marks, None) or next((mark for mark in inner if mark is not None), None)
+
+
+def entries_of(kind: Any) -> Any:
+    """X of tuple[X, ...] and of tuple[X, ...] | None; None for other types."""
+    told = [option for option in options_of(kind) if option is not type(None)]
+    arguments = typing.get_args(told[0]) if len(told) == 1 and typing.get_origin(told[0]) is tuple else ()
+    return arguments[0] if arguments[1:] == (Ellipsis,) else None
+
+
+def named_of(kind: Any) -> Any:
+    """X of dict[str, X], also as one of several types, where X is a component or a path; None for other types."""
+    for option in options_of(kind):
+        inner = typing.get_args(option)[1:] if typing.get_origin(option) is dict else ()
+        if inner and (component_stage(inner[0]) is not None or path_mark(inner[0]) is not None):
+            return inner[0]
+    return None
+
+
+def options_of(kind: Any) -> tuple[Any, ...]:
+    """The types of a union, or the type itself."""
+    return typing.get_args(kind) if typing.get_origin(kind) in (typing.Union, types.UnionType) else (kind,)
+
+
+# Configuration files: TOML tables, and changes to them by `section.key=value`.
+
+Table = dict[str, Any]
+
+
+def read_config(path: Path, overrides: Sequence[str] = ()) -> Table:
+    """Reads a configuration file and applies overrides.
+
+    Args:
+        path: TOML file.
+        overrides: `section.key=value`, the value in TOML syntax; a bare word is taken as a string.
+
+    Raises:
+        ConfigError: the file cannot be read, or an override is no `key=value`.
+    """
+    table = toml_of(path, ConfigError, "the configuration")
+    override_table(table, overrides)
+    return table
+
+
+def override_table(table: Table, overrides: Sequence[str]) -> None:
+    """Changes a table as `--set` asks for: `section.key=value`; entries of lists go by number, `persons.0.model=human`.
+
+    Raises:
+        ConfigError: an override is no `key=value`, or its section or entry is none.
+    """
+    for override in overrides:
+        keys, sign, text = override.partition("=")
+        if not sign or not keys.strip():
+            raise ConfigError(f'--set {override}: expected section.key=value, e.g. "estimation.step_deg=3"')
+        *sections, key = keys.strip().split(".")
+        place: Any = table
+        for section in sections:
+            place = (
+                place.setdefault(section, {}) if isinstance(place, dict) else place[_entry(place, section, override)]
+            )
+            if not isinstance(place, dict | list):
+                raise ConfigError(f'--set {override}: "{section}" is a value, not a section')
+        try:
+            read = tomllib.loads(f"value = {text}")
+        except (ValueError, RecursionError):
+            read = {"value": text.strip()}
+        if len(read) > 1:
+            raise ConfigError(f"--set {override}: expected one value")
+        place[key if isinstance(place, dict) else _entry(place, key, override)] = read["value"]
+
+
+def _entry(entries: list[Any], number: str, override: str) -> int:
+    """The place in a list that an override names."""
+    if not number.isdecimal() or int(number) >= len(entries):
+        most = len(entries) - 1
+        raise ConfigError(f'--set {override}: "{number}", expected the number of an entry, from 0 on, at most {most}')
+    return int(number)
 
 
 def build(stage: str, table: Mapping[str, Any], where: str, folder: Path, default: str | None = None) -> Any:

@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 import pydantic
 
-from tracker.bodies.contours import Contours
-from tracker.bodies.expectation import expected_region, expected_samples
+from tracker.bodies.contours import Contours, expected_region, expected_samples
 from tracker.foundation.arrays import Array32, Image, Mask, Region, frozen
 from tracker.foundation.configuration.components import component
 from tracker.images.analysis import Analysis

@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 import pydantic
 
-from tracker.bodies.contours import Contours
-from tracker.bodies.expectation import expected_samples, region_around
+from tracker.bodies.contours import Contours, expected_samples, region_around
 from tracker.foundation.arrays import Array32, Image, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import SequenceError

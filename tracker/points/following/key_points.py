@@ -10,7 +10,7 @@ import numpy as np
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Integers
 from tracker.foundation.errors import ConfigError, MatchingError, nearest
-from tracker.foundation.geometry.rigid_motion import rigid_motion
+from tracker.foundation.geometry.motions import rigid_motion
 from tracker.points.following.tables import quoted
 from tracker.points.trajectories import PointTrajectories
 

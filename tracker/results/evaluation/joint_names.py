@@ -9,9 +9,9 @@ from typing import Any
 
 import pydantic
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.body.sections import Joints
-from tracker.bodies.mirror import Mirror
+from tracker.bodies.segments import Mirror
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import SequenceError, shortened
 from tracker.foundation.resources import model_path

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tracker.foundation.arrays import Array
-from tracker.foundation.geometry.rigid_motion import rigid_motion
+from tracker.foundation.geometry.motions import rigid_motion
 
 FAR_M = 0.15
 """Beyond it a sample says only that it does not fit; half of an upper arm."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.body.sections import Joints
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import SequenceError

@@ -36,7 +36,7 @@ def acquire(
     frames: Annotated[str | None, typer.Option(help="Range A:B of a run's frames to use.")] = None,
 ) -> None:
     """Makes a body model: of a person from silhouettes, a scan, points or a run's views; of a robot from its URDF."""
-    from tracker.foundation.configuration.files import override_table
+    from tracker.foundation.configuration.tables import override_table
     from tracker.running.jobs import read_own
     from tracker.running.jobs.acquire import acquire_to, acquisition_from
 

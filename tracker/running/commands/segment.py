@@ -69,8 +69,7 @@ def _range(frames: str | None) -> tuple[int, int | None]:
 
 
 def _evidence(changes: list[str]) -> LevelSetEvidence:
-    from tracker.foundation.configuration.files import override_table
-    from tracker.foundation.configuration.tables import build
+    from tracker.foundation.configuration.tables import build, override_table
 
     fields: dict[str, Any] = {}
     override_table(fields, changes)

@@ -114,7 +114,7 @@ def _sections() -> dict[str, dict[Any, list[str]]]:
 
 def _is_section(value: Any, field: Any) -> bool:
     """Whether a field is a section of its own fields: there is nothing to choose."""
-    from tracker.foundation.configuration.field_types import component_stage
+    from tracker.foundation.configuration.tables import component_stage
 
     return field is not None and component_stage(type(value)) is not None and field.annotation is type(value)
 
@@ -128,8 +128,7 @@ def _fields_table(cls: Any, title: str) -> Table:
 
 
 def _shown(value: Any, field: Any = None) -> str:
-    from tracker.foundation.configuration.field_types import component_stage
-    from tracker.foundation.configuration.tables import component_name
+    from tracker.foundation.configuration.tables import component_name, component_stage
 
     if isinstance(value, tuple):
         return f"[{', '.join(map(_shown, value))}]"

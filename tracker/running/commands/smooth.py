@@ -19,8 +19,7 @@ def smooth(
     overwrite: Overwrite = False,
 ) -> None:
     """Smooths a finished result and fills its short gaps, into a result folder of its own; the raw one stays."""
-    from tracker.foundation.configuration.files import override_table
-    from tracker.foundation.configuration.tables import build
+    from tracker.foundation.configuration.tables import build, override_table
     from tracker.results.result import load_result
     from tracker.running.programs import smooth_by
 

@@ -12,8 +12,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import tomli_w
 
 from tracker.foundation.configuration.components import available, find
-from tracker.foundation.configuration.files import Table
-from tracker.foundation.configuration.tables import build_class, component_name, described_fields
+from tracker.foundation.configuration.tables import Table, build_class, component_name, described_fields
 from tracker.foundation.errors import ConfigError, nearest
 from tracker.foundation.files import write_json, write_whole
 from tracker.foundation.progress import Progress, silent

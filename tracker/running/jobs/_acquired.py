@@ -7,11 +7,19 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tracker.acquisition.figures import Panel, fit_figure
 from tracker.acquisition.fitting import Fit
-from tracker.acquisition.result import BoneLength, PartResidual, bone_lengths, contour_rms_mm, model_of, part_residuals
-from tracker.bodies.body.files import save_description
-from tracker.foundation.configuration.files import Table
+from tracker.acquisition.result import (
+    BoneLength,
+    Panel,
+    PartResidual,
+    bone_lengths,
+    contour_rms_mm,
+    fit_figure,
+    model_of,
+    part_residuals,
+)
+from tracker.bodies.body.description import save_description
+from tracker.foundation.configuration.tables import Table
 from tracker.foundation.files import replacing, write_json
 
 MODEL = "model.toml"

@@ -10,7 +10,7 @@ from typing import Any
 
 from tracker.cameras.rig_layouts import read_rig
 from tracker.foundation.configuration.components import available, find
-from tracker.foundation.configuration.files import Table, read_config
+from tracker.foundation.configuration.tables import Table, read_config
 from tracker.foundation.errors import CalibrationError, ConfigError
 from tracker.images.footage import PICTURES, VIDEOS
 from tracker.running.jobs._folder import CONFIG
@@ -31,7 +31,7 @@ _CALIBRATIONS = {"reference_bar": "bar", "chessboard": "chessboard", "scene_poin
 
 
 def read_own(use: str, path: Path, overrides: Sequence[str] = ()) -> Table:
-    """Reads the configuration of a job, as `tracker.foundation.configuration.files.read_config` does.
+    """Reads the configuration of a job, as `tracker.foundation.configuration.tables.read_config` does.
 
     Args:
         use: the job.

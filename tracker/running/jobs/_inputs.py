@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from tracker.foundation.configuration.field_types import entries_of, named_of, path_mark
+from tracker.foundation.configuration.tables import entries_of, named_of, path_mark
 from tracker.foundation.errors import ConfigError
 
 INPUTS = "inputs.json"

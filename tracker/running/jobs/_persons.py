@@ -10,14 +10,13 @@ from functools import partial
 from pathlib import Path
 
 from tracker.acquisition.calibrated_views import ViewSettings
+from tracker.acquisition.cells import How
 from tracker.acquisition.from_recording import fit_bodies
-from tracker.acquisition.moving_along import How
 from tracker.acquisition.result import model_of
 from tracker.acquisition.shape_space import space_of
 from tracker.acquisition.things import Thing, carried_of, entry_of, told_of_things, told_of_uncarried
 from tracker.acquisition.variations import of_people
-from tracker.bodies.body.description import BodyDescription
-from tracker.bodies.body.files import read_description, save_description
+from tracker.bodies.body.description import BodyDescription, read_description, save_description
 from tracker.bodies.scene import Scene
 from tracker.bodies.subject import Subject
 from tracker.cameras.frame import Frame

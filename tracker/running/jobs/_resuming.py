@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from tracker.foundation.configuration.files import Table, read_config
+from tracker.foundation.configuration.tables import Table, read_config
 from tracker.foundation.errors import ConfigError
 from tracker.running.jobs._folder import CONFIG
 

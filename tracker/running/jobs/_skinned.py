@@ -7,16 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker.acquisition.figures import Panel, fit_figure
-from tracker.acquisition.result import BoneLength, PartResidual
-from tracker.acquisition.superquadric_fit import Fitted
+from tracker.acquisition.result import BoneLength, Panel, PartResidual, fit_figure
+from tracker.acquisition.scan_rigging import Fitted
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.description import BodyDescription
-from tracker.bodies.body.files import read_description, save_description
+from tracker.bodies.body.description import BodyDescription, measured_pose, read_description, save_description
 from tracker.bodies.body.sections import SkinSection
-from tracker.bodies.body.skin import measured_pose
 from tracker.bodies.scene import Person, Scene
-from tracker.bodies.skin_files import Rigging, ScannedSurface, write_rigging, write_surface
+from tracker.bodies.skin import Rigging, ScannedSurface, write_rigging, write_surface
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.evidence.measures.outlines import overlap

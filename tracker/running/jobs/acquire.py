@@ -20,17 +20,17 @@ from tracker.acquisition.calibrated_views import (
     fit_to_views,
     view_overlaps,
 )
-from tracker.acquisition.figures import Panel
+from tracker.acquisition.cells import How
 from tracker.acquisition.fitting import Fit
-from tracker.acquisition.moving_along import How
-from tracker.acquisition.rounds import best_seen
+from tracker.acquisition.from_recording import best_seen
+from tracker.acquisition.result import Panel
 from tracker.acquisition.shape_space import space_of
 from tracker.acquisition.things import Thing, carried_of, entry_of, things_of, told_of_things, told_of_uncarried
-from tracker.bodies.body.files import read_description, save_description
+from tracker.bodies.body.description import read_description, save_description
 from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.components import component
-from tracker.foundation.configuration.files import Table
+from tracker.foundation.configuration.tables import Table
 from tracker.foundation.errors import ConfigError, nearest
 from tracker.foundation.files import write_json, write_whole
 from tracker.foundation.progress import Progress, silent

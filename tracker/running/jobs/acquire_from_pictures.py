@@ -7,12 +7,11 @@ from typing import ClassVar
 
 import pydantic
 
-from tracker.acquisition.figures import Panel
 from tracker.acquisition.pictures import Pair, read_silhouette
+from tracker.acquisition.result import Panel
 from tracker.acquisition.silhouette_task import SilhouetteSettings
 from tracker.acquisition.two_silhouettes import acquire
-from tracker.bodies.body.description import BodyDescription
-from tracker.bodies.body.files import read_buildable
+from tracker.bodies.body.description import BodyDescription, read_buildable
 from tracker.bodies.subject import Stature
 from tracker.foundation.configuration.components import ModelFile, component
 from tracker.foundation.progress import Progress

@@ -10,14 +10,13 @@ import cv2
 import numpy as np
 import pydantic
 
-from tracker.acquisition.clouds import Cloud, MeasuredMoment, read_cloud
-from tracker.acquisition.figures import Panel
+from tracker.acquisition.clouds import Cloud, Mark, MeasuredMoment, read_cloud
 from tracker.acquisition.from_points import FromPoints, Moment, PointSettings, acquire_from_points
-from tracker.acquisition.looks import Mark
 from tracker.acquisition.pictures import Silhouette, read_silhouette
+from tracker.acquisition.result import Panel
 from tracker.acquisition.shape_space import ShapeSpace, space_of
 from tracker.bodies.body import BodyModel
-from tracker.bodies.body.files import read_buildable
+from tracker.bodies.body.description import read_buildable
 from tracker.bodies.scene import Person, Scene
 from tracker.bodies.subject import Stature
 from tracker.cameras.camera import Camera

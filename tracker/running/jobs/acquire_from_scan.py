@@ -9,9 +9,8 @@ import pydantic
 
 from tracker.acquisition.scan import Scan, ScanFiles, read_scan
 from tracker.acquisition.scan_rigging import rigged
-from tracker.bodies.body.description import BodyDescription
-from tracker.bodies.body.files import read_buildable
-from tracker.bodies.mirror import Mirror
+from tracker.bodies.body.description import BodyDescription, read_buildable
+from tracker.bodies.segments import Mirror
 from tracker.foundation.configuration.components import ModelFile, component
 from tracker.foundation.files import write_json
 from tracker.foundation.progress import Progress

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import pydantic
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.foundation.configuration.components import component
 from tracker.foundation.progress import Progress
 from tracker.foundation.resources import model_path
@@ -16,8 +16,7 @@ from tracker.results.evaluation.comparison import Evaluation, evaluate
 from tracker.running.jobs import ResultFolder, execute, load_job
 from tracker.running.jobs.track import TrackOutcome
 from tracker.synthesis.simulation.movements import movement_of
-from tracker.synthesis.simulation.sequence import Recipe
-from tracker.synthesis.simulation.sequence_files import write_sequence
+from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 
 @component

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from tracker.cameras.frame import Frame
-from tracker.foundation.configuration.files import override_table
+from tracker.foundation.configuration.tables import override_table
 from tracker.foundation.errors import ConfigError
 from tracker.images.reading import Sequence
 from tracker.results.result import Result

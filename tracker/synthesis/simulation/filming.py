@@ -28,10 +28,8 @@ from tracker.synthesis.simulation.common_volume import (
     start_of,
 )
 from tracker.synthesis.simulation.movements import movement_of, poses_of
-from tracker.synthesis.simulation.prospect import Prospect, prospect
-from tracker.synthesis.simulation.sequence import Recipe, simulate
-from tracker.synthesis.simulation.sequence_files import fill_folder
-from tracker.synthesis.simulation.volume_figure import volume_figure
+from tracker.synthesis.simulation.prospect import Prospect, prospect, volume_figure
+from tracker.synthesis.simulation.sequence import Recipe, fill_folder, simulate
 
 
 @dataclass(frozen=True)

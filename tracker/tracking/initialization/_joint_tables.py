@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.keypoint_names import plain_name
-from tracker.bodies.keypoints import meant
+from tracker.bodies.keypoints import meant, plain_name
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import ConfigError, nearest
 from tracker.foundation.source_files import frame_in, number_in
