@@ -7,7 +7,7 @@ import pytest
 from rounding import assert_alike
 
 from tracker.foundation.arrays import Array32
-from tracker.images.analysis._observe import accepted_segments
+from tracker.images.analysis import accepted_segments
 from tracker.images.operations.edges import EdgeSegments
 from tracker.kernels.edges import expected_distances, marked
 

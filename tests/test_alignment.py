@@ -16,13 +16,11 @@ from recordings import small_simulation
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.results.alignment import ViewAlignment
-from tracker.results.alignment._gauge import without_common_motion
-from tracker.results.alignment._looks import by_turn
-from tracker.results.alignment.adjustment import FEWEST, align, turned
-from tracker.results.alignment.in_step import in_step
+from tracker.results.alignment._equations import by_turn, without_common_motion
+from tracker.results.alignment.adjustment import FEWEST, align, in_step, turned
 from tracker.results.alignment.moments import MOST_MOMENTS, Tracked, chosen_moments, moments_of, rates_of
 from tracker.running.aligned_result import described
-from tracker.running.jobs._views import told_of_views
+from tracker.running.jobs._recorded import told_of_views
 from tracker.synthesis.simulation.movements import poses_of
 from tracker.synthesis.simulation.sequence import Recipe, simulate
 from tracker.tracking.initialization._person_sized import enlarged

@@ -18,8 +18,7 @@ from tracker.foundation.arrays import Array, Array32, Mask
 from tracker.foundation.configuration.components import available, find
 from tracker.foundation.errors import SequenceError
 from tracker.foundation.resources import model_path
-from tracker.images.analysis import Analysis
-from tracker.images.analysis._observe import thinned
+from tracker.images.analysis import Analysis, thinned
 from tracker.images.analysis.contours import ContourAnalysis
 from tracker.images.analysis.silhouettes import SilhouetteAnalysis
 from tracker.images.observation import Observation, ViewObservation

@@ -13,7 +13,7 @@ from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.geometry.motions import line_from_planes, nearest_along_line
 from tracker.foundation.resources import model_path
-from tracker.images.operations.principal_axis import iterated_axes, region_points
+from tracker.images.operations.masks import iterated_axes, region_points
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.initialization._torso_axis import region_axes, torso_axis
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from tracker.foundation.arrays import Array, Image, Mask, frozen
-from tracker.images.plate import Plate, threshold_level
-from tracker.images.plate_changes import _SHADOW, changed, difference, foreground
+from tracker.images.plate import _SHADOW, Plate, changed, difference, foreground, threshold_level
 from tracker.kernels.changes import MARGIN, large_regions, mark_changes, median_level, without_shadows
 
 SIZE = 240, 320

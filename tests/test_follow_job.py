@@ -22,7 +22,7 @@ from tracker.points.surfaces.growth import Growth
 from tracker.points.surfaces.surface import SurfaceMeasurement
 from tracker.running.cli import app
 from tracker.running.jobs import execute, load_job
-from tracker.running.jobs._born import Born
+from tracker.running.jobs._following import Born
 
 N_FRAMES = 7
 rig, frames = following.rig, following.frames
@@ -114,36 +114,36 @@ def test_the_table_has_what_is_known_of_a_point(outcome, rig):
 
 
 def test_an_interrupted_job_is_resumed_to_the_same_bytes(folder, outcome, monkeypatch):
-    from tracker.running.jobs import _sightings
+    from tracker.running.jobs import _following
 
-    out, written = folder / "broken_off", _sightings.append
+    out, written = folder / "broken_off", _following.append
 
     def dies(path, frame):
         if frame.index == 5:
             raise OSError("the disk is full")
         written(path, frame)
 
-    monkeypatch.setattr(_sightings, "append", dies)
+    monkeypatch.setattr(_following, "append", dies)
     job = load_job("follow", folder / "follow.toml")
     with pytest.raises(OSError, match="disk"):
         execute(job, out)
-    monkeypatch.setattr(_sightings, "append", written)
+    monkeypatch.setattr(_following, "append", written)
     assert execute(job, out, resume=True).n_frames == N_FRAMES
     for name in ("points.bin", "trajectories.csv", "points_000004.ply"):
         assert (out / name).read_bytes() == (outcome.folder / name).read_bytes()
 
 
 def test_ctrl_c_leaves_a_usable_result(folder, monkeypatch):
-    from tracker.running.jobs import _sightings
+    from tracker.running.jobs import _following
 
-    written = _sightings.append
+    written = _following.append
 
     def interrupted(path, frame):
         if frame.index == 4:
             raise KeyboardInterrupt
         written(path, frame)
 
-    monkeypatch.setattr(_sightings, "append", interrupted)
+    monkeypatch.setattr(_following, "append", interrupted)
     outcome = execute(load_job("follow", folder / "follow.toml"), folder / "ctrl_c")
     assert outcome.interrupted
     assert outcome.n_frames == 4

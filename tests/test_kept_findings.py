@@ -25,11 +25,11 @@ def told(folder: Path) -> dict[str, object]:
 
 
 def test_a_resumed_run_tells_what_it_has_found_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tracker.running.jobs._first_frames.survey", lambda *_: None)
-    monkeypatch.setattr("tracker.running.jobs._first_frames.other_colours", lambda _: "")
-    monkeypatch.setattr("tracker.running.jobs._first_frames.findings", lambda _: (EXCHANGED,))
+    monkeypatch.setattr("tracker.running.jobs._told.survey", lambda *_: None)
+    monkeypatch.setattr("tracker.running.jobs._told.other_colours", lambda _: "")
+    monkeypatch.setattr("tracker.running.jobs._told.findings", lambda _: (EXCHANGED,))
     late = "view BACK is late"  # told again at every end
-    monkeypatch.setattr("tracker.running.jobs._views.Tracks.told", lambda *_: (late,))
+    monkeypatch.setattr("tracker.running.jobs._recorded.Tracks.told", lambda *_: (late,))
     config = write_sequence(Recipe("arm_swing", seconds=0.16, size=(256, 208)), tmp_path / "sequence")
     start = ["initialization.use=given", "initialization.poses=truth_poses.csv", "passes=1"]
     job = load_job("track", config, [*start, 'recordings=["run_json","journal","report"]'])

@@ -21,14 +21,16 @@ from tracker.evidence.measures.outlines import overlap
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.evidence.together import TogetherEvidence
 from tracker.foundation.arrays import Mask
-from tracker.images.operations.densities import colour_codes, densities, texture_codes
 from tracker.images.operations.level_set import (
     Forces,
+    colour_codes,
+    densities,
     descent,
     energy,
     gradient,
     region_energy,
     signed_distance,
+    texture_codes,
     threshold_dynamics,
 )
 from tracker.images.sight import Sight

@@ -12,11 +12,8 @@ from known_movements import LIBRARY, known
 
 from tracker.foundation.errors import ConfigError
 from tracker.foundation.resources import model_path
-from tracker.results.recognition.additions import add_performance
-from tracker.results.recognition.library import Description, load_library
-from tracker.results.recognition.limb_directions import (
-    Course,
-)
+from tracker.results.recognition.directions import Course
+from tracker.results.recognition.library import Description, add_performance, load_library
 
 
 def test_a_library_on_disk_is_what_was_added(tmp_path):

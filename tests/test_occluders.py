@@ -15,8 +15,7 @@ from tracker.foundation.errors import CalibrationError, SequenceError
 from tracker.images.analysis.contours import ContourAnalysis
 from tracker.images.analysis.silhouettes import SilhouetteAnalysis
 from tracker.images.observation import HIDDEN
-from tracker.images.plate import Plate
-from tracker.images.plate_changes import changed
+from tracker.images.plate import Plate, changed
 from tracker.images.reading._occluders import load_occluders, with_occluders
 from tracker.images.reading.images import ImageReading
 from tracker.images.reading.video import VideoReading

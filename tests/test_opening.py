@@ -9,8 +9,7 @@ import pytest
 from scipy.ndimage import distance_transform_edt
 
 from tracker.foundation.arrays import Mask
-from tracker.images.operations.growing import grown
-from tracker.images.operations.opening import opened
+from tracker.images.operations.masks import grown, opened
 
 
 @pytest.fixture(params=range(5))

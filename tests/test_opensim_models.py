@@ -21,7 +21,7 @@ from tracker.foundation.errors import ConfigError, ModelError
 from tracker.results.marker_layouts import read_markers
 from tracker.results.recording._motion import Y_UP
 from tracker.results.recording._osim_model import FILES, OsimName
-from tracker.results.recording._osim_outcome import opensim_installed
+from tracker.results.recording._osim_run import opensim_installed
 from tracker.results.recording.opensim import Opensim
 from tracker.running.cli import app
 

@@ -18,19 +18,18 @@ from tracker.bodies.keypoints import meant
 from tracker.foundation.errors import ConfigError, ModelError
 from tracker.foundation.resources import model_path
 from tracker.kernels.movements import direction_gaps, warp_sequence
-from tracker.results.recognition.additions import one_round
-from tracker.results.recognition.library import Description, Library, Movement
-from tracker.results.recognition.limb_directions import (
+from tracker.results.recognition.directions import (
     FEATURES,
     JOINTS,
     RATE_HZ,
     Course,
     course,
     course_of,
+    features_of,
     limb_directions,
 )
+from tracker.results.recognition.library import Description, Library, Movement, one_round
 from tracker.results.recognition.matching import Recognized, _together, angles_deg, recognize
-from tracker.results.recognition.segment_directions import features_of
 from tracker.results.recognition.timeline import strip, table_rows, timeline
 from tracker.synthesis.simulation.movements import poses_of
 

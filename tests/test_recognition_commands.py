@@ -13,11 +13,8 @@ from typer.testing import CliRunner
 from tracker.bodies.body.description import load_body
 from tracker.foundation.errors import ConfigError, ModelError
 from tracker.foundation.resources import model_path
-from tracker.results.recognition.additions import add_performance
-from tracker.results.recognition.library import Description, load_library
-from tracker.results.recognition.limb_directions import (
-    Course,
-)
+from tracker.results.recognition.directions import Course
+from tracker.results.recognition.library import Description, add_performance, load_library
 from tracker.running.cli import app
 from tracker.synthesis.simulation.movements import poses_of
 

@@ -22,9 +22,8 @@ from tracker.evidence.measures.account import Account
 from tracker.foundation.errors import SequenceError
 from tracker.foundation.resources import model_path
 from tracker.results.recording import RunContext
-from tracker.results.recording._kept_covariance import covariance_of, kept, unpacked
-from tracker.results.recording._series import AMBIGUOUS, Series
-from tracker.results.recording._series_figures import parameter_figure
+from tracker.results.recording._journal_line import covariance_of, kept, unpacked
+from tracker.results.recording._series import AMBIGUOUS, Series, parameter_figure
 from tracker.results.recording.csv_table import CsvTable
 from tracker.results.recording.journal import FILE, Expected, Journal, as_kept, open_journal
 from tracker.results.recording.overlay import Overlay

@@ -19,13 +19,11 @@ from motions import LOST, N_FRAMES, Movement, made_up
 import tracker
 from tracker.cameras.frame import Frame
 from tracker.foundation.errors import SequenceError
-from tracker.results.recording._anatomical import angles_of, joints_of
-from tracker.results.recording._head_numbers import head_numbers
-from tracker.results.recording._isb_series import IsbSeries
+from tracker.results.recording._anatomical import IsbSeries, angles_of, joints_of
 from tracker.results.recording._series import Series
 from tracker.results.recording.csv_table import CsvTable
 from tracker.results.recording.overlay import Overlay
-from tracker.results.recording.report import Report
+from tracker.results.recording.report import Report, head_numbers
 from tracker.results.smoothed_result import Pictures, write_smoothed
 from tracker.results.smoothing.rts import RauchTungStriebel
 from tracker.tracking.doubt import Because, Doubt

@@ -10,9 +10,8 @@ import pytest
 from bars import recorded
 from typer.testing import CliRunner
 
-from tracker.cameras.epipolar_picture import epipolar_picture
 from tracker.cameras.rig import Rig
-from tracker.cameras.rig_check import check_points, check_rig
+from tracker.cameras.rig_check import check_points, check_rig, epipolar_picture
 from tracker.cameras.rig_layouts import load_rig, save_rig
 from tracker.foundation.errors import CalibrationError
 from tracker.running.cli import app

@@ -11,9 +11,8 @@ from pydantic import ValidationError
 
 from tracker.bodies.subject import Subject
 from tracker.cameras.camera import Camera
-from tracker.cameras.rig import Rig
+from tracker.cameras.rig import Rig, fitting_downscale, shown_px
 from tracker.cameras.rig_layouts import save_rig
-from tracker.cameras.shown_size import fitting_downscale, shown_px
 from tracker.foundation.errors import CalibrationError
 from tracker.images.reading.video import VideoReading
 from tracker.running.jobs.track import TrackJob

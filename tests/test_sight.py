@@ -13,8 +13,7 @@ from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, 
 from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Image
 from tracker.foundation.errors import InitializationError
-from tracker.images.plate import Plate
-from tracker.images.plate_changes import changed
+from tracker.images.plate import Plate, changed
 from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Simulation

@@ -19,8 +19,7 @@ from tracker.points.following.report import Course, points_picture, summarized
 from tracker.points.following.snakes import Snake
 from tracker.points.surfaces.views import Preparation
 from tracker.points.trajectories import PointStatus
-from tracker.running.jobs._second_look import SecondLook
-from tracker.running.jobs._trajectory_files import TrajectoryFiles
+from tracker.running.jobs._following import SecondLook, TrajectoryFiles
 
 N_FRAMES, N_POINTS, FPS, NOISE_M = 40, 1600, 50.0, 3e-4
 

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracker.cameras.rig import CAMERAS, Rig
+from tracker.cameras.rig import CAMERAS, Rig, told_world, world_doubts
 from tracker.cameras.rig_layouts import read_rig
-from tracker.cameras.world import told_world, world_doubts
 from tracker.foundation.errors import CalibrationError
 from tracker.synthesis.simulation.room import default_rig
 

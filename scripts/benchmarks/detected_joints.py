@@ -27,8 +27,7 @@ from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import load_rig
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.resources import model_path
-from tracker.results.evaluation.joint_names import JointNames
-from tracker.results.evaluation.tables import Frames, read_joints, read_rows
+from tracker.results.evaluation.joints import Frames, JointNames, read_joints, read_rows
 
 _SIDES = "left", "right"
 JOINTS = tuple(f"{side}_{joint}" for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in _SIDES)

@@ -17,7 +17,7 @@ from benchmarks.trial import LIMB_MM
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.errors import SequenceError
 from tracker.results.evaluation.comparison import evaluate
-from tracker.results.evaluation.tables import read_rows
+from tracker.results.evaluation.joints import read_rows
 from tracker.tracking.limb_probabilities import Known, Odds, right_by
 
 EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.97, 0.99, 1.0)

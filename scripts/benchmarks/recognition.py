@@ -15,9 +15,9 @@ from benchmarks.motion_files import read_cmu
 from benchmarks.performances import DISTURBED, Performance, other_bodies, other_persons, performers
 from benchmarks.recorded import recorded
 from tracker.foundation.arrays import Array32
-from tracker.results.evaluation.tables import read_joints
+from tracker.results.evaluation.joints import read_joints
+from tracker.results.recognition.directions import JOINTS, RATE_HZ, Course, course, course_of
 from tracker.results.recognition.library import Library, load_library
-from tracker.results.recognition.limb_directions import JOINTS, RATE_HZ, Course, course, course_of
 from tracker.results.recognition.matching import Recognized, recognize
 from tracker.results.recognition.timeline import timeline
 from tracker.results.result import load_result

@@ -15,8 +15,17 @@ from rich.table import Table
 from tracker.bodies.scene import Scene
 from tracker.evidence.measures.outlines import overlap
 from tracker.foundation.arrays import Image, Mask
-from tracker.images.operations.densities import Codes, Densities, colour_codes, densities, texture_codes
-from tracker.images.operations.level_set import Forces, descent, signed_distance, threshold_dynamics
+from tracker.images.operations.level_set import (
+    Codes,
+    Densities,
+    Forces,
+    colour_codes,
+    densities,
+    descent,
+    signed_distance,
+    texture_codes,
+    threshold_dynamics,
+)
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Recipe, simulate
 

@@ -15,9 +15,9 @@ from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Scene
 from tracker.cameras.camera import Camera
-from tracker.cameras.seen_pixels import seen_pixels
+from tracker.cameras.frame import seen_pixels
 from tracker.foundation.arrays import Array, Integers, Mask
-from tracker.images.operations.growing import grown
+from tracker.images.operations.masks import grown
 from tracker.images.sight import Sight
 from tracker.synthesis import Synthesis
 from tracker.tracking.strangers import hide_strangers

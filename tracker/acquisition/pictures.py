@@ -22,8 +22,7 @@ from tracker.foundation.arrays import Array, Image, Mask
 from tracker.foundation.configuration.components import FilePath, component
 from tracker.foundation.errors import CalibrationError, ConfigError, SequenceError
 from tracker.images.observation import Observation
-from tracker.images.plate import Plate
-from tracker.images.plate_changes import foreground
+from tracker.images.plate import Plate, foreground
 from tracker.synthesis import Synthesis
 from tracker.tracking.objective import Objective
 

@@ -120,7 +120,7 @@ def usual_up(rig: Rig) -> Array:
 
 
 _NEAR_DEG = 15.0
-"""Between z and what the cameras hold up, below which z is meant to be up; see `tracker.cameras.world`."""
+"""Between z and what the cameras hold up, below which z is meant to be up; see `tracker.cameras.rig`."""
 
 
 def _tilt(points: Array, up: Array, sigma_m: float) -> tuple[Array, int]:

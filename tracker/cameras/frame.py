@@ -2,11 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, overload, runtime_checkable
 
-from tracker.foundation.arrays import Image, Mask
+import numpy as np
+
+from tracker.cameras.camera import Camera
+from tracker.foundation.arrays import Array, Image, Integers, Mask
+
+
+def seen_pixels(camera: Camera, points: Array, spacing_px: int = 1) -> tuple[Integers, Mask]:
+    """Nearest pixels (N, 2) of points, x and y, and which of the points (N,) the camera sees.
+
+    Args:
+        camera: it.
+        points: (N, 3) in the world, metres.
+        spacing_px: of the pixels counted, every second one for 2: those of `image[::spacing_px, ::spacing_px]`.
+    """
+    # near the plane of the lens the distortion runs away
+    before = camera.in_camera(points)[:, 2] > 0.1
+    pixels = np.full((len(points), 2), -1.0)
+    pixels[before] = np.nan_to_num(camera.project(points[before]) / spacing_px, nan=-1.0)
+    nearest = np.round(np.clip(pixels, -1.0, 1e6)).astype(np.int64)
+    n_pixels = -(-np.array(camera.size) // spacing_px)
+    seen: Mask = before & (nearest >= 0).all(axis=1) & (nearest < n_pixels).all(axis=1)
+    return nearest, seen
 
 
 @runtime_checkable
@@ -86,3 +107,27 @@ class Frame:
         """Indices of the views without an image."""
         views = self.images.packed if isinstance(self.images, Pictures) else self.images
         return tuple(v for v, image in enumerate(views) if image is None)
+
+
+@runtime_checkable
+class Views(Protocol):
+    """Opened views: what a calibration is made from."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The views in order."""
+        ...
+
+    @property
+    def sizes(self) -> tuple[tuple[int, int], ...]:
+        """Image widths and heights, px."""
+        ...
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames that `frames()` delivers."""
+        ...
+
+    def frames(self) -> Iterator[Frame]:
+        """All frames of the chosen range in order; it can be asked for more than once."""
+        ...

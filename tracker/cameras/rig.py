@@ -225,3 +225,139 @@ def _least_turn(up: Array) -> Array:
     skew = np.array([[0.0, -z, y], [z, 0, -x], [-y, x, 0]])
     turn: Array = np.eye(3) + skew + skew @ skew / (1 + along)
     return turn
+
+
+# The world that a rig brings with it: which way is up, and where the floor is on which persons are looked for.
+
+_SURELY_UP = 0.75
+"""Share of a whole vector that the mean of the cameras' up directions has, to be taken for the world's up."""
+
+_LEAST_UP = 0.3
+"""Vertical share of the up direction of most cameras, below which they are held sideways, or z is not up."""
+
+_TURNED_DEG = 15.0
+"""Between z and what all cameras hold up, from which it is told. Rooms that were calibrated well have 0 to 12, a desk
+whose board lay obliquely in the first picture 28."""
+
+_BELOW_M = 0.1
+"""A lens lower than this is below a floor that is really there."""
+
+_LOW_M = 0.2
+"""Height at which cameras look that is too low for persons: they look at 0.6 to 1.3 m, at a desk whose board is the
+world's origin at 0.07 m."""
+
+
+def told_world(rig: Rig) -> str:
+    """One line: where the calibration has the floor, and the cameras above it."""
+    heights = [float(camera.centre[2]) for camera in rig.cameras]
+    return (
+        f"the calibration's world: z is up, the floor z = 0; cameras stand {min(heights):.2f} to {max(heights):.2f} m "
+        f"above it and look at a place {float(rig.middle[2]):.2f} m above it"
+    )
+
+
+def world_doubts(rig: Rig) -> tuple[str, ...]:
+    """What is unusual in the world of a rig, in one line each, with the command that mends it."""
+    if up := _up_doubt(rig):
+        return (up,)
+    turned = _turned_doubt(rig)
+    floor = _floor_doubt(rig.with_up(CAMERAS) if turned else rig, f" --up {CAMERAS}" if turned else "")
+    return tuple(filter(None, (turned, floor)))
+
+
+def _up_doubt(rig: Rig) -> str:
+    """That another axis than z is up; of a rig that only its images tell of, with a question mark."""
+    upwards = np.array([-camera.camera_from_world[1, :3] for camera in rig.cameras])
+    mean, likely = upwards.mean(axis=0), rig.likely_up
+    turn = (
+        f"`bodytrack rig convert THIS rig.toml --up {likely} --floor Z` turns it, Z is where the floor is on that axis"
+    )
+    hung = ", or hang upside down" if likely == "-z" else ""
+    if likely != "z" and np.abs(mean).max() > _SURELY_UP:
+        return (
+            f"the cameras are upright with the rig's {likely} axis up, expected z{hung}: persons would be looked for "
+            f"lying; {turn}"
+        )
+    if np.median(upwards[:, 2]) < _LEAST_UP:
+        what = f"is the world's z axis up? If {likely} is: {turn}" if likely != "z" else "is the world's z axis up?"
+        return f"most cameras are tilted or upside down: {what}"
+    return ""
+
+
+def _turned_doubt(rig: Rig) -> str:
+    up = rig.held_up
+    turned_deg = 0.0 if up is None else float(np.degrees(np.arccos(np.clip(up[2], -1, 1))))
+    if turned_deg < _TURNED_DEG:
+        return ""
+    return (
+        f"the rig is turned: all cameras are upright about a direction {turned_deg:.0f} degrees off its z axis; did "
+        "the board that is the world's origin lie obliquely? Persons would be looked for leaning: "
+        f"`bodytrack rig convert THIS rig.toml --up {CAMERAS}` turns it"
+    )
+
+
+def _floor_doubt(rig: Rig, turn: str) -> str:
+    low = min(rig.cameras, key=lambda camera: float(camera.centre[2]))
+    height_m, looked_at_m = float(low.centre[2]), float(rig.middle[2])
+    if height_m >= -_BELOW_M and looked_at_m >= _LOW_M:
+        return ""
+    found = (
+        f"{low.name} is {-height_m:.2f} m below the floor: is z up and the origin on it?"
+        if height_m < -_BELOW_M
+        else f"the cameras look at a place {looked_at_m:.2f} m above the floor: is the origin on it?"
+    )
+    return (
+        f"{found} Persons are looked for on z = 0. If the floor is lower, measure how high the lens of {low.name} is "
+        f"above it, in metres: `bodytrack rig convert THIS rig.toml{turn} --floor Z`, where Z is {height_m:.2f} less "
+        "that height"
+    )
+
+
+# How high persons are shown, as the cameras alone tell, and how much smaller or larger images should be for that.
+
+# See docs/lab/filmed_otherwise.md.
+KEPT_PX = 300.0
+"""Height that persons keep in images that are averaged, px. How far is looked for edges, and what counts as off, is set
+in pixels, chosen on images that show them some 270 px high. A rendered jump of a woman shown at least 620 px high was
+tracked 26 mm off (16 with offsets removed), and 14 (6) at half the size, in a seventh of the time."""
+
+SMALL_PX = 200.0
+"""Images are enlarged twice where persons are less high. 140 px high a dance and getting up were tracked 25 mm (19) and
+26 mm (21) off, with a joint off in 16 of 140 frames; the same images enlarged: 18 (11), 19 (12), and none."""
+
+_MOST_ENLARGED = 4e6
+"""Pixels that enlarged images may have: time and memory grow with them."""
+
+_LEAST_SIDE_PX = 480
+"""Shorter side that images keep: cameras close by show parts of persons."""
+
+_STATURE_M = 1.7
+"""Of somebody: who will be filmed is not known yet, and a child's images are averaged no further."""
+
+
+def shown_px(rig: Rig) -> float:
+    """Height of a person who stands upright where the axes of the cameras meet, in the view that shows it smallest.
+
+    Args:
+        rig: the cameras; views that have the place behind them have no say.
+
+    Returns:
+        px; 0 where no view has it before it.
+    """
+    depths = np.array([camera.in_camera(rig.middle)[2] for camera in rig.cameras])
+    focal_px = np.array([camera.matrix[1, 1] for camera in rig.cameras])
+    before = depths > 0
+    return float((_STATURE_M * focal_px[before] / depths[before]).min()) if before.any() else 0.0
+
+
+def fitting_downscale(rig: Rig) -> float:
+    """Pixels in both directions that one may average for tracking persons; 1 for as recorded, 0.5 for twice as large.
+
+    Args:
+        rig: the cameras of the images as recorded.
+    """
+    largest = max(camera.size[0] * camera.size[1] for camera in rig.cameras)
+    if 0 < shown_px(rig) < SMALL_PX and 4 * largest <= _MOST_ENLARGED:
+        return 0.5
+    shorter_px = min(min(camera.size) for camera in rig.cameras)
+    return max(1, int(min(shown_px(rig) / KEPT_PX, shorter_px / _LEAST_SIDE_PX)))

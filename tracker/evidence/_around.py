@@ -9,8 +9,14 @@ import cv2
 import numpy as np
 
 from tracker.foundation.arrays import Array32, Image, Mask, Region
-from tracker.images.operations.densities import Codes, Densities, colour_codes, densities, texture_codes
-from tracker.images.operations.level_set import signed_distance
+from tracker.images.operations.level_set import (
+    Codes,
+    Densities,
+    colour_codes,
+    densities,
+    signed_distance,
+    texture_codes,
+)
 from tracker.images.sight import Sight
 from tracker.kernels.pictures import cover_shares
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from tracker.foundation.arrays import Array32, Image, Mask
-from tracker.images.operations.densities import Densities, colour_codes
+from tracker.images.operations.level_set import Densities, colour_codes
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.measures.equations import Equations
 from tracker.foundation.arrays import Array, Image, Mask, frozen
 from tracker.foundation.configuration.components import component
-from tracker.images.operations.densities import colour_codes, densities
-from tracker.images.operations.opening import opened
+from tracker.images.operations.level_set import colour_codes, densities
+from tracker.images.operations.masks import opened
 from tracker.images.sight import Sight
 from tracker.synthesis import SurfaceSynthesis
 

@@ -19,8 +19,7 @@ from tracker.evidence.measures.equations import Equations
 from tracker.evidence.silhouettes import Foregrounds, SilhouetteEvidence
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import component
-from tracker.images.operations.densities import Densities
-from tracker.images.operations.level_set import Forces, descent, threshold_dynamics
+from tracker.images.operations.level_set import Densities, Forces, descent, threshold_dynamics
 from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from tracker.foundation.arrays import Image, Mask, Region, frozen
 from tracker.images.operations.light import SAMPLING, Light, light_of, sparse
-from tracker.kernels.changes import MARGIN, median_level
+from tracker.kernels.changes import MARGIN, ShadowRule, large_regions, mark_changes, median_level, without_shadows
 
 MOST_LEVEL = 80.0
 """Threshold (6 sigmas of the noise, grey levels) above which a plate is of no use. Noise and a soft lens before a wall
@@ -131,3 +131,132 @@ def cut(picture: Image, region: Region, margin: int) -> Image:
     part = picture[top:bottom, left:right]
     lacking = top - y + margin, y + height + margin - bottom, left - x + margin, x + width + margin - right
     return cv2.copyMakeBorder(part, *lacking, cv2.BORDER_REFLECT_101) if any(lacking) else part
+
+
+# What differs from a clean plate in an image: all of it, and without shadows and specks the moving foreground.
+
+# A shadow keeps the colour to 8 grey levels and loses up to 55 % of the light. Grey trousers before a grey floor
+# keep the colour too: where the texture does not show (correlation 0.7), only up to 20 % of loss is always a shadow,
+# and a region that loses more is one if its outline is wider than 8 px. An object's is as wide as the camera and
+# the smoothing make it, 4 px; with 6 to 12 px the results on four rendered recordings are the same, and the
+# precision in the demonstration, whose floor is smooth, rises from 0.84 to 0.96 at the same recall.
+_SHADOW: ShadowRule = (0.45, 0.8, 0.97, 8.0, 0.7, 8.0)
+
+# Opening with the square removes single pixels, closing with the disc fills holes of 6 px.
+_SQUARE = np.ones((3, 3), np.uint8)
+_DISC = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7))
+# Opening with the square and closing with the disc carry a pixel this far at most.
+_CARRIED = 8
+_LEAST_SHARE = 0.02
+
+
+def difference(image: Image, plate: Plate) -> Image:
+    """Largest channel difference (h, w) uint8 of an image (h, w, 3) to a plate in its light, lightly smoothed."""
+    light = light_of(sparse(image), plate.sparse)
+    expected = plate.fine if light is None else light.on(plate.fine)
+    return largest_difference(cv2.GaussianBlur(image, (3, 3), 0), expected)
+
+
+def departing(image: Image, plate: Plate, sigmas: float) -> Mask | None:
+    """Pixels (h, w) that differ from the plate, shadows included; None where everything does: see `MOST_LEVEL`."""
+    level = threshold_level(image, plate, sigmas)
+    return None if level > MOST_LEVEL * sigmas / 6.0 else difference(image, plate) > level
+
+
+def sparse_changes(lit: Lit) -> Mask | None:
+    """Every fourth pixel (h / 4, w / 4) that differs from the plate, shadows included; None where everything does."""
+    if lit.level > MOST_LEVEL:
+        return None
+    opened: Mask = cv2.morphologyEx((lit.differences > lit.level).view(np.uint8), cv2.MORPH_OPEN, _SQUARE) > 0
+    return opened
+
+
+class Changed(NamedTuple):
+    """What differs from a plate; false outside the region looked at."""
+
+    moving: Mask
+    """(h, w) all pixels that have changed, shadows included, and those of which the plate does not know."""
+
+    foreground: Mask
+    """(h, w) those that have changed for sure and are no shadow, cleaned of specks and small holes."""
+
+    level: float
+    """Threshold from the noise of the whole image, grey levels."""
+
+
+def changed(image: Image, plate: Plate, region: Region | None = None, lit: Lit | None = None) -> Changed:
+    """Pixels (h, w) that differ from the plate, and those of them that are not its shadow: the moving foreground.
+
+    The plate is compared in the light of the image, where it differs slowly over the picture.
+
+    Args:
+        image: BGR (h, w, 3), of the plate's size.
+        plate: what the view shows without persons.
+        region: x, y, width, height to look in, px; None for the whole image.
+        lit: of the image, where it is known.
+    """
+    region = region or (0, 0, image.shape[1], image.shape[0])
+    lit = lit or lit_by(image, plate)
+    light, level = lit.light, lit.level
+    moving = _moving(image, _lit(plate.fine, light, region), region, level)
+    anything, mask = np.zeros(image.shape[:2], dtype=np.bool_), np.zeros(image.shape[:2], dtype=np.bool_)
+    anything[_slices(region)] = moving
+    x, y, width, height = cv2.boundingRect(moving)
+    if width == 0:
+        return _known(anything, mask, level, plate, region)
+    active = _grown(x, y, width, height, region)
+    objects = np.empty((active[3], active[2]), dtype=np.uint8)
+    smooth = cv2.GaussianBlur(cut(image, active, MARGIN), (5, 5), 0)
+    seen = np.array(anything[_slices(active)]).view(np.uint8)
+    without_shadows(smooth, _lit(plate.coarse, light, active, MARGIN), (0, 0), seen, _SHADOW, objects)
+    cleaned = cv2.morphologyEx(cv2.morphologyEx(objects, cv2.MORPH_OPEN, _SQUARE), cv2.MORPH_CLOSE, _DISC)
+    mask[_slices(active)] = _without_specks(cleaned)
+    return _known(anything, mask, level, plate, region)
+
+
+def _known(moving: Mask, mask: Mask, level: float, plate: Plate, region: Region) -> Changed:
+    """What has changed in a region, where the plate knows."""
+    if plate.unknown is not None:
+        inside = _slices(region)
+        moving[inside] |= plate.unknown[inside]
+        mask &= ~plate.unknown
+    return Changed(moving, mask, level)
+
+
+def _lit(picture: Image, light: Light | None, region: Region, margin: int = 0) -> Image:
+    """A region of a plate's picture, both with a margin, in the light of an image."""
+    x, y, width, height = region
+    part = picture[y : y + height + 2 * margin, x : x + width + 2 * margin]
+    return np.ascontiguousarray(part) if light is None else light.on(part, (x - margin, y - margin))
+
+
+def foreground(image: Image, plate: Plate, region: Region | None = None) -> Mask:
+    """The moving foreground (h, w) of `changed`."""
+    return changed(image, plate, region).foreground
+
+
+def _moving(image: Image, plate: Image, region: Region, level: float) -> Image:
+    """Non-zero in a region where a channel differs by more than a level from the plate of the region."""
+    moving = np.empty((region[3], region[2]), dtype=np.uint8)
+    mark_changes(cv2.GaussianBlur(cut(image, region, 1), (3, 3), 0), plate, (0, 0), level, moving)
+    return moving
+
+
+def _slices(region: Region) -> tuple[slice, slice]:
+    x, y, width, height = region
+    return slice(y, y + height), slice(x, x + width)
+
+
+def _grown(x: int, y: int, width: int, height: int, region: Region) -> Region:
+    """A box given in a region, with all that the cleaning can reach, inside the region; in px of the image."""
+    left, top = max(x - _CARRIED, 0), max(y - _CARRIED, 0)
+    right, bottom = min(x + width + _CARRIED, region[2]), min(y + height + _CARRIED, region[3])
+    return region[0] + left, region[1] + top, right - left, bottom - top
+
+
+def _without_specks(mask: Image) -> Mask:
+    """Regions of at least a fiftieth of the largest one."""
+    count, labels = cv2.connectedComponents(mask)
+    kept = np.empty(mask.shape, dtype=np.bool_)
+    large_regions(labels, count, _LEAST_SHARE, kept)
+    return kept

@@ -10,8 +10,7 @@ import numpy as np
 
 from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Array, Mask, Region
-from tracker.images.plate import MOST_LEVEL, Lit, Plate, lit_by
-from tracker.images.plate_changes import changed, sparse_changes
+from tracker.images.plate import MOST_LEVEL, Lit, Plate, changed, lit_by, sparse_changes
 
 _Found = TypeVar("_Found")
 _Part = TypeVar("_Part")

@@ -13,8 +13,7 @@ from tracker.foundation.errors import ConfigError
 from tracker.foundation.files import whole_folder
 from tracker.foundation.progress import Progress, silent
 from tracker.results.alignment import ViewAlignment
-from tracker.results.alignment.adjustment import align, turned
-from tracker.results.alignment.in_step import in_step
+from tracker.results.alignment.adjustment import align, in_step, turned
 from tracker.results.alignment.moments import Tracked, chosen_moments, moments_of
 from tracker.results.exports import check_place, write_result
 from tracker.results.result import Result

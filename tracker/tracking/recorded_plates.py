@@ -13,7 +13,7 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Mask
 from tracker.foundation.errors import BackdropError, InitializationError
-from tracker.images.operations.growing import grown
+from tracker.images.operations.masks import grown
 from tracker.images.plate import Plate
 from tracker.images.sight import LEAST_COVERED, Sight
 from tracker.tracking.bootstrapping import first_start

@@ -12,10 +12,10 @@ from scipy.spatial import KDTree
 
 from tracker.bodies.scene import Scene
 from tracker.cameras.camera import Camera
-from tracker.cameras.seen_pixels import seen_pixels
+from tracker.cameras.frame import seen_pixels
 from tracker.foundation.arrays import Array, Integers, Mask
-from tracker.images.operations.growing import grown
 from tracker.images.operations.light import SAMPLING
+from tracker.images.operations.masks import grown
 from tracker.images.sight import Sight
 from tracker.synthesis import Synthesis
 

@@ -8,7 +8,7 @@ from tracker.cameras.calibration._calibrated import Calibrated, Measure
 from tracker.cameras.calibration._floor_marks import Mark, floor_marks
 from tracker.cameras.calibration._report import report_html, report_text
 from tracker.cameras.calibration._world import read_points
-from tracker.cameras.views import Views
+from tracker.cameras.frame import Views
 from tracker.foundation.progress import Progress
 
 __all__ = [

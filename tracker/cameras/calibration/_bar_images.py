@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from tracker.cameras.calibration._spheres import measure_sphere
 from tracker.cameras.calibration._targets import Target, find_targets, grey, measure_target
-from tracker.cameras.views import Views
+from tracker.cameras.frame import Views
 from tracker.foundation.arrays import Array, Integers
 from tracker.foundation.errors import CalibrationError
 from tracker.foundation.progress import Progress

@@ -21,8 +21,8 @@ from tracker.cameras.calibration._objects import Boards
 from tracker.cameras.calibration._self_calibration import chosen_unknowns, self_calibrated
 from tracker.cameras.calibration._world import WorldFrame
 from tracker.cameras.fisheye import told_end
+from tracker.cameras.frame import Views
 from tracker.cameras.rig import Rig
-from tracker.cameras.views import Views
 from tracker.foundation.arrays import Image
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import CalibrationError

@@ -27,8 +27,8 @@ from tracker.cameras.calibration._synchronization import (
     time_offsets,
 )
 from tracker.cameras.calibration._world import WorldFrame
+from tracker.cameras.frame import Views
 from tracker.cameras.rig import Rig
-from tracker.cameras.views import Views
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import CalibrationError

@@ -18,7 +18,7 @@ from tracker.cameras.calibration._objects import MeasuredPoints
 from tracker.cameras.calibration._self_calibration import chosen_unknowns, self_calibrated
 from tracker.cameras.calibration._states import nominal_state, pinhole_of
 from tracker.cameras.calibration._world import read_points
-from tracker.cameras.views import Views
+from tracker.cameras.frame import Views
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import FilePath, component
 from tracker.foundation.errors import CalibrationError

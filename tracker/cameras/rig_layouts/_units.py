@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tracker.cameras.camera import Camera
+from tracker.cameras.rig import Rig
 from tracker.foundation.errors import CalibrationError, nearest
 from tracker.foundation.lengths import METRES_PER_UNIT, unit_sign
 
@@ -96,3 +97,14 @@ def unit_remarks(cameras: Sequence[Camera], unit: str, path: Path, told: bool) -
     if farthest > FARTHEST_M or (units and farthest < _NEAR_M):
         raise CalibrationError(line)
     return (line,) if units else ()
+
+
+def up_remarks(cameras: Sequence[Camera]) -> tuple[str, ...]:
+    """What to know where the world of a file has another axis up than z."""
+    up = Rig(tuple(cameras)).likely_up if cameras else "z"
+    if up == "z":
+        return ()
+    return (
+        f"z is not up in this file, {up} seems to be: `bodytrack rig convert THIS rig.toml --up {up}` turns it, and "
+        "--floor METRES tells where the floor lies along that axis",
+    )

@@ -13,7 +13,7 @@ from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import Listing
 from tracker.cameras.rig_layouts._cameras import camera_of, whole
-from tracker.cameras.rig_layouts._refit import image_grid, refitted
+from tracker.cameras.rig_layouts._plausible import image_grid, refitted
 from tracker.cameras.rig_layouts._sources import xml_root, xml_tag
 from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.components import component

@@ -10,8 +10,7 @@ from tracker.bodies.contours import Contours, expected_samples, region_around
 from tracker.foundation.arrays import Array32, Image, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import SequenceError
-from tracker.images.analysis import Analysis
-from tracker.images.analysis._observe import accepted_segments, view_observation
+from tracker.images.analysis import Analysis, accepted_segments, view_observation
 from tracker.images.observation import Observation, ViewObservation
 from tracker.images.operations.edges import canny, gradient, segment_edges
 from tracker.images.sight import Sight

@@ -14,8 +14,7 @@ import pydantic
 from tracker.bodies.keypoint_layouts.orders import LAYOUTS
 from tracker.foundation.arrays import Array, Image
 from tracker.foundation.configuration.components import component
-from tracker.images.detection import Finder
-from tracker.images.detection._library import library, version_of
+from tracker.images.detection import Finder, library, version_of
 
 _PACKAGE = "mediapipe==0.10.21"
 """The last version whose wheel has the network beside the program; later ones have it downloaded."""

@@ -13,8 +13,7 @@ from tracker.bodies.keypoint_layouts.orders import LAYOUTS
 from tracker.foundation.arrays import Array, Image
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import ConfigError
-from tracker.images.detection import Finder
-from tracker.images.detection._library import library, version_of
+from tracker.images.detection import Finder, library, version_of
 
 _PACKAGE = "rtmlib onnxruntime"
 

@@ -12,8 +12,7 @@ from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Mask
 from tracker.foundation.progress import Progress, silent
 from tracker.images.inspection._survey import LEAST_SHARE, is_cut, small, small_plates
-from tracker.images.plate import MOST_LEVEL, Plate
-from tracker.images.plate_changes import changed
+from tracker.images.plate import MOST_LEVEL, Plate, changed
 
 _LEAST_VIEWS = 2
 """In which everybody has to be seen, whole, by a start that has them and need not wait for more."""

@@ -14,9 +14,8 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Image, Mask, frozen
-from tracker.images.operations.opening import opened
-from tracker.images.plate import Plate
-from tracker.images.plate_changes import changed
+from tracker.images.operations.masks import opened
+from tracker.images.plate import Plate, changed
 
 FACTOR = 4
 """Pixels of an image to one of a survey: a person 400 px high is 100 px high there, its middle good to a pixel."""

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pydantic
 
-from tracker.cameras.rig import Rig
-from tracker.cameras.shown_size import KEPT_PX, fitting_downscale
+from tracker.cameras.rig import KEPT_PX, Rig, fitting_downscale
 from tracker.foundation.configuration.components import component
 from tracker.images.inspection import Survey
 
@@ -24,7 +23,7 @@ class SizesInspection:
 
     Images that were averaged too far, as the configuration wants it, show no limbs.
 
-    See `tracker.cameras.shown_size`, which goes by the cameras; here it is what the images show.
+    See `tracker.cameras.rig`, which goes by the cameras; here it is what the images show.
     """
 
     person_px: float = pydantic.Field(default=KEPT_PX, gt=0)

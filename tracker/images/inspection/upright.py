@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pydantic
 
-from tracker.cameras.world import world_doubts
+from tracker.cameras.rig import world_doubts
 from tracker.foundation.configuration.components import component
 from tracker.images.inspection import Survey
 

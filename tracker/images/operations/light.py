@@ -1,4 +1,4 @@
-"""Light that changes slowly over a picture: a lamp that fades, a cloud, an exposure that adapts."""
+"""Light that changes slowly over a picture, contrast of poor texture, and the noise of a camera."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from tracker.foundation.arrays import Array32, Image, Mask
+from tracker.foundation.arrays import Array32, Image, Integers, Mask
 from tracker.kernels.changes import block_ratios, connected_blocks, relight, smooth_surface
 
 SAMPLING = 4
@@ -88,3 +88,63 @@ def _bridged(departures: Array32, known: Mask) -> Array32:
     filled = cv2.GaussianBlur(departures * known[..., None], (0, 0), _REACH) / about[..., None]
     bridged: Array32 = np.where(known[..., None], departures, filled)
     return bridged
+
+
+def wallis_filter(grey: Image | Array32, window_px: int, contrast: float, expansion: float) -> Array32:
+    """Wallis filter: brings the local mean and the local contrast of an image near to given ones.
+
+    Args:
+        grey: image (h, w).
+        window_px: side of the square window of the local statistics, odd, px.
+        contrast: standard deviation aimed at, grey levels.
+        expansion: constant e, below 1: contrast is raised e / (1 - e) times at most, in plain areas; the nearer to 1,
+            the more equal the contrast is everywhere, that of noise included.
+
+    Returns:
+        (h, w), around 127 grey levels, not cut off to 0 to 255.
+    """
+    values = grey.astype(np.float32)
+    window = window_px, window_px
+    mean = cv2.blur(values, window, borderType=cv2.BORDER_REFLECT_101)
+    squares = cv2.sqrBoxFilter(values, cv2.CV_32F, window, borderType=cv2.BORDER_REFLECT_101)
+    deviation = np.sqrt(np.maximum(squares - mean * mean, 0))
+    gain = expansion * contrast / (expansion * deviation + (1 - expansion) * contrast)
+    enhanced: Array32 = (values - mean) * gain + expansion * 127 + (1 - expansion) * mean
+    return enhanced
+
+
+# Noise of a camera that stands still, and images smoothed against it.
+
+# A sixteenth of the pixels is enough.
+_SAMPLING = 4
+# Median of the absolute values of a normal distribution of standard deviation 1.
+_MEDIAN = 0.6745
+
+
+def noise_grey(before: Image, after: Image) -> float:
+    """Standard deviation of the noise in two images (h, w, 3) one after the other, grey levels of its worst channel.
+
+    Most of the images has to be still; light that flickers as a whole is none of it. What a codec takes for the same is
+    without noise to it.
+    """
+    now, then = (image[::_SAMPLING, ::_SAMPLING].astype(np.int16) for image in (after, before))
+    change = (now - then).reshape(-1, before.shape[-1])
+    middle = max(_median(np.abs(one - int(np.median(one)))) for one in change.T)
+    return middle / _MEDIAN / float(np.sqrt(2))
+
+
+def _median(values: Integers) -> float:
+    """Median of magnitudes (N,) that were rounded, as finely as if they had not been: each has a width of one."""
+    counts = np.bincount(values)
+    counts = np.insert(counts, 0, 0).astype(np.float64)
+    # of 0 there is but the half that is positive
+    edges = np.insert(np.arange(len(counts) - 1) + 0.5, 0, 0.0)
+    return float(np.interp(counts.sum() / 2, np.cumsum(counts), edges))
+
+
+def smoothed(image: Image, sigma_px: float) -> Image:
+    """The image (h, w, 3) smoothed by a Gaussian; as it is for 0."""
+    if sigma_px == 0:
+        return image
+    smooth: Image = cv2.GaussianBlur(image, (0, 0), sigma_px)
+    return smooth

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Protocol, runtime_checkable
 
-from tracker.cameras.frame import Frame
+from tracker.cameras.frame import Frame, Views
 from tracker.cameras.rig import Rig
-from tracker.cameras.views import Views
 from tracker.images.plate import Plate
 
 

@@ -9,10 +9,9 @@ import cv2
 import numpy as np
 
 from tracker.foundation.arrays import Image, Mask
-from tracker.images.operations.growing import grown
 from tracker.images.operations.light import Light, light_of, sparse
-from tracker.images.plate import Plate
-from tracker.images.plate_changes import changed
+from tracker.images.operations.masks import grown
+from tracker.images.plate import Plate, changed
 from tracker.kernels.changes import dominant_modes
 
 N_SAMPLES = 25

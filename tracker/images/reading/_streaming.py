@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from tracker.cameras.frame import Frame, Packed, Pictures
 from tracker.foundation.arrays import Image
 from tracker.foundation.errors import SequenceError
-from tracker.images.operations.noise import smoothed
+from tracker.images.operations.light import smoothed
 from tracker.images.reading._footage import ImageStream
 from tracker.images.reading._pictures import brightened, check_size, downscaled
 from tracker.images.reading._selection import OnMissing, Selection
@@ -17,7 +17,7 @@ from tracker.images.reading._selection import OnMissing, Selection
 
 @dataclass(frozen=True)
 class OpenViews:
-    """Opened views of cameras that need no calibration; see `tracker.cameras.views.Views`."""
+    """Opened views of cameras that need no calibration; see `tracker.cameras.frame.Views`."""
 
     names: tuple[str, ...]
     source_sizes: tuple[tuple[int, int], ...]

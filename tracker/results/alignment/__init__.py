@@ -14,7 +14,7 @@ import numpy as np
 
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array
-from tracker.results.alignment._gauge import without_common_motion
+from tracker.results.alignment._equations import without_common_motion
 from tracker.results.alignment.moments import MOST_MOMENTS
 
 __all__ = ["DelayChange", "ViewAlignment", "beside_most"]

@@ -14,9 +14,8 @@ from scipy.optimize import linear_sum_assignment
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import SequenceError
 from tracker.foundation.source_files import frame_in, json_of, one_line
-from tracker.results.evaluation.joint_names import JointNames, names_of
+from tracker.results.evaluation.joints import Frames, JointNames, JointTable, names_of, read_joints, read_rows
 from tracker.results.evaluation.person_errors import PersonErrors, errors_of, with_parameters, with_sigmas
-from tracker.results.evaluation.tables import Frames, JointTable, read_joints, read_rows
 from tracker.results.result import CHANGED, remarks
 
 # Persons who share no joint in no frame are matched last.

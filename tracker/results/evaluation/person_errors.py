@@ -12,9 +12,7 @@ from tracker.bodies.body.sections import Joints
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import SequenceError
 from tracker.foundation.source_files import frame_in, number_in
-from tracker.results.evaluation.joint_names import JointNames
-from tracker.results.evaluation.tables import NOBODY, Frames, read_rows
-from tracker.results.evaluation.told_sigmas import hinge_sigmas_deg, joint_sigmas_mm
+from tracker.results.evaluation.joints import NOBODY, Frames, JointNames, hinge_sigmas_deg, joint_sigmas_mm, read_rows
 
 # Two points don't tell how a trunk is turned about the line between them.
 _LEAST_ORIGINS = 3

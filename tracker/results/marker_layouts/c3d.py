@@ -10,8 +10,15 @@ import numpy as np
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import SequenceError, shortened
 from tracker.foundation.lengths import metres_in
-from tracker.results.marker_layouts._c3d_file import C3dFile, is_c3d, open_c3d
-from tracker.results.marker_layouts._c3d_frames import first_frame, n_segments_of, origins_of, points_of
+from tracker.results.marker_layouts._c3d_file import (
+    C3dFile,
+    first_frame,
+    is_c3d,
+    n_segments_of,
+    open_c3d,
+    origins_of,
+    points_of,
+)
 from tracker.results.marker_layouts._units import metres_per_unit
 from tracker.results.markers import Markers, without_gaps
 

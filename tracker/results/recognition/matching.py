@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tracker.results.recognition._packed import Fit, Packed, packed
-from tracker.results.recognition._variants import Variant, angles_between
+from tracker.results.recognition._packed import Fit, Packed, Variant, angles_between, packed
+from tracker.results.recognition.directions import RATE_HZ, Course
 from tracker.results.recognition.library import Library
-from tracker.results.recognition.limb_directions import RATE_HZ, Course
 from tracker.results.recognition.rule import Rule
 
 

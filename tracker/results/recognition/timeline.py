@@ -11,7 +11,7 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from tracker.results.recognition.limb_directions import RATE_HZ, Course
+from tracker.results.recognition.directions import RATE_HZ, Course
 from tracker.results.recognition.matching import Recognized
 
 UNKNOWN, LOST = "unknown", "lost"

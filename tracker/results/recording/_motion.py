@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -21,6 +22,15 @@ from tracker.foundation.arrays import Array, Mask
 from tracker.results.recording import RunContext
 from tracker.tracking.estimate import Status
 from tracker.tracking.trajectory import Step
+
+_NOT_IN_A_NAME = re.compile(r"[\s\\*+/{}]")
+"""What OpenSim opens no model with, what a BVH reader takes for the end of a name, and the tab of a table."""
+
+
+def exported_name(name: str) -> str:
+    """The name with `_` in place of each such sign: of "left thigh" and "left shin" a BVH reader made two "left"."""
+    return _NOT_IN_A_NAME.sub("_", name)
+
 
 Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 """From our world, z up, to that of programs with y up: x stays, (x, y, z) becomes (x, z, -y)."""

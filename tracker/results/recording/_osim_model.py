@@ -9,10 +9,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from tracker.bodies.body import BodyModel
+from tracker.bodies.segments import Landmark
 from tracker.foundation.configuration.components import RelativePath
-from tracker.foundation.errors import ConfigError, nearest
+from tracker.foundation.errors import ConfigError, ModelError, nearest
 from tracker.foundation.source_files import xml_of
-from tracker.results.recording._xml import Node, write_xml
+from tracker.results.recording._motion import exported_name, markers_of
+from tracker.results.recording._text_files import Node, write_xml
 
 FILES = {
     "laiuhlrich": ("LaiUhlrich2022.osim", "RajagopalLaiUhlrich2023.osim"),
@@ -117,3 +120,121 @@ def _hangs_on_ground(joint: Node) -> bool:
     parents = [] if frames is None else [frame.findtext("socket_parent", "") for frame in frames]
     told = [joint.findtext("parent_body", ""), joint.findtext("socket_parent_frame", ""), *parents]
     return any(name.strip() in ("ground", "/ground") for name in told)
+
+
+# Markers that a model of OpenSim and a body of ours share: joint centres, feet and face, points on surfaces.
+
+_ORIGIN = (0.0, 0.0, 0.0)
+"""Of a body: the joint centre, and of the heel bone its hindmost point."""
+
+_TIP = (0.24, 0.0, 0.0)
+"""Of the bones of Rajagopal's foot, in the frame of its heel bone, metres; scaling compares the length of the foot."""
+
+_SIDED = (
+    ("hip", "femur", ("Hip", "HJC"), _ORIGIN),
+    ("knee", "tibia", ("Knee", "KJC"), _ORIGIN),
+    ("ankle", "talus", ("Ankle", "AJC"), _ORIGIN),
+    ("heel", "calcn", ("Heel",), _ORIGIN),
+    ("toe", "calcn", ("BigToe",), _TIP),
+    ("small_toe", "calcn", ("SmallToe",), None),
+    ("shoulder", "humerus", ("Shoulder", "SJC"), _ORIGIN),
+    ("elbow", "ulna", ("Elbow", "EJC"), _ORIGIN),
+    ("wrist", "hand", ("Wrist",), _ORIGIN),
+    ("eye", "head", ("Eye",), None),
+    ("ear", "head", ("Ear",), None),
+)
+"""Point of ours, body of the model, how its name goes on after L or R (in Pose2Sim and OpenCap, in Rajagopal's model),
+and its place on that body where it is known."""
+
+_MIDDLE = (
+    ("pelvis", "pelvis", ("midHip", "Hip")),
+    ("neck", "torso", ("Neck",)),
+    ("nose", "head", ("Nose",)),
+    ("head_top", "head", ("Head",)),
+)
+"""The same of points that are there once; where they are on those bodies nobody tells."""
+
+_SURFACES = (
+    *(("pelvis", "pelvis"), ("neck", "torso"), ("head_top", "head"), ("hip", "femur"), ("knee", "tibia")),
+    *(("ankle", "calcn"), ("shoulder", "humerus"), ("elbow", "ulna"), ("wrist", "hand")),
+)
+"""Landmark -> body that the surface of its segment belongs to; the first one of a segment counts."""
+
+
+Place = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class OsimMarker:
+    """A marker of both models."""
+
+    name: str
+    mark: Landmark
+    """On our body."""
+
+    body: str
+    """Of the model of OpenSim."""
+
+    place: Place | None
+    """On that body, metres; None where only our body tells it, as of all points on surfaces."""
+
+
+def markers_on(body: BodyModel, model: OsimModel) -> tuple[OsimMarker, ...]:
+    """The markers of a body of ours on a model.
+
+    Points whose body the model lacks, as that of the head, are left out.
+
+    Raises:
+        ModelError: fewer than the hips and the knees are left.
+    """
+    points = {mark.name: mark for mark in (*body.landmarks, *body.keypoints)}
+    centres = [
+        OsimMarker(_called(names, model), points[own], on, place)
+        for own, on, names, place in _rows()
+        if own in points and on in model.bodies
+    ]
+    known = {marker.mark.name for marker in centres}
+    missing = [name for name in ("left_hip", "right_hip", "left_knee", "right_knee") if name not in known]
+    if missing:
+        raise ModelError(
+            f'opensim: the model "{body.name}" and {model.path.name} have no {missing[0]} in common, expected a person '
+            "with legs, and a model with the bodies pelvis, femur_l, femur_r, tibia_l, tibia_r"
+        )
+    return (*centres, *_on_surfaces(body, model))
+
+
+def _rows() -> Iterator[tuple[str, str, tuple[str, ...], Place | None]]:
+    """Point of ours, body, names by which markers there go, the usual one first, place on the body."""
+    for own, on, names in _MIDDLE:
+        yield own, on, names, None
+    for own, on, names, place in _SIDED:
+        for side in ("left", "right"):
+            named = tuple(f"{side[0].upper()}{name}" for name in names)
+            yield f"{side}_{own}", on if on == "head" else f"{on}_{side[0]}", named, place
+
+
+def _called(names: tuple[str, ...], model: OsimModel) -> str:
+    """The name that the model has itself, else the usual one."""
+    return next((name for name in names if name in model.markers), names[0])
+
+
+def _on_surfaces(body: BodyModel, model: OsimModel) -> Iterator[OsimMarker]:
+    """Three points of each segment: joint centres alone leave a segment free to turn about the line between them."""
+    bodies = _bodies_of_segments(body)
+    for mark in markers_of(body)[len(body.landmarks) :]:
+        on = bodies.get(mark.segment)
+        if on in model.bodies:
+            yield OsimMarker(exported_name(mark.name), mark, str(on), None)
+
+
+def _bodies_of_segments(body: BodyModel) -> dict[str, str]:
+    holders = {mark.name: mark.segment for mark in body.landmarks}
+    turning = {segment.name for segment in body.segments if len(segment.parameters) > 1}
+    found: dict[str, str] = {}
+    for landmark, on in _SURFACES:
+        for name, suffix in ((landmark, ""), (f"left_{landmark}", "_l"), (f"right_{landmark}", "_r")):
+            if name in holders:
+                # a forearm that turns about itself carries the bone that does
+                bone = "radius" if on == "ulna" and holders[name] in turning else on
+                found.setdefault(holders[name], f"{bone}{suffix}")
+    return found

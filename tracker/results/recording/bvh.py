@@ -15,8 +15,7 @@ from tracker.foundation.arrays import Array, frozen
 from tracker.foundation.configuration.components import component
 from tracker.foundation.files import write_whole
 from tracker.results.recording import RunContext
-from tracker.results.recording._motion import Y_UP, Motion, MotionRecorder, euler_angles
-from tracker.results.recording._names import exported_name
+from tracker.results.recording._motion import Y_UP, Motion, MotionRecorder, euler_angles, exported_name
 
 # A metre in the unit that programs expect of BVH.
 _CM = 100.0

@@ -28,7 +28,7 @@ class Journal:
     """`steps.jsonl`: all that a run goes on from, exact to the last bit; 2 KB a frame and person.
 
     Arrays are little-endian float64 in base 85, as Python's `base64.b85decode` reads them; `variances` are bfloat16,
-    `correlations` are partial ones in small steps, compressed (zlib): see `tracker.results.recording._kept_covariance`.
+    `correlations` are partial ones in small steps, compressed (zlib): see `tracker.results.recording._journal_line`.
     `account` is compressed, too: distances of the views, then four numbers a part, as `measures.account.Account` has
     them; `not_shown` and `hidden` list view and part.
     """

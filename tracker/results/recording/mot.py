@@ -9,8 +9,7 @@ import numpy as np
 from tracker.foundation.configuration.components import component
 from tracker.foundation.files import write_whole
 from tracker.results.recording import RunContext
-from tracker.results.recording._motion import Motion, MotionRecorder
-from tracker.results.recording._names import exported_name
+from tracker.results.recording._motion import Motion, MotionRecorder, exported_name
 
 
 @component

@@ -18,13 +18,17 @@ from tracker.foundation.errors import ConfigError, ModelError, nearest
 from tracker.foundation.files import write_whole
 from tracker.results.recording import RunContext
 from tracker.results.recording._anatomical import leaning_limb
-from tracker.results.recording._motion import Y_UP, Motion, Motions
-from tracker.results.recording._names import exported_name
-from tracker.results.recording._osim_markers import OsimMarker, markers_on
-from tracker.results.recording._osim_model import OsimModel, OsimName, read_osim, write_turning
-from tracker.results.recording._osim_outcome import opensim_installed, run_opensim, write_outcome
-from tracker.results.recording._osim_setups import write_kinematics, write_markers, write_scaling
-from tracker.results.recording._trc_text import trc_text
+from tracker.results.recording._motion import Y_UP, Motion, Motions, exported_name
+from tracker.results.recording._osim_model import OsimMarker, OsimModel, OsimName, markers_on, read_osim, write_turning
+from tracker.results.recording._osim_run import (
+    opensim_installed,
+    run_opensim,
+    write_kinematics,
+    write_markers,
+    write_outcome,
+    write_scaling,
+)
+from tracker.results.recording._text_files import trc_text
 from tracker.tracking.trajectory import Step
 
 log = logging.getLogger("tracker")

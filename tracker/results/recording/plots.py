@@ -9,8 +9,7 @@ import pydantic
 from tracker.foundation.configuration.components import component
 from tracker.foundation.files import replacing
 from tracker.results.recording import RunContext
-from tracker.results.recording._series import Series
-from tracker.results.recording._series_figures import parameter_figure
+from tracker.results.recording._series import Series, parameter_figure
 from tracker.tracking.trajectory import Step
 
 

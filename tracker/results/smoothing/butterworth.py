@@ -9,8 +9,7 @@ from scipy.signal import butter, sosfiltfilt
 from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import ConfigError
-from tracker.results.smoothing import Stretch
-from tracker.results.smoothing._stretchwise import Stretchwise, without_gaps
+from tracker.results.smoothing import Stretch, Stretchwise, without_gaps
 
 _ORDER = 2
 """Of each of the two passes, there and back: together of fourth order."""

@@ -7,8 +7,7 @@ import pydantic
 
 from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.components import component
-from tracker.results.smoothing import Stretch
-from tracker.results.smoothing._stretchwise import Stretchwise, without_gaps
+from tracker.results.smoothing import Stretch, Stretchwise, without_gaps
 
 _SPEED_CUTOFF_HZ = 1.0
 """Of the filter of the speed, as in the paper."""

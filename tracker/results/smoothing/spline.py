@@ -8,8 +8,7 @@ from scipy.linalg import solveh_banded
 
 from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.components import component
-from tracker.results.smoothing import Stretch
-from tracker.results.smoothing._stretchwise import Stretchwise
+from tracker.results.smoothing import Stretch, Stretchwise
 
 _PENALTIES = np.logspace(-4, 10, 57)
 """Weights of the integral of the squared second derivative that are tried, times in usual intervals: from no smoothing

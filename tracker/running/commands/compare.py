@@ -29,7 +29,7 @@ def compare(
     """Compares a result with markers: time and world are aligned; writes comparison.html, .csv, .json and .png."""
     from tracker.foundation.files import check_free
     from tracker.results.evaluation.marker_comparison import compare as compared
-    from tracker.results.evaluation.marker_page import comparison_files, write_comparison
+    from tracker.results.evaluation.marker_comparison import comparison_files, write_comparison
 
     folder = output or result
     check_free(comparison_files(folder), overwrite)

@@ -49,8 +49,8 @@ def recognize(
         if value:
             raise ConfigError(f"{option} {value}: only with --add; or bodytrack result recognize {result} --add NAME")
     from tracker.foundation.files import check_free, csv_lines, replacing, write_whole
+    from tracker.results.recognition.directions import course_of
     from tracker.results.recognition.library import load_library
-    from tracker.results.recognition.limb_directions import course_of
     from tracker.results.recognition.matching import recognize as recognized
     from tracker.results.recognition.timeline import strip, table_rows, timeline
     from tracker.results.result import load_result
@@ -109,9 +109,8 @@ def _add(
     chosen: tuple[list[str] | None, str | None, str | None, str | None],
     told: tuple[bool, str],
 ) -> None:
-    from tracker.results.recognition.additions import add_performance
-    from tracker.results.recognition.library import Description
-    from tracker.results.recognition.limb_directions import RATE_HZ, course_of
+    from tracker.results.recognition.directions import RATE_HZ, course_of
+    from tracker.results.recognition.library import Description, add_performance
     from tracker.results.result import load_result
 
     library, frames, person, performance = chosen

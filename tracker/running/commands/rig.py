@@ -50,10 +50,9 @@ def rig_check(
 ) -> None:
     """Looks a rig over: geometry, who sees whom, reprojection, scale, and epipolar lines over the views."""
     from tracker.cameras.calibration import read_points
-    from tracker.cameras.epipolar_picture import epipolar_picture
-    from tracker.cameras.rig_check import check_points, check_rig
+    from tracker.cameras.rig_check import check_points, check_rig, epipolar_picture
     from tracker.cameras.rig_layouts import read_rig
-    from tracker.images.picture_files import write_picture
+    from tracker.images.film import write_picture
 
     opened = read_rig(rig, _pixels(size), units, scale)
     _tell(opened)

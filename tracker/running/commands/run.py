@@ -93,7 +93,7 @@ def _end_with(outcome: TrackOutcome) -> None:
 
 
 def _print_forecast(job: TrackJob) -> None:
-    from tracker.running.forecast import forecast
+    from tracker.running.run import forecast
 
     with ProgressBar() as progress:
         told = forecast(job, progress=progress)

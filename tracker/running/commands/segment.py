@@ -33,7 +33,7 @@ def segment(
 ) -> None:
     """Draws contours by level sets with and without the shape prior, and the poses found, over frames of a result."""
     from tracker.foundation.files import check_free
-    from tracker.images.picture_files import write_picture
+    from tracker.images.film import write_picture
     from tracker.results.result import load_result
     from tracker.running.viewing.segmentation import Chosen, segmented
     from tracker.running.viewing.segmentation_picture import picture_of

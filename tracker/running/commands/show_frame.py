@@ -25,7 +25,7 @@ def show_frame(
     """
     from tracker.foundation.errors import nearest
     from tracker.foundation.files import check_free
-    from tracker.images.picture_files import write_picture
+    from tracker.images.film import write_picture
     from tracker.results.exports import EXPORTS
     from tracker.results.result import load_result
     from tracker.running.viewing.evidence_picture import evidence_picture

@@ -12,7 +12,7 @@ import tomli_w
 
 from tracker.bodies.keypoint_layouts.views import USUAL
 from tracker.bodies.subject import UNMEASURED
-from tracker.cameras.world import told_world, world_doubts
+from tracker.cameras.rig import told_world, world_doubts
 from tracker.foundation.configuration.schema import SCHEMA
 from tracker.foundation.errors import CalibrationError
 from tracker.images.footage import Footage, header, pattern_of, sources

@@ -27,9 +27,7 @@ from tracker.running.jobs._folder import (
     remembered,
 )
 from tracker.running.jobs._folder import result_folder as _result_folder
-from tracker.running.jobs._foreign import read_own
-from tracker.running.jobs._inputs import INPUTS, Fingerprints, check_inputs, fingerprints
-from tracker.running.jobs._resuming import check_same
+from tracker.running.jobs._inputs import INPUTS, Fingerprints, check_inputs, check_same, fingerprints, read_own
 
 __all__ = [
     "CONFIG",

@@ -7,8 +7,7 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from tracker.cameras.frame import Frame
-from tracker.cameras.views import Views
+from tracker.cameras.frame import Frame, Views
 from tracker.foundation.errors import CalibrationError, ConfigError, nearest
 from tracker.images.reading import Reading
 

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
-from tracker.foundation.errors import ConfigError
+import numpy as np
+
+from tracker.bodies.scene import Scene
+from tracker.cameras.rig import told_world
+from tracker.foundation.arrays import Array
+from tracker.foundation.errors import ConfigError, SequenceError
 from tracker.foundation.progress import WARNING, Progress
 from tracker.foundation.source_files import json_of
+from tracker.images.inspection import findings, first_in_view, other_colours, survey
 from tracker.results.recording import RunContext
 from tracker.running.jobs import Job, ResultFolder, described, versions
 from tracker.running.jobs._delivered import chosen_settings
-from tracker.running.jobs._persons import OpenedTrack
+from tracker.running.jobs._persons import OpenedTrack, frames_in_view
+from tracker.tracking.cycle import Cycle
+from tracker.tracking.start import Start
+from tracker.tracking.trajectory import Step
 
 log = logging.getLogger("tracker")
 
@@ -89,3 +98,109 @@ def run_context(
         details=details,
         resumed=frozenset(opened.done or ()),
     )
+
+
+# What a run says of the poses that it starts from.
+
+_APART_M = 0.4
+"""Between the middles of two bodies, at least; of poses of one body they are nearer."""
+
+_MOST_LEFT_OVER = 2.0
+"""By what factor more than the best one another body may leave over. Of two persons either is left over by the other
+one's pose, too: theirs left 1.3 and 1.7 times as much; where one person is alone, and the other "body" a shadow or a
+flaw of the plates, 11 and 12 times as much."""
+
+
+def telling(steps: Iterable[Step], tell: Callable[[tuple[str, ...]], None]) -> Iterator[Step]:
+    """The frames of a run as they come; what is to be said of a start in one of them is told before it."""
+    for step in steps:
+        if step.start is not None:
+            tell(told_of_start(step.start, step.scene))
+        yield step
+
+
+def told_of_start(start: Start, scene: Scene) -> tuple[str, ...]:
+    """Persons whose given pose fits less well than the same turned round, and those who may be another body there.
+
+    Args:
+        start: the poses, and what else was tried.
+        scene: the persons, in the same order.
+    """
+    return (*_turned_round(start, scene), *_elsewhere(start, scene))
+
+
+def _turned_round(start: Start, scene: Scene) -> tuple[str, ...]:
+    """Of poses that were given, left and right exchanged."""
+    return tuple(
+        f"{scene.persons[k].name} may be turned round: of the start pose given {given:.0%} of the contour are left "
+        f"over, of the same facing the other way {turned:.0%}; check left and right in the poses or keypoints that it "
+        "is from, or leave them out, and the person is looked for"
+        for k, (given, turned) in start.turned_round.items()
+    )
+
+
+def _elsewhere(start: Start, scene: Scene) -> Iterator[str]:
+    """Where else bodies stand out that fit a person hardly worse; without plates poses are scattered over the floor."""
+    for person, ranking, axes in zip(scene.persons, start.hypotheses, start.evidence, strict=False):
+        places: list[Array] = []
+        for one in ranking if axes else ():
+            if one.left_over > _MOST_LEFT_OVER * ranking[0].left_over:
+                continue
+            place = person.body.landmarks_in_world(one.q)[:, :2].mean(axis=0)
+            if all(np.linalg.norm(place - other) > _APART_M for other in places):
+                places.append(place)
+        if len(places) > 1:
+            first, *others = (f"({x:.1f}, {y:.1f})" for x, y in places)
+            yield (
+                f"{person.name} may be one of {len(places)} bodies: the model fits best at {first} m, and was tried at "
+                f"{', '.join(others)} too; if that is the wrong one say where the person is at the start, for "
+                f'instance persons = [{{ name = "{person.name}", at = [{places[1][0]:.1f}, {places[1][1]:.1f}], ... }}]'
+            )
+
+
+# What a tracking job sees in the first frames, before it tracks: input that is wrong, and when persons come in.
+
+
+def looked_at(opened: OpenedTrack, cycle: Cycle, stride: int) -> tuple[str, ...]:
+    """What looks wrong in the input; nothing of an interrupted run, which was told already.
+
+    Args:
+        opened: the recording and the persons.
+        cycle: with the plates, and the frame from which on persons are looked for; told what takes long.
+        stride: of the frames that are read, in frames of the recording.
+
+    Raises:
+        SequenceError: images are grey and plates are not, or the other way round.
+    """
+    if opened.done:
+        return ()
+    cycle.progress(told_world(opened.sequence.rig))
+    cycle.progress("looking at the first frames")
+    frames = frames_in_view(opened.frames, cycle)
+    seen = survey(frames, opened.scene, cycle.plates, stride)
+    if fault := other_colours(seen):
+        raise SequenceError(fault)
+    return findings(seen)
+
+
+def first_sought(opened: OpenedTrack, cycle: Cycle, start: int, passes: int) -> int:
+    """Number of the frame from which on persons are looked for: not before they come in; 0 where there is no telling.
+
+    Args:
+        opened: the recording and the persons.
+        cycle: with the plates; told of a frame that is not the first one.
+        start: the first frame that is read.
+        passes: how often the recording is tracked.
+    """
+    n_persons = len(opened.scene.persons)
+    for n in dict.fromkeys((n_persons, 1)):  # those who are never seen apart may be in view all the same
+        found = first_in_view(opened.frames(), cycle.plates, n, cycle.progress)
+        if found is not None:
+            break
+    if found is None:
+        return 0
+    if found > start:
+        who = "nobody is" if n == 1 else f"not all {n} persons are"
+        back = ", and the frames before are tracked back from it" if passes == 2 else ""
+        cycle.progress(f"{who} seen whole before frame {found}: the start is looked for there{back}")
+    return found

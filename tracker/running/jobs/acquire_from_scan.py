@@ -17,7 +17,7 @@ from tracker.foundation.progress import Progress
 from tracker.foundation.resources import model_path
 from tracker.running.jobs import ResultFolder, described
 from tracker.running.jobs._acquired import MODEL, AcquireOutcome
-from tracker.running.jobs._skinned import save_with_skin, skinned_outcome
+from tracker.running.jobs._persons import save_with_skin, skinned_outcome
 
 
 @component

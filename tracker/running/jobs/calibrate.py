@@ -12,9 +12,9 @@ from typing import ClassVar, Literal, Self
 import pydantic
 
 from tracker.cameras.calibration import Calibrated, Calibration, report_html, report_text
+from tracker.cameras.frame import Views
 from tracker.cameras.rig_check import check_rig
 from tracker.cameras.rig_layouts import FARTHEST_M, save_rig
-from tracker.cameras.views import Views
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import CalibrationError, ConfigError
 from tracker.foundation.files import write_whole

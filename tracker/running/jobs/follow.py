@@ -34,10 +34,17 @@ from tracker.points.following.tables import C3D_ASKED
 from tracker.points.surfaces.surface import SurfaceMeasurement
 from tracker.points.trajectories import PointFrame
 from tracker.running.jobs import ResultFolder, described
-from tracker.running.jobs._born import Born, Places, position
-from tracker.running.jobs._second_look import SecondLook
-from tracker.running.jobs._sightings import RECORD, begun, record_sightings
-from tracker.running.jobs._trajectory_files import Around, TrajectoryFiles
+from tracker.running.jobs._following import (
+    RECORD,
+    Around,
+    Born,
+    Places,
+    SecondLook,
+    TrajectoryFiles,
+    begun,
+    position,
+    record_sightings,
+)
 
 
 @component

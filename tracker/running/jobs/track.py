@@ -31,15 +31,26 @@ from tracker.results.smoothed_result import Pictures
 from tracker.results.smoothing import Smoothing
 from tracker.running.jobs import ResultFolder
 from tracker.running.jobs._delivered import delivered, opened_even, sized
-from tracker.running.jobs._first_frames import first_sought, looked_at
-from tracker.running.jobs._keypoints import beside, count
-from tracker.running.jobs._persons import OpenedTrack, description_of, known_before, save_inputs, with_fitted_bodies
-from tracker.running.jobs._recorded import TrackOutcome, recorded
-from tracker.running.jobs._smooth_result import check_smoothing, smoothed
-from tracker.running.jobs._starts import telling
+from tracker.running.jobs._persons import (
+    OpenedTrack,
+    beside,
+    count,
+    description_of,
+    known_before,
+    save_inputs,
+    with_fitted_bodies,
+)
+from tracker.running.jobs._recorded import TrackOutcome, Tracks, check_smoothing, recorded, smoothed, told_of_known
 from tracker.running.jobs._stopping import Stop
-from tracker.running.jobs._told import Findings, run_context, tell_choices, told_before
-from tracker.running.jobs._views import Tracks, told_of_known
+from tracker.running.jobs._told import (
+    Findings,
+    first_sought,
+    looked_at,
+    run_context,
+    tell_choices,
+    telling,
+    told_before,
+)
 from tracker.synthesis import Synthesis
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.estimation import Estimation

@@ -26,7 +26,7 @@ from tracker.foundation.errors import ConfigError
 from tracker.foundation.files import whole_folder
 from tracker.foundation.progress import Progress, silent
 from tracker.foundation.resources import model_path
-from tracker.images.picture_files import film_writer
+from tracker.images.film import film_writer
 from tracker.images.plate import Plate
 from tracker.synthesis.simulation.movements import movement_of, poses_of
 from tracker.synthesis.simulation.rendering import Mesh, draw_persons, mesh_of

@@ -10,10 +10,8 @@ import numpy as np
 
 from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Array32, Image, Mask
-from tracker.images.operations.densities import colour_codes, densities
-from tracker.images.operations.level_set import Forces, threshold_dynamics
-from tracker.images.plate import Plate
-from tracker.images.plate_changes import departing
+from tracker.images.operations.level_set import Forces, colour_codes, densities, threshold_dynamics
+from tracker.images.plate import Plate, departing
 
 # A limb that is missing in a mask is worse than a speck, which is nothing in space: less than in tracking.
 _SIGMAS = 4.0

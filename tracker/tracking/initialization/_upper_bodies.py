@@ -13,8 +13,8 @@ import numpy as np
 from scipy import ndimage
 
 from tracker.bodies.body import BodyModel
+from tracker.cameras.frame import seen_pixels
 from tracker.cameras.rig import Rig
-from tracker.cameras.seen_pixels import seen_pixels
 from tracker.foundation.arrays import Array, Mask
 from tracker.tracking.initialization._foregrounds import cleaned
 from tracker.tracking.initialization._placement import axis_marks, has_axis, stands_upright

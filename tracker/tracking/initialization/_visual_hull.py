@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from tracker.cameras.frame import seen_pixels
 from tracker.cameras.rig import Rig
-from tracker.cameras.seen_pixels import seen_pixels
 from tracker.foundation.arrays import Array, Array32, Integers, Mask
 from tracker.images.operations.edges import distance_to
-from tracker.images.operations.growing import grown
+from tracker.images.operations.masks import grown
 
 STEP_M = 0.04
 """Edge of a voxel, metres."""

@@ -1,4 +1,4 @@
-"""Major axis of an image region by iterated principal component analysis (paper, section 4.1, figure 5)."""
+"""Masks: made wider, opened, and the major axis of what they cover."""
 
 from __future__ import annotations
 
@@ -8,6 +8,34 @@ import cv2
 import numpy as np
 
 from tracker.foundation.arrays import Array, Mask
+
+
+def grown(mask: Mask, radius_px: float) -> Mask:
+    """A mask (h, w) with all that is within a radius of it, rounded to pixels and at least one."""
+    size = 2 * max(1, round(radius_px)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    found: Mask = cv2.dilate(mask.astype(np.uint8), disc) > 0
+    return found
+
+
+# Opening with it takes noise away, and the seam between light and shade: single pixels and lines of one.
+_SQUARE = np.ones((2, 2), np.uint8)
+
+
+def opened(mask: Mask) -> Mask:
+    """(h, w) all squares of 2x2 pixels that lie in a mask: without single pixels and lines of one.
+
+    `cv2.MORPH_OPEN` erodes and dilates with an even square at the same anchor, which moves the mask by a pixel down and
+    to the right, out of itself.
+    """
+    last, first = (1, 1), (0, 0)
+    # beside the image nothing is set: a line of one along its border is no square
+    left = cv2.erode(mask.astype(np.uint8), _SQUARE, anchor=last, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    found: Mask = cv2.dilate(left, _SQUARE, anchor=first) > 0
+    return found
+
+
+# Major axis of an image region by iterated principal component analysis (paper, section 4.1, figure 5).
 
 
 @dataclass(frozen=True)

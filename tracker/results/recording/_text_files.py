@@ -1,12 +1,15 @@
-"""Places of markers as a TRC file."""
+"""Text files of other programs: TRC and XML."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 
 from tracker.foundation.arrays import Array
+from tracker.foundation.files import write_whole
 
 
 def trc_text(title: str, names: Sequence[str], times_s: Array, interval_s: float, points: Array) -> bytes:
@@ -33,3 +36,22 @@ def trc_text(title: str, names: Sequence[str], times_s: Array, interval_s: float
         cells = ("NaN" if np.isnan(value) else f"{value:.6f}" for value in row)
         lines.append(f"{k}\t{time_s:.6f}\t" + "\t".join(cells))
     return ("\n".join(lines) + "\n").encode()
+
+
+# Writing of XML files.
+
+Node = ElementTree.Element
+
+
+def child(parent: Node, tag: str, text: str = "", **attributes: str) -> Node:
+    """Adds an element with a text, or none."""
+    node = ElementTree.SubElement(parent, tag, attributes)
+    node.text = text or None
+    return node
+
+
+def write_xml(path: Path, root: Node) -> None:
+    """Writes a file of elements, indented, as a whole."""
+    ElementTree.indent(root)
+    text = ElementTree.tostring(root, encoding="unicode")
+    write_whole(path, f'<?xml version="1.0" encoding="UTF-8" ?>\n{text}\n')
