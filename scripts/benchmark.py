@@ -224,7 +224,7 @@ def surface(
 def follow(
     only: Annotated[str, typer.Option(help="Only tables whose name holds this.")] = "", quick: Quick = False
 ) -> None:
-    """Points followed on a moving back: errors, losses, occlusion, interlaced images, one view, speed."""
+    """Points followed on a moving back: errors, losses, occlusion, interlaced images, one view, speed, strain."""
     followed_points.compare(console, only, quick)
 
 

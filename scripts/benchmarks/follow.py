@@ -11,7 +11,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import hidden_back, snakes
+from benchmarks import hidden_back, snakes, strained_back
 from benchmarks.followed_back import N_POINTS, add_row, errors_of, followed
 from benchmarks.moving_back import CENTRE, VIEWS, Back, Start
 from tracker.cameras.frame import Frame
@@ -40,6 +40,7 @@ def compare(console: Console, only: str, quick: bool) -> None:
         "flat": _flat,
         "rate": _rate,
         "snakes": _snakes,
+        "strain": strained_back.add_rows,
     }
     for name, part in parts.items():
         if only in name:

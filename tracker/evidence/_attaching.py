@@ -133,26 +133,6 @@ def _crossing(shape: Array, start: Array, along: Array, middle: Array, radius: f
     return (near + far) / 2, hit
 
 
-def nearest_parts(points: Array, placements: Array, shapes: Array) -> tuple[Integers, Array, Array]:
-    """The part whose surface is nearest to each point, where parts overlap the outer one.
-
-    Args:
-        points: (N, 3) in the world, metres.
-        placements: (P, 4, 4) of the parts in the world.
-        shapes: (P, 7) packed superquadrics.
-
-    Returns:
-        (N,) part; (N,) signed distance from its surface, metres; (N,) how much farther the next part is, metres.
-    """
-    distances = np.empty((len(shapes), len(points)))
-    for p, (placed, shape) in enumerate(zip(placements, shapes, strict=True)):
-        distances[p] = signed_distance(shape, (points - placed[:3, 3]) @ placed[:3, :3])[0]
-    order = np.sort(distances, axis=0)
-    lead = order[1] - order[0] if len(shapes) > 1 else np.full(len(points), np.inf)
-    part = distances.argmin(axis=0)
-    return part, distances[part, np.arange(len(points))], lead
-
-
 def ray_covariances(along: Array, facing: Array, lateral_m: Array, surface_m: float) -> Array:
     """(N, 3, 3) of places found by rays: how precise the pixel is across them, and the surface along them.
 

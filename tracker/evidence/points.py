@@ -14,10 +14,11 @@ import numpy as np
 import pydantic
 
 from tracker.bodies.contours import Contours
+from tracker.bodies.nearest import nearest_parts
 from tracker.bodies.scene import Scene
 from tracker.cameras.rig import Rig
 from tracker.evidence import GUESSED, Evidence, EvidencePicture, Memory
-from tracker.evidence._attaching import Attachments, met_by_rays, nearest_parts, ray_covariances
+from tracker.evidence._attaching import Attachments, met_by_rays, ray_covariances
 from tracker.evidence._drawn import gaps_picture
 from tracker.evidence._followed import Followed, open_followed
 from tracker.evidence._held import Held, held_in, turning

@@ -26,6 +26,7 @@ from tracker.running.commands.rig import rig_app
 from tracker.running.commands.run import demo, run
 from tracker.running.commands.show import show
 from tracker.running.commands.simulate import simulate
+from tracker.running.commands.strain import strain
 from tracker.running.commands.surface import measure
 from tracker.running.commands.terminal import console, print_any_sign, print_error, quiet_libraries
 from tracker.running.commands.view import view
@@ -36,7 +37,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Model-based, marker-less motion capture from calibrated views.",
 )
-for _command in (demo, init, detect, run, view, show, acquire, simulate):
+for _command in (demo, init, detect, run, view, show, acquire, simulate, strain):
     app.command()(_command)
 app.command("surface")(measure)
 app.add_typer(calibrate_app, name="calibrate")

@@ -1,0 +1,147 @@
+"""Principal strains of a surface from points followed on it, with standard deviations.
+
+Each gauge maps the plane that touches the surface in the frame of reference linearly to where its points have gone in
+space. What the map makes of lengths is the strain; turns and shifts of the body fall out of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.points.strain.gauges import LEAST_POINTS, Gauges
+
+_FAR = 3.0
+"""Beyond so many robust standard deviations of its residuals a point of a gauge follows something else."""
+
+_WORST = 1e4
+"""Condition beyond which the points that a frame shows of a gauge lie in a line."""
+
+_MAD = 1.4826
+"""Standard deviation of a normal distribution over the median of its absolute values."""
+
+
+@dataclass(frozen=True)
+class Strains:
+    """Of N gauges; NaN where a frame does not show enough of one."""
+
+    stretches: Array
+    """(N, 2) principal strains, the larger one first: change of a length over the length."""
+
+    sigmas: Array
+    """(N, 2) their standard deviations."""
+
+    directions: Array
+    """(N, 3) unit vector of the larger one, in the frame looked at, in the world."""
+
+    counts: Integers
+    """(N,) points that took part."""
+
+    @property
+    def shear(self) -> Array:
+        """(N,) largest change of a right angle on the surface, rad: the difference of the two."""
+        found: Array = self.stretches[:, 0] - self.stretches[:, 1]
+        return found
+
+    @property
+    def shear_sigmas(self) -> Array:
+        """(N,) standard deviations of the shear, rad."""
+        found: Array = np.hypot(*self.sigmas.T)
+        return found
+
+
+def strains_of(gauges: Gauges, positions: Array, patch_m: float) -> Strains:
+    """The strains between the frame of reference and another one.
+
+    Points closer than a patch share a part of its pixels, and so of its error, which therefore hardly changes the
+    distance between them: their correlation is taken to be the share of the patch that they have in common.
+
+    Args:
+        gauges: in the frame of reference.
+        positions: (N, 3) in the other one, metres; NaN where a point is not seen.
+        patch_m: width of the patches that the points were matched by, on the surface, metres; 0 for independent errors.
+    """
+    there = gauges.there & np.isfinite(positions[:, 0])[gauges.members]
+    there &= np.isfinite(positions[:, 0])[:, None]
+    gone = np.nan_to_num(positions[gauges.members] - positions[:, None])
+    design = np.concatenate([np.ones((*there.shape, 1)), gauges.places], axis=2)
+    maps, _ = _fitted(design, gone, there)
+    there = _without_far(design, gone, there, maps)
+    maps, inverse = _fitted(design, gone, there)
+    known: Mask = there.sum(axis=1) >= LEAST_POINTS
+    lengths, across = np.linalg.eigh(maps[:, 1:] @ maps[:, 1:].transpose(0, 2, 1))
+    stretched = np.sqrt(np.maximum(lengths[:, ::-1], 0.0))
+    across = across[:, :, ::-1]
+    # (N, 3, 2) where the two principal directions have gone, unit vectors
+    along = np.einsum("nuk,nui->nik", across, maps[:, 1:]) / np.maximum(stretched, 1e-9)[:, None]
+    overlaps = _shared(gauges.distances, patch_m) * (there[:, :, None] & there[:, None])
+    weighted = design * there[..., None]
+    spread = inverse @ (weighted.transpose(0, 2, 1) @ overlaps @ weighted) @ inverse
+    # of white noise of variance 1 so much is left in the residuals: they tell its true variance
+    left = np.trace(overlaps, axis1=1, axis2=2) - np.trace(spread @ _normal(weighted), axis1=1, axis2=2)
+    residuals = np.where(there[..., None], gone - design @ maps, 0.0)
+    squares = np.einsum("nki,nij->nkj", residuals, along)
+    variances = _smoothed((squares**2).sum(axis=1), left, gauges, known)
+    turned = np.einsum("nuk,nuw,nwk->nk", across, spread[:, 1:, 1:], across)
+    sigmas = np.sqrt(variances * np.maximum(turned, 0.0))
+    nothing = np.where(known, 1.0, np.nan)[:, None]
+    return Strains(
+        (stretched - 1) * nothing, sigmas * nothing, along[:, :, 0] * nothing, np.where(known, there.sum(1), 0)
+    )
+
+
+def _normal(weighted: Array) -> Array:
+    found: Array = weighted.transpose(0, 2, 1) @ weighted
+    return found
+
+
+def _fitted(design: Array, gone: Array, there: Mask) -> tuple[Array, Array]:
+    """(N, 3, 3) least squares maps, an offset and two columns of the plane's map, and inverse normal matrices."""
+    weighted = design * there[..., None]
+    normal = _normal(weighted)
+    # of too few points nothing is said: any regular matrix will do
+    few = (there.sum(axis=1) < LEAST_POINTS) | (np.linalg.cond(normal / _scale(normal)) > _WORST)
+    normal = np.where(few[:, None, None], np.eye(3), normal)
+    inverse = np.linalg.inv(normal).astype(np.float64)
+    there[few] = False
+    maps: Array = inverse @ (weighted.transpose(0, 2, 1) @ gone)
+    return maps, inverse
+
+
+def _scale(normal: Array) -> Array:
+    """(N, 3, 3) what makes the diagonals 1: metres and numbers are not compared."""
+    roots = np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-12))
+    found: Array = roots[:, :, None] * roots[:, None]
+    return found
+
+
+def _without_far(design: Array, gone: Array, there: Mask, maps: Array) -> Mask:
+    """(N, K) points that go with the others of their gauge."""
+    off = np.where(there, np.linalg.norm(gone - design @ maps, axis=2), np.nan)
+    order = np.sort(off, axis=1)
+    counts = there.sum(axis=1)
+    middle = np.take_along_axis(order, np.maximum((counts - 1) // 2, 0)[:, None], axis=1)
+    # a residual has three axes: its median is larger than that of one
+    kept: Mask = there & ~(off > _FAR * _MAD * middle)
+    enough: Mask = kept.sum(axis=1) >= LEAST_POINTS
+    return np.where(enough[:, None], kept, there)
+
+
+def _shared(distances: Array, patch_m: float) -> Array:
+    """What two patches have in common: the share of a square at these distances, along its diagonal."""
+    if patch_m <= 0:
+        alone: Array = (distances == 0).astype(np.float64)
+        return alone
+    found: Array = np.maximum(1 - distances / (np.sqrt(2) * patch_m), 0.0) ** 2
+    return found
+
+
+def _smoothed(squares: Array, left: Array, gauges: Gauges, known: Mask) -> Array:
+    """(N, 2) variance of a coordinate, over the members of each gauge: one alone has few residuals to tell it."""
+    use = gauges.there & known[gauges.members]
+    total = (squares[gauges.members] * use[..., None]).sum(axis=1)
+    weight = (np.maximum(left, 0.0)[gauges.members] * use).sum(axis=1)
+    found: Array = total / np.maximum(weight, 1e-12)[:, None]
+    return found
