@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from tracker.foundation.errors import TrackerError
-from tracker.running.commands.compare import compare
+from tracker.running.commands.result import compare
 from tracker.running.commands.terminal import print_error
 
 

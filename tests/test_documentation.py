@@ -27,7 +27,7 @@ from tracker.foundation.configuration.components import available, find, stages
 from tracker.foundation.errors import ConfigError
 from tracker.results.recording import chosen_recordings
 from tracker.running.cli import app
-from tracker.running.commands.export import FORMATS
+from tracker.running.commands.result import FORMATS
 from tracker.running.jobs import execute, job_from, load_job
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.doubt import Because

@@ -23,7 +23,7 @@ from tracker.results.recording.osim import Osim
 from tracker.results.recording.trc import Trc
 from tracker.results.recording.wide_table import WideTable
 from tracker.running.cli import app
-from tracker.running.commands.export import FORMATS
+from tracker.running.commands.result import FORMATS
 from tracker.tracking.estimate import Status
 
 

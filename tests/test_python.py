@@ -19,7 +19,7 @@ from tracker.foundation.progress import shown, silent
 from tracker.results.recording.csv_table import CsvTable
 from tracker.results.recording.wide_table import WideTable
 from tracker.running import programs
-from tracker.running.commands.export import FORMATS
+from tracker.running.commands.result import FORMATS
 from tracker.running.jobs import execute, load_job
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
