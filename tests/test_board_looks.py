@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 from board_prints import SQUARE_M, charuco, chessboard, filmed, held, shown_about, two_cameras
 from modules import ROOT
 from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
 
 from tracker.cameras.calibration import report_text
 from tracker.cameras.calibration._board_looks import shown_share, told_of
@@ -22,6 +24,7 @@ from tracker.cameras.camera import Camera
 from tracker.foundation.arrays import Image
 from tracker.foundation.errors import CalibrationError
 from tracker.foundation.progress import silent
+from tracker.running.cli import app
 from tracker.running.jobs.calibrate import load_calibration
 
 CHARUCO = Pattern(5, 6, 0.75, "4x4_50")
@@ -75,22 +78,19 @@ def test_pictures_that_show_nothing_are_passed_over() -> None:
     assert told_of([np.full_like(picture, 120), picture], wanted) == told_of([picture], wanted) != ""
 
 
-def test_the_board_of_the_page_is_seen_with_the_configuration_of_the_page(tmp_path: Path, monkeypatch) -> None:
-    """The worked example: its print is drawn, its lines find every corner and the told size of the markers."""
+def test_the_board_of_the_page_is_that_of_its_configuration(tmp_path: Path, monkeypatch) -> None:
+    """The worked example: what its command draws are the columns, rows, markers and sizes of its lines."""
     page = (ROOT / "docs" / "calibration.md").read_text(encoding="utf-8")
     example = page.partition("## With a ChArUco board")[2]
-    source, table = (re.search(rf"```{kind}\n(.*?)```", example, re.DOTALL)[1] for kind in ("python", "toml"))  # type: ignore[index]
+    (tmp_path / "charuco.toml").write_text(re.search(r"```toml\n(.*?)```", example, re.DOTALL)[1])  # type: ignore[index]
+    calibration = load_calibration(tmp_path / "charuco.toml", "chessboard").calibration
+    words = re.search(r"bodytrack (calibrate board .*?) *#", example)[1].split()  # type: ignore[index]
     monkeypatch.chdir(tmp_path)
-    exec(source, {})
-    drawn = cv2.imread("charuco.png", cv2.IMREAD_GRAYSCALE)
-    assert drawn is not None
-    picture = cv2.resize(drawn, None, fx=0.1, fy=0.1, interpolation=cv2.INTER_AREA)
-    path = tmp_path / "charuco.toml"
-    path.write_text(table)
-    (pattern,) = load_calibration(path, "chessboard").calibration._patterns()
-    numbers, _ = find_board(picture, pattern)
-    assert len(numbers) == 4 * 6
-    assert shown_share(picture, pattern) == pytest.approx(pattern.marker, abs=0.03)
+    drawn = tomllib.loads(CliRunner().invoke(app, words).output.partition("board.pdf")[0])
+    for key in ("columns", "rows", "dictionary"):
+        assert drawn[key] == getattr(calibration, key)
+    for key in ("square_m", "marker_m"):
+        assert drawn[key] == pytest.approx(getattr(calibration, key), rel=0.01), "as measured"
 
 
 def test_markers_without_corners_are_told() -> None:

@@ -24,7 +24,8 @@ VIDEOS |= {".h264", ".264", ".h265", ".265", ".hevc", ".mjpeg", ".mjpg"}
 """The latter without a container, as small computers write them."""
 PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"}
 
-_FRAME = "{frame}"
+FRAME = "{frame}"
+"""In a path: the number of an image."""
 _NUMBER = re.compile(r"(.*?)(\d+)(\D*)")
 """The last number in a name is that of the frame."""
 
@@ -85,12 +86,27 @@ def sources(folder: Path) -> list[Path]:
     Raises:
         SequenceError: there are none, or the folder cannot be read.
     """
+    found = _recordings(folder)
+    return [path for path in found if not says(path.stem, _BESIDE_WORDS)] or found
+
+
+def board_sources(folder: Path) -> list[Path]:
+    """The same of a folder of recordings that calibrate the cameras: those called so, if some are.
+
+    Raises:
+        SequenceError: there are none, or the folder cannot be read.
+    """
+    found = [path for path in _recordings(folder) if not says(path.stem, (*PLATE_WORDS, *KEYPOINT_WORDS))]
+    return [path for path in found if says(path.stem, _CALIBRATION_WORDS)] or found or sources(folder)
+
+
+def _recordings(folder: Path) -> list[Path]:
     found = _videos(folder) or _numbered(folder) or _a_folder_each(folder)
     if not found:
         inner = next((path for path in sorted(listed(folder)) if path.is_dir() and _any(path)), None)
         expected = f"did you mean {inner}?" if inner else f"expected one a view, {' '.join(sorted(VIDEOS))}, or images"
         raise SequenceError(f"{folder}: no videos there; {expected}")
-    return [path for path in found if not says(path.stem, _BESIDE_WORDS)] or found
+    return found
 
 
 def says(name: str, words: tuple[str, ...]) -> bool:
@@ -142,7 +158,7 @@ def _series(folder: Path) -> dict[Path, int]:
     for path in listed(folder):
         match = _NUMBER.fullmatch(path.stem) if path.suffix.lower() in PICTURES else None
         if match is not None:
-            series[folder / f"{match[1]}{_FRAME}{match[3]}{path.suffix}"] += 1
+            series[folder / f"{match[1]}{FRAME}{match[3]}{path.suffix}"] += 1
     return {pattern: n for pattern, n in series.items() if n >= _FEWEST}
 
 
@@ -159,13 +175,13 @@ def pattern_of(found: list[Path], folder: Path, rig: Rig | None) -> tuple[Path, 
     if not fitting:
         first = found[0]
         # images without a name beside their number have to lie in a folder for each view
-        return (folder / "{view}" / first.name if _FRAME in first.name else folder / f"{{view}}{first.suffix}"), {}
+        return (folder / "{view}" / first.name if FRAME in first.name else folder / f"{{view}}{first.suffix}"), {}
     return max(fitting.items(), key=lambda item: len(item[1]))
 
 
 def own_name(source: Path, found: list[Path]) -> str:
     """What a view is called if no rig tells: its file, or its folder where that alone tells it from the others."""
-    before, frame, _ = source.stem.partition(_FRAME)
+    before, frame, _ = source.stem.partition(FRAME)
     if frame:
         return before.rstrip("_-. ") or source.parent.name
     if len({path.parent for path in found}) == 1:
@@ -177,7 +193,7 @@ def own_name(source: Path, found: list[Path]) -> str:
 def patterns(source: Path, folder: Path, name: str) -> Iterator[Path]:
     """The paths with `{view}` for a name in the file's name, the folder's or both; none if it is in neither."""
     *folders, file = source.relative_to(folder).parts
-    stem, frame, end = file.partition(_FRAME) if _FRAME in file else (source.stem, "", source.suffix)
+    stem, frame, end = file.partition(FRAME) if FRAME in file else (source.stem, "", source.suffix)
     plain = (*folders, stem)
     for steps in itertools.product(*([*with_view(step, name), step] for step in plain)):
         if steps != plain:
@@ -202,16 +218,26 @@ def _shown_size(container: InputContainer, stream: VideoStream) -> tuple[int, in
     return (stream.height, stream.width) if turned else (stream.width, stream.height)
 
 
+def numbered_images(source: Path) -> list[Path]:
+    """The files of a pattern with `{frame}`, in their order.
+
+    Raises:
+        SequenceError: their folder cannot be read.
+    """
+    before, after = source.name.split(FRAME)
+    number = re.compile(rf"{re.escape(before)}(\d+){re.escape(after)}")
+    found = {path: int(match[1]) for path in listed(source.parent) if (match := number.fullmatch(path.name))}
+    return sorted(found, key=lambda path: (found[path], path.name))
+
+
 def header(source: Path, view: str) -> Footage:
     """What a video's header, or the first image, tells.
 
     Raises:
         SequenceError: it cannot be read.
     """
-    if _FRAME in source.name:
-        before, after = source.name.split(_FRAME)
-        number = re.compile(rf"{re.escape(before)}\d+{re.escape(after)}")
-        files = sorted(path for path in listed(source.parent) if number.fullmatch(path.name))
+    if FRAME in source.name:
+        files = numbered_images(source)
         height, width = intact_image(files[0]).shape[:2]
         return Footage(source, view, (width, height), 0.0, len(files))
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -19,7 +20,7 @@ from tracker.cameras.calibration._boards import (
     plain_grey,
     smallest,
 )
-from tracker.foundation.arrays import Array, Image, Integers
+from tracker.foundation.arrays import Array, Image, Integers, Mask
 
 FEWEST_CORNERS = 6
 """Three times what a pose needs, so that a wrong corner shows."""
@@ -117,7 +118,7 @@ def chessboards(picture: Image, wanted: Pattern) -> Iterator[Sighting]:
     near = [(columns + a, rows + b) for a, b in itertools.product((1, 0, -1), repeat=2)]
     for inverted in (wanted.inverted, not wanted.inverted):
         sizes = sorted(
-            {*near, *_whole_size(255 - picture if inverted else picture)}, key=lambda size: -size[0] * size[1]
+            {*near, *whole_size(255 - picture if inverted else picture)}, key=lambda size: -size[0] * size[1]
         )
         for size in sizes:
             pattern = Pattern(*size, inverted=inverted)
@@ -136,7 +137,7 @@ def _apart(one: Pattern, other: Pattern) -> int:
     return abs(one.columns - other.columns) + abs(one.rows - other.rows)
 
 
-def _whole_size(picture: Image) -> list[tuple[int, int]]:
+def whole_size(picture: Image) -> list[tuple[int, int]]:
     """Columns and rows of a chessboard of any size, as OpenCV's second detector counts them."""
     found, _, plan = cv2.findChessboardCornersSBWithMeta(picture, (3, 3), cv2.CALIB_CB_LARGER)
     return [(plan.shape[1], plan.shape[0]), plan.shape] if found else []
@@ -158,12 +159,41 @@ def _with_any_markers(shown: Image, wanted: Pattern) -> Iterator[tuple[Pattern, 
         corners, numbers = markers_in(shown, names[-1])
         if len(numbers) < _FEWEST_MARKERS:
             continue
-        # numbers far above the others are of what looks like a marker
-        last = int(numbers[numbers <= 2 * np.median(numbers) + 10].max())
-        for pattern in _layouts(last, names, wanted):
+        for pattern in _layouts(int(numbers[_likely(numbers)].max()), names, wanted):
             found = charuco_detector(pattern).detectBoard(shown, markerCorners=corners, markerIds=numbers)[1]
             if found is not None and len(found) >= FEWEST_CORNERS:
                 yield _named(pattern, wanted), len(found)
+
+
+def _likely(numbers: Integers) -> Mask:
+    """Which markers are of a board: numbers far above the others are of what looks like a marker."""
+    likely: Mask = numbers <= 2 * np.median(numbers) + 10
+    return likely
+
+
+def charuco_of_most(shown: Sequence[Image], dictionary: str) -> Pattern | None:
+    """The ChArUco board of a kind of markers of which grey pictures together show most corners; None for none.
+
+    A single picture may lack the last markers, which tell how many rows there are.
+    """
+    names = next(names for names in families().values() if dictionary in names)
+    seen = [(one, *markers_in(one, names[-1])) for one in shown]
+    seen = sorted((one for one in seen if len(one[2]) >= _FEWEST_MARKERS), key=lambda one: -len(one[2]))[
+        :_MOST_PICTURES
+    ]
+    counts = Counter(number for _, _, numbers in seen for number in numbers[_likely(numbers)].tolist())
+    least = min(_TWICE, len(seen))  # one that is seen once may be none
+    found: Counter[Pattern] = Counter()
+    for pattern in _layouts(max((k for k, n in counts.items() if n >= least), default=0), names, Pattern(0, 0)):
+        for one, corners, numbers in seen:
+            there = charuco_detector(pattern).detectBoard(one, markerCorners=corners, markerIds=numbers)[1]
+            found[pattern] += 0 if there is None else len(there)
+    best, n_corners = max(found.items(), key=lambda one: one[1], default=(None, 0))
+    return None if best is None or n_corners < FEWEST_CORNERS else _named(best, replace(best, dictionary=names[0]))
+
+
+_MOST_PICTURES, _TWICE = 12, 2
+"""Pictures that are looked at for how large a board is, and in how many of them a marker is seen at least."""
 
 
 def markers_in(shown: Image, dictionary: str) -> tuple[Sequence[Array], Integers]:

@@ -7,10 +7,14 @@ from typing import Annotated, Literal
 
 import typer
 
+from tracker.running.commands.calibrate_init import calibrate_board, calibrate_init
 from tracker.running.commands.options import Output, Overrides, done
 from tracker.running.commands.terminal import console
 
 calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrates cameras: from a bar, a board, or measured points.")
+
+calibrate_app.command("init")(calibrate_init)
+calibrate_app.command("board")(calibrate_board)
 
 Kind = Literal["reference_bar", "chessboard", "scene_points"]
 

@@ -16,18 +16,11 @@ def init(
     rig: Annotated[Path | None, typer.Option(help="Calibration; default: looked for near the videos.")] = None,
 ) -> None:
     """Writes a commented run.toml for a folder of videos or images: views, cameras and plates that lie there."""
-    from tracker.foundation.configuration.schema import SCHEMA, is_schema, schema_of_job
-    from tracker.foundation.errors import ConfigError
+    from tracker.foundation.configuration.schema import schema_of_job
     from tracker.foundation.files import write_json, write_whole
     from tracker.running.drafts.configuration import draft
 
-    if output.exists():
-        raise ConfigError(f"{output} is there already: choose another --output")
-    if not output.resolve().parent.is_dir():
-        raise ConfigError(f"{output}: no such folder; make it, or choose another --output")
-    schema = output.with_name(SCHEMA)
-    if schema.exists() and not is_schema(schema):
-        raise ConfigError(f"{schema} is something else than a schema of bodytrack: choose another folder for --output")
+    schema = check_new_configuration(output)
     found = draft(videos, output, rig)
     write_json(schema, schema_of_job("track"))
     write_whole(output, found.text)
@@ -49,3 +42,25 @@ def init(
         highlight=False,
         soft_wrap=True,
     )
+
+
+def check_new_configuration(output: Path) -> Path:
+    """Where the schema of a new configuration is written.
+
+    Args:
+        output: the configuration.
+
+    Raises:
+        ConfigError: it is there already, its folder is not, or the schema would replace something else.
+    """
+    from tracker.foundation.configuration.schema import SCHEMA, is_schema
+    from tracker.foundation.errors import ConfigError
+
+    if output.exists():
+        raise ConfigError(f"{output} is there already: choose another --output")
+    if not output.resolve().parent.is_dir():
+        raise ConfigError(f"{output}: no such folder; make it, or choose another --output")
+    schema = output.with_name(SCHEMA)
+    if schema.exists() and not is_schema(schema):
+        raise ConfigError(f"{schema} is something else than a schema of bodytrack: choose another folder for --output")
+    return schema
