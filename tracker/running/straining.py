@@ -16,7 +16,7 @@ from tracker.foundation.errors import ConfigError, SequenceError, TrackerError, 
 from tracker.foundation.files import GrowingFile, csv_lines, replacing, write_whole
 from tracker.foundation.progress import Progress, silent
 from tracker.foundation.source_files import json_of
-from tracker.points.following.read_tables import PointTable, read_trajectories
+from tracker.points.following.tables import PointTable, read_trajectories
 from tracker.points.strain.depths import smoothed
 from tracker.points.strain.gauges import Gauges, Near, gauges_of, near, spacing_m
 from tracker.points.strain.strain_files import COLUMNS, StrainFrame, strain_figure, strain_lines
