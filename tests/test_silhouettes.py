@@ -199,3 +199,54 @@ def test_shares_of_squares_equal_those_of_opencv(factor: int) -> None:
     found = np.empty((height, width), dtype=np.float32)
     cover_shares(mask, factor, found)
     assert_alike(found, cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA))
+
+
+def test_shares_of_a_mask_with_empty_rows_are_written_there_too() -> None:
+    mask, found = np.zeros((12, 8), dtype=np.bool_), np.full((3, 2), 7, dtype=np.float32)
+    mask[5, 3] = True
+    cover_shares(mask, 4, found)
+    np.testing.assert_array_equal(found, [[0, 0], [1 / 16, 0], [0, 0]])
+
+
+@pytest.mark.parametrize("reach_px", [5.0, 20.0, 33.3])
+@pytest.mark.parametrize("hidden", [False, True])
+def test_what_covering_costs_near_the_foreground_is_what_it_costs_in_whole_pictures(
+    reach_px: float, hidden: bool, masks: tuple[Mask, ...]
+) -> None:
+    """Distances are asked for no farther away than they matter."""
+    evidence, mask = SilhouetteEvidence(reach_px=reach_px), np.pad(masks[0], ((0, 200), (0, 300)))
+    unknown = np.zeros_like(mask) if hidden else None
+    if unknown is not None:
+        unknown[300:330, 500:560] = True
+    seen = evidence.seen((mask,), (unknown,))
+    (_, width, height), factor = seen.regions[0], seen.factor
+    inside, free = np.empty((height, width), np.float32), np.zeros((height, width), np.float32)
+    cover_shares(mask, factor, inside)
+    if unknown is not None:
+        cover_shares(unknown, factor, free)
+    within = inside >= 0.5
+    outwards = factor * cv2.distanceTransform((~(within | (free > 0))).astype(np.uint8), cv2.DIST_L2, 3)
+    inwards = cv2.distanceTransform(within.astype(np.uint8), cv2.DIST_L2, 3)
+    cost = np.clip((outwards - 0.75 * factor) / reach_px, 0, 1)
+    assert 0.01 < (cost < 1).mean() < 0.9, "else nothing is near, or far"
+    worth = within * np.minimum(inwards / 2, 1)
+    assert_alike(seen.pictures, np.stack([cost, worth], axis=-1).reshape(-1, 2))
+
+
+def test_foregrounds_found_ahead_are_made_ready_once(
+    truth: Scene, masks: tuple[Mask, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They were in every frame's own time, though nothing of them hangs on the prediction."""
+    images = tuple(np.zeros((*mask.shape, 3), dtype=np.uint8) for mask in masks)
+    sights = [Sight(Frame(0, 0.0, images, masks)) for _ in range(2)]
+    evidence, contours = SilhouetteEvidence(), CpuSynthesis().contours(truth)
+    fresh = evidence.observe(sights[0], contours)
+    for v, mask in enumerate(masks):
+        sights[1].changes(v, (0, 0, mask.shape[1], mask.shape[0]))
+    evidence.look(sights[1], contours)
+    with monkeypatch.context() as patch:
+        patch.delattr(SilhouetteEvidence, "seen")
+        ahead = evidence.observe(sights[1], contours)
+    assert_alike(ahead.pictures, fresh.pictures)
+    sights[1].hide({})
+    assert evidence.observe(sights[1], contours) is not ahead, "what is before the persons is not theirs"

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <cstring>
 
 #include "contours/scoring.hpp"
 #include "pictures/pixels.hpp"
@@ -118,6 +119,12 @@ void cover_shares(Array<const bool, 2> mask, Index factor, Array<float, 2> share
     std::vector<std::uint16_t> counts(width);
     const float share = 1.0f / float(factor * factor);
     for (Index row = 0; row < shares.shape[0]; row++) {
+        const bool *rows = mask[row * factor].data;
+        // most rows of a silhouette are empty
+        if (!std::memchr(rows, 1, size_t(factor * width))) {
+            std::fill_n(shares[row].data, shares.shape[1], 0.0f);
+            continue;
+        }
         std::fill(counts.begin(), counts.end(), std::uint16_t(0));
         for (Index y = row * factor; y < (row + 1) * factor; y++) {
             const bool *covered = mask[y].data;

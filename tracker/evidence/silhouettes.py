@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -27,6 +28,9 @@ from tracker.kernels.pictures import cover_shares
 
 # The longer side of an image is brought to about this for the overlap, px: a quarter of 720.
 _SMALL_PX = 180
+
+_STEP = 0.955
+"""Distance that `cv2.distanceTransform` gives two pixels side by side, of its 3 x 3 mask: no two are nearer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,11 +94,22 @@ class SilhouetteEvidence(Evidence):
     margin_px: float = pydantic.Field(default=48.0, ge=0)
     """The foreground is looked for this far beyond the expected contours, px."""
 
+    def look(self, sight: Sight, around: Contours) -> None:
+        """Makes ready the foregrounds that other evidence has found ahead."""
+        masks = tuple(map(sight.silhouette, range(len(sight.plates))))
+        if any(mask is not None for mask in masks):
+            self._ready(sight, masks)
+
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Foregrounds:
         """The foreground near what is expected; see `tracker.evidence.Evidence.observe`."""
-        views = range(len(sight.plates))
-        masks = tuple(self._mask(sight, expected, v) for v in views)
-        return self.seen(masks, tuple(map(sight.unknown, views)), tuple(map(sight.model_px, views)))
+        return self._ready(sight, tuple(self._mask(sight, expected, v) for v in range(len(sight.plates))))
+
+    def _ready(self, sight: Sight, masks: tuple[Mask | None, ...]) -> Foregrounds:
+        """Masks (H, W) of all views made ready to be compared, once."""
+        views = range(len(masks))
+        told = tuple(map(sight.unknown, views)), tuple(map(sight.model_px, views))
+        ready: Foregrounds = sight.joined(self, masks, lambda _: self.seen(masks, *told))
+        return ready
 
     def seen(
         self,
@@ -190,11 +205,21 @@ class SilhouetteEvidence(Evidence):
         if not inside.any():
             return None
         free = inside if unknown is None else inside | (_smaller(unknown, factor) > 0)
-        outwards = factor * cv2.distanceTransform((~free).astype(np.uint8), cv2.DIST_L2, 3)
+        picture = np.zeros((*inside.shape, 2), dtype=np.float32)
+        picture[..., 0] = 1
+        near = _around(free, math.ceil((self.reach_px / factor + 0.75) / _STEP))
+        inside, free, cost, worth = inside[near], free[near], picture[near][..., 0], picture[near][..., 1]
+        outwards = factor * cv2.distanceTransform((~free).view(np.uint8), cv2.DIST_L2, 3)
         inwards = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 3)
-        cost = np.clip((outwards - 0.75 * factor) / self.reach_px, 0, 1)
-        worth = inside * np.minimum(inwards / 2, 1)
-        return np.stack([cost, worth], axis=-1).astype(np.float32)
+        np.clip((outwards - 0.75 * factor) / self.reach_px, 0, 1, out=cost)
+        np.multiply(inside, np.minimum(inwards / 2, 1), out=worth)
+        return picture
+
+
+def _around(mask: Mask, margin: int) -> tuple[slice, slice]:
+    """The box of a mask (h, w) that is not empty, wider by so many pixels on all sides, as far as there are."""
+    x, y, width, height = cv2.boundingRect(mask.view(np.uint8))
+    return slice(max(y - margin, 0), y + height + margin), slice(max(x - margin, 0), x + width + margin)
 
 
 def _smaller(mask: Mask, factor: int) -> Array32:
