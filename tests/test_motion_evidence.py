@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from observations import four_views
@@ -19,7 +20,7 @@ from tracker.evidence._attaching import met_by_rays
 from tracker.evidence._shown import seen_parts
 from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.measures.equations import Equations
-from tracker.evidence.motion import MotionEvidence, Remembered
+from tracker.evidence.motion import MotionEvidence, Remembered, _grey
 from tracker.foundation.arrays import Array, Image, Mask
 from tracker.foundation.resources import model_path
 from tracker.images.sight import Sight
@@ -87,6 +88,15 @@ def learned(scene: Scene, seen: tuple[Image | None, ...], memory: object = None,
 def asked(scene: Scene, seen: tuple[Image | None, ...], memory: object) -> Comparison:
     sight = Sight(Frame(1, 0.04, seen))
     return Comparison(scene, 0, SYNTHESIS, EVIDENCE.observe(sight, SYNTHESIS.contours(scene), memory))
+
+
+def test_images_are_made_grey_ahead_once(monkeypatch: pytest.MonkeyPatch, scene: Scene) -> None:
+    sight = Sight(Frame(0, 0.0, (np.full((8, 9, 3), 100, dtype=np.uint8), None)))
+    EVIDENCE.look(sight, SYNTHESIS.contours(scene))
+    monkeypatch.delattr(cv2, "cvtColor")
+    grey, missing = (_grey(sight, v) for v in range(2))
+    assert missing is None
+    np.testing.assert_array_equal(grey, np.full((8, 9), 100))
 
 
 def test_it_turns_a_round_trunk_with_what_is_printed_on_it(scene, turned, images, human):

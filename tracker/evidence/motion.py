@@ -118,6 +118,11 @@ class MotionEvidence(Evidence):
     patience: int = pydantic.Field(default=2, ge=1)
     """Frames on end in which a place may disagree before it is given up."""
 
+    def look(self, sight: Sight, around: Contours) -> None:
+        """Makes the images grey ahead."""
+        for v in range(len(sight.frame.images)):
+            _grey(sight, v)
+
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> ObservedMotion:
         """Follows the places into the frame; see `tracker.evidence.Evidence.observe`."""
         anchors = Anchors.none() if memory is None or memory is GUESSED else self._followed(memory, sight)
