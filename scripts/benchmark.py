@@ -14,6 +14,7 @@ from benchmarks import ablate as rule_ledger
 from benchmarks import acquisition as acquired_models
 from benchmarks import calibration as bar_calibration
 from benchmarks import follow as followed_points
+from benchmarks import in_step as made_delays
 from benchmarks import lsm as patch_matching
 from benchmarks import opensim_models as moved_models
 from benchmarks import poses as pose_rates
@@ -164,6 +165,12 @@ def scores(
 def sizes(quick: Quick = False) -> None:
     """What 8 and 16 views, five persons, 4K and 2000 frames cost: processor time a frame and memory."""
     measured_sizes.compare(console, quick)
+
+
+@app.command("in-step")
+def in_step(only: Annotated[str, typer.Option(help="Part of a recording's name.")] = "") -> None:
+    """Delays of views that are made: what is found of them before the first frame."""
+    made_delays.compare(console, only)
 
 
 @app.command()

@@ -19,7 +19,6 @@ from tracker.foundation.arrays import Array, Image
 from tracker.foundation.configuration.components import available, find
 from tracker.images.inspection import Inspection, Survey, findings, other_colours, survey
 from tracker.images.inspection._survey import N_FRAMES
-from tracker.images.inspection.timing import _surely_late
 from tracker.images.plate import Plate
 from tracker.images.reading.video import VideoReading
 from tracker.synthesis.simulation.sequence import Simulation
@@ -177,34 +176,6 @@ def test_a_view_out_of_step(by: int, longer: Simulation) -> None:
     proposed = int(line.partition(f"{name} = ")[2].partition(" ")[0])
     # images come late: the frame is found `by` images later than where it is looked for
     assert abs(proposed - by) <= 1
-
-
-def test_a_delay_that_one_half_alone_tells_is_none() -> None:
-    """Three views in step were told to be 11 images late, and to be in step to 1 ms when they had been tracked."""
-    delays = np.abs(np.arange(-15, 16))
-    in_step, others = np.full((3, 3, 31, 3), 10.0), ~np.eye(3, dtype=np.bool_)
-    late_by_8 = np.array(in_step)
-    for v in (1, 2):
-        shape = 2.0 + np.minimum(np.abs(np.arange(-15, 16) - 8), 8)
-        late_by_8[0, v], late_by_8[v, 0] = shape[:, None], shape[::-1, None]
-    late_by_8[1, 2] = late_by_8[2, 1] = (2.0 + np.minimum(delays, 8))[:, None]
-    assert _surely_late(np.where(others[..., None, None], late_by_8, np.nan), 1.3, 0.5) == (0, 8)
-    half = np.array(late_by_8)
-    half[0, 1:, :, 2], half[1:, 0, :, 2] = (shape[::-1],) * 2, (shape,) * 2
-    assert _surely_late(half, 1.3, 0.5) is None
-    elsewhen = np.array(late_by_8)
-    elsewhen[0, 1:, 3, 0] = elsewhen[1:, 0, -4, 0] = 2.0
-    assert _surely_late(elsewhen, 1.3, 0.5) is None
-    assert _surely_late(in_step, 1.3, 0.5) is None
-    assert _surely_late(np.full_like(in_step, np.nan), 1.3, 0.5) is None
-
-
-def test_two_views_never_tell_a_delay(longer: Simulation) -> None:
-    """Of who walks along the line of two opposite cameras they show the same at any time."""
-    pair = longer.scene.rig.select(longer.scene.rig.names[:2])
-    shown = [replace(frame, images=frame.images[:2]) for frame in late(tuple(longer.frames()), 0, LATE)]
-    lines = told(shown, Scene(longer.scene.persons, pair), longer.plates[:2])
-    assert not any("offsets" in line for line in lines)
 
 
 def test_another_stature(simulation: Simulation, frames: tuple[Frame, ...]) -> None:

@@ -14,7 +14,7 @@ from tracker.images.inspection._arrival import first_in_view
 from tracker.images.inspection._colours import other_colours
 from tracker.images.inspection._survey import Survey, survey
 
-__all__ = ["Inspection", "Survey", "findings", "first_in_view", "other_colours", "survey"]
+__all__ = ["Inspection", "Survey", "changes", "findings", "first_in_view", "other_colours", "survey"]
 
 
 @runtime_checkable
@@ -31,6 +31,15 @@ class Inspection(Protocol):
             One line each: what was found, what was expected, and what to do.
         """
         ...
+
+
+def changes(seen: Survey, view: int) -> dict[int, int]:
+    """From which frame on a view is how many images late, the first entry from the beginning on; empty for never."""
+    late = seen.delays.late[view]
+    if not late.any():
+        return {}
+    begins = [0, *(k + 1 for k in range(len(late) - 1) if late[k + 1] != late[k])]
+    return {(seen.first + k * seen.stride if k else 0): int(late[k]) * seen.stride for k in begins}
 
 
 def findings(seen: Survey) -> tuple[str, ...]:

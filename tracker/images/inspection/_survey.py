@@ -14,6 +14,8 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Image, Mask, frozen
+from tracker.images.inspection._delays import Delays, delays_of
+from tracker.images.inspection._tangents import tangents
 from tracker.images.operations.masks import opened
 from tracker.images.plate import Plate, changed
 
@@ -53,6 +55,9 @@ class Survey:
     foregrounds: tuple[tuple[Mask | None, ...], ...]
     """T x V small foregrounds; without plate or mask what moves; None where nothing is known."""
 
+    first: int = 0
+    """Number of the first frame."""
+
     masked: tuple[bool, ...] = ()
     """Whether the user's masks are the foregrounds of a view in all frames; empty for in no view."""
 
@@ -64,6 +69,12 @@ class Survey:
     def stands_out(self, view: int) -> bool:
         """Whether a view has a plate, or masks: whoever stands still is in its foregrounds too."""
         return self.plates[view] is not None or (bool(self.masked) and self.masked[view])
+
+    @cached_property
+    def delays(self) -> Delays:
+        """By how many frames views are late, by what moves in them."""
+        regions = [[_person(mask) for mask in row] for row in self.foregrounds]
+        return delays_of(tangents(self.rig, regions, FACTOR), len(self.rig))
 
     @cached_property
     def middles(self) -> Array:
@@ -109,8 +120,9 @@ def survey(frames: Iterable[Frame], scene: Scene, plates: tuple[Plate | None, ..
     """
     backgrounds = small_plates(plates)
     before: list[Image | None] = [None] * len(plates)
-    masks, kept, brought = [], [], []
+    masks, kept, brought, first = [], [], [], 0
     for t, frame in enumerate(islice(frames, N_FRAMES)):
+        first = frame.index if t == 0 else first
         images = [None if image is None else small(image) for image in frame.images]
         masks.append(tuple(_foreground(frame, v, images[v], backgrounds[v], before[v]) for v in range(len(plates))))
         brought.append([None if image is None else frame.mask(v) is not None for v, image in enumerate(images)])
@@ -119,7 +131,7 @@ def survey(frames: Iterable[Frame], scene: Scene, plates: tuple[Plate | None, ..
         before = images
     pictures = tuple(_usual([images[v] for images in kept]) for v in range(len(plates)))
     masked = tuple(True in row and False not in row for row in zip(*brought, strict=True))
-    return Survey(scene, backgrounds, stride, pictures, tuple(masks), masked)
+    return Survey(scene, backgrounds, stride, pictures, tuple(masks), first, masked)
 
 
 def small(image: Image) -> Image:
@@ -148,6 +160,11 @@ def _foreground(frame: Frame, v: int, image: Image | None, plate: Plate | None, 
         return changed(image, plate).foreground
     assert before is not None
     return opened(cv2.absdiff(image, before).max(axis=2) > _MOVED)
+
+
+def _person(mask: Mask | None) -> Mask | None:
+    """What counts of a foreground; None where it is noise, or not known."""
+    return None if mask is None or np.count_nonzero(mask) <= LEAST_SHARE * mask.size else _counted(mask)[0]
 
 
 def _usual(images: list[Image | None]) -> Image | None:

@@ -15,9 +15,10 @@ from tracker.images.plate import Plate
 from tracker.images.reading._footage import Footage, opened_views
 from tracker.images.reading._masks import MaskFiles, checked_masks, mask_paths
 from tracker.images.reading._occluders import load_occluders, with_occluders
+from tracker.images.reading._offsets import Offsets, chosen_offsets
 from tracker.images.reading._plates import load_plates, recorded_plates
 from tracker.images.reading._recorded_plate import N_SAMPLES
-from tracker.images.reading._selection import OnMissing, chosen_offsets, common_length, numbered_files, selected
+from tracker.images.reading._selection import OnMissing, common_length, numbered_files, selected
 from tracker.images.reading._sequence import OpenSequence
 from tracker.images.reading._streaming import OpenViews
 
@@ -37,7 +38,7 @@ class Settings(Protocol):
     @property
     def align_background(self) -> bool: ...
     @property
-    def offsets(self) -> dict[str, int]: ...
+    def offsets(self) -> Offsets: ...
     @property
     def start(self) -> int: ...
     @property
@@ -146,14 +147,15 @@ def _spread_images(views: OpenViews, length: int, v: int) -> list[Image]:
     """Images of a view as delivered, spread over its recording; of a long one, over what follows the first frame."""
     if length == 0:
         return []
-    first = 0 if length <= _MOST_SEARCHED else max(views.selection.start + views.offsets[v], 0)
+    offset = views.offsets[v]
+    first = 0 if length <= _MOST_SEARCHED else max(offset.number(views.selection.start), 0)
     numbers = np.linspace(first, min(length, first + _MOST_SEARCHED) - 1, N_SAMPLES).round().astype(int)
     view = views.open_views()[v]
-    found = (views.image(v, view, int(number) - views.offsets[v]) for number in np.unique(numbers))
+    found = (views.image(v, view, offset.frame(int(number))) for number in np.unique(numbers))
     return [image for image in found if image is not None]
 
 
 def _first_images(views: OpenViews) -> tuple[Image | None, ...]:
     """An image of each view as on disk: that of the first frame."""
     opened = zip(views.open_views(), views.offsets, strict=True)
-    return tuple(view.read(max(views.selection.start + offset, 0)) for view, offset in opened)
+    return tuple(view.read(max(offset.number(views.selection.start), 0)) for view, offset in opened)

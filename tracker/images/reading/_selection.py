@@ -11,6 +11,7 @@ from typing import Literal
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import load_rig
 from tracker.foundation.errors import ConfigError, SequenceError, nearest
+from tracker.images.reading._offsets import ViewOffset
 
 OnMissing = Literal["error", "skip"]
 
@@ -64,18 +65,6 @@ def chosen_names(views: tuple[str, ...]) -> tuple[str, ...]:
     return views
 
 
-def chosen_offsets(names: tuple[str, ...], offsets: dict[str, int]) -> tuple[int, ...]:
-    """Frame offsets in the order of the views.
-
-    Raises:
-        SequenceError: an offset for a view that is not there.
-    """
-    for name in offsets:
-        if name not in names:
-            raise SequenceError(f'offsets: no view "{name}"; {nearest(name, names)}')
-    return tuple(offsets.get(name, 0) for name in names)
-
-
 def view_paths(pattern: str | dict[str, str], names: tuple[str, ...]) -> tuple[Path, ...]:
     """The path of every view, by a pattern with `{view}` or by a table.
 
@@ -101,14 +90,18 @@ def _told_paths(table: dict[str, str], names: tuple[str, ...]) -> tuple[Path, ..
 
 
 def common_length(
-    names: tuple[str, ...], lengths: tuple[int, ...], offsets: tuple[int, ...], on_missing: OnMissing, stop: int | None
+    names: tuple[str, ...],
+    lengths: tuple[int, ...],
+    offsets: tuple[ViewOffset, ...],
+    on_missing: OnMissing,
+    stop: int | None,
 ) -> int:
     """Number of frames that all views have; the longest view's where views may be missing or end after `stop`.
 
     Raises:
         SequenceError: the views have different numbers of frames, some too few, and none may be missing.
     """
-    usable = [length - offset for length, offset in zip(lengths, offsets, strict=True)]
+    usable = [offset.length(length) for length, offset in zip(lengths, offsets, strict=True)]
     factor = _told_factor(names, usable)
     enough = stop is not None and stop <= min(usable)
     if on_missing == "error" and len(set(usable)) > 1 and not enough:

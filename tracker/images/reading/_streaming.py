@@ -11,6 +11,7 @@ from tracker.foundation.arrays import Image
 from tracker.foundation.errors import SequenceError
 from tracker.images.operations.light import smoothed
 from tracker.images.reading._footage import ImageStream
+from tracker.images.reading._offsets import ViewOffset
 from tracker.images.reading._pictures import brightened, check_size, downscaled
 from tracker.images.reading._selection import OnMissing, Selection
 
@@ -25,7 +26,7 @@ class OpenViews:
 
     fps: float
     selection: Selection
-    offsets: tuple[int, ...]
+    offsets: tuple[ViewOffset, ...]
     downscale: float
     gain: float
     smoothing_px: float
@@ -72,7 +73,7 @@ class OpenViews:
 
     def positions(self, index: int) -> tuple[int, ...]:
         """Of each view's image of a frame among all that it has; negative where there is none."""
-        places = tuple(index + offset for offset in self.offsets)
+        places = tuple(offset.number(index) for offset in self.offsets)
         if not self.uneven:
             return places
         pairs = zip(places, self.uneven, strict=True)
@@ -100,7 +101,7 @@ class OpenViews:
         """The same, packed if it is delivered as recorded."""
         name = self.names[v]
         try:
-            number = index + self.offsets[v]
+            number = self.offsets[v].number(index)
             image = view.held(number) if number >= 0 else None
         except SequenceError:
             if self.on_missing == "skip":

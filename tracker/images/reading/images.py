@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import pydantic
 
@@ -11,6 +12,7 @@ from tracker.foundation.arrays import Image
 from tracker.foundation.configuration.components import FilePath, PathPattern, PlatePattern, ViewPaths, component
 from tracker.foundation.errors import SequenceError
 from tracker.images.reading._footage import LEAST_FPS, MOST_FPS, Footage, opened_views
+from tracker.images.reading._offsets import Offsets
 from tracker.images.reading._opening import opened, opened_uncalibrated
 from tracker.images.reading._pictures import Downscale, read_image
 from tracker.images.reading._selection import OnMissing, chosen_names, chosen_rig, numbered_files, view_paths
@@ -36,8 +38,13 @@ class ImageReading:
     views: tuple[str, ...] = ()
     """Cameras to use, in this order; empty for all of the rig."""
 
-    offsets: dict[str, int] = pydantic.Field(default_factory=dict)
-    """Position in a view's images, counted from the lowest number of all views, that belongs to frame 0."""
+    offsets: Offsets = pydantic.Field(default_factory=dict)
+    """Position in a view's images, counted from the lowest number of all views, that belongs to frame 0; or pairs of a
+    frame and the offset from it on, `{ left = [[0, 3], [120, 2]] }`."""
+
+    in_step: Literal["auto", "off"] = "auto"
+    """"auto": a run looks by how many frames what moves is late in each view, and corrects whole frames by `offsets`.
+    "off": views are paired as they are."""
 
     background: PlatePattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most

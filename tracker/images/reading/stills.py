@@ -11,6 +11,7 @@ from tracker.foundation.arrays import Image
 from tracker.foundation.configuration.components import FilePath, PathPattern, component
 from tracker.foundation.errors import SequenceError
 from tracker.images.reading._footage import Footage, opened_views
+from tracker.images.reading._offsets import Offsets
 from tracker.images.reading._opening import opened, opened_uncalibrated
 from tracker.images.reading._pictures import read_image
 from tracker.images.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
@@ -96,5 +97,5 @@ class _OneFrame:
     occluders: str | None = None
 
     @property
-    def offsets(self) -> dict[str, int]:
+    def offsets(self) -> Offsets:
         return {}

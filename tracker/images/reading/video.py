@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pydantic
@@ -13,6 +14,7 @@ from tracker.foundation.arrays import Image
 from tracker.foundation.configuration.components import FilePath, PathPattern, PlatePattern, ViewPaths, component
 from tracker.foundation.errors import SequenceError
 from tracker.images.reading._footage import LEAST_FPS, MOST_FPS, AbsentView, Footage, ImageStream, opened_views
+from tracker.images.reading._offsets import Offsets
 from tracker.images.reading._opening import opened, opened_uncalibrated
 from tracker.images.reading._pictures import Downscale
 from tracker.images.reading._rates import common_rate, told_of_rates
@@ -42,9 +44,14 @@ class VideoReading:
     views: tuple[str, ...] = ()
     """Cameras to use, in this order; empty for all of the rig."""
 
-    offsets: dict[str, int] = pydantic.Field(default_factory=dict)
+    offsets: Offsets = pydantic.Field(default_factory=dict)
     """Frame of a view's file that belongs to frame 0, where it is not 0; of a view of which every second frame is
-    taken, see `fps`, counted in those that are."""
+    taken, see `fps`, counted in those that are. Where a camera has dropped some: pairs of a frame and the offset from
+    it on, `{ left = [[0, 3], [120, 2]] }`."""
+
+    in_step: Literal["auto", "off"] = "auto"
+    """"auto": a run looks by how many frames what moves is late in each view, and corrects whole frames by `offsets`.
+    "off": views are paired as they are."""
 
     background: PlatePattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most

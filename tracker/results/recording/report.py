@@ -198,6 +198,7 @@ class ReportRecorder:
             "most_reasons": _MOST_REASONS,
             "tables": [(name, told) for name, told in _TABLES.items() if (self._run.folder / name).is_file()],
             "isb": [(one.person.name, one, _figure_uri(one.figure())) for one in self._isb if one.joints],
+            "reading": self._run.details.get("choices", {}).get("reading", ""),
             "findings": self._run.details.get("findings", []),
             "rather_right": RATHER_RIGHT,
             "colours": {str(status): colour for status, colour in STATUS_COLOURS.items()} | {AMBIGUOUS: LIMB_COLOUR},

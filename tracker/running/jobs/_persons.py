@@ -38,6 +38,7 @@ from tracker.evidence.measures.outlines import overlap
 from tracker.evidence.together import TogetherEvidence
 from tracker.foundation.arrays import Array
 from tracker.foundation.files import replacing, write_whole
+from tracker.images.reading import Reading
 from tracker.images.reading import Sequence as Recording
 from tracker.results.recording.journal import Expected, OpenJournal, as_kept, line_of, open_journal
 from tracker.running.jobs._acquired import AcquireOutcome
@@ -78,6 +79,9 @@ class OpenedTrack:
 
     frames: Reopen
     """Opens the frames of the recording, from the first one on."""
+
+    reading: Reading
+    """How the recording is read, with what a run has corrected of it."""
 
     done: OpenJournal | None = None
     """Frames of an interrupted run."""

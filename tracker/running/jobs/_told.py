@@ -14,10 +14,11 @@ from tracker.foundation.arrays import Array
 from tracker.foundation.errors import ConfigError, SequenceError
 from tracker.foundation.progress import WARNING, Progress
 from tracker.foundation.source_files import json_of
-from tracker.images.inspection import findings, first_in_view, other_colours, survey
+from tracker.images.inspection import Survey, first_in_view, other_colours, survey
 from tracker.results.recording import RunContext
 from tracker.running.jobs import Job, ResultFolder, described, versions
 from tracker.running.jobs._delivered import chosen_settings
+from tracker.running.jobs._in_step import corrections
 from tracker.running.jobs._persons import OpenedTrack, frames_in_view
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.start import Start
@@ -86,7 +87,8 @@ def run_context(
         "findings": findings.lines,
         "bodies": {name: model.about for name, model in opened.models.items()},
     }
-    if chosen := chosen_settings(getattr(job, "reading", None), sequence):
+    asked = getattr(job, "reading", None)
+    if chosen := chosen_settings(asked, sequence) | corrections(asked, opened.reading):
         details["images"] = chosen
     return RunContext(
         name=job.name,
@@ -161,8 +163,8 @@ def _elsewhere(start: Start, scene: Scene) -> Iterator[str]:
 # What a tracking job sees in the first frames, before it tracks: input that is wrong, and when persons come in.
 
 
-def looked_at(opened: OpenedTrack, cycle: Cycle, stride: int) -> tuple[str, ...]:
-    """What looks wrong in the input; nothing of an interrupted run, which was told already.
+def looked_at(opened: OpenedTrack, cycle: Cycle, stride: int) -> Survey | None:
+    """What the first frames show; None of an interrupted run, which has told it already.
 
     Args:
         opened: the recording and the persons.
@@ -173,14 +175,14 @@ def looked_at(opened: OpenedTrack, cycle: Cycle, stride: int) -> tuple[str, ...]
         SequenceError: images are grey and plates are not, or the other way round.
     """
     if opened.done:
-        return ()
+        return None
     cycle.progress(told_world(opened.sequence.rig))
     cycle.progress("looking at the first frames")
     frames = frames_in_view(opened.frames, cycle)
     seen = survey(frames, opened.scene, cycle.plates, stride)
     if fault := other_colours(seen):
         raise SequenceError(fault)
-    return findings(seen)
+    return seen
 
 
 def first_sought(opened: OpenedTrack, cycle: Cycle, start: int, passes: int) -> int:

@@ -23,6 +23,7 @@ from tracker.foundation.configuration.components import ReadBy, component, find,
 from tracker.foundation.errors import ConfigError, name_fault
 from tracker.foundation.progress import Progress, silent
 from tracker.images.first_frames import FirstFrames
+from tracker.images.inspection import findings as found_in
 from tracker.images.plate import Plate
 from tracker.images.reading import Reading, Sequence
 from tracker.results.recording import DEFAULTS, Recording, chosen_recordings, described_recordings
@@ -31,6 +32,7 @@ from tracker.results.smoothed_result import Pictures
 from tracker.results.smoothing import Smoothing
 from tracker.running.jobs import ResultFolder
 from tracker.running.jobs._delivered import delivered, opened_even, sized
+from tracker.running.jobs._in_step import MOST_ROUNDS, corrected_before, in_step, told_of_delays, untold
 from tracker.running.jobs._persons import (
     OpenedTrack,
     beside,
@@ -167,7 +169,8 @@ class TrackJob:
     def open(self, earlier: Path | None = None) -> OpenedTrack:
         """Opens the recording, reads the models and what an interrupted run has left; see `jobs.Job.open`."""
         models = {subject.name: description_of(subject, earlier) for subject in self.persons}
-        sequence = opened_even(self.reading)
+        reading = corrected_before(self.reading, earlier)
+        sequence = opened_even(reading)
         if len(sequence.rig) < _FEWEST_VIEWS:
             raise ConfigError("one view: at least two are needed, for one does not tell how far away anybody is")
         if self.smoothing is not None:
@@ -176,9 +179,9 @@ class TrackJob:
         self.evidence.check(scene)
         self.initialization.check(scene, sequence.known)
         if earlier is None:
-            return OpenedTrack(sequence, scene, models, self._frames(sequence))
-        kept = self._earlier(earlier, scene), known_before(earlier, scene)
-        return OpenedTrack(sequence, scene, models, self._frames(sequence), *kept)
+            return OpenedTrack(sequence, scene, models, self._frames(sequence), reading)
+        kept = self._earlier(earlier, scene, reading), known_before(earlier, scene)
+        return OpenedTrack(sequence, scene, models, self._frames(sequence), reading, *kept)
 
     def at_rest(self, models: Mapping[str, BodyDescription] | None = None) -> tuple[Person, ...]:
         """The persons in their models' reference poses.
@@ -201,9 +204,9 @@ class TrackJob:
         n_bytes = sum(3 * width * height for width, height in (camera.size for camera in sequence.rig.cameras))
         return FirstFrames(sequence.frames, held_at_most(n_bytes))
 
-    def _earlier(self, folder: Path, scene: Scene) -> OpenJournal:
+    def _earlier(self, folder: Path, scene: Scene, reading: Reading) -> OpenJournal:
         """What an interrupted run has left; what is cut off is logged."""
-        first, stride = getattr(self.reading, "start", 0), getattr(self.reading, "stride", 1)
+        first, stride = getattr(reading, "start", 0), getattr(reading, "stride", 1)
         found = open_journal(folder, Expected.of(scene, first, stride))
         if found.fault:
             log.warning("%s: %s: cut there, %d frames are kept", found.path, found.fault, len(found))
@@ -231,7 +234,7 @@ class TrackJob:
         """Number of the frame from which on persons are looked for; poses that are given are those of the first one."""
         if getattr(self.initialization, "poses", None) is not None:
             return 0
-        return first_sought(opened, cycle, getattr(self.reading, "start", 0), self.passes)
+        return first_sought(opened, cycle, getattr(opened.reading, "start", 0), self.passes)
 
     def fitted(self, opened: OpenedTrack, cycle: Cycle) -> tuple[OpenedTrack, Cycle]:
         """The persons with bodies fitted to the recording, and a cycle that does not look again for what is known.
@@ -259,16 +262,18 @@ class TrackJob:
 
     def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> TrackOutcome:
         """Tracks, and writes each frame as soon as it is done; see `jobs.Job.execute`."""
-        begin, sequence = time.perf_counter(), opened.sequence
-        progress(f"{self.name}: {sequence.n_frames} frames, results in {folder.path}")
+        begin = time.perf_counter()
+        progress(f"{self.name}: {opened.sequence.n_frames} frames, results in {folder.path}")
         stop = Stop()
         findings = Findings(self.inspection, progress, told_before(folder.path) if opened.done else ())
         cycle = replace(self.cycle(opened, progress), leaving=stop.heard)
         choices = self._choices(opened, cycle)
         tell_choices(choices, progress)
         if self.inspection:
-            findings.add(looked_at(opened, cycle, getattr(self.reading, "stride", 1)))
+            opened, cycle = self._looked_at(opened, cycle, findings)
+            choices = self._choices(opened, cycle)
         opened, cycle = self.fitted(opened, cycle)
+        sequence = opened.sequence
         if opened.fitted_at and not opened.done:
             progress(f"step 3 of 3: tracking all {sequence.n_frames} frames with the fitted body")
         findings.add(opened.findings)
@@ -292,12 +297,30 @@ class TrackJob:
             outcome = smoothed(outcome, self.smoothing, Pictures(self.recordings, opened.frames, progress))
         return replace(outcome, seconds=time.perf_counter() - begin)
 
+    def _looked_at(self, opened: OpenedTrack, cycle: Cycle, findings: Findings) -> tuple[OpenedTrack, Cycle]:
+        """Looks at the first frames, and again once their views are in step; tells what looks wrong in them."""
+        seen = looked_at(opened, cycle, getattr(self.reading, "stride", 1))
+        for _ in range(MOST_ROUNDS):
+            corrected = None if seen is None else in_step(opened.reading, opened.sequence, seen)
+            if corrected is None:
+                break
+            sequence = opened_even(corrected)
+            opened = replace(opened, reading=corrected, sequence=sequence, frames=self._frames(sequence))
+            cycle.progress(f"reading: {told_of_delays(self.reading, corrected)}")
+            cycle = replace(self.cycle(opened, cycle.progress), leaving=cycle.leaving)
+            seen = looked_at(opened, cycle, getattr(self.reading, "stride", 1))
+        if seen is not None:
+            if words := untold(seen):
+                cycle.progress(words)
+            findings.add(found_in(seen))
+        return opened, cycle
+
     def _choices(self, opened: OpenedTrack, cycle: Cycle) -> dict[str, str]:
         """Stage -> what its component chose by itself; empty where it had no choice."""
         sequence = opened.sequence
         known = sequence.known if cycle.plates == sequence.plates else cycle.plates
         return {
-            "reading": delivered(sequence),
+            "reading": "; ".join(filter(None, (told_of_delays(self.reading, opened.reading), delivered(sequence)))),
             "synthesis": getattr(self.synthesis, "choice", ""),
             "evidence": self.evidence.told(known),
             "initialization": self.initialization.check(opened.scene, known),

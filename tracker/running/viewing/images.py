@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Iterator
 from collections.abc import Sequence as SequenceOf
 from copy import deepcopy
@@ -66,7 +67,13 @@ def chosen_images(result: Result) -> list[str]:
     chosen: Any = result.details.get("images", {})
     if not isinstance(chosen, dict):
         raise ConfigError(f"{result.folder / 'run.json'}: damaged: images = {chosen!r}, expected their settings")
-    return [f"reading.{name}={value}" for name, value in chosen.items()]
+    return [f"reading.{name}={_as_toml(value)}" for name, value in chosen.items()]
+
+
+def _as_toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{json.dumps(key)} = {json.dumps(one)}" for key, one in value.items()) + " }"
+    return json.dumps(value)
 
 
 def reading_of(result: Result, overrides: SequenceOf[str] = ()) -> Any:
