@@ -1,17 +1,38 @@
 """Principal strains of a surface from points followed on it, with standard deviations.
 
-Each gauge maps the plane that touches the surface in the frame of reference linearly to where its points have gone in
-space. What the map makes of lengths is the strain; turns and shifts of the body fall out of it.
+A strain gauge is a point with the points around it, in the plane that touches the surface there. Each gauge maps that
+plane linearly from the frame of reference to where its points have gone in space. What the map makes of lengths is the
+strain; turns and shifts of the body fall out of it. Depths, which cameras beside one another know worst, are smoothed
+over the surface first.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from tracker.foundation.arrays import Array, Integers, Mask
-from tracker.points.strain.gauges import LEAST_POINTS, Gauges
+
+LEAST_POINTS = 5
+"""Points of a gauge, its own among them: three fix a plane map, and two more say how well it fits."""
+
+_FLATTEST = 0.1
+"""The least spread of a gauge across, as a share of that along: of points in a line nothing is known across."""
+
+_LEAST = 10
+"""Points around from which a curved surface is told: six numbers, and four that say that they fit."""
+
+_WORSE = 2.0
+"""A direction is known worst if its standard deviation is so many times that of the next one; else nothing is moved."""
+
+_EDGE_ON = 0.1
+"""Least spread of points across, seen along that direction, over that along: a surface seen edge on has no depth."""
+
+_DAMPING = 1e-9
+"""Of the normal equations, relative: points in a line have a surface, too."""
 
 _FAR = 3.0
 """Beyond so many robust standard deviations of its residuals a point of a gauge follows something else."""
@@ -21,6 +42,109 @@ _WORST = 1e4
 
 _MAD = 1.4826
 """Standard deviation of a normal distribution over the median of its absolute values."""
+
+
+class Near(NamedTuple):
+    """The points around each of N points, at most K."""
+
+    members: Integers
+    """(N, K) their rows; its own where there are fewer."""
+
+    there: Mask
+    """(N, K) which of them count."""
+
+
+def near(positions: Array, reach_m: float, least: int = 1) -> Near:
+    """The points around each point that is seen, itself among them.
+
+    Args:
+        positions: (N, 3) in the frame of reference, metres; NaN where a point is not seen.
+        reach_m: how far they are at most.
+        least: where there are fewer, none counts.
+    """
+    seen = np.flatnonzero(np.isfinite(positions[:, 0]))
+    found: list[list[int]] = []
+    if len(seen):
+        found = cKDTree(positions[seen]).query_ball_point(positions[seen], reach_m).tolist()  # type: ignore[attr-defined]
+    width = max((len(rows) for rows in found), default=1)
+    members = np.tile(np.arange(len(positions))[:, None], (1, width))
+    there = np.zeros(members.shape, dtype=np.bool_)
+    for row, rows in zip(seen.tolist(), found, strict=True):
+        if len(rows) >= least:
+            members[row, : len(rows)], there[row, : len(rows)] = seen[rows], True
+    return Near(members, there)
+
+
+@dataclass(frozen=True)
+class Gauges:
+    """N gauges of at most K points in a frame of reference."""
+
+    members: Integers
+    """(N, K) rows of the points; its own where there are fewer."""
+
+    there: Mask
+    """(N, K) which of them count."""
+
+    axes: Array
+    """(N, 3, 2) unit vectors along the surface, in the world."""
+
+    places: Array
+    """(N, K, 2) of the points along them from the gauge's own, metres."""
+
+    distances: Array
+    """(N, K, K) between the points, metres."""
+
+
+def gauges_of(positions: Array, reach_m: float) -> Gauges:
+    """The gauges around all points that are seen; those of too few points have none that count.
+
+    Args:
+        positions: (N, 3) in the frame of reference, metres; NaN where a point is not seen.
+        reach_m: how far the points of a gauge are from its own at most.
+    """
+    members, there = near(positions, reach_m, LEAST_POINTS)
+    around = np.where(there[..., None], positions[members] - positions[:, None], 0.0)
+    middle = around.sum(axis=1, keepdims=True) / np.maximum(there.sum(axis=1), 1)[:, None, None]
+    centred = np.where(there[..., None], around - middle, 0.0)
+    spreads, directions = np.linalg.eigh(centred.transpose(0, 2, 1) @ centred)
+    there &= (spreads[:, 1] > _FLATTEST**2 * spreads[:, 2])[:, None]
+    axes = directions[:, :, [2, 1]]
+    gaps = np.linalg.norm(around[:, :, None] - around[:, None], axis=-1)
+    return Gauges(members, there, axes, around @ axes, gaps)
+
+
+def spacing_m(positions: Array) -> float:
+    """The median distance of a point (N, 3) from the one next to it, metres; NaN for fewer than two."""
+    seen = positions[np.isfinite(positions[:, 0])]
+    return float(np.median(np.asarray(cKDTree(seen).query(seen, k=2)[0])[:, 1])) if len(seen) > 1 else np.nan
+
+
+def smoothed(positions: Array, covariances: Array, around: Near) -> Array:
+    """Points moved along the direction in which they are known worst, onto a curved surface through those around.
+
+    Lateral places, which matching knows six times as well, stay. Points with too few around them stay as well.
+
+    Args:
+        positions: (N, 3) of a frame, metres; NaN where a point is not seen.
+        covariances: (N, 3, 3) of them.
+        around: the points around each in the frame of reference.
+    """
+    known: Mask = np.isfinite(positions[:, 0]) & np.isfinite(covariances[:, 0, 0])
+    variances, axes = np.linalg.eigh(np.where(known[:, None, None], covariances, np.eye(3)))
+    known &= variances[:, 2] > _WORSE**2 * variances[:, 1]
+    there = around.there & np.isfinite(positions[:, 0])[around.members] & known[:, None]
+    gone = np.where(there[..., None], positions[around.members] - positions[:, None], 0.0) @ axes
+    size = np.sqrt((gone[..., :2] ** 2).sum(axis=(1, 2)) / np.maximum(there.sum(axis=1), 1)) + 1e-12
+    u, v = (gone[..., :2] / size[:, None, None]).transpose(2, 0, 1)
+    design = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=2) * there[..., None]
+    normal = design.transpose(0, 2, 1) @ design
+    normal += (_DAMPING * np.trace(normal, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(6)
+    depth = np.linalg.solve(normal, design.transpose(0, 2, 1) @ gone[..., 2:])[:, 0, 0]
+    spreads = np.linalg.eigvalsh(np.einsum("nki,nkj->nij", gone[..., :2], gone[..., :2]))
+    told = (there.sum(axis=1) >= _LEAST) & (spreads[:, 0] > _EDGE_ON**2 * spreads[:, 1])
+    depth = np.where(told, depth, 0.0)
+    moved: Array = positions + axes[:, :, 2] * depth[:, None]
+    return moved
 
 
 @dataclass(frozen=True)
