@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import json
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numbered_pictures import KINDS, shown
+from numbered_pictures import KINDS, VIEWS, pictures_of, shown, write_video
 
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import ConfigError
@@ -17,6 +18,7 @@ from tracker.images.inspection import Survey, findings
 from tracker.images.inspection._delays import Delays, delays_of
 from tracker.images.inspection._tangents import Tangents
 from tracker.images.reading._offsets import ViewOffset, chosen_offsets, later
+from tracker.images.reading.video import VideoReading
 from tracker.results.result import load_result
 from tracker.running.jobs import execute, load_job
 from tracker.running.jobs._in_step import in_step
@@ -199,3 +201,75 @@ def test_delays_are_told_and_left_where_that_is_asked_for(late: list[dict[str, i
     assert seen is not None
     assert in_step(opened.reading, opened.sequence, seen) is None
     assert any("try offsets = { FRONT = 3 }" in line for line in findings(seen))
+
+
+def stamped(folder: Path, rig: Path, file: str = "cam_{v}.mp4") -> tuple[VideoReading, list[Array]]:
+    """Three videos: the second camera began three images before, the third one has dropped its tenth image."""
+    for v in range(3):
+        write_video(folder / file.format(v=v), pictures_of(v, range(19) if v == 2 else range(20)))
+    even = np.arange(20) / 25
+    paths = {name: str(folder / file.format(v=v)) for v, name in enumerate(VIEWS)}
+    recording = VideoReading(path=paths, rig=rig / "rig.toml", on_missing="skip")
+    return recording, [5 + even, 5 + even - 3 / 25 + 0.008, 5 + np.delete(even, 10)]
+
+
+def caliscope(folder: Path, times: list[Array], camera: str, name: str) -> None:
+    rows = [(t, v) for v, own in enumerate(times) for t in own]
+    lines = [f"{k},{v},{t:.7f}" for k, (t, v) in enumerate(sorted(rows))]
+    (folder / name).write_text("\n".join([f"sync_index,{camera},frame_time", *lines]))
+
+
+def freemocap_1(folder: Path, times: list[Array]) -> None:
+    (folder / "timestamps").mkdir()
+    for v, own in enumerate(times):
+        lines = [f"{k},{1e9 * t:.1f}" for k, t in enumerate(own)]
+        table = folder / "timestamps" / f"Camera_{v:03d}_synchronized_timestamps_human_readable.csv"
+        table.write_text("\n".join([",0", *lines]))
+
+
+def freemocap_2(folder: Path, times: list[Array]) -> None:
+    tables = folder / "timestamps" / "camera_timestamps"
+    tables.mkdir(parents=True)
+    for v, own in enumerate(times):
+        lines = [f"{k},{k + 40},{t - 5:.9f},{1e9 * t:.0f}" for k, t in enumerate(own)]
+        head = "recording_frame_number,connection_frame_number,timestamp.from_recording_start.sec,timestamp.utc.seconds"
+        (tables / f"take.camera{v}.timestamps.csv").write_text("\n".join([head, *lines]))
+
+
+PROGRAMS = {
+    "Caliscope": ("cam_{v}.mp4", lambda folder, times: caliscope(folder, times, "cam_id", "timestamps.csv")),
+    "Caliscope before": (
+        "port_{v}.mp4",
+        lambda folder, times: caliscope(folder, times, "port", "frame_time_history.csv"),
+    ),
+    "FreeMoCap 1": ("Camera_00{v}_synchronized.mp4", freemocap_1),
+    "FreeMoCap 2": ("take.camera.id{v}.idx{v}.mp4", freemocap_2),
+}
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_times_beside_videos_pair_their_images(
+    program: str, numbered: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    file, write = PROGRAMS[program]
+    recording, times = stamped(tmp_path, numbered, file)
+    write(tmp_path, times)
+    found = shown(recording)
+    assert found[0] == ((0, 0), (1, 3), (2, 0))
+    assert found[9] == ((0, 9), (1, 12), (2, 9))
+    assert found[10] == ((0, 10), (1, 13), None)
+    assert found[11:] == [((0, k), (1, k + 3), (2, k - 1)) for k in range(11, 17)]
+    assert "paired by its times, up to 8 ms apart" in caplog.text
+    assert shown(replace(recording, in_step="off"))[0] == ((0, 0), (1, 0), (2, 0))
+
+
+def test_times_that_are_not_of_the_videos_are_left_and_named(
+    numbered: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    recording, times = stamped(tmp_path, numbered)
+    caliscope(tmp_path, [times[0][:-1], *times[1:]], "cam_id", "timestamps.csv")
+    assert shown(recording)[0] == ((0, 0), (1, 0), (2, 0))
+    assert '19 times of view "east", whose video has 20 images: its times are not used' in caplog.text
+    (tmp_path / "timestamps.csv").write_text("cam_id,time\n0,1\n")
+    recording.open()
+    assert "not a table of times that is known" in caplog.text

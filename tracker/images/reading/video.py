@@ -20,6 +20,7 @@ from tracker.images.reading._pictures import Downscale
 from tracker.images.reading._rates import common_rate, told_of_rates
 from tracker.images.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
 from tracker.images.reading._sequence import OpenSequence
+from tracker.images.reading._stamps import paired_by_stamps
 from tracker.images.reading._streaming import OpenViews
 from tracker.images.reading._timeline import at_one_pace
 from tracker.images.reading._video_view import VideoView, timeline
@@ -50,8 +51,9 @@ class VideoReading:
     it on, `{ left = [[0, 3], [120, 2]] }`."""
 
     in_step: Literal["auto", "off"] = "auto"
-    """"auto": a run looks by how many frames what moves is late in each view, and corrects whole frames by `offsets`.
-    "off": views are paired as they are."""
+    """"auto": times that Caliscope or FreeMoCap has written beside its videos pair their images, and a run looks by how
+    many frames what moves is late in each view, and corrects whole frames by `offsets`. "off": views are paired as they
+    are."""
 
     background: PlatePattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most
@@ -113,7 +115,7 @@ class VideoReading:
         paths = dict(zip(names, view_paths(self.path, names), strict=True))
         whole = self.on_missing == "error"
         found = opened_views(names, lambda name: timeline(paths[name], name, whole, sizes.get(name)), self.on_missing)
-        paced = at_one_pace(found)
+        paced = at_one_pace(found if self.in_step == "off" else paired_by_stamps(paths, found))
         rates = {name: one for name, one in zip(names, paced, strict=True) if one}
         fps, every = common_rate(rates, self.fps)
         timelines = [None if one is None else one.thinned(every[name]) for name, one in zip(names, paced, strict=True)]
