@@ -30,7 +30,7 @@ EXPORTS = "exports"
 """Folder in a result's, for what is exported afterwards."""
 
 _DETAILS = (
-    *("config", "choices", "images", "versions", "inputs", "findings", "bodies"),
+    *("config", "choices", "images", "versions", "inputs", "findings", "keypoints", "bodies"),
     *("smoothing", "alignment", "alignment_change"),
 )
 """What recordings tell of how a result was made."""

@@ -82,6 +82,9 @@ class Start:
     """For each person 0 to 1, see `sureness`; empty if nothing else was tried, or what was cannot make them less sure:
     keypoints know of sides what outlines do not."""
 
+    by_keypoints: bool = False
+    """Whether 2-D keypoints told the poses."""
+
     def of(self, order: Sequence[int]) -> Start:
         """The start of the same persons in another order: for each the place that it has here."""
         return Start(
@@ -89,6 +92,7 @@ class Start:
             tuple(self.evidence[k] for k in order if self.evidence),
             tuple(self.hypotheses[k] for k in order if self.hypotheses),
             tuple(self.sureness[k] for k in order if self.sureness),
+            self.by_keypoints,
         )
 
     @property

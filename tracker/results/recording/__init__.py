@@ -42,7 +42,7 @@ class RunContext:
 
     details: Mapping[str, Any] = field(default_factory=dict)
     """The run's description as saved in run.json: resolved config, versions, input hashes. What looks wrong in the
-    input, `findings`, is complete when recorders finish, not before."""
+    input, `findings`, and what keypoints changed, `keypoints`, are complete when recorders finish, not before."""
 
 
 @runtime_checkable

@@ -200,6 +200,7 @@ class ReportRecorder:
             "isb": [(one.person.name, one, _figure_uri(one.figure())) for one in self._isb if one.joints],
             "reading": self._run.details.get("choices", {}).get("reading", ""),
             "findings": self._run.details.get("findings", []),
+            "keypoints": self._run.details.get("keypoints", []),
             "rather_right": RATHER_RIGHT,
             "colours": {str(status): colour for status, colour in STATUS_COLOURS.items()} | {AMBIGUOUS: LIMB_COLOUR},
             "strips": self._series.strips(),

@@ -174,6 +174,8 @@ def _print_tracked(outcome: TrackOutcome) -> None:
     console.print(f"{state} {outcome.n_frames} frames in {took}, {rate:.1f} frames/s all included", highlight=False)
     files = ", ".join(path.name for path in outcome.files) or "no recordings chosen"
     console.print(f"results in {outcome.folder}: {files}", highlight=False, soft_wrap=True)
+    if outcome.keypoints:
+        console.print(outcome.keypoints, highlight=False, soft_wrap=True)
     _print_doubts(outcome.doubts)
 
 

@@ -48,6 +48,9 @@ class TrackOutcome:
     files: tuple[Path, ...] = ()
     """What the recordings have left in the folder."""
 
+    keypoints: str = ""
+    """What keypoints changed, in a sentence; empty where there are none."""
+
     seconds: float = 0.0
     """How long the run took, with the start looked for, bodies fitted and the result smoothed."""
 

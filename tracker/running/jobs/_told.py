@@ -85,6 +85,7 @@ def run_context(
         "versions": versions(),
         "inputs": dict(folder.inputs),
         "findings": findings.lines,
+        "keypoints": [],
         "bodies": {name: model.about for name, model in opened.models.items()},
     }
     asked = getattr(job, "reading", None)

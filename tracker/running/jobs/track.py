@@ -33,6 +33,7 @@ from tracker.results.smoothing import Smoothing
 from tracker.running.jobs import ResultFolder
 from tracker.running.jobs._delivered import delivered, opened_even, sized
 from tracker.running.jobs._in_step import MOST_ROUNDS, corrected_before, in_step, told_of_delays, untold
+from tracker.running.jobs._keypoint_share import KeypointShare
 from tracker.running.jobs._persons import (
     OpenedTrack,
     beside,
@@ -284,18 +285,19 @@ class TrackJob:
         context = run_context(self, opened, folder, choices, findings)
         way = track if self.passes == 1 else track_twice
         steps = way(opened.frames(), opened.scene, cycle, opened.done or {}, opened.frames)
-        tracked = Tracks()
+        tracked, share = Tracks(), KeypointShare(self.evidence, self.loss.ambiguous_above)
 
         def conclude() -> None:
+            context.details["keypoints"].extend(filter(None, [share.told()]))
             if self.inspection and not (opened.fitted_at or opened.known):
                 findings.add(tracked.told(opened.scene, sequence, progress))
 
         steps = telling_bodies(steps, opened.models, opened.done or ())
-        steps = tracked.kept(telling(map(as_kept, steps), findings.add))
+        steps = tracked.kept(share.kept(telling(map(as_kept, steps), findings.add)))
         outcome = recorded(self.recordings, context, steps, folder, (progress, stop), conclude)
         if self.smoothing is not None and outcome.n_frames:
             outcome = smoothed(outcome, self.smoothing, Pictures(self.recordings, opened.frames, progress))
-        return replace(outcome, seconds=time.perf_counter() - begin)
+        return replace(outcome, seconds=time.perf_counter() - begin, keypoints=share.told())
 
     def _looked_at(self, opened: OpenedTrack, cycle: Cycle, findings: Findings) -> tuple[OpenedTrack, Cycle]:
         """Looks at the first frames, and again once their views are in step; tells what looks wrong in them."""

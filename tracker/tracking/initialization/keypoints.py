@@ -88,7 +88,8 @@ class KeypointInitialization(KeypointFiles):
             k: _fit(scene.persons[k].body, views.names, _exchanged(persons[n], other_side))[0]
             for k, n in zip(sought, places, strict=True)
         }
-        return Start(tuple(poses), (), _beside_turned(frame, scene.with_poses(tuple(poses)), turned, stages))
+        ranking = _beside_turned(frame, scene.with_poses(tuple(poses)), turned, stages)
+        return Start(tuple(poses), (), ranking, by_keypoints=True)
 
     def _way_out(self, views: KeypointViews, frame: Frame, scene: Scene, stages: Stages) -> str:
         """What to do where no start is found: to name the layout that fits, where the number of keypoints misled."""
