@@ -319,3 +319,13 @@ def test_a_world_whose_floor_is_elsewhere_is_told(study):
     path = study / "Calibration" / "Calib.toml"
     save_rig(load_rig(path).with_up("z", 2.4), path)
     assert any("below the floor" in line for line in draft(study / "videos", study / "run.toml").remarks)
+
+
+@pytest.mark.parametrize("inner", ["videos", "synchronized_videos"])
+def test_a_trials_folder_is_read_by_its_folder_of_videos(inner, study, tmp_path):
+    """`bodytrack init .` where Pose2Sim, or FreeMoCap, has its trial."""
+    trial = tmp_path / "trial"
+    shutil.copytree(study / "videos", trial / inner)
+    made, direct = (draft(folder, trial / "run.toml") for folder in (trial, trial / inner))
+    assert made == direct
+    assert f"{inner}/" in made.text

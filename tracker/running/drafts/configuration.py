@@ -14,13 +14,17 @@ from tracker.bodies.keypoint_layouts.views import USUAL
 from tracker.bodies.subject import UNMEASURED
 from tracker.cameras.rig import told_world, world_doubts
 from tracker.foundation.configuration.schema import SCHEMA
-from tracker.foundation.errors import CalibrationError
+from tracker.foundation.errors import CalibrationError, SequenceError
 from tracker.images.footage import Footage, header, pattern_of, sources
 from tracker.running.drafts.keypoints import found_keypoints
 from tracker.running.drafts.plates import found_plates
 from tracker.running.drafts.rig import FoundRig, found_rigs, given_rig
 
 _PLAIN = "images", "frames", "pictures", "raw"
+
+
+_TRIALS_VIDEOS = "videos", "synchronized_videos"
+"""Pose2Sim's folder of a trial holds the one, FreeMoCap's the other."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,7 @@ def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
         SequenceError: there are no videos or images, or one cannot be read.
         CalibrationError: the calibration that is given cannot be used, or nothing is called after its cameras.
     """
+    folder = _of_videos(folder)
     there = sources(folder)
     rigs, faults = ([given_rig(rig, there, folder)], []) if rig is not None else found_rigs(folder, there)
     found = rigs[0] if rigs else None
@@ -100,6 +105,18 @@ def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
         remarks,
         text,
     )
+
+
+def _of_videos(folder: Path) -> Path:
+    """The folder itself, or the one in it that other programs keep a trial's videos in."""
+    try:
+        sources(folder)
+    except SequenceError:
+        inner = next((folder / name for name in _TRIALS_VIDEOS if (folder / name).is_dir()), None)
+        if inner is None:
+            raise
+        return inner
+    return folder
 
 
 def _others(what: str, paths: list[Path], setting: str) -> Iterator[str]:

@@ -51,7 +51,7 @@ class KeypointShare:
         parts.append(
             f"without them {_limbs(self._held, len(self._frames['held']), self._n_frames)} would be in doubt"
             if self._held
-            else "no limb would be in doubt without them that is not so"
+            else "no limb would be in doubt for want of them"
         )
         if self._doubted:
             parts.append(
