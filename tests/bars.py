@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from tracker.cameras.calibration._bundle import Observations, State
-from tracker.cameras.calibration._objects import Bars
+from tracker.cameras.calibration._objects import Bars, state_of
 from tracker.cameras.calibration._start import bar_observations
-from tracker.cameras.calibration._states import state_of
 from tracker.cameras.calibration.reference_bar import BarImages, ReferenceBarCalibration
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Mask

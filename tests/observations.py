@@ -13,7 +13,7 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.evidence.contours import ContourEvidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Mask
 from tracker.images.observation import Observation, ViewObservation
 from tracker.synthesis.cpu import CpuSynthesis

@@ -11,7 +11,7 @@ from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence.measures.account import Account
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.regions import RegionEvidence
 from tracker.foundation.arrays import Array, Image, Region
 from tracker.images.operations.appearance import _TABLES, appearance, is_monochrome

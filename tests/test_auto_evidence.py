@@ -11,7 +11,7 @@ from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.contours import ContourEvidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.regions import ObservedRegions
 from tracker.evidence.silhouettes import Foregrounds
 from tracker.evidence.together import TogetherEvidence

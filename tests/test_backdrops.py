@@ -17,8 +17,7 @@ from tracker.acquisition.calibrated_views import _silhouette
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.outlines import outline_observation
+from tracker.evidence.measures.outlines import Comparison, outline_observation
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.foundation.arrays import Mask
 from tracker.foundation.errors import BackdropError, InitializationError

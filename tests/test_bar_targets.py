@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracker.cameras.calibration._bar_images import follow
-from tracker.cameras.calibration._spheres import measure_sphere
+from tracker.cameras.calibration._bar_images import follow, measure_sphere
 from tracker.cameras.calibration._targets import Target, measure_target
 
 

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from tracker.cameras.calibration import report_text
 from tracker.cameras.calibration._board_looks import shown_share, told_of
-from tracker.cameras.calibration._board_search import BoardSearch, patterns_of
+from tracker.cameras.calibration._board_start import BoardSearch, patterns_of
 from tracker.cameras.calibration._boards import Pattern, find_board, find_corners, goes_on
 from tracker.cameras.calibration.chessboard import ChessboardCalibration
 from tracker.cameras.camera import Camera

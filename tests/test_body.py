@@ -18,7 +18,7 @@ from tracker.bodies.segments import TaperedSuperquadric
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.evidence.contours import ContourEvidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Image
 from tracker.foundation.errors import ModelError
 from tracker.images.observation import Observation, ViewObservation

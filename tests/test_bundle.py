@@ -7,11 +7,20 @@ import pytest
 from bars import CLEAN, LENGTH_M, all_but_offsets, at_truth, calibration, images_of, recorded
 from scipy.spatial.transform import Rotation
 
+from tracker.cameras.calibration._adjustment import precision
 from tracker.cameras.calibration._bundle import Noise, State, adjust, normal_equations, residuals, solved
-from tracker.cameras.calibration._objects import Bars, Boards, MeasuredPoints
-from tracker.cameras.calibration._precision import precision
+from tracker.cameras.calibration._objects import (
+    GROUPS,
+    PARAMETERS,
+    Bars,
+    Boards,
+    MeasuredPoints,
+    camera_of,
+    moved,
+    rigid_motions,
+    state_of,
+)
 from tracker.cameras.calibration._self_calibration import self_calibrated
-from tracker.cameras.calibration._states import GROUPS, PARAMETERS, camera_of, moved, rigid_motions, state_of
 from tracker.kernels.adjustment import N_OBJECT, project_with_slopes
 from tracker.kernels.rows import BundleCameraRow, BundleUnknowns
 from tracker.synthesis.simulation.bars import SIZE, Faults

@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 from tracker.cameras.calibration import report_text
 from tracker.cameras.calibration._bundle import State
+from tracker.cameras.calibration._self_calibration import time_offsets
 from tracker.cameras.calibration._start import bar_observations
-from tracker.cameras.calibration._synchronization import time_offsets
 from tracker.cameras.calibration._world import WorldFrame, moved_rig
 from tracker.cameras.calibration.chessboard import BoardImages, ChessboardCalibration
 from tracker.cameras.calibration.reference_bar import BarImages

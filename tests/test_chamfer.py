@@ -18,7 +18,7 @@ from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Person, Scene
 from tracker.evidence._shares import shares
 from tracker.evidence.contours import ContourEvidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.similarity.chamfer import ChamferSimilarity
 from tracker.foundation.arrays import Array, Array32
 from tracker.foundation.resources import model_path

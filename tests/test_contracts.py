@@ -24,7 +24,7 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence import GUESSED, Evidence
 from tracker.evidence.contours import ContourEvidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.regions import RegionEvidence
 from tracker.foundation.configuration.components import available
 from tracker.foundation.errors import ConfigError, InitializationError

@@ -9,9 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tracker.cameras.calibration import report_text
-from tracker.cameras.calibration._bundle import Noise, adjust, normal_equations
-from tracker.cameras.calibration._correlated import _equations_of, _left_out
-from tracker.cameras.calibration._states import PARAMETERS
+from tracker.cameras.calibration._bundle import Noise, _equations_of, _left_out, adjust, normal_equations
+from tracker.cameras.calibration._objects import PARAMETERS
 from tracker.cameras.calibration.chessboard import BoardImages, ChessboardCalibration
 from tracker.cameras.camera import Camera
 from tracker.kernels.rows import BundleUnknowns

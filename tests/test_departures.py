@@ -16,7 +16,7 @@ from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.evidence import GUESSED
 from tracker.evidence.departures import DeparturesEvidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Image, Mask
 from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis

@@ -14,8 +14,8 @@ from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Person, Scene
 from tracker.evidence import Evidence
 from tracker.evidence.measures.account import Account
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array
 from tracker.images.observation import Observation
 from tracker.tracking.estimate import Estimate

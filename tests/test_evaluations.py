@@ -7,7 +7,7 @@ import pytest
 from recordings import TrueStart, cycle_for, small_simulation
 
 from tracker.evidence.contours import ContourEvidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array
 from tracker.images.sight import Sight
 from tracker.tracking.cycle_turn import objective_of

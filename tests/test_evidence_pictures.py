@@ -21,17 +21,16 @@ from typer.testing import CliRunner
 
 from tracker.cameras.frame import Frame
 from tracker.evidence import EvidencePicture
-from tracker.evidence._drawn import UNKNOWN, gaps_picture
+from tracker.evidence._shares import UNKNOWN, gaps_picture
 from tracker.evidence.contours import ContourEvidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.foundation.errors import TrackerError
 from tracker.images.sight import Sight
 from tracker.results.result import load_result
 from tracker.running.cli import app
 from tracker.running.jobs import execute, load_job
-from tracker.running.viewing.evidence_picture import evidence_picture
-from tracker.running.viewing.frame_evidence import SeenFrame, seen_in_frame
+from tracker.running.viewing.frame_evidence import SeenFrame, evidence_picture, seen_in_frame
 from tracker.synthesis.simulation.sequence import Recipe, Simulation, write_sequence
 from tracker.tracking.cycle import Cycle
 

@@ -16,7 +16,7 @@ from sections import each, made
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence.contours import ContourEvidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.errors import TrackerError
 from tracker.images.analysis.contours import ContourAnalysis
 from tracker.images.sight import Sight

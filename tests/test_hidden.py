@@ -13,8 +13,7 @@ from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation, 
 from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Person, Scene
 from tracker.evidence.auto import AutoEvidence
-from tracker.evidence.measures.account import Account
-from tracker.evidence.measures.occlusion import LONG_FRAMES, hidden_limbs, not_shown_by
+from tracker.evidence.measures.account import LONG_FRAMES, Account, hidden_limbs, not_shown_by
 from tracker.foundation.arrays import Image, Mask
 from tracker.results.recording._drawing import draw_step
 from tracker.synthesis.simulation.sequence import Simulation

@@ -18,7 +18,7 @@ from tracker.bodies.keypoints import limbs, meant, plain_name, swapped_sides
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence.keypoints import KeypointEvidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import ModelError
 from tracker.foundation.resources import model_path

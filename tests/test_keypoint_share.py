@@ -16,7 +16,7 @@ from recordings import small_simulation
 from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.keypoints import KeypointEvidence, ObservedKeypoints
 from tracker.evidence.measures.account import Account, summed
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.together import TogetherEvidence
 from tracker.running.jobs import execute, load_job
 from tracker.running.jobs._keypoint_share import KeypointShare

@@ -16,8 +16,7 @@ from tracker.cameras.frame import Frame
 from tracker.evidence import GUESSED
 from tracker.evidence._around import Reach, around
 from tracker.evidence.level_set import LevelSetEvidence
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.outlines import overlap
+from tracker.evidence.measures.outlines import Comparison, overlap
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.evidence.together import TogetherEvidence
 from tracker.foundation.arrays import Mask

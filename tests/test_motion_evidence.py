@@ -15,11 +15,10 @@ from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.evidence import GUESSED
-from tracker.evidence._anchors import Anchors, attached
+from tracker.evidence._anchors import Anchors, attached, seen_parts
 from tracker.evidence._attaching import met_by_rays
-from tracker.evidence._shown import seen_parts
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.motion import MotionEvidence, Remembered, _grey
 from tracker.foundation.arrays import Array, Image, Mask
 from tracker.foundation.resources import model_path

@@ -23,10 +23,10 @@ import pydantic
 from scipy.spatial import cKDTree
 
 from tracker.foundation.arrays import Array
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.configuration.components import component
 from tracker.evidence.measures.correspondences import correspondences
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
 
 
 @component
@@ -68,10 +68,10 @@ import numpy as np
 
 from tracker.evidence.measures.account import Account
 from tracker.foundation.arrays import Array
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.configuration.components import FilePath, component
 from tracker.bodies.contours import Contours
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
 from tracker.evidence import Evidence
 from tracker.images.sight import Sight
 

@@ -10,7 +10,7 @@ import pytest
 from recordings import small_simulation
 
 from tracker.evidence.contours import ContourEvidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.errors import CalibrationError, SequenceError
 from tracker.images.analysis.contours import ContourAnalysis
 from tracker.images.analysis.silhouettes import SilhouetteAnalysis

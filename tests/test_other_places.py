@@ -13,7 +13,7 @@ from rounding import SINGLE, assert_alike
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.measures.part_colours import part_colours
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import InitializationError

@@ -21,7 +21,7 @@ from tracker.running.jobs import execute, load_job
 from tracker.running.viewing.beginning import begun_in_result, begun_in_run
 from tracker.running.viewing.hand_poses import dragged, handles, standing
 from tracker.running.viewing.placing import Placing
-from tracker.running.viewing.server import serving
+from tracker.running.viewing.stage import serving
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.initialization.given import GivenInitialization
@@ -198,7 +198,7 @@ def test_a_result_begins_where_the_run_has_found_the_person(result: Path) -> Non
     ],
 )
 def test_what_cannot_be_is_told_before_anything_is_served(config, tmp_path, monkeypatch, options, words):
-    monkeypatch.setattr("tracker.running.viewing.server.serving", lambda *_, **__: pytest.fail("served"))
+    monkeypatch.setattr("tracker.running.viewing.stage.serving", lambda *_, **__: pytest.fail("served"))
     taken = tmp_path / "taken.csv"
     taken.write_text("mine")
     arguments = [str(taken) if one == "TAKEN" else one for one in options]

@@ -11,8 +11,8 @@ from solids import RIGS, posed
 from tests.recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
 from tracker.bodies.scene import Scene
 from tracker.evidence.contours import ContourEvidence
-from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.measures.correspondences import Correspondences
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.similarity import pluecker
 from tracker.evidence.similarity.pluecker import PlueckerSimilarity, incidence
 from tracker.synthesis.cpu import CpuSynthesis

@@ -16,7 +16,7 @@ from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.points import PointEvidence
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import SequenceError

@@ -14,7 +14,7 @@ from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence import GUESSED
 from tracker.evidence._colours import Colours, corrected
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.regions import RegionEvidence
 from tracker.foundation.arrays import Array, Mask
 from tracker.images.sight import Sight

@@ -18,8 +18,7 @@ from tracker.foundation.errors import TrackerError
 from tracker.results.result import Result, load_result
 from tracker.running.cli import app
 from tracker.running.jobs import execute, load_job
-from tracker.running.viewing.segmentation import STEPS, Chosen, Segmented, segmented
-from tracker.running.viewing.segmentation_picture import picture_of
+from tracker.running.viewing.segmentation import STEPS, Chosen, Segmented, picture_of, segmented
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.estimate import Status

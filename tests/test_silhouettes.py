@@ -10,7 +10,7 @@ from rounding import assert_alike
 
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.silhouettes import Foregrounds, SilhouetteEvidence
 from tracker.evidence.together import TogetherEvidence
 from tracker.foundation.arrays import Array, Mask

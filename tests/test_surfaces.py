@@ -13,7 +13,7 @@ from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence.contours import ContourEvidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.regions import RegionEvidence
 from tracker.foundation.arrays import Array
 from tracker.images.sight import Sight

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tracker.evidence.measures.account import Account, summed
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
 from tracker.evidence.together import TogetherEvidence, _sharpened
 from tracker.foundation.errors import ConfigError
 

@@ -11,7 +11,7 @@ from observations import ideal, joint_errors_mm, objective_of
 from tracker.bodies.body import BodyModel
 from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Scene
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
 from tracker.foundation.arrays import Array
 from tracker.foundation.resources import model_path
 from tracker.images.observation import Observation

@@ -28,12 +28,9 @@ from tracker.results.result import load_result
 from tracker.running.cli import app
 from tracker.running.jobs import execute, load_job
 from tracker.running.run import load_run
-from tracker.running.viewing.finished import view_result
-from tracker.running.viewing.live import LiveRun
 from tracker.running.viewing.pictures import Pictures
-from tracker.running.viewing.server import serving
-from tracker.running.viewing.stage import BLUE, ORANGE, RED, Stage, colours_of_doubt
-from tracker.running.viewing.viewer import Viewer, _strip
+from tracker.running.viewing.stage import BLUE, ORANGE, RED, Stage, colours_of_doubt, serving
+from tracker.running.viewing.viewer import LiveRun, Viewer, _strip, view_result
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 

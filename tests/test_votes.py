@@ -9,9 +9,8 @@ import pytest
 from observations import objective_of, observed, off
 
 from tracker.bodies.scene import Person, Scene
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.correspondences import limbs_of, oriented_pairs, voted_pairs
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations, limbs_of, oriented_pairs, voted_pairs
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.evidence.similarity.chamfer import ChamferSimilarity
 from tracker.foundation.arrays import Array, Integers

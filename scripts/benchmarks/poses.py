@@ -14,7 +14,7 @@ from rich.table import Table
 
 from benchmarks.timing import seconds
 from tracker.bodies.scene import Scene
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.similarity.chamfer import ChamferSimilarity
 from tracker.foundation.arrays import Array, Image
 from tracker.foundation.configuration.components import available, find

@@ -14,7 +14,7 @@ from tracker.bodies.body import BodyModel
 from tracker.bodies.contours import ViewContours
 from tracker.bodies.scene import Scene
 from tracker.evidence.contours import ContourEvidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Mask
 from tracker.images.observation import Observation, ViewObservation
 from tracker.synthesis.cpu import CpuSynthesis

@@ -16,8 +16,7 @@ from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import load_rig
 from tracker.evidence.contours import ContourEvidence
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.outlines import largest_region
+from tracker.evidence.measures.outlines import Comparison, largest_region
 from tracker.foundation.arrays import Array, Image, Mask
 from tracker.foundation.configuration.components import FilePath, component
 from tracker.foundation.errors import CalibrationError, ConfigError, SequenceError

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.evidence.measures.account import Account
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Image, Mask
 from tracker.foundation.configuration.tables import component_name
 from tracker.images.sight import Sight

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
+import cv2
 import numpy as np
 
-from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask, frozen
+from tracker.bodies.contours import Contours, expected_region
+from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask, Numbers16, Region, frozen
+from tracker.images.operations.appearance import appearance
+from tracker.images.operations.level_set import Densities, colour_codes
+from tracker.images.sight import Sight
 from tracker.kernels.regions import (
     EVEN,
     N_COLOURS,
@@ -14,10 +21,187 @@ from tracker.kernels.regions import (
     Picture,
     Samples,
     Tables,
+    encode,
     hides,
     learn_lines,
     tabulate_posteriors,
 )
+
+
+@dataclass(frozen=True)
+class Levels:
+    """From when on colours count as changed, or as somebody's."""
+
+    changed: float
+    """Least change in a channel against the background, grey levels."""
+
+    still: float
+    """Most change in a channel against the frame before, grey levels."""
+
+    odds: float
+    """By what factor a colour must be more frequent in the person than beside it, its logarithm."""
+
+
+@dataclass(frozen=True)
+class KnownView:
+    """What is known of one view: what was seen where the person was not, and how the person looks."""
+
+    factor: int
+    """How many pixels of an image, along each side, one of the small picture stands for; the same in all views."""
+
+    picture: Array32
+    """(h, w, 3) BGR of the small picture."""
+
+    known: Mask
+    """(h, w) pixels that have been seen without the person."""
+
+    n_person: int
+    """Pixels of the small picture that the person covers."""
+
+    gaps: Array32
+    """(h, w) distance to the person, px of the image."""
+
+    looks: Densities | None
+    """Colours of the person and of what is beside it."""
+
+    last: Array32
+    """(h, w, 3) the small picture of the frame before."""
+
+    own: Mask
+    """(h, w) pixels of it that showed the person."""
+
+    strangers: Mask
+    """(h, w) pixels of it that showed somebody who is not in the model."""
+
+    def changed(self, small: Image, levels: Levels) -> Mask:
+        """(h, w) pixels that are not what was seen there without the person."""
+        change = np.abs(small - self.picture).max(axis=2)
+        found: Mask = self.known & (change > levels.changed)
+        return found
+
+    def like_person(self, small: Image, levels: Levels) -> Mask:
+        """(h, w) pixels in colours that the person has and what is beside it has not."""
+        if self.looks is None:
+            return np.zeros_like(self.known)
+        found: Mask = self.looks.log_odds((colour_codes(small),)) > levels.odds
+        return found
+
+    def of_person(self, small: Image, levels: Levels) -> Mask:
+        """(h, w) pixels in colours of the person, judged by what is known to be behind them where that is known.
+
+        A hand is as brown as wood beside her. Where the wood was seen it is the wood in other light or it is not.
+        """
+        if self.looks is None:
+            return np.zeros_like(self.known)
+        hers = self.looks.log_shares((colour_codes(small),)) > levels.odds
+        came = self.changed(small, levels) & ~self._relit(small, levels)
+        found: Mask = self.like_person(small, levels) | (hers & came)
+        return found
+
+    def _relit(self, small: Image, levels: Levels) -> Mask:
+        """(h, w) pixels whose colour is that of the background times a factor: shade, or a lamp (Horprasert 1999)."""
+        factor = (small * self.picture).sum(axis=2) / np.maximum((self.picture**2).sum(axis=2), 1.0)
+        other = np.abs(small - factor[..., None] * self.picture).max(axis=2)
+        found: Mask = other < levels.changed / 2
+        return found
+
+    def staying(self, small: Image, levels: Levels) -> Mask:
+        """(h, w) pixels that showed the person in the frame before and look as they did: they show it still."""
+        still = np.abs(small - self.last).max(axis=2) < levels.still
+        background = self.known & ~self.changed(small, levels)
+        found: Mask = self.own & still & ~background & ~self.strangers & self.of_person(small, levels)
+        return found
+
+    def touched(self, linked_px: float) -> bool:
+        """Whether somebody else is so near to the person that what comes out there may be his."""
+        return bool((self.gaps[self.strangers] < linked_px).any())
+
+    def passers_by(self, changed: Mask, gaps: Array32, least_px: float, linked_px: float) -> Mask:
+        """(h, w) regions of what has changed beside the person that are somebody else's.
+
+        Who comes along is first apart from the person, and more than a limb. He is the same when he touches the
+        person's outline; what comes out of it elsewhere meanwhile may be his as well.
+
+        Args:
+            changed: (h, w) in the frame at hand.
+            gaps: (h, w) distance to the person in it, px of the image.
+            least_px: pixels of the small picture that are more than a limb.
+            linked_px: so near to the person a region hangs on it, px of the image.
+        """
+        _, labels, sizes, _ = cv2.connectedComponentsWithStats(changed.astype(np.uint8))
+        others: Mask = np.asarray(sizes[:, cv2.CC_STAT_AREA] > least_px)
+        others[np.unique(labels[gaps < linked_px])] = False
+        others[np.unique(labels[self.strangers & changed])] = True
+        others |= self.touched(linked_px)
+        others[0] = False
+        found: Mask = others[labels]
+        return found
+
+
+def linked(mask: Mask, near: Mask) -> Mask:
+    """(h, w) the regions of a mask that reach into another one."""
+    _, labels = cv2.connectedComponents(mask.astype(np.uint8))
+    kept: Mask = np.isin(labels, np.unique(labels[near & mask])) & mask
+    return kept
+
+
+# What region evidence sees of images: numbers of what their pixels around the persons look like.
+
+Codes = tuple[Region, Numbers16]
+"""A region of a view and its colour numbers, row by row."""
+
+
+def picture_around(sight: Sight, around: Contours | None, margin: float, least_px: Array | None = None) -> Picture:
+    """The colour numbers of all views around some contours, joined; see `colour_numbers`."""
+    picture: Picture = sight.joined(encoded, colour_numbers(sight, around, margin, least_px), packed)
+    return picture
+
+
+def colour_numbers(
+    sight: Sight, around: Contours | None, margin: float, least_px: Array | None = None
+) -> tuple[Codes | None, ...]:
+    """The colour numbers of each view near some contours.
+
+    Args:
+        sight: the images, in which they are found once.
+        around: the contours; None for everywhere.
+        margin: as a share of an image's longer side.
+        least_px: (V,) margins where they are wider than that.
+
+    Returns:
+        For each view its region and numbers, None where its image is missing.
+    """
+    found: list[Codes | None] = []
+    for v, image in enumerate(sight.frame.images):
+        if image is None:
+            found.append(None)
+            continue
+        size = image.shape[1], image.shape[0]
+        margin_px = max(margin * max(size), 0.0 if least_px is None else float(least_px[v]))
+        region = (0, 0, *size) if around is None else expected_region(around, v, size, min(margin_px, max(size)))
+        found.append(sight.once(encoded, v, region, partial(encoded, image)))
+    return tuple(found)
+
+
+def packed(views: Sequence[Codes | None]) -> Picture:
+    """The colour numbers of all views; None for a missing one."""
+    codes, layout, start = [np.zeros(0, dtype=np.uint16)], [], 0
+    for view in views:
+        region, numbers = view or ((0, 0, 0, 0), codes[0])
+        layout.append((start, *region))
+        codes.append(numbers)
+        start += len(numbers)
+    flat: Numbers16 = np.concatenate(codes)
+    flat.setflags(write=False)
+    return Picture(flat, frozen(layout, np.int64))
+
+
+def encoded(image: Image, region: Region) -> Codes:
+    """The numbers of what a region of an image (h, w, 3) looks like."""
+    codes = np.empty(region[2] * region[3], dtype=np.uint16)
+    encode(appearance(image, region), codes)
+    return region, codes
+
 
 FLOOR = 2e-4
 """Share that a colour never seen has: one of 4096 bins by chance."""

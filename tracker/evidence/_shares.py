@@ -1,12 +1,13 @@
-"""How much of contours lies on edges, and how much of the edges no contour explains; shared by kinds of evidence."""
+"""What several kinds of evidence share: how much of contours lies on edges, and pictures of what they saw."""
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from tracker.bodies.contours import Contours
 from tracker.evidence.measures.account import Account
-from tracker.foundation.arrays import Array
+from tracker.foundation.arrays import Array, Image, Mask
 from tracker.images.observation import Observation
 from tracker.kernels.contours import edge_shares
 
@@ -41,3 +42,32 @@ def over_views(per_view: Array, nothing: float) -> Array:
     total = np.where(present, per_view, 0.0).sum(axis=1)
     mean: Array = np.where(n_present > 0, total / np.maximum(n_present, 1), nothing)
     return mean
+
+
+# Pictures that several kinds of evidence draw alike of what they saw.
+
+UNKNOWN = (150, 80, 0)
+"""BGR, a dark blue: where nothing is known."""
+
+# BGR: near enough, and too far.
+_NEAR, _FAR = (80, 220, 80), (40, 40, 230)
+
+
+def gaps_picture(image: Image, shown: Array, carried: Array, wrong: Mask) -> Image:
+    """Points where the image shows them, each with a line to where the pose has it, on the darkened image.
+
+    Args:
+        image: (H, W, 3) BGR.
+        shown: (N, 2) px.
+        carried: (N, 2) where the pose has the points, px.
+        wrong: (N,) those that are too far away, drawn red; the others are green.
+    """
+    picture: Image = (0.5 * image).astype(np.uint8)
+    there = np.isfinite(shown).all(axis=1) & np.isfinite(carried).all(axis=1)
+    # no line is longer than this, or OpenCV's whole numbers overflow
+    ends = np.clip(np.rint(np.stack([shown, carried], axis=1)[there]), -(2.0**15), 2.0**15).astype(int)
+    for (a, b), off in zip(ends.tolist(), wrong[there], strict=True):
+        shade = _FAR if off else _NEAR
+        cv2.line(picture, a, b, shade, 1, cv2.LINE_AA)
+        cv2.circle(picture, a, 2, shade, -1, cv2.LINE_AA)
+    return picture

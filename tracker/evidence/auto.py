@@ -10,8 +10,8 @@ from tracker.bodies.scene import Scene
 from tracker.evidence import Evidence, EvidencePicture, Memory, Observed
 from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.measures.account import Account
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.motion import MotionEvidence
 from tracker.evidence.regions import RegionEvidence
 from tracker.evidence.silhouettes import SilhouetteEvidence

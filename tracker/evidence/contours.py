@@ -7,11 +7,10 @@ import pydantic
 
 from tracker.bodies.contours import Contours
 from tracker.evidence import Evidence, EvidencePicture, Memory
-from tracker.evidence._drawn import UNKNOWN
-from tracker.evidence._shares import over_views, shares
+from tracker.evidence._shares import UNKNOWN, over_views, shares
 from tracker.evidence.measures.account import Account
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.similarity import Similarity
 from tracker.evidence.similarity.chamfer import ChamferSimilarity
 from tracker.foundation.arrays import Array, Array32, Image

@@ -12,13 +12,22 @@ import pydantic
 from tracker.bodies.contours import Contours, expected_region
 from tracker.bodies.scene import Scene
 from tracker.evidence import GUESSED, Evidence, EvidencePicture, Memory
-from tracker.evidence._bare import AtStart, Bare, bare_in, begun_at, covered_by_skins, missed_by_limbs
-from tracker.evidence._known_views import KnownView, Levels, linked
-from tracker.evidence._reduced_images import reduced, reduced_silhouettes, reduction
+from tracker.evidence._bare import (
+    AtStart,
+    Bare,
+    bare_in,
+    begun_at,
+    covered_by_skins,
+    missed_by_limbs,
+    reduced,
+    reduced_silhouettes,
+    reduction,
+)
+from tracker.evidence._colours import KnownView, Levels, linked
 from tracker.evidence._shares import over_views
 from tracker.evidence.measures.account import Account
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Image, Mask, frozen
 from tracker.foundation.configuration.components import component
 from tracker.images.operations.level_set import colour_codes, densities

@@ -21,11 +21,10 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.evidence import Evidence, EvidencePicture, Memory
-from tracker.evidence._drawn import gaps_picture
-from tracker.evidence._shares import over_views
+from tracker.evidence._shares import gaps_picture, over_views
 from tracker.evidence.measures.account import Account
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, frozen
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import ConfigError, SequenceError

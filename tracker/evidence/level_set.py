@@ -14,8 +14,8 @@ from tracker.bodies.scene import Scene
 from tracker.evidence import GUESSED, EvidencePicture, Memory, Observed
 from tracker.evidence._around import Around, Reach, around
 from tracker.evidence.measures.account import Account
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.silhouettes import Foregrounds, SilhouetteEvidence
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import component

@@ -16,13 +16,11 @@ import pydantic
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.evidence import GUESSED, Evidence, EvidencePicture, Memory
-from tracker.evidence._anchors import Anchors, Grey, attached, corners
-from tracker.evidence._drawn import gaps_picture
-from tracker.evidence._shares import over_views
-from tracker.evidence._shown import seen_parts
+from tracker.evidence._anchors import Anchors, Grey, attached, corners, seen_parts
+from tracker.evidence._shares import gaps_picture, over_views
 from tracker.evidence.measures.account import Account
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import component
 from tracker.images.sight import Sight

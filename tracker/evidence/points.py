@@ -19,13 +19,12 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.rig import Rig
 from tracker.evidence import GUESSED, Evidence, EvidencePicture, Memory
 from tracker.evidence._attaching import Attachments, met_by_rays, ray_covariances
-from tracker.evidence._drawn import gaps_picture
 from tracker.evidence._followed import Followed, open_followed
 from tracker.evidence._held import Held, held_in, turning
-from tracker.evidence._shares import over_views
+from tracker.evidence._shares import gaps_picture, over_views
 from tracker.evidence.measures.account import Account
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.foundation.configuration.components import PathPattern, component
 from tracker.images.sight import Sight

@@ -17,13 +17,11 @@ import pydantic
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.evidence import GUESSED, Evidence, EvidencePicture
-from tracker.evidence._colour_numbers import colour_numbers, picture_around
-from tracker.evidence._colours import FLOOR, Colours
-from tracker.evidence._drawn import UNKNOWN
-from tracker.evidence._shares import over_views
+from tracker.evidence._colours import FLOOR, Colours, colour_numbers, picture_around
+from tracker.evidence._shares import UNKNOWN, over_views
 from tracker.evidence.measures.account import Account
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.geometry.superquadrics import box_bounds

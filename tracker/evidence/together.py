@@ -15,8 +15,8 @@ from tracker.cameras.rig import Rig
 from tracker.evidence import GUESSED, Evidence, EvidencePicture, Memory, Observed
 from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.measures.account import Account, summed
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.equations import Equations, combined
+from tracker.evidence.measures.correspondences import Equations, combined
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import component

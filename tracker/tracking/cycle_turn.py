@@ -11,7 +11,7 @@ import numpy as np
 from tracker.bodies.contours import joined
 from tracker.bodies.scene import Scene
 from tracker.evidence import Observed
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.measures.part_colours import PartColours, part_colours
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import InitializationError

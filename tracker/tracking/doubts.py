@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from tracker.bodies.scene import Person
-from tracker.evidence.measures.occlusion import hidden_limbs
+from tracker.evidence.measures.account import hidden_limbs
 from tracker.tracking.doubt import Because
 from tracker.tracking.estimate import Estimate, Status
 from tracker.tracking.start import RATHER_RIGHT

@@ -11,10 +11,9 @@ import numpy as np
 from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Scene
 from tracker.evidence import Evidence
-from tracker.evidence.measures.account import Account
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.equations import Equations
-from tracker.evidence.measures.occlusion import LONG_FRAMES, not_shown_by
+from tracker.evidence.measures.account import LONG_FRAMES, Account, not_shown_by
+from tracker.evidence.measures.correspondences import Equations
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.measures.part_colours import PartColours
 from tracker.foundation.arrays import Array
 from tracker.synthesis import SurfaceSynthesis, Synthesis

@@ -10,7 +10,7 @@ import numpy as np
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
-from tracker.evidence.measures.occlusion import LONG_FRAMES
+from tracker.evidence.measures.account import LONG_FRAMES
 from tracker.foundation.arrays import Array, Integers, Mask, frozen
 from tracker.tracking.estimate import Estimate, Status
 from tracker.tracking.start import Start, confidence

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
+from tracker.cameras.calibration._adjustment import Calibrated, Measure
 from tracker.cameras.calibration._board_print import BoardPrint, board_pattern, largest_square_mm, write_board
-from tracker.cameras.calibration._calibrated import Calibrated, Measure
 from tracker.cameras.calibration._floor_marks import Mark, floor_marks
 from tracker.cameras.calibration._found_boards import FoundBoard, found_board
 from tracker.cameras.calibration._report import report_html, report_text

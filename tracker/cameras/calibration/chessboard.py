@@ -9,17 +9,14 @@ from typing import ClassVar, Literal
 import numpy as np
 import pydantic
 
-from tracker.cameras.calibration._adjustment import Adjustment
-from tracker.cameras.calibration._advice import advice
+from tracker.cameras.calibration._adjustment import Adjustment, Calibrated, Measure
 from tracker.cameras.calibration._board_order import SeenCorners, turns_of
-from tracker.cameras.calibration._board_search import BoardSearch, patterns_of
-from tracker.cameras.calibration._board_start import LensKind, board_start
+from tracker.cameras.calibration._board_start import BoardSearch, LensKind, board_start, patterns_of
 from tracker.cameras.calibration._boards import Pattern, charuco_detector
-from tracker.cameras.calibration._calibrated import Calibrated, Measure
-from tracker.cameras.calibration._lengths import square_fault
 from tracker.cameras.calibration._objects import Boards
+from tracker.cameras.calibration._report import advice
 from tracker.cameras.calibration._self_calibration import chosen_unknowns, self_calibrated
-from tracker.cameras.calibration._world import WorldFrame
+from tracker.cameras.calibration._world import WorldFrame, square_fault
 from tracker.cameras.fisheye import told_end
 from tracker.cameras.frame import Views
 from tracker.cameras.rig import Rig

@@ -8,25 +8,23 @@ from typing import Literal
 import numpy as np
 import pydantic
 
-from tracker.cameras.calibration._adjustment import Adjustment
-from tracker.cameras.calibration._advice import advice
+from tracker.cameras.calibration._adjustment import Adjustment, Calibrated, Measure
 from tracker.cameras.calibration._bar_images import BarImages, measure_bar
 from tracker.cameras.calibration._bundle import Observations, State
-from tracker.cameras.calibration._calibrated import Calibrated, Measure
-from tracker.cameras.calibration._lengths import bar_fault, focal_fault
-from tracker.cameras.calibration._objects import Bars, transformed
-from tracker.cameras.calibration._self_calibration import chosen_unknowns, self_calibrated
-from tracker.cameras.calibration._start import bar_observations, start_values
-from tracker.cameras.calibration._states import nominal_state
-from tracker.cameras.calibration._synchronization import (
+from tracker.cameras.calibration._objects import Bars, nominal_state, transformed
+from tracker.cameras.calibration._report import advice
+from tracker.cameras.calibration._self_calibration import (
     NOTICED_FRAMES,
     NOTICED_SIGMAS,
     check_synchronized,
+    chosen_unknowns,
     lag_advice,
     lag_measures,
+    self_calibrated,
     time_offsets,
 )
-from tracker.cameras.calibration._world import WorldFrame
+from tracker.cameras.calibration._start import bar_observations, start_values
+from tracker.cameras.calibration._world import WorldFrame, bar_fault, focal_fault
 from tracker.cameras.frame import Views
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Mask

@@ -9,15 +9,12 @@ import numpy as np
 import pydantic
 from scipy.spatial.transform import Rotation
 
-from tracker.cameras.calibration._adjustment import Adjustment
-from tracker.cameras.calibration._advice import advice
+from tracker.cameras.calibration._adjustment import Adjustment, Calibrated, Measure
 from tracker.cameras.calibration._bundle import Observations, State
-from tracker.cameras.calibration._calibrated import Calibrated, Measure
-from tracker.cameras.calibration._lengths import focal_fault
-from tracker.cameras.calibration._objects import MeasuredPoints
+from tracker.cameras.calibration._objects import MeasuredPoints, nominal_state, pinhole_of
+from tracker.cameras.calibration._report import advice
 from tracker.cameras.calibration._self_calibration import chosen_unknowns, self_calibrated
-from tracker.cameras.calibration._states import nominal_state, pinhole_of
-from tracker.cameras.calibration._world import read_points
+from tracker.cameras.calibration._world import focal_fault, read_points
 from tracker.cameras.frame import Views
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import FilePath, component

@@ -1,15 +1,18 @@
-"""Outlines of given silhouettes as observations, and which model contours they may be compared with."""
+"""What a person is compared with: outlines of given silhouettes, and everything of a scene but the pose."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
 
+from tracker.bodies.body import BodyModel
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
-from tracker.foundation.arrays import Array32, Mask, Region
+from tracker.foundation.arrays import Array, Array32, Integers, Mask, Region
 from tracker.images.observation import Observation, ViewObservation
 from tracker.images.operations.edges import EdgeSegments, canny, chamfer_image, gradient, segment_edges
 from tracker.synthesis import Synthesis
@@ -120,3 +123,87 @@ def largest_region(mask: Mask) -> Mask:
     small = stats[:, cv2.CC_STAT_AREA] < _SMALL_HOLE * np.count_nonzero(region)
     filled: Mask = region | small[labels]
     return filled
+
+
+_Found = TypeVar("_Found")
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What a kind of evidence is asked about (paper, figure 1b).
+
+    The other persons of the scene stay at their poses: earlier ones at their best, later ones as predicted.
+    """
+
+    scene: Scene
+    person: int
+    synthesis: Synthesis
+    observed: Any
+    """What the evidence that is asked has observed, as its `observe` returned it."""
+
+    _last: dict[str, tuple[bytes, Any]] = field(default_factory=dict, repr=False, compare=False)
+
+    def put(self, observed: Any) -> Comparison:
+        """The same question put to a kind of evidence that has observed something else."""
+        return Comparison(self.scene, self.person, self.synthesis, observed, self._last)
+
+    def with_contours(self, q: Array, contours: Contours) -> Comparison:
+        """The same question with other contours of a pose (dof,) than the synthesis makes."""
+        return Comparison(
+            self.scene, self.person, self.synthesis, self.observed, {**self._last, "fine": (q.tobytes(), contours)}
+        )
+
+    @property
+    def body(self) -> BodyModel:
+        """The model whose pose is sought."""
+        return self.scene.persons[self.person].body
+
+    @property
+    def own(self) -> slice:
+        """The person's parts among those of the scene."""
+        first = self.scene.first_part(self.person)
+        return slice(first, first + len(self.body.parts))
+
+    @property
+    def ends(self) -> Integers:
+        """(P,) last pose parameter that moves each part of the scene; -2 for the parts of other persons.
+
+        A sample of a smooth skin counts as its strongest part's. The derivative of the surface is the weighted sum over
+        all parts that move it, but refinements by that were worse in most starts and twice as dear; see the results.
+        """
+
+        def find() -> Integers:
+            found = np.full(len(self.scene.shapes), -2, dtype=np.int64)
+            found[self.own] = self.body.part_parameters
+            return found
+
+        return self._once("ends", b"", find)
+
+    def placements(self, poses: Array) -> Array:
+        """(B, P, 4, 4) see `Scene.world_from_parts`, with the person at each of the poses (B, dof)."""
+        return self.scene.world_from_parts(self.person, poses)
+
+    def twists(self, q: Array) -> Array:
+        """(dof, 6) spatial twists at a pose (dof,), kept until another one is asked for."""
+        return self._once("twists", q.tobytes(), lambda: self.body.twists(q))
+
+    def contours(self, poses: Array, coarse: bool = False) -> Contours:
+        """Expected contours of the scene with the person at each of the poses (B, dof).
+
+        Args:
+            poses: rad and m.
+            coarse: as dense as is enough to rank many poses; see `tracker.synthesis.Synthesis.contours`.
+        """
+        return self.synthesis.contours(self.scene, self.person, poses, coarse)
+
+    def fine(self, q: Array) -> Contours:
+        """The contours of one pose (dof,), kept until another one is asked for: several kinds of evidence need them."""
+        return self._once("fine", q.tobytes(), lambda: self.contours(q[None]))
+
+    def _once(self, what: str, key: bytes, find: Callable[[], _Found]) -> _Found:
+        """What was found for the key asked about last; found now for another one."""
+        kept = self._last.get(what)
+        if kept is None or kept[0] != key:
+            kept = self._last[what] = key, find()
+        found: _Found = kept[1]
+        return found

@@ -7,9 +7,8 @@ from typing import Literal
 import pydantic
 
 from tracker.bodies.contours import PX_PER_OBSERVATION
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.correspondences import limbs_of, oriented_pairs, voted_pairs
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations, limbs_of, oriented_pairs, voted_pairs
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.components import component
 from tracker.kernels.contours import normal_equations

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from tracker.cameras.rig import Rig
-from tracker.evidence.measures.comparison import Comparison
-from tracker.evidence.measures.correspondences import Correspondences, correspondences
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Correspondences, Equations, correspondences
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.similarity.chamfer import ChamferSimilarity
 from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.components import component

@@ -12,8 +12,8 @@ from tracker.cameras.camera import Camera
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.evidence.contours import ContourEvidence
-from tracker.evidence.measures.comparison import Comparison
 from tracker.evidence.measures.correspondences import correspondences
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Integers
 from tracker.images.observation import Observation
 from tracker.images.sight import Sight

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Person, Scene
-from tracker.evidence.measures.occlusion import hidden_limbs
+from tracker.evidence.measures.account import hidden_limbs
 from tracker.foundation.arrays import Array
 from tracker.results.recording._drawing import STATUS_COLOURS
 from tracker.tracking.doubt import Because, Doubt, in_words

@@ -35,8 +35,7 @@ def segment(
     from tracker.foundation.files import check_free
     from tracker.images.film import write_picture
     from tracker.results.result import load_result
-    from tracker.running.viewing.segmentation import Chosen, segmented
-    from tracker.running.viewing.segmentation_picture import picture_of
+    from tracker.running.viewing.segmentation import Chosen, picture_of, segmented
 
     chosen = Chosen(every, *_range(frames), back)
     by, folder = _evidence(set_ or []), output or result / FOLDER

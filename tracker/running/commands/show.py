@@ -35,8 +35,7 @@ def show_frame(
     from tracker.images.film import write_picture
     from tracker.results.exports import EXPORTS
     from tracker.results.result import load_result
-    from tracker.running.viewing.evidence_picture import evidence_picture
-    from tracker.running.viewing.frame_evidence import seen_in_frame
+    from tracker.running.viewing.frame_evidence import evidence_picture, seen_in_frame
 
     (view, person), loaded = chosen, load_result(result)
     names = loaded.rig.names if view is None else (view,)

@@ -33,7 +33,7 @@ def view(
     """
     from tracker.foundation.errors import ConfigError
     from tracker.results.result import load_result
-    from tracker.running.viewing.server import serving
+    from tracker.running.viewing.stage import serving
 
     live = what.suffix.lower() == ".toml" and not what.is_dir()
     if set_ and not live:
@@ -57,7 +57,7 @@ def _placed(what: Path, overrides: list[str] | None, number: int, written: tuple
     from tracker.results.exports import EXPORTS
     from tracker.running.viewing.beginning import begun_in_result, begun_in_run
     from tracker.running.viewing.placing import Placing
-    from tracker.running.viewing.server import serving
+    from tracker.running.viewing.stage import serving
 
     folder = what.parent if overrides is not None else what / EXPORTS
     path = written[0] or folder / "start.csv"
@@ -75,7 +75,7 @@ def _placed(what: Path, overrides: list[str] | None, number: int, written: tuple
 
 
 def _finished(result: Result, server: Any) -> None:
-    from tracker.running.viewing.finished import view_result
+    from tracker.running.viewing.viewer import view_result
 
     viewer, fault = view_result(result, server)
     if fault:
@@ -88,7 +88,7 @@ def _finished(result: Result, server: Any) -> None:
 
 def _live(config: Path, overrides: list[str], server: Any) -> None:
     from tracker.running.run import load_run
-    from tracker.running.viewing.live import LiveRun
+    from tracker.running.viewing.viewer import LiveRun
 
     run = load_run(config, ["passes=1", *overrides])  # every frame at once
     with ProgressBar() as progress:

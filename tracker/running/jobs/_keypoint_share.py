@@ -12,7 +12,7 @@ from tracker.bodies.scene import Scene
 from tracker.evidence import Evidence
 from tracker.evidence.keypoints import KeypointEvidence, ObservedKeypoints
 from tracker.evidence.measures.account import Account
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.together import TogetherEvidence
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.limb_probabilities import limbs_left_over

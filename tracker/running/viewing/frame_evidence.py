@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import math
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
 
 from tracker.bodies.contours import ViewContours
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence import EvidencePicture
 from tracker.evidence.auto import WHERE_NOBODY_STAYS, WITHOUT_PLATES
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
+from tracker.foundation.arrays import Array32, Image
 from tracker.foundation.errors import ConfigError
 from tracker.images.plate import Plate
 from tracker.images.sight import Sight
@@ -142,3 +148,120 @@ def _predicted(step: Step, state: State, prediction: Any) -> Scene:
     for person, history in zip(step.scene.persons, state.histories, strict=True):
         poses.append(person.q if history is None else prediction.predict(person.body, history, time_s)[0])
     return step.scene.with_poses(tuple(poses))
+
+
+# What all kinds of evidence saw in a view as one picture.
+
+# BGR: contours expected, and found.
+_EXPECTED, _FOUND, _WRITING = (0, 215, 255), (255, 120, 255), (255, 255, 255)
+
+_MARGIN = 0.15
+"""What is shown around the persons, share of their size."""
+
+_LINE_PX, _SIGN_PX = 20, 7.5
+"""Height of a line of writing, and width of a letter of it."""
+
+_SUBPIXEL = 4
+"""Binary digits after the point in OpenCV's drawing."""
+
+
+def evidence_picture(seen: SeenFrame, view: SeenView, cell_px: int) -> Image:
+    """The image and what each kind of evidence saw, with the contours expected in yellow, on the image those found.
+
+    Args:
+        seen: the frame.
+        view: of it.
+        cell_px: width of each.
+    """
+    drawn = [view.image, *(one for one in view.pictures if one.picture is not None)]
+    cells = [_cell(one, view, n == 0, cell_px) for n, one in enumerate(drawn)]
+    # about as high as wide
+    n_columns = min(len(cells), max(2, math.ceil(math.sqrt(len(cells) * cells[0].shape[0] / cell_px))))
+    cells += [np.zeros_like(cells[0])] * (-len(cells) % n_columns)
+    rows = [np.hstack(cells[n : n + n_columns]) for n in range(0, len(cells), n_columns)]
+    most = int(rows[0].shape[1] / _SIGN_PX)
+    lines = [line for told in _title(seen, view) for line in textwrap.wrap(told, most, subsequent_indent="    ")]
+    head: Image = np.zeros((_LINE_PX * len(lines) + 6, rows[0].shape[1], 3), dtype=np.uint8)
+    for n, line in enumerate(lines):
+        _write(head, line, _LINE_PX * (n + 1) - 4)
+    picture: Image = np.ascontiguousarray(np.vstack([head, *rows]))
+    return picture
+
+
+def _title(seen: SeenFrame, view: SeenView) -> list[str]:
+    """Frame and status, and a line a doubt."""
+    first = f"{view.name}, frame {seen.frame}, {seen.time_s:.2f} s, {seen.person}: {seen.estimate.verdict}"
+    doubts = []
+    for one in seen.estimate.doubts:
+        what = f"{(one.limb or 'person').replace('_', ' ')}: {str(one.because).replace('_', ' ')}"
+        doubts.append(f"{what} ({one.measured})" if one.measured else what)
+    right = ", ".join(f"{limb.replace('_', ' ')} {100 * share:.0f} %" for limb, share in seen.probabilities.items())
+    lines = [first if doubts else f"{first}, nothing in doubt", *doubts]
+    return [*lines, *([f"within 150 mm: {right}"] if right else []), *([seen.differs] if seen.differs else [])]
+
+
+def _cell(one: EvidencePicture, view: SeenView, with_found: bool, width: int) -> Image:
+    """A picture cut around the persons, with contours and its title, as wide as told."""
+    height, width_px = np.asarray(view.image.picture).shape[:2]
+    x, y, w, h = around(np.concatenate([view.expected.pixels, view.found.pixels]), (width_px, height))
+    scale = width / w
+    picture: Image = cv2.resize(
+        np.ascontiguousarray(one.picture)[y : y + h, x : x + w], (width, round(h * scale)), interpolation=cv2.INTER_AREA
+    )
+    draw_contours(picture, view.expected, (x, y), scale, _EXPECTED)
+    if with_found:
+        draw_contours(picture, view.found, (x, y), scale, _FOUND)
+    _write(picture, "image: expected yellow, found violet" if with_found else one.title, picture.shape[0] - 8)
+    return picture
+
+
+class Window(NamedTuple):
+    """A part of a view, px."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+
+def around(pixels: Array32, size: tuple[int, int]) -> Window:
+    """What of a view is shown: contours with a margin, else all of it.
+
+    Args:
+        pixels: (N, 2) of the contours.
+        size: width and height of the view.
+    """
+    inside = pixels[((pixels > -1) & (pixels < size)).all(axis=1)]
+    if not len(inside):
+        return Window(0, 0, *size)
+    low, high = inside.min(axis=0), inside.max(axis=0)
+    margin = _MARGIN * float((high - low).max()) + 8
+    left, top = np.clip(low - margin, 0, np.array(size) - 8).astype(int).tolist()
+    right, bottom = np.clip(high + margin, (left + 8, top + 8), size).astype(int).tolist()
+    return Window(left, top, right - left, bottom - top)
+
+
+def draw_contours(
+    picture: Image, contours: ViewContours, origin: tuple[int, int], scale: float, shade: tuple[int, ...]
+) -> None:
+    """Draws each matched sample as a piece of its contour.
+
+    Args:
+        picture: drawn into.
+        contours: of a view.
+        origin: pixel of the view at the picture's left upper corner.
+        scale: of the picture, against the view.
+        shade: BGR.
+    """
+    seen = ~contours.between
+    normals = contours.normals[seen]
+    along = np.stack([-normals[:, 1], normals[:, 0]], axis=1) * contours.weights[seen, None] / 2
+    ends = np.stack([contours.pixels[seen] - along, contours.pixels[seen] + along], axis=1)
+    lines = np.rint(((ends - origin + 0.5) * scale - 0.5) * 2**_SUBPIXEL).astype(np.int32)
+    cv2.polylines(picture, list(lines), False, shade, 1, cv2.LINE_AA, _SUBPIXEL)
+
+
+def _write(picture: Image, text: str, y: int) -> None:
+    for shift, shade in ((1, (0, 0, 0)), (0, _WRITING)):
+        where = 6 + shift, y + shift
+        cv2.putText(picture, text, where, cv2.FONT_HERSHEY_SIMPLEX, 0.45, shade, 1, cv2.LINE_AA)

@@ -14,7 +14,7 @@ import numpy as np
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Array, Image
-from tracker.running.viewing.evidence_picture import Window, around, draw_contours
+from tracker.running.viewing.frame_evidence import Window, around, draw_contours
 from tracker.running.viewing.hand_poses import dragged, handles, write_start
 from tracker.running.viewing.pictures import Pictures
 from tracker.running.viewing.stage import Stage

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import importlib
+import io
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +16,47 @@ from tracker.bodies.body.surface import segments_in_world, surface_of
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.camera import Camera
 from tracker.foundation.arrays import Array, Image
+from tracker.foundation.errors import ConfigError
 from tracker.tracking.estimate import Estimate, Status
+
+LOOPBACK = "127.0.0.1"
+"""Nobody but this machine: what is shown are pictures of persons."""
+
+
+@contextlib.contextmanager
+def serving(port: int, wide: bool = False) -> Iterator[Any]:
+    """A viser server on the loopback address, as long as it is used; on the next free port if this one is taken.
+
+    Args:
+        port: of the address.
+        wide: whether what steers it needs much room.
+
+    Raises:
+        ConfigError: viser is not installed, or no port is free.
+    """
+    try:
+        viser: Any = importlib.import_module("viser")
+    except ImportError as error:
+        raise ConfigError("bodytrack view needs the Python package viser: pip install viser") from error
+    try:
+        with _quiet():
+            server = viser.ViserServer(host=LOOPBACK, port=port, label="bodytrack", verbose=False)
+    except (OSError, RuntimeError) as error:
+        raise ConfigError(f"--port {port}: cannot be listened to: {error}") from error
+    # the button would open a tunnel to outside
+    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large" if wide else "medium")
+    server.scene.set_up_direction("+z")
+    try:
+        yield server
+    finally:
+        with _quiet():
+            server.stop()
+
+
+def _quiet() -> contextlib.redirect_stdout[io.StringIO]:
+    """Whatever viser prints, which it does even if it is not to be verbose."""
+    return contextlib.redirect_stdout(io.StringIO())
+
 
 BLUE, PALE, ORANGE, RED, GREY = (74, 134, 232), (150, 185, 235), (240, 140, 40), (220, 50, 50), (150, 150, 150)
 """Red, green, blue of what is sure, filled in, unsure, lost, and of what is no body."""

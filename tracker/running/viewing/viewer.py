@@ -12,6 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.bodies.scene import Scene
+from tracker.foundation.errors import TrackerError
+from tracker.foundation.progress import Progress
+from tracker.results.result import Result
+from tracker.running.run import Run
+from tracker.running.viewing.images import images_of
 from tracker.running.viewing.pictures import Pictures
 from tracker.running.viewing.stage import BLUE, ORANGE, PALE, RED, Stage
 from tracker.tracking.doubt import in_words
@@ -173,3 +178,67 @@ _GRAVE = [RED, ORANGE, PALE, BLUE]
 
 def _colour(estimate: Estimate) -> tuple[int, int, int]:
     return _COLOURS.get(str(estimate.verdict), ORANGE if estimate.ambiguous else BLUE)
+
+
+def view_result(result: Result, server: Any) -> tuple[Viewer, str]:
+    """Shows a result, with its images where the recording is still there.
+
+    Returns:
+        The viewer, and why there are no images; empty if there are.
+    """
+    viewer = Viewer(server, result.scene, result.interval_s, len(result.replays))
+    viewer.show_result(result.replays)
+    try:
+        viewer.pictures.read(images_of(result))
+    except TrackerError as error:
+        return viewer, str(error)
+    return viewer, ""
+
+
+_TOLD_EVERY = 25
+"""Frames between two lists of the worst ones."""
+
+
+class LiveRun:
+    """A run in a thread of its own; nothing is written."""
+
+    def __init__(self, run: Run, server: Any, progress: Progress) -> None:
+        """Begins to track.
+
+        Args:
+            run: its inputs are opened here.
+            server: where it is shown.
+            progress: told how far it is.
+
+        Raises:
+            TrackerError: an input cannot be used.
+        """
+        n_frames = len(run)
+        self.viewer = Viewer(server, run.scene, run.opened.sequence.interval_s, n_frames)
+        self.viewer.follow()
+        self._run, self._progress = run, progress
+        self._stopped = threading.Event()
+        self.fault: TrackerError | None = None
+        self.done = threading.Event()
+        self._thread = threading.Thread(target=self._track, daemon=True)
+        self._thread.start()
+
+    def _track(self) -> None:
+        try:
+            for n_done, step in enumerate(self._run, start=1):
+                if self._stopped.is_set():
+                    return
+                self.viewer.add(step)
+                self._progress("tracking", n_done, len(self._run))
+                if n_done % _TOLD_EVERY == 0:
+                    self.viewer.tell_doubts()
+            self.viewer.tell_doubts()
+        except TrackerError as error:
+            self.fault = error
+        finally:
+            self.done.set()
+
+    def close(self) -> None:
+        """Ends with the frame at work."""
+        self._stopped.set()
+        self._thread.join()

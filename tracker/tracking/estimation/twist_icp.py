@@ -7,7 +7,7 @@ import pydantic
 from scipy.linalg.lapack import dpotrf, dpotrs
 
 from tracker.bodies.body import BodyModel
-from tracker.evidence.measures.equations import Equations
+from tracker.evidence.measures.correspondences import Equations
 from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.components import component
 from tracker.tracking.estimate import Estimate

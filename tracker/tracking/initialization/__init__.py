@@ -10,7 +10,7 @@ from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence import GUESSED, Evidence
-from tracker.evidence.measures.comparison import Comparison
+from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.progress import Progress, Tally, silent
 from tracker.images.plate import Plate
 from tracker.images.sight import Sight
