@@ -17,9 +17,7 @@ from tracker.results.result import Result, load_result
 from tracker.running.jobs import execute, load_job
 from tracker.running.jobs.track import OpenedTrack, TrackJob, TrackOutcome
 from tracker.tracking.doubts import Doubts
-from tracker.tracking.sequence import track
 from tracker.tracking.trajectory import Step
-from tracker.tracking.two_passes import track_twice
 
 _FIT_S = 5.0
 """Of twelve frames in four views: K-Kick, `human`, one core."""
@@ -136,8 +134,7 @@ class Run:
             TrackerError: an input cannot be used, or no start pose was found in the first frames.
         """
         opened, cycle = self.job.fitted(self.opened, self.job.cycle(self.opened))
-        way = track if self.job.passes == 1 else track_twice
-        return way(opened.frames(), opened.scene, cycle, {}, opened.frames)
+        return self.job.followed(opened, cycle)
 
     def execute(
         self, output: Path | str | None = None, resume: bool = False, progress: Progress | None = None

@@ -33,7 +33,7 @@ class VideoView(ImageStream):
     def __init__(self, path: Path, timeline: Timeline) -> None:
         self._path, self._timeline = path, timeline
         self._frames = _decoded(path, timeline.film, timeline.timed)
-        self._convert = _Converter()
+        self._convert = Converter()
         self._stamp, self._image = -(2**63), None  # type: tuple[int, av.VideoFrame | None]
 
     def read(self, index: int) -> Image | None:
@@ -45,7 +45,7 @@ class VideoView(ImageStream):
         found = self.held(index)
         return None if found is None else found.image()
 
-    def held(self, index: int) -> _Decoded | None:
+    def held(self, index: int) -> Decoded | None:
         """The same as it is decoded: luma, and chroma of every fourth pixel, as most codecs have it.
 
         Raises:
@@ -64,15 +64,15 @@ class VideoView(ImageStream):
                 f"{self._path}: frame {index} cannot be decoded: the file is corrupt; "
                 'set on_missing = "skip" to go on without it'
             )
-        return _Decoded(self._image, self._convert, self._path)
+        return Decoded(self._image, self._convert, self._path)
 
 
 @dataclass(frozen=True)
-class _Decoded:
+class Decoded:
     """A frame of a file, not converted yet."""
 
     frame: av.VideoFrame
-    convert: _Converter
+    convert: Converter
     path: Path
 
     @property
@@ -90,7 +90,7 @@ class _Decoded:
         return self.convert.upright(self.frame, self.path)
 
 
-class _Converter:
+class Converter:
     """Makes images of decoded frames, one at a time.
 
     A frame that converts itself makes the tables of the conversion anew: 0.4 ms of 2 for a view of 720x576.

@@ -40,7 +40,9 @@ class RunJsonRecorder:
 
     def finish(self) -> tuple[Path, ...]:
         """Writes the file again with the run's summary."""
-        return (self.save(complete=len(self._series.frames) == self._run.n_frames),)
+        # cameras that film now are stopped at some time, and frames were dropped: nobody goes on with such a run
+        whole = "live" in self._run.details or len(self._series.frames) == self._run.n_frames
+        return (self.save(complete=whole),)
 
     def save(self, complete: bool) -> Path:
         """Replaces the file as a whole."""

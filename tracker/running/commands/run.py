@@ -176,6 +176,8 @@ def _print_tracked(outcome: TrackOutcome) -> None:
     console.print(f"results in {outcome.folder}: {files}", highlight=False, soft_wrap=True)
     if outcome.keypoints:
         console.print(outcome.keypoints, highlight=False, soft_wrap=True)
+    for remark in outcome.remarks:
+        console.print(remark, highlight=False, soft_wrap=True)
     _print_doubts(outcome.doubts)
 
 

@@ -87,6 +87,7 @@ def _finished(result: Result, server: Any) -> None:
 
 
 def _live(config: Path, overrides: list[str], server: Any) -> None:
+    from tracker.images.reading.live import counts_of
     from tracker.running.run import load_run
     from tracker.running.viewing.viewer import LiveRun
 
@@ -100,6 +101,8 @@ def _live(config: Path, overrides: list[str], server: Any) -> None:
                 live.viewer.serve(0.5)
             if live.fault is None:
                 console.print("all frames are tracked", highlight=False)
+                if (counts := counts_of(run.opened.sequence)) is not None:
+                    console.print(counts.told(), highlight=False, soft_wrap=True)
                 live.viewer.serve()
         live.close()
     if live.fault is not None:

@@ -54,6 +54,9 @@ class TrackOutcome:
     seconds: float = 0.0
     """How long the run took, with the start looked for, bodies fitted and the result smoothed."""
 
+    remarks: tuple[str, ...] = ()
+    """What else is to be told at the end, in one line each."""
+
     stages_s: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     """How long the stages of tracking took in all frames, seconds."""
 

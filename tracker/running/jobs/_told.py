@@ -19,6 +19,7 @@ from tracker.results.recording import RunContext
 from tracker.running.jobs import Job, ResultFolder, described, versions
 from tracker.running.jobs._delivered import chosen_settings
 from tracker.running.jobs._in_step import corrections
+from tracker.running.jobs._live import counts_of
 from tracker.running.jobs._persons import OpenedTrack, frames_in_view
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.start import Start
@@ -91,6 +92,8 @@ def run_context(
     asked = getattr(job, "reading", None)
     if chosen := chosen_settings(asked, sequence) | corrections(asked, opened.reading):
         details["images"] = chosen
+    if (live := counts_of(sequence)) is not None:
+        details["live"] = vars(live)  # they are counted on while the run lasts
     return RunContext(
         name=job.name,
         folder=folder.path,

@@ -6,7 +6,7 @@ import dataclasses
 import logging
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -34,6 +34,7 @@ from tracker.running.jobs import ResultFolder
 from tracker.running.jobs._delivered import delivered, opened_even, sized
 from tracker.running.jobs._in_step import MOST_ROUNDS, corrected_before, in_step, told_of_delays, untold
 from tracker.running.jobs._keypoint_share import KeypointShare
+from tracker.running.jobs._live import counts_of, is_live, patiently, settings_missing
 from tracker.running.jobs._persons import (
     OpenedTrack,
     beside,
@@ -64,6 +65,7 @@ from tracker.tracking.prediction import Prediction
 from tracker.tracking.recorded_plates import behind_who_stays, without_persons
 from tracker.tracking.rehearsal import Reopen
 from tracker.tracking.sequence import track
+from tracker.tracking.trajectory import Step
 from tracker.tracking.two_passes import track_twice
 from tracker.tracking.windows import held_at_most
 
@@ -167,8 +169,16 @@ class TrackJob:
                 raise ValueError(f'two persons are called "{name}"')
         return named
 
+    @pydantic.model_validator(mode="after")
+    def _looks_at_no_frame_twice(self) -> TrackJob:
+        if is_live(self.reading) and (missing := "; ".join(settings_missing(self))):
+            raise ValueError(f'reading.use = "live": no frame can be looked at twice, expected {missing}')
+        return self
+
     def open(self, earlier: Path | None = None) -> OpenedTrack:
         """Opens the recording, reads the models and what an interrupted run has left; see `jobs.Job.open`."""
+        if earlier is not None and is_live(self.reading):
+            raise ConfigError('reading.use = "live": what the cameras saw meanwhile is gone: run anew without --resume')
         models = {subject.name: description_of(subject, earlier) for subject in self.persons}
         reading = corrected_before(self.reading, earlier)
         sequence = opened_even(reading)
@@ -233,7 +243,7 @@ class TrackJob:
 
     def _first_in_view(self, opened: OpenedTrack, cycle: Cycle) -> int:
         """Number of the frame from which on persons are looked for; poses that are given are those of the first one."""
-        if getattr(self.initialization, "poses", None) is not None:
+        if getattr(self.initialization, "poses", None) is not None or is_live(opened.sequence):
             return 0
         return first_sought(opened, cycle, getattr(opened.reading, "start", 0), self.passes)
 
@@ -283,8 +293,7 @@ class TrackJob:
             tell_choices({"evidence": choices["evidence"]}, progress)
         save_inputs(opened, folder.path)
         context = run_context(self, opened, folder, choices, findings)
-        way = track if self.passes == 1 else track_twice
-        steps = way(opened.frames(), opened.scene, cycle, opened.done or {}, opened.frames)
+        steps, live = self.followed(opened, cycle), counts_of(sequence)
         tracked, share = Tracks(), KeypointShare(self.evidence, self.loss.ambiguous_above)
 
         def conclude() -> None:
@@ -297,7 +306,23 @@ class TrackJob:
         outcome = recorded(self.recordings, context, steps, folder, (progress, stop), conclude)
         if self.smoothing is not None and outcome.n_frames:
             outcome = smoothed(outcome, self.smoothing, Pictures(self.recordings, opened.frames, progress))
-        return replace(outcome, seconds=time.perf_counter() - begin, keypoints=share.told())
+        remarks = () if live is None else (live.told(),)
+        return replace(outcome, seconds=time.perf_counter() - begin, keypoints=share.told(), remarks=remarks)
+
+    def followed(self, opened: OpenedTrack, cycle: Cycle) -> Iterator[Step]:
+        """The frames as they are tracked, one way or there and back.
+
+        Args:
+            opened: the recording, and the persons with the bodies that they are tracked with.
+            cycle: the components.
+
+        Raises:
+            TrackerError: an image cannot be read, or no start pose was found in the first frames.
+        """
+        if is_live(opened.sequence):
+            return track(opened.frames(), opened.scene, patiently(cycle, opened.sequence))
+        way = track if self.passes == 1 else track_twice
+        return way(opened.frames(), opened.scene, cycle, opened.done or {}, opened.frames)
 
     def _looked_at(self, opened: OpenedTrack, cycle: Cycle, findings: Findings) -> tuple[OpenedTrack, Cycle]:
         """Looks at the first frames, and again once their views are in step; tells what looks wrong in them."""

@@ -51,6 +51,9 @@ class Pictures:
         if (self._n_seen - 1) % self._every == 0:
             views = zip(self._lenses, frame.images, strict=True)
             self._kept[frame.index] = tuple(None if image is None else lens.kept(image) for lens, image in views)
+        if len(self._kept) > _MOST_FRAMES:  # of cameras that film now nobody knows how many there will be
+            self._kept = {index: self._kept[index] for index in sorted(self._kept)[::2]}
+            self._every *= 2
 
     def read(self, frames: Iterable[Frame]) -> None:
         """Keeps the images of a recording, in a thread of its own until `stop`."""

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.bodies.scene import Scene
+from tracker.bodies.scene import Person, Scene
 from tracker.foundation.errors import TrackerError
 from tracker.foundation.progress import Progress
+from tracker.images.reading.live import counts_of
 from tracker.results.result import Result
 from tracker.running.run import Run
 from tracker.running.viewing.images import images_of
@@ -91,6 +92,8 @@ class Viewer:
         self._scene = step.scene
         self._frames.append(Shown(step.frame.index, step.frame.time_s, step.estimates))
         self.pictures.add(step.frame)
+        if self.n_frames > self._slider.max:
+            self._slider.max = 2 * self.n_frames
         if self._following.value:
             self._slider.value = self.n_frames - 1
 
@@ -154,9 +157,20 @@ class Viewer:
         for person, estimate in zip(self._scene.persons, frame.estimates, strict=True):
             why = in_words(estimate.reasons)
             lines.append(f"- {person.name}: {estimate.verdict}" + (f"; {why}" if why else ""))
+            lines += [] if estimate.lost else [f"  - {_sigmas(person, estimate)}"]
         if self.pictures.fault:
             lines += ["", f"no images: {self.pictures.fault}"]
         return "\n".join(lines)
+
+
+def _sigmas(person: Person, estimate: Estimate) -> str:
+    """How well the joints are known: most of them, and the one that is known worst."""
+    body = person.body
+    sigmas_mm = 1000 * body.landmark_sigmas(estimate.q, estimate.covariance)[list(body.reported)]
+    if not np.isfinite(sigmas_mm).all():
+        return "sigma of the joints: not told"
+    worst = body.landmark_names[body.reported[int(np.argmax(sigmas_mm))]].replace("_", " ")
+    return f"sigma of the joints: {np.median(sigmas_mm):.0f} mm, of {worst} {sigmas_mm.max():.0f} mm"
 
 
 def _strip(frames: Sequence[Shown], scene: Scene) -> NDArray[np.uint8]:
@@ -213,7 +227,8 @@ class LiveRun:
         Raises:
             TrackerError: an input cannot be used.
         """
-        n_frames = len(run)
+        # of cameras that film now nobody knows how many frames will be tracked
+        n_frames = 1 if counts_of(run.opened.sequence) else len(run)
         self.viewer = Viewer(server, run.scene, run.opened.sequence.interval_s, n_frames)
         self.viewer.follow()
         self._run, self._progress = run, progress

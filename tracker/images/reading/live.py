@@ -1,0 +1,223 @@
+"""Cameras that film now, of this machine or of a network; what comes while a frame is at work is dropped."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pydantic
+
+from tracker.cameras.frame import Frame, Packed, Pictures, Views
+from tracker.cameras.rig import Rig
+from tracker.foundation.arrays import Image
+from tracker.foundation.configuration.components import (
+    NO_PLATES,
+    RECORDED,
+    FilePath,
+    PlatePattern,
+    ViewPaths,
+    component,
+)
+from tracker.foundation.errors import ConfigError, SequenceError, nearest
+from tracker.images.operations.light import smoothed
+from tracker.images.plate import Plate
+from tracker.images.reading._cameras import Cameras, Moment, Source
+from tracker.images.reading._footage import LEAST_FPS, MOST_FPS
+from tracker.images.reading._pictures import Downscale, brightened, check_size, downscaled
+from tracker.images.reading._plates import load_plates
+from tracker.images.reading._selection import chosen_rig, view_paths
+from tracker.images.reading.video import plate_of_clip
+
+log = logging.getLogger("tracker")
+
+
+@component
+class LiveReading:
+    """Cameras that film now: frames that come while one is at work are dropped and counted, never queued."""
+
+    live: ClassVar[bool] = True
+    """Frames come but once: a job looks at none twice."""
+
+    cameras: dict[str, int | str] = pydantic.Field(default_factory=dict)
+    """View -> number of a camera of this machine (0, 1, ...), or address of a stream: `{ left = 0, right =
+    "rtsp://192.168.0.7/live" }`."""
+
+    path: ViewPaths | None = None
+    """In place of cameras, for a rehearsal: films that are played at their own rate, for instance `{view}.mp4`."""
+
+    rig: FilePath | None = None
+    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads."""
+
+    views: tuple[str, ...] = ()
+    """Cameras to use, in this order; empty for all of the rig."""
+
+    fps: float = pydantic.Field(default=25.0, ge=LEAST_FPS, le=MOST_FPS, allow_inf_nan=False)
+    """Frames per second that the cameras film at: it numbers the frames. Their times are those of arrival."""
+
+    seconds: float = pydantic.Field(default=3600.0, gt=0, allow_inf_nan=False)
+    """After which it ends; Ctrl-C ends it before."""
+
+    background: PlatePattern | None = None
+    """Clean plates: images or short clips, for instance `background/{view}.png`. None: no plates."""
+
+    downscale: Downscale | None = None
+    """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice. Where
+    nothing is said: in tracking what shows persons some 300 px high, else 1."""
+
+    gain: float = pydantic.Field(default=1.0, gt=0, le=10)
+    """Images and plates are multiplied by it."""
+
+    smoothing_px: float = pydantic.Field(default=0.0, ge=0, le=5)
+    """Standard deviation of the Gaussian that images and plates are smoothed by, px of them as delivered."""
+
+    def open(self) -> LiveSequence:
+        """Opens all views, and looks at an image of each; see `tracker.images.reading.Reading.open`."""
+        rig = chosen_rig(self.rig, self.views)
+        sources = self._sources(rig)
+        for camera, source in zip(rig.cameras, sources, strict=True):
+            check_size(camera.name, _first_image(source), camera.size)
+        factor = self.downscale or 1
+
+        def delivered(image: Image) -> Image:
+            return smoothed(downscaled(brightened(image, self.gain), factor), self.smoothing_px)
+
+        plates: tuple[Plate | None, ...] = (None,) * len(rig)
+        if self.background == RECORDED:
+            raise SequenceError(
+                f'background = "{RECORDED}": cameras that film now have shown nothing yet; bring plates'
+            )
+        if self.background not in (None, NO_PLATES):
+            plates = load_plates(rig, self.background, delivered, plate_of_clip)
+        as_filmed = factor == 1 and self.gain == 1 and self.smoothing_px == 0
+        small = rig if factor == 1 else rig.downscaled(factor)
+        return LiveSequence(small, self.fps, self.seconds, plates, sources, None if as_filmed else delivered)
+
+    def open_uncalibrated(self) -> Views:
+        """Refuses: a board is looked for in a recording; see `tracker.images.reading.Reading.open_uncalibrated`."""
+        raise ConfigError('[reading] use = "live": cameras are calibrated from a recording, expected use = "video"')
+
+    def _sources(self, rig: Rig) -> tuple[Source, ...]:
+        """Where the images of each view come from.
+
+        Raises:
+            ConfigError: no cameras, or films as well; or a camera that the rig lacks, or has and is not told.
+        """
+        if (self.path is None) == (not self.cameras):
+            raise ConfigError("[reading] live: expected cameras = { VIEW = NUMBER or ADDRESS, ... }, or path for films")
+        if self.path is not None:
+            places: dict[str, int | str | Path] = dict(zip(rig.names, view_paths(self.path, rig.names), strict=True))
+        else:
+            places = {**self.cameras}
+        for name in places:
+            if name not in rig.names:
+                raise ConfigError(f'[reading] cameras: no camera "{name}" in the rig; {nearest(name, rig.names)}')
+        if missing := [name for name in rig.names if name not in places]:
+            raise ConfigError(
+                f"[reading] cameras: none is told for {', '.join(missing)}; `views` names those that are used"
+            )
+        return tuple(Source(name, places[name]) for name in rig.names)
+
+
+def _first_image(source: Source) -> Image | Packed:
+    images = source.images()
+    found = next(images, None)
+    images.close()  # type: ignore[attr-defined]  # a generator, whose camera others are to open
+    if found is None:
+        raise SequenceError(f'view "{source.view}": {source.place}: shows no image')
+    return found[1]
+
+
+@dataclass
+class LiveCounts:
+    """What became of the frames of cameras, so far."""
+
+    tracked: int = 0
+    dropped: int = 0
+    seconds: float = 0.0
+    """From the first frame to the last."""
+
+    apart_ms: float = 0.0
+    """Longest time between the images of one frame."""
+
+    def told(self) -> str:
+        """One line."""
+        apart = f"images of one frame are up to {self.apart_ms:.0f} ms apart"
+        return (
+            f"live: {self.tracked} frames in {self.seconds:.1f} s, {self.dropped} dropped that came meanwhile "
+            f"({100 * self.dropped / max(self.tracked + self.dropped, 1):.0f} %); {apart}"
+        )
+
+
+@dataclass(frozen=True)
+class LiveSequence:
+    """Opened cameras; see `tracker.images.reading.Sequence`. Each time frames are asked for, they are those of then."""
+
+    live: ClassVar[bool] = True
+
+    rig: Rig
+    fps: float
+    seconds: float
+    plates: tuple[Plate | None, ...]
+    sources: tuple[Source, ...]
+    delivered: Callable[[Image], Image] | None
+    """Makes of an image what is looked at; None for nothing."""
+
+    counts: LiveCounts = field(default_factory=LiveCounts)
+    """Of the frames that were asked for last."""
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames at most, if none is dropped."""
+        return max(1, round(self.seconds * self.fps))
+
+    @property
+    def interval_s(self) -> float:
+        """Time from one frame of the cameras to the next, seconds."""
+        return 1 / self.fps
+
+    @property
+    def known(self) -> tuple[Plate | None, ...]:
+        """What persons stand out against in each view."""
+        return self.plates
+
+    @property
+    def backdrops(self) -> tuple[Plate | None, ...]:
+        """None: what will be shown most of the time is not known yet."""
+        return (None,) * len(self.rig)
+
+    @property
+    def makes_plates(self) -> bool:
+        """Never: nothing was shown yet."""
+        return False
+
+    def frames(self) -> Iterator[Frame]:
+        """The newest images whenever they are asked for, until the time is over; numbers leave out what was dropped."""
+        begin_s, last = None, -1
+        with Cameras(self.sources) as cameras:
+            while (moment := cameras.newest()) is not None:
+                begin_s = moment.time_s if begin_s is None else begin_s
+                time_s = moment.time_s - begin_s
+                if time_s > self.seconds:
+                    return
+                last = max(last + 1, round(time_s * self.fps))
+                self._count(time_s, moment)
+                yield Frame(last, time_s, Pictures([self._made(image) for image in moment.images]))
+
+    def _count(self, time_s: float, moment: Moment) -> None:
+        counts = self.counts
+        counts.tracked = 1 if time_s == 0 else counts.tracked + 1
+        counts.dropped, counts.seconds = max(0, moment.n_before - counts.tracked), time_s
+        counts.apart_ms = max(counts.apart_ms, 1000 * moment.apart_s)
+
+    def _made(self, image: Image | Packed) -> Image | Packed:
+        if self.delivered is None:
+            return image
+        return self.delivered(image.image() if isinstance(image, Packed) else image)
+
+
+def counts_of(sequence: Any) -> LiveCounts | None:
+    """What became of the frames of cameras that film now; None of a recording."""
+    return sequence.counts if isinstance(sequence, LiveSequence) else None
