@@ -22,8 +22,7 @@ from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.foundation.arrays import Mask
 from tracker.foundation.errors import BackdropError, InitializationError
 from tracker.images.plate import Plate, changed
-from tracker.images.reading._plates import backdrop
-from tracker.images.reading._recorded_plate import recorded_plate
+from tracker.images.reading._plates import backdrop, recorded_plate
 from tracker.images.reading.video import VideoReading
 from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis

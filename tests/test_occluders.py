@@ -16,7 +16,7 @@ from tracker.images.analysis.contours import ContourAnalysis
 from tracker.images.analysis.silhouettes import SilhouetteAnalysis
 from tracker.images.observation import HIDDEN
 from tracker.images.plate import Plate, changed
-from tracker.images.reading._occluders import load_occluders, with_occluders
+from tracker.images.reading._masks import load_occluders, with_occluders
 from tracker.images.reading.images import ImageReading
 from tracker.images.reading.video import VideoReading
 from tracker.images.sight import Sight

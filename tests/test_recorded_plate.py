@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from tracker.foundation.arrays import Image
-from tracker.images.reading._plates import _LEAST_KNOWN, recorded_plates
-from tracker.images.reading._recorded_plate import N_SAMPLES, recorded_plate
+from tracker.images.reading._plates import _LEAST_KNOWN, N_SAMPLES, recorded_plate, recorded_plates
 from tracker.images.reading.video import VideoReading
 from tracker.kernels.changes import dominant_modes
 

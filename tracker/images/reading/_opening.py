@@ -13,11 +13,9 @@ from tracker.foundation.configuration.components import NO_PLATES, RECORDED
 from tracker.foundation.errors import SequenceError
 from tracker.images.plate import Plate
 from tracker.images.reading._footage import Footage, opened_views
-from tracker.images.reading._masks import MaskFiles, checked_masks, mask_paths
-from tracker.images.reading._occluders import load_occluders, with_occluders
+from tracker.images.reading._masks import MaskFiles, checked_masks, load_occluders, mask_paths, with_occluders
 from tracker.images.reading._offsets import Offsets, chosen_offsets
-from tracker.images.reading._plates import load_plates, recorded_plates
-from tracker.images.reading._recorded_plate import N_SAMPLES
+from tracker.images.reading._plates import N_SAMPLES, load_plates, recorded_plates
 from tracker.images.reading._selection import OnMissing, common_length, numbered_files, selected
 from tracker.images.reading._sequence import OpenSequence
 from tracker.images.reading._streaming import OpenViews

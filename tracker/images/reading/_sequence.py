@@ -12,10 +12,8 @@ from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Image, Mask
 from tracker.images.plate import Plate
-from tracker.images.reading._masks import MaskFiles
-from tracker.images.reading._occluders import with_occluders
-from tracker.images.reading._plates import backdrop, clean_enough
-from tracker.images.reading._recorded_plate import RecordedPlate
+from tracker.images.reading._masks import MaskFiles, with_occluders
+from tracker.images.reading._plates import RecordedPlate, backdrop, clean_enough
 from tracker.images.reading._streaming import OpenViews
 
 
