@@ -35,7 +35,7 @@ from tracker.tracking.two_passes import track_twice
 from tracker.tracking.visibility import judged_in_view
 
 NOBODY_BEFORE = 6
-BRIEF = HybridEstimation(scatter=48, restarts=1, rounds=1)
+BRIEF = HybridEstimation(rounds=1)
 """Searches the whole pose as usual, limbs less."""
 
 

@@ -43,7 +43,7 @@ def compare(console: Console, quick: bool) -> None:
         synthesis=CpuSynthesis(),
         evidence=AutoEvidence(),
         prediction=PolynomialPrediction(),
-        estimation=HybridEstimation(most_limbs=0, scatter=8, restarts=0, rounds=1) if quick else HybridEstimation(),
+        estimation=HybridEstimation(most_limbs=0, rounds=1) if quick else HybridEstimation(),
         initialization=PcaInitialization(hypotheses=1, finalists=2) if quick else PcaInitialization(),
         # so that there is a rehearsal however sure it is
         loss=LossRule(sure=1.0, rehearse=n_frames - 1),

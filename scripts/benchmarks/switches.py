@@ -72,6 +72,14 @@ def _not_twice(function: Callable[..., Any], given: Given) -> tuple[bool, ...]:
     return (False,) * len(given.places[1])
 
 
+def _no_poses(function: Callable[..., Any], given: Given) -> Any:
+    return np.empty((0, len(given.places[1])))
+
+
+def _any_poses(found: Any, without: Any) -> bool:
+    return len(found) > 0
+
+
 def _told_otherwise(found: Any, without: Any) -> bool:
     """Whether an estimate, a step, or any of several has another pose or status."""
     if isinstance(found, Sequence):
@@ -85,8 +93,6 @@ def _told_otherwise(found: Any, without: Any) -> bool:
 
 
 _TRACKING = "tracker.tracking"
-_HYBRID = "tracker.tracking.estimation.hybrid:HybridEstimation"
-"""Where most rules are."""
 
 RULES = (
     Rule("easier_start", "start", "an unsure start is looked for in later frames, and led back", "47",
@@ -102,15 +108,10 @@ RULES = (
     Rule("limbs_anew", "start", "limbs of a start are looked for alone, by contours and colours", "57",
          (f"{_TRACKING}.cycle_turn:in_likeliest_places",), _argument(1, "estimate"),
          _told_otherwise),
-    Rule("exchanged", "search", "a weak limb changes places with its partner", "6", (f"{_HYBRID}._exchanged",),
-         _argument(2),
-         _told_otherwise),
-    Rule("limb_search", "search", "weak limbs are searched from scattered poses", "7",
-         (f"{_HYBRID}._searched_limbs",), _argument(2),
-         _told_otherwise),
-    Rule("together", "search", "several weak limbs are searched one after the other", "7",
-         (f"{_HYBRID}._searched_together",), _argument(2),
-         _told_otherwise),
+    Rule("exchanged", "search", "a weak limb changes places with its partner", "6",
+         (f"{_TRACKING}.proposals.exchanged:propose",), _no_poses, _any_poses),
+    Rule("elsewhere", "search", "a weak limb is looked for wherever it may be", "7, 34",
+         (f"{_TRACKING}.proposals.elsewhere:propose",), _no_poses, _any_poses),
     Rule("refined_again", "search", "poses known from the body's fit are refined, and not predicted", "new",
          (f"{_TRACKING}.sequence:gone_again",), _constant(())),
     Rule("second_pass", "way back", "windows with doubt, and first frames, are tracked back", "39, 40",
@@ -127,8 +128,6 @@ RULES = (
          _told_otherwise),
     Rule("sought_anew", "doubt", "who is long doubted is looked for as if never seen", "33",
          (f"{_TRACKING}.cycle_turn:sought_anew",), _only_lost, lambda found, without: found != without),
-    Rule("looked_about", "doubt", "a limb long doubted is looked for everywhere", "34",
-         (f"{_TRACKING}.cycle_turn:is_looked_about",), _constant(False), lambda found, without: found != without),
     Rule("found_twice", "doubt", "not if two ways in doubt led to the same pose", "35",
          (f"{_TRACKING}.cycle_turn:found_twice",), _not_twice, lambda found, without: found != without),
     Rule("in_view", "doubt", "whom fewer than two views show is lost, a limb ambiguous", "23",

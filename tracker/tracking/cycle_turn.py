@@ -19,7 +19,7 @@ from tracker.images.sight import Sight
 from tracker.tracking.clock import Clock
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.estimate import Estimate, Status
-from tracker.tracking.loss import LossRule, Troubles, doubted, is_looked_about, is_out_of_sight, judged, sought_anew
+from tracker.tracking.loss import LossRule, doubted, is_out_of_sight, judged, sought_anew
 from tracker.tracking.objective import Objective
 from tracker.tracking.other_places import in_likeliest_places
 from tracker.tracking.outcome import finished, still_lost
@@ -29,10 +29,7 @@ from tracker.tracking.single_view import with_vague_limbs
 from tracker.tracking.start import Start
 from tracker.tracking.strangers import hide_strangers
 from tracker.tracking.trajectory import History, Step
-
-# What a pose found anew must be closer than one that was tracked: the least that images say of a limb, see Objective.
-# See docs/lab/limbs_long_in_doubt.md.
-_CLEARLY_PX = 0.2
+from tracker.tracking.verdict import explains_better
 
 
 def advance(
@@ -81,7 +78,7 @@ def advance(
                 estimate = cycle.estimation.estimate(objective, poses)
                 if rival is not None:
                     estimate = weighed(objective, estimate, rival)
-                found = _looked_about(objective, estimate, state.troubles[k], cycle.loss)
+                found = judged_by(objective, estimate, cycle.loss)
             estimates.append(found)
             current = current.with_pose(k, estimates[k].q)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
@@ -143,15 +140,6 @@ def objective_of(scene: Scene, k: int, cycle: Cycle, observed: Observed, history
     return Objective(Comparison(scene, k, cycle.synthesis, observed), cycle.evidence, history).by_surface()
 
 
-def _looked_about(objective: Objective, estimate: Estimate, before: Troubles, loss: LossRule) -> Estimate:
-    """The estimate, judged; with limbs long in doubt elsewhere where contours and colours clearly speak for that."""
-    estimate = judged_by(objective, estimate, loss)
-    if not is_looked_about(estimate, before, loss):
-        return estimate
-    limbs = None if estimate.doubtful else estimate.limbs_in_doubt
-    return judged_by(objective, in_likeliest_places(objective, estimate, limbs, _CLEARLY_PX), loss)
-
-
 def judged_by(objective: Objective, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
     """The estimate with its status and all that is in doubt about it."""
     return with_vague_limbs(objective, judged(objective.body, estimate, loss, found), loss.elsewhere_px)
@@ -185,11 +173,11 @@ def _recover(
     trial = scene.with_poses(tuple(poses))
     expected = joined([cycle.synthesis.contours(scene), cycle.synthesis.contours(trial)])
     observed = cycle.evidence.observe(sight, expected, state.memory)
-    again, _ = settled(trial, cycle, observed, Status.RECOVERED, cache(partial(part_colours, sight, trial)), sought)
+    colours = cache(partial(part_colours, sight, trial))
+    again, _ = settled(trial, cycle, observed, Status.RECOVERED, colours, sought)
     for k in sought:
-        old_px = float(objective_of(scene, k, cycle, observed)(scene.persons[k].q[None])[0])
-        lead_px = 0.0 if state.troubles[k].lost else _CLEARLY_PX
-        if not again[k].lost and (recovered[k].lost or again[k].distance_px < old_px - lead_px):
+        judge = replace(objective_of(scene, k, cycle, observed), colours=colours)
+        if not again[k].lost and (recovered[k].lost or explains_better(judge, scene.persons[k].q, again[k].q)):
             recovered[k] = again[k]
             scene = scene.with_pose(k, again[k].q)
     return scene, recovered, start

@@ -162,7 +162,7 @@ def sought_anew(estimate: Estimate, before: Troubles, found_twice: bool, loss: L
     """Whether a person is looked for anew in this frame.
 
     One that was lost is, even when the pose it was lost at explains the images again: limbs have moved meanwhile. For a
-    single limb in doubt it would be dear: of R-Turn's way there, without plates, a half (see `is_looked_about`). Who is
+    single limb in doubt it would be dear: of R-Turn's way there, without plates, a half. Who is
     lost again and again without being there undoubted in between, as when what is found anew is wrong, is looked for
     as rarely as who is lost throughout: without plates a search takes up to 70 s.
 
@@ -180,20 +180,6 @@ def sought_anew(estimate: Estimate, before: Troubles, found_twice: bool, loss: L
     as_a_whole = estimate.doubtful or len(estimate.limbs_in_doubt) > 1
     due = rest == 0 and times.bit_count() == 1 and (times == 1 or times.bit_length() % 2 == 0)  # 1, 2, 8, 32
     return due and as_a_whole and not found_twice
-
-
-def is_looked_about(estimate: Estimate, before: Troubles, loss: LossRule) -> bool:
-    """Whether limbs in doubt are looked for wherever they may be in this frame.
-
-    Doubted on, again after as many frames: unlike who is looked for as a whole, a limb costs 0.1 s. In R-UpperBody,
-    without plates, shins that had bent backwards were 0.6 m off for 50 frames.
-
-    Args:
-        estimate: in this frame.
-        before: the person's troubles so far.
-        loss: the rule.
-    """
-    return doubted(estimate) and (before.doubted + 1) % loss.again_after == 0
 
 
 def is_out_of_sight(before: Troubles, loss: LossRule) -> bool:

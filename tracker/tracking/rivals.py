@@ -13,11 +13,7 @@ from tracker.foundation.arrays import Array, Mask
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.loss import doubted
 from tracker.tracking.objective import Objective
-
-# What another way must be better by, px. In R-Turn from frame 20 and T-Punch-light from frame 0 less than this led from
-# the right pose to a wrong one three times, and never back; more did so once of seven times.
-# See docs/lab/defaults_with_plates.md.
-_LEAD_PX = 0.1
+from tracker.tracking.verdict import explains_better
 
 
 def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
@@ -34,19 +30,13 @@ def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
         The one that explains the images better, perhaps with limbs of the other one.
     """
     body = objective.body
-    apart = bool(are_apart(body, mine.q, rival.q))
-
-    cost_px = objective.deciding_px if apart else objective.__call__
-    whole = cost_px(np.array([mine.q, rival.q]))
-    changes = bool(whole[1] < whole[0] - _LEAD_PX)
-    best, other = (rival, mine) if changes else (mine, rival)
-    q, least, theirs = best.q, float(whole[int(changes)]), np.zeros(body.dof, dtype=np.bool_)
+    best, other = (rival, mine) if explains_better(objective, mine.q, rival.q) else (mine, rival)
+    q, theirs = best.q, np.zeros(body.dof, dtype=np.bool_)
     limbs = [group for group in body.limbs if are_apart(body, mine.q, rival.q, body.landmarks_of(group))]
     for group in limbs:
-        tried = taken_over(body, q, other.q, group)
-        cost = float(cost_px(tried[None])[0])
-        if cost < least - _LEAD_PX:
-            q, least = tried, cost
+        mixed = taken_over(body, q, other.q, group)
+        if explains_better(objective, q, mixed):
+            q = mixed
             theirs[body.group(group)] = True
     if q is mine.q:
         return mine

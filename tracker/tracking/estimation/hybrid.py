@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 import pydantic
 
-from tracker.bodies.limbs import are_apart, exchanged, mirrored, scattered_evenly
+from tracker.bodies.body import BodyModel
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import component
 from tracker.tracking.estimate import Estimate
@@ -17,6 +16,8 @@ from tracker.tracking.estimation import Estimation
 from tracker.tracking.estimation.best_first import BestFirstEstimation
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 from tracker.tracking.objective import Objective
+from tracker.tracking.proposals import elsewhere, exchanged, tried
+from tracker.tracking.verdict import likelier
 
 
 @component
@@ -29,9 +30,6 @@ class HybridEstimation:
 
     first: Estimation = BestFirstEstimation()
     """The search of the whole pose."""
-
-    limb: BestFirstEstimation = BestFirstEstimation(range_deg=60.0, step_deg=10.0, patience=6)
-    """The search of a single limb."""
 
     then: Estimation = TwistIcpEstimation()
     """The refinement."""
@@ -74,28 +72,8 @@ class HybridEstimation:
     most_limbs: int = pydantic.Field(default=2, ge=0)
     """Where more groups than this are poor, the whole pose is searched first."""
 
-    scatter: int = pydantic.Field(default=192, ge=1)
-    """Poses of a limb scattered over its joint limits when it is searched."""
-
-    restarts: int = pydantic.Field(default=2, ge=0)
-    """How many of them the search starts from, besides the pose at hand."""
-
-    limbs: Literal["in_turn", "compared"] = "in_turn"
-    """Whether each limb is searched from what was found of the one before, or all from the same pose and the best find
-    is taken first. With departures the first limb would take what the images show of the second (R-UpperBody: the
-    right arm followed the left one for nine frames)."""
-
     rounds: int = pydantic.Field(default=2, ge=1)
     """How often limbs are exchanged and searched, as long as one stays unexplained."""
-
-    worth_px: float = pydantic.Field(default=0.05, ge=0)
-    """What a round must have brought for another one to follow, px. Images say 0.2 px or more of a limb; on V-Dance,
-    R-Turn, K-Kick and T-Punch-light no round after a smaller gain gained more than 0.023 px."""
-
-    promising_px: float = pydantic.Field(default=1.0, ge=0)
-    """How much farther off a pose may be for each search or refinement of a limb that is still to come, px; others are
-    given up. Of 150 exchanges on those recordings none was of use that began more than 0.8 px farther off, of 131
-    searches no start that did by more than 1.1 px."""
 
     def estimate(self, objective: Objective, starts: Array) -> Estimate:
         """The best of the refined predictions and, where needed, of the refined search results."""
@@ -104,7 +82,7 @@ class HybridEstimation:
         refined = self.then.estimate(objective, starts[first])
         weak = self._weak_groups(objective, refined)
         if len(starts) > len(first) and (weak or self.search):
-            refined = _better(refined, self.then.estimate(objective, starts[order[len(first) :]]))
+            refined = likelier(objective, refined, self.then.estimate(objective, starts[order[len(first) :]]))
             weak = self._weak_groups(objective, refined)
         if objective.nearby or not (weak or self.search):
             return refined
@@ -113,95 +91,17 @@ class HybridEstimation:
             searched = self.first.estimate(objective.by_parts(), np.concatenate([starts, refined.q[None]]))
             again = self.then.estimate(objective, searched.q[None])
             again = replace(again, evaluations=again.evaluations + searched.evaluations)
-            refined = _better(refined, again)
+            refined = likelier(objective, refined, again)
             weak = self._weak_groups(objective, refined)
         for _ in range(self.rounds):
-            before = refined.distance_px
-            for change in (self._exchanged, self._searched_limbs, self._searched_together):
-                if weak:
-                    refined = _likelier(objective, refined, change(objective, refined, weak))
-                    weak = self._weak_groups(objective, refined)
-            if not weak or before - refined.distance_px < self.worth_px:
+            before = refined
+            for propose in (exchanged.propose, elsewhere.propose):
+                for limb in _limbs_of(objective.body, weak):
+                    refined = tried(objective, refined, limb, propose, self.then)
+                weak = self._weak_groups(objective, refined)
+            if not weak or refined.q is before.q:
                 break
         return replace(refined, search_s=time.perf_counter() - begin)
-
-    def _exchanged(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
-        """One of the groups and its partner on the other side have changed places; of several pairs the best."""
-        body, q = objective.body, estimate.q
-        pairs = sorted({tuple(sorted((group, other))) for group in groups if (other := body.partner_of(group))})
-        if not pairs:
-            return estimate
-        poses = np.array([place(body, q, *pair) for pair in pairs for place in (mirrored, exchanged)])
-        poses = self._promising(objective, poses, q, 2)
-        return self.then.estimate(objective, poses) if len(poses) else estimate
-
-    def _searched_limbs(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
-        """Each limb in turn searched, from what was found of the one before or all from the same pose."""
-        estimate = replace(estimate, evaluations=0)  # those before are counted already
-        if self.limbs == "compared":
-            return self._compared_limbs(objective, estimate, groups)
-        for group in groups:
-            estimate = _better(estimate, self._searched(objective, estimate, group))
-        return estimate
-
-    def _compared_limbs(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
-        """Each limb searched from the same pose; the best find is taken, and of the others what fits beside it."""
-        body, found = objective.body, [(group, self._searched(objective, estimate, group)) for group in groups]
-        best = estimate
-        for group, one in sorted(found, key=lambda pair: pair[1].distance_px):
-            if best is estimate:
-                best = one if one.distance_px < best.distance_px else best
-                continue
-            pose, columns = best.q.copy(), body.group(group)
-            pose[columns] = one.q[columns]
-            if float(objective(pose[None])[0]) < best.distance_px:
-                best = _better(best, self.then.estimate(objective, pose[None]))
-        return replace(best, evaluations=sum(one.evaluations for _, one in found))
-
-    def _searched(self, objective: Objective, estimate: Estimate, group: str) -> Estimate:
-        """A limb searched from where it is and from the best of poses scattered over its joint limits."""
-        q, columns = estimate.q, objective.body.group(group)
-        rough = objective.by_parts()
-        scattered = scattered_evenly(objective.body, q, columns, self.scatter)
-        best = self._promising(rough, scattered, q, 2)[: self.restarts]
-        poses, n_searched = self.limb.search_from(rough, np.array([q, *best]), columns)
-        refined = self.then.estimate(objective, poses[np.argsort(objective(poses), kind="stable")[:2]])
-        return replace(refined, evaluations=refined.evaluations + self.scatter + n_searched)
-
-    def _searched_together(self, objective: Objective, estimate: Estimate, groups: tuple[str, ...]) -> Estimate:
-        """Several limbs, one after the other, from poses of all of them.
-
-        Legs that are taken for each other stay so as long as one of them is held.
-        """
-        if len(groups) < 2:
-            return estimate
-        body, q, rough = objective.body, estimate.q, objective.by_parts()
-        columns = np.concatenate([body.group(group) for group in groups])
-        neutral = q.copy()
-        neutral[columns] = body.rest()[columns]
-        scattered = np.concatenate([neutral[None], scattered_evenly(body, q, columns, self.scatter)])
-        best = scattered[np.argsort(rough(scattered), kind="stable")[: self.restarts]]
-        found, n_evaluations = np.array([neutral, *best]), len(scattered)
-        for n_left, group in zip(range(len(groups), 0, -1), groups, strict=True):
-            found = self._promising(rough, found, q, n_left + 1)
-            if len(found):
-                found, n = self.limb.search_from(rough, found, body.group(group))
-                n_evaluations += n
-        found = self._promising(rough, found, q, 1)
-        if not len(found):
-            return replace(estimate, evaluations=n_evaluations)
-        refined = self.then.estimate(objective, found)
-        return replace(refined, evaluations=refined.evaluations + n_evaluations)
-
-    def _promising(self, objective: Objective, poses: Array, q: Array, n_steps: int) -> Array:
-        """Those of some poses (B, dof) that so many searches or refinements of limbs may bring below that of q (dof,).
-
-        The nearest ones come first.
-        """
-        distances, most_px = objective(poses), float(objective(q[None])[0]) + n_steps * self.promising_px
-        order = np.argsort(distances, kind="stable")
-        found: Array = poses[order[distances[order] <= most_px]]
-        return found
 
     def _weak_groups(self, objective: Objective, estimate: Estimate) -> tuple[str, ...]:
         """Fine groups whose contours the scene explains too little, or that leave too much of the scene unexplained."""
@@ -226,18 +126,6 @@ class HybridEstimation:
         return float(left_over_px[parts].sum() / max(float(visible_px[parts].sum()), self.min_visible_px))
 
 
-def _better(one: Estimate, other: Estimate) -> Estimate:
-    """The estimate of less distance, with the evaluations of both."""
-    if other is one:
-        return one
-    best = other if other.distance_px < one.distance_px else one
-    return replace(best, evaluations=one.evaluations + other.evaluations)
-
-
-def _likelier(objective: Objective, one: Estimate, other: Estimate) -> Estimate:
-    """The estimate that contours speak for, and where limbs are in other places the colours of parts as well."""
-    if other is one or not are_apart(objective.body, other.q, one.q):
-        return _better(one, other)
-    costs = objective.deciding_px(np.array([one.q, other.q]))
-    best = other if costs[1] < costs[0] else one
-    return replace(best, evaluations=one.evaluations + other.evaluations)
+def _limbs_of(body: BodyModel, groups: tuple[str, ...]) -> list[str]:
+    """Those of some groups that hang on the trunk: limbs, head and tail."""
+    return [group for group in groups if group in body.limbs or group in body.doubted_ends]

@@ -16,6 +16,7 @@ from tracker.tracking.estimation.hybrid import HybridEstimation
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 from tracker.tracking.limb_probabilities import left_over_of
 from tracker.tracking.objective import Objective
+from tracker.tracking.verdict import likelier
 
 
 @component
@@ -28,7 +29,7 @@ class NeighboursEstimation:
     Not the default: it leads out of local minima, and into others. On K-Kick from frame 8, R-Turn from 20 and
     T-Punch-light from 0 joints were 28, 37 and 33 mm off in place of 29, 34 and 35, and one was 150 mm off in 5, 9 and
     18 frames in place of 5, 9 and 9. In 11 of these 23 the right pose, refined, had less distance than the wrong one,
-    in 8 of them by `lead_px`: elsewhere no search can find it.
+    in 8 of them by 0.1 px: elsewhere no search can find it.
     """
 
     of: Estimation = HybridEstimation()
@@ -52,9 +53,6 @@ class NeighboursEstimation:
     above: float = pydantic.Field(default=0.1, ge=0)
     """Share left over of a limb above which its neighbours are tried."""
 
-    lead_px: float = pydantic.Field(default=0.1, ge=0)
-    """What a neighbour must be better by, px; see `tracker.tracking.rivals`."""
-
     def estimate(self, objective: Objective, starts: Array) -> Estimate:
         """The best of what was found and of its refined neighbours."""
         best, body = self.of.estimate(objective, starts), objective.body
@@ -71,6 +69,4 @@ class NeighboursEstimation:
         near = scattered(objective.body, centres, group, self.scattered, spread)
         ranked = near[np.argsort(objective(near), kind="stable")[: self.refined]]
         refined = self.then.estimate(objective, ranked)
-        n_evaluations = estimate.evaluations + refined.evaluations + len(near)
-        better = refined.distance_px < estimate.distance_px - self.lead_px
-        return replace(refined if better else estimate, evaluations=n_evaluations)
+        return likelier(objective, estimate, replace(refined, evaluations=refined.evaluations + len(near)))

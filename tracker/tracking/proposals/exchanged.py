@@ -1,0 +1,18 @@
+"""A limb and its partner on the other side are taken for each other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tracker.bodies.limbs import exchanged, mirrored
+from tracker.foundation.arrays import Array
+from tracker.tracking.objective import Objective
+from tracker.tracking.proposals import promising
+
+
+def propose(objective: Objective, q: Array, limb: str) -> Array:
+    """The pose with the angles of both exchanged, and with their joints; see `tracker.tracking.proposals.Proposal`."""
+    body, partner = objective.body, objective.body.partner_of(limb)
+    if not partner:
+        return np.empty((0, body.dof))
+    return promising(objective, np.array([place(body, q, limb, partner) for place in (mirrored, exchanged)]), q)
