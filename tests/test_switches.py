@@ -52,7 +52,7 @@ def test_a_rule_is_counted_or_replaced(switches: Any) -> None:
     assert (asked["more"], noticed["more"]) == (3, 1)
 
 
-@pytest.mark.parametrize("name", ["rivals", "vague", "rehearsal", "exchanged"])
+@pytest.mark.parametrize("name", ["rivals", "vague", "rehearsal", "limbs_anew"])
 def test_without_a_rule_comes_back_what_it_was_given(switches: Any, name: str) -> None:
     (rule,) = switches.chosen(name)
     places = (object(), object(), object())

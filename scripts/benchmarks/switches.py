@@ -73,11 +73,11 @@ def _not_twice(function: Callable[..., Any], given: Given) -> tuple[bool, ...]:
 
 
 def _no_poses(function: Callable[..., Any], given: Given) -> Any:
-    return np.empty((0, len(given.places[1])))
+    return np.empty((0, len(given.places[1]))), 0
 
 
 def _any_poses(found: Any, without: Any) -> bool:
-    return len(found) > 0
+    return len(found[0]) > 0
 
 
 def _told_otherwise(found: Any, without: Any) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -21,7 +22,7 @@ it has no contour to be wrong, costs 1.05 px more. See docs/lab/part_colours.md.
 class Proposal(Protocol):
     """One way to think of a pose."""
 
-    def __call__(self, objective: Objective, q: Array, limb: str) -> Array:
+    def __call__(self, objective: Objective, q: Array, limb: str) -> tuple[Array, int]:
         """Other poses, the likeliest first.
 
         Args:
@@ -30,7 +31,8 @@ class Proposal(Protocol):
             limb: group of parameters that may be wrong.
 
         Returns:
-            (N, dof) poses inside the joints' limits, to be refined; none where the way leads nowhere.
+            (N, dof) poses inside the joints' limits, to be refined; none where the way leads nowhere. And the number of
+            poses evaluated to find them.
         """
         ...
 
@@ -45,6 +47,7 @@ def promising(objective: Objective, poses: Array, q: Array) -> Array:
 
 def tried(objective: Objective, estimate: Estimate, limb: str, propose: Proposal, refinement: Estimation) -> Estimate:
     """The estimate, or the likeliest of what is proposed of a limb once that is refined."""
-    for q in propose(objective, estimate.q, limb):
+    poses, n_evaluations = propose(objective, estimate.q, limb)
+    for q in poses:
         estimate = likelier(objective, estimate, refinement.estimate(objective, q[None]))
-    return estimate
+    return replace(estimate, evaluations=estimate.evaluations + n_evaluations)

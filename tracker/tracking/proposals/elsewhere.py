@@ -18,14 +18,14 @@ _TRIED, _LOOKED_AT, _REFINED = 600, 24, 6
 _WIDE_RAD = np.radians(89.0)
 
 
-def propose(objective: Objective, q: Array, limb: str) -> Array:
+def propose(objective: Objective, q: Array, limb: str) -> tuple[Array, int]:
     """Poses with the limb in other places; see `tracker.tracking.proposals.Proposal`."""
     body = objective.body
     poses = _over_all_places(body, q, limb)
     poses = poses[are_apart(body, poses, q, body.landmarks_of(limb))]
     different = _different(body, promising(objective.by_parts(), poses, q), limb)
-    found: Array = different[np.argsort(objective.deciding_px(different), kind="stable")[:_REFINED]]
-    return found
+    likeliest = np.argsort(objective.deciding_px(different), kind="stable")[:_REFINED]
+    return different[likeliest], len(poses) + len(different)
 
 
 def _over_all_places(body: BodyModel, q: Array, group: str) -> Array:
