@@ -28,7 +28,7 @@ def drawn(n: int) -> tuple[Known, Any]:
     """Limbs as runs have them, each right as often as the odds say."""
     draw = np.random.default_rng(5)
     left_over, whole = np.abs(draw.normal(0, 0.25, n)), np.abs(draw.normal(0.1, 0.08, n))
-    known = Known(left_over, whole, np.exp(draw.normal(np.log(0.02), 0.5, n)))
+    known = Known(left_over, whole, np.exp(draw.normal(np.log(0.02), 0.5, n)), draw.poisson(0.3, n).astype(float))
     return known, draw.random(n) < right_by(FITTED, known)
 
 

@@ -9,11 +9,14 @@ import numpy as np
 from tracker.bodies.body import BodyModel
 from tracker.bodies.limbs import smallness
 from tracker.evidence.measures.account import Account
-from tracker.foundation.arrays import Array
+from tracker.foundation.arrays import Array, Mask
 from tracker.tracking.estimate import Estimate
 
 _KNOWN_M, _LEAST_SPREAD_M = 0.03, 0.003
 """Spread of a joint that speaks neither for a pose nor against it, and below which one is no better known, metres."""
+
+_STOP_RAD, _NARROW_RAD = np.radians(1.0), np.radians(20.0)
+"""Nearness to a limit that counts as being at it, and the range of an angle that hardly moves, rad."""
 
 
 # A limb that shows less contour than this over all views is judged as if it showed so much, px.
@@ -36,6 +39,9 @@ class Odds(NamedTuple):
     whole_vague: float
     """What the logarithm of a joint's spread over 3 cm takes from them."""
 
+    whole_stops: float
+    """What each angle at its limit takes from them."""
+
     limb: float
     """Of a limb that leaves nothing over, in a pose that is right."""
 
@@ -43,8 +49,8 @@ class Odds(NamedTuple):
     """What the share that the limb leaves over takes from them."""
 
 
-# Fitted by scripts/fit_doubt.py to 16 844 limbs, 698 of them 150 mm off. See docs/lab/probability_of_limbs.md.
-FITTED = Odds(whole=3.93, whole_left_over=129.4, whole_vague=4.06, limb=11.3, limb_left_over=27.6)
+# Fitted by scripts/fit_doubt.py to 17 804 limbs, 735 of them 150 mm off. See docs/lab/probability_of_limbs.md.
+FITTED = Odds(whole=4.45, whole_left_over=87.4, whole_vague=3.78, whole_stops=1.38, limb=10.6, limb_left_over=22.2)
 
 
 class Known(NamedTuple):
@@ -59,6 +65,9 @@ class Known(NamedTuple):
     spread_m: Array
     """Of the limb's joints, see `limb_spreads_m`; NaN where it is not known."""
 
+    stops: Array
+    """Angles of the limb, and of trunk and head, that are at a limit: a pose that leans on its joints is seldom right."""
+
 
 def known_of(body: BodyModel, estimate: Estimate) -> Known:
     """What is known of the limbs of a body, in the order of `body.limbs`; spreads are those of a person's size."""
@@ -67,13 +76,24 @@ def known_of(body: BodyModel, estimate: Estimate) -> Known:
     if not np.isfinite(estimate.covariance).all():
         found = np.full(len(body.limbs), np.nan)
     whole = np.full(len(body.limbs), estimate.account.left_over)
-    return Known(np.array([left_over[limb] for limb in body.limbs]), whole, found)
+    stops = at_limits(body, estimate.q)
+    trunk = np.setdiff1d(np.arange(body.dof), [column for limb in body.limbs for column in body.group(limb)])
+    n_stops = [int(stops[body.group(limb)].sum() + stops[trunk].sum()) for limb in body.limbs]
+    return Known(np.array([left_over[limb] for limb in body.limbs]), whole, found, np.array(n_stops))
+
+
+def at_limits(body: BodyModel, q: Array) -> Mask:
+    """(dof,) angles of a pose (dof,) that are at a limit, except those that can hardly move."""
+    low, high = body.limits.T
+    found: Mask = body.rotates & (high - low > _NARROW_RAD) & ((q < low + _STOP_RAD) | (q > high - _STOP_RAD))
+    return found & np.isfinite(high - low)
 
 
 def right_by(odds: Odds, known: Known) -> Array:
     """(N,) how probable it is that all joints of some limbs are within 150 mm of where they are said to be, 0 to 1."""
     vague = np.nan_to_num(np.log(np.maximum(known.spread_m, _LEAST_SPREAD_M) / _KNOWN_M))
     whole = odds.whole - odds.whole_left_over * known.whole_left_over**2 - odds.whole_vague * vague
+    whole -= odds.whole_stops * known.stops
     right: Array = _sigmoid(whole) * _sigmoid(odds.limb - odds.limb_left_over * known.left_over)
     return right
 

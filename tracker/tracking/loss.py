@@ -84,13 +84,12 @@ class LossRule:
 
     # See docs/lab/limits_and_vain_searches.md.
     again_after: int = pydantic.Field(default=5, ge=1)
-    """Frames doubted one after the other after which limbs in doubt are looked for wherever they may be, and a person
-    who is doubtful then, or of whom several limbs are in doubt, as if never seen; what is found is taken where the
-    images clearly speak for it. Doubted on, limbs again after as many, a person after twice as many, and then after
-    four times as many, and so on, but no person whom another way in doubt has led to the same pose: without plates each
-    time takes 15 s, of one of two persons 35 to 75, and for bodies that no model fits, or that the views hardly show,
-    it is in vain. In R-Turn the legs are exchanged for 40 frames; looked for anew, they are found at once; without
-    plates, arms and legs in the tenth frame of doubt."""
+    """Frames doubted one after the other after which a person who is doubtful, or of whom several limbs are in doubt,
+    is looked for as if never seen. Doubted on, again after twice as many, and then after four times as many, and so on,
+    except where another way in doubt has led to the same pose: without plates each time takes 15 s, of one of two
+    persons 35 to 75, and for bodies that no model fits, or that the views hardly show, it is in vain. In R-Turn the legs
+    are exchanged for 40 frames; looked for anew, they are found at once; without plates, arms and legs in the tenth
+    frame of doubt."""
 
 
 def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
