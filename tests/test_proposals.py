@@ -12,7 +12,7 @@ import pytest
 from observations import bent, ideal, objective_of
 from test_best_first import Landscape
 
-from tracker.bodies.body.files import load_body
+from tracker.bodies.body.description import load_body
 from tracker.bodies.limbs import are_apart
 from tracker.bodies.scene import Scene
 from tracker.foundation.resources import model_path

@@ -72,9 +72,9 @@ def _rows(path: Path, name: str, recording: Recorded) -> list[Row]:
         curve = curves[row["person"]]
         gaps_mm = np.array([curve[joint][n] for joint in row["joints"].split() if joint in curve])
         if np.isfinite(gaps_mm).any():
-            known = [float(row[key]) for key in ("left_over", "whole", "spread_m", "stops")]
+            left_over, whole, spread_m, stops = (float(row[key]) for key in ("left_over", "whole", "spread_m", "stops"))
             right = bool(np.nanmax(gaps_mm) <= LIMB_MM)
-            rows.append((name, *known, right, row["flagged"] == "1"))
+            rows.append((name, left_over, whole, spread_m, stops, right, row["flagged"] == "1"))
     return rows
 
 

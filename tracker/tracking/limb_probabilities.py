@@ -66,7 +66,7 @@ class Known(NamedTuple):
     """Of the limb's joints, see `limb_spreads_m`; NaN where it is not known."""
 
     stops: Array
-    """Angles of the limb, and of trunk and head, that are at a limit: a pose that leans on its joints is seldom right."""
+    """Angles of the limb, and of trunk and head, that are at a limit: who leans on joints is seldom there."""
 
 
 def known_of(body: BodyModel, estimate: Estimate) -> Known:
@@ -85,8 +85,9 @@ def known_of(body: BodyModel, estimate: Estimate) -> Known:
 def at_limits(body: BodyModel, q: Array) -> Mask:
     """(dof,) angles of a pose (dof,) that are at a limit, except those that can hardly move."""
     low, high = body.limits.T
-    found: Mask = body.rotates & (high - low > _NARROW_RAD) & ((q < low + _STOP_RAD) | (q > high - _STOP_RAD))
-    return found & np.isfinite(high - low)
+    near = (q < low + _STOP_RAD) | (q > high - _STOP_RAD)
+    found: Mask = body.rotates & (high - low > _NARROW_RAD) & np.isfinite(high - low) & near
+    return found
 
 
 def right_by(odds: Odds, known: Known) -> Array:

@@ -87,8 +87,8 @@ class LossRule:
     """Frames doubted one after the other after which a person who is doubtful, or of whom several limbs are in doubt,
     is looked for as if never seen. Doubted on, again after twice as many, and then after four times as many, and so on,
     except where another way in doubt has led to the same pose: without plates each time takes 15 s, of one of two
-    persons 35 to 75, and for bodies that no model fits, or that the views hardly show, it is in vain. In R-Turn the legs
-    are exchanged for 40 frames; looked for anew, they are found at once; without plates, arms and legs in the tenth
+    persons 35 to 75, and for bodies that no model fits, or that the views hardly show, it is in vain. In R-Turn legs
+    were exchanged for 40 frames; looked for anew, they are found at once; without plates, arms and legs in the tenth
     frame of doubt."""
 
 

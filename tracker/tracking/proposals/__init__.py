@@ -16,7 +16,8 @@ from tracker.tracking.verdict import likelier
 PROMISING_PX = 2.5
 """How much farther off than the pose at hand a proposed one may be, before it is refined, px. Of 150 exchanges of limbs
 none was of use that began more than 0.8 px farther off; the true place of a leg that was put into the other one, where
-it has no contour to be wrong, costs 1.05 px more. See docs/lab/part_colours.md."""
+it has no contour to be wrong, costs 1.05 px more. See docs/lab/part_colours.md and
+docs/lab/one_comparison.md."""
 
 
 class Proposal(Protocol):
