@@ -6,6 +6,7 @@ import time
 from collections.abc import Collection
 from dataclasses import replace
 
+from tracker.bodies.limbs import are_apart
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 from tracker.tracking.objective import Objective
@@ -36,7 +37,9 @@ def in_likeliest_places(objective: Objective, estimate: Estimate, limbs: Collect
     for _ in range(_ROUNDS):
         before = best
         for limb in sought:
-            best = tried(objective, best, limb, elsewhere.propose, _REFINEMENT)
+            found = tried(objective, best, limb, elsewhere.propose, _REFINEMENT)
+            # what falls back into the same place is no other place: it would only follow a body that does not fit
+            best = found if are_apart(body, found.q, best.q, body.landmarks_of(limb)) else best
         if best.q is before.q:
             break
     return replace(best, search_s=estimate.search_s + time.perf_counter() - begin)

@@ -7,7 +7,6 @@ from typing import Protocol
 
 import numpy as np
 
-from tracker.bodies.limbs import are_apart
 from tracker.foundation.arrays import Array
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.estimation import Estimation
@@ -48,10 +47,8 @@ def promising(objective: Objective, poses: Array, q: Array) -> Array:
 
 
 def tried(objective: Objective, estimate: Estimate, limb: str, propose: Proposal, refinement: Estimation) -> Estimate:
-    """The estimate, or the likeliest of what is proposed of a limb, where that stays elsewhere once it is refined."""
-    body, (poses, n_evaluations) = objective.body, propose(objective, estimate.q, limb)
+    """The estimate, or the likeliest of what is proposed of a limb once that is refined."""
+    poses, n_evaluations = propose(objective, estimate.q, limb)
     for q in poses:
-        other = refinement.estimate(objective, q[None])
-        if are_apart(body, other.q, estimate.q, body.landmarks_of(limb)):
-            estimate = likelier(objective, estimate, other)
+        estimate = likelier(objective, estimate, refinement.estimate(objective, q[None]))
     return replace(estimate, evaluations=estimate.evaluations + n_evaluations)
