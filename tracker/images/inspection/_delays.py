@@ -15,6 +15,9 @@ _LIKE_FRAMES = 6.0
 _LEAST_FRAMES = 20
 """Of both views from which a delay is told."""
 
+_MOST_FRAMES = 60
+"""That a delay is looked for: two seconds of a usual camera, and one of a quick one."""
+
 _LEAST_MISS = 0.02
 """Share of the usual miss below which a smaller one tells no more."""
 
@@ -73,10 +76,10 @@ def delays_of(found: Tangents, n_views: int, reach: int | None = None) -> Delays
     Args:
         found: angles of planes that touch; see `tracker.images.inspection._tangents.tangents`.
         n_views: V.
-        reach: frames that are tried to both sides; None for half of all.
+        reach: frames that are tried to both sides; None for half of all, up to `_MOST_FRAMES`.
     """
     n_frames = next(iter(found.values())).shape[1] if found else 0
-    reach = n_frames // 2 if reach is None else reach
+    reach = min(n_frames // 2, _MOST_FRAMES) if reach is None else reach
     none = Delays(np.zeros((n_views, n_frames), dtype=np.int64), np.zeros(n_views), np.zeros(n_views, dtype=np.bool_))
     if n_frames < _LEAST_FRAMES or reach < 1:
         return none

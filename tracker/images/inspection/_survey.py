@@ -109,24 +109,31 @@ class Survey:
         return frozen(FACTOR * marks + (FACTOR - 1) / 2)
 
 
-def survey(frames: Iterable[Frame], scene: Scene, plates: tuple[Plate | None, ...], stride: int = 1) -> Survey:
-    """Looks at the first `N_FRAMES` frames.
+def survey(
+    frames: Iterable[Frame],
+    scene: Scene,
+    plates: tuple[Plate | None, ...],
+    stride: int = 1,
+    n_frames: int = N_FRAMES,
+) -> Survey:
+    """Looks at the first frames.
 
     Args:
         frames: of the recording, from the first one on.
         scene: persons and rig.
         plates: the clean plates of the views.
         stride: images from one frame to the next.
+        n_frames: how many frames are looked at.
     """
     backgrounds = small_plates(plates)
     before: list[Image | None] = [None] * len(plates)
     masks, kept, brought, first = [], [], [], 0
-    for t, frame in enumerate(islice(frames, N_FRAMES)):
+    for t, frame in enumerate(islice(frames, n_frames)):
         first = frame.index if t == 0 else first
         images = [None if image is None else small(image) for image in frame.images]
         masks.append(tuple(_foreground(frame, v, images[v], backgrounds[v], before[v]) for v in range(len(plates))))
         brought.append([None if image is None else frame.mask(v) is not None for v, image in enumerate(images)])
-        if t % (N_FRAMES // _N_KEPT) == 0:
+        if t % (N_FRAMES // _N_KEPT) == 0 and t < N_FRAMES:
             kept.append(images)
         before = images
     pictures = tuple(_usual([images[v] for images in kept]) for v in range(len(plates)))

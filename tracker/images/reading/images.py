@@ -42,9 +42,10 @@ class ImageReading:
     """Position in a view's images, counted from the lowest number of all views, that belongs to frame 0; or pairs of a
     frame and the offset from it on, `{ left = [[0, 3], [120, 2]] }`."""
 
-    in_step: Literal["auto", "off"] = "auto"
-    """"auto": a run looks by how many frames what moves is late in each view, and corrects whole frames by `offsets`.
-    "off": views are paired as they are."""
+    in_step: Literal["auto", "long", "off"] = "auto"
+    """"auto": a run looks in its first 100 frames by how many what moves is late in each view, and corrects that by
+    `offsets`. "long": it looks at 1000 frames, in which clocks of other rates show. "off": views are paired as they
+    are."""
 
     background: PlatePattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most

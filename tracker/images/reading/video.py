@@ -50,10 +50,10 @@ class VideoReading:
     taken, see `fps`, counted in those that are. Where a camera has dropped some: pairs of a frame and the offset from
     it on, `{ left = [[0, 3], [120, 2]] }`."""
 
-    in_step: Literal["auto", "off"] = "auto"
-    """"auto": times that Caliscope or FreeMoCap has written beside its videos pair their images, and a run looks by how
-    many frames what moves is late in each view, and corrects whole frames by `offsets`. "off": views are paired as they
-    are."""
+    in_step: Literal["auto", "long", "off"] = "auto"
+    """"auto": times that Caliscope or FreeMoCap has written beside its videos pair their images, and a run looks in its
+    first 100 frames by how many what moves is late in each view, and corrects that by `offsets`. "long": it looks at
+    1000 frames, in which clocks of other rates show. "off": views are paired as they are."""
 
     background: PlatePattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most

@@ -27,6 +27,9 @@ from tracker.tracking.trajectory import Step
 
 log = logging.getLogger("tracker")
 
+_LONG_FRAMES = 1000
+"""Looked at where that is asked for: half a gigabyte of foregrounds of four views of 1920 x 1080."""
+
 
 class Findings:
     """What looks wrong in the input of a run, told as soon as it is found."""
@@ -183,7 +186,8 @@ def looked_at(opened: OpenedTrack, cycle: Cycle, stride: int) -> Survey | None:
     cycle.progress(told_world(opened.sequence.rig))
     cycle.progress("looking at the first frames")
     frames = frames_in_view(opened.frames, cycle)
-    seen = survey(frames, opened.scene, cycle.plates, stride)
+    longer = getattr(opened.reading, "in_step", "") == "long"
+    seen = survey(frames, opened.scene, cycle.plates, stride, *([_LONG_FRAMES] if longer else []))
     if fault := other_colours(seen):
         raise SequenceError(fault)
     return seen
