@@ -7,6 +7,7 @@ import pytest
 from bars import CLEAN, LENGTH_M, all_but_offsets, at_truth, calibration, images_of, recorded
 from scipy.spatial.transform import Rotation
 
+from tracker._native import project_with_slopes
 from tracker.cameras.calibration._adjustment import precision
 from tracker.cameras.calibration._bundle import Noise, State, adjust, normal_equations, residuals, solved
 from tracker.cameras.calibration._objects import (
@@ -21,7 +22,7 @@ from tracker.cameras.calibration._objects import (
     state_of,
 )
 from tracker.cameras.calibration._self_calibration import self_calibrated
-from tracker.kernels.adjustment import N_OBJECT, project_with_slopes
+from tracker.kernels.adjustment import N_OBJECT
 from tracker.kernels.rows import BundleCameraRow, BundleUnknowns
 from tracker.synthesis.simulation.bars import SIZE, Faults
 

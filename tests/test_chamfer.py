@@ -13,6 +13,7 @@ from observations import bent, four_views, ideal
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial.distance import cdist
 
+from tracker._native import chamfer_lookup, robust_mean
 from tracker.bodies.body.description import load_body
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Person, Scene
@@ -23,7 +24,7 @@ from tracker.evidence.similarity.chamfer import ChamferSimilarity
 from tracker.foundation.arrays import Array, Array32
 from tracker.foundation.resources import model_path
 from tracker.images.observation import Observation, ViewObservation
-from tracker.kernels.contours import chamfer_lookup, directed_distances, robust_mean
+from tracker.kernels.contours import directed_distances
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.objective import Objective
 

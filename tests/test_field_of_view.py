@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rounding import assert_alike
 
+from tracker._native import project_grid, see_vertices
 from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.camera import Camera
@@ -17,8 +18,7 @@ from tracker.cameras.rig import Rig
 from tracker.cameras.rig_check import check_rig
 from tracker.cameras.rig_layouts import read_rig, save_rig
 from tracker.foundation.arrays import Array32
-from tracker.kernels.projection import project_grid, project_point
-from tracker.kernels.skins import see_vertices
+from tracker.kernels.projection import project_point
 from tracker.results.recording._player import _camera
 from tracker.synthesis._pictures import rasterized_ids
 from tracker.synthesis._pyrender import pinhole_of

@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter1d, map_coordinates, spline_filter
 from scipy.optimize import least_squares
 from textures import Waves, deformed
 
+from tracker._native import reaches_out
 from tracker.foundation.errors import ConfigError
 from tracker.kernels.patches import (
     COVARIANCE,
@@ -19,7 +20,6 @@ from tracker.kernels.patches import (
     OUTSIDE,
     WEAK,
     grow,
-    reaches_out,
     sample_gradient,
     sample_patch,
     sample_whole_pixels,

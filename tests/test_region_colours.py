@@ -7,7 +7,8 @@ import pytest
 from painted import colour_numbers, scattered_tables
 from scipy.ndimage import convolve1d
 
-from tracker.kernels.regions import EVEN, HIDDEN, N_COLOURS, encode, learn_colours, tabulate_posteriors
+from tracker._native import learn_colours
+from tracker.kernels.regions import EVEN, HIDDEN, N_COLOURS, encode, tabulate_posteriors
 
 
 def test_encoding_gives_the_bins_of_a_picture() -> None:

@@ -88,31 +88,6 @@ def trace_contours(
 # Directed chamfer distances between model contours and scene edges, batched over poses.
 
 
-def chamfer_lookup(flat: Array32, regions: Integers, v: int, x: float, y: float, outside: float) -> float:
-    """Chamfer image of view v at a pixel position, bilinear; `outside` beyond its region.
-
-    Args:
-        flat, regions: chamfer images from `Observation.packed`.
-        v: view.
-        x, y: position in the whole image, px.
-        outside: value beyond the region, px.
-    """
-    return native.chamfer_lookup(flat, regions, v, x, y, outside)
-
-
-def robust_mean(distances: Array32, weights: Array32, n: int, theta: float, reject: bool) -> float:
-    """Normalized directed distance of n points (paper, eq. 2) with outliers clamped or rejected.
-
-    Rejection follows the paper, section 4.1: points above theta first, then points above mean + 2 sigma of the
-    rest. A set of which nothing is left, or an empty one, is at distance theta.
-    """
-    return native.robust_mean(distances, weights, n, theta, reject)
-
-
-Matching = tuple[Array32, Array32, Array32, Array32, Array32]
-"""Positions and shares of a view's scene points, and shares and distances of whichever points are in work."""
-
-
 def directed_distances(
     positions: Array32,
     counts: Integers,

@@ -25,17 +25,6 @@ MARGIN = 2
 """Patches reach no nearer to the border than this, px: the splines need the pixels around."""
 
 
-def reaches_out(warp: Array, half: int, width: int, height: int) -> bool:
-    """Whether a patch touches the border.
-
-    Args:
-        warp: (6,) position of the centre, then the affine matrix row by row.
-        half: the patch has 2 half + 1 pixels a side.
-        width, height: of the image, px.
-    """
-    return native.reaches_out(warp, half, width, height)
-
-
 def sample_patch(image: SplineImage, warp: Array, half: int, values: Array32) -> None:
     """Grey values under an affinely transformed patch, which must lie inside.
 

@@ -56,15 +56,6 @@ def encode(picture: Image, codes: Numbers16) -> None:
     native.encode(picture, codes)
 
 
-def learn_colours(counts: Integers, news: float, table: Array32) -> bool:
-    """Moves a table (4096,) towards the shares of colours counted (4096,) by `news`, all the way if it is empty.
-
-    Returns:
-        Whether there were enough pixels.
-    """
-    return native.learn_colours(counts, news, table)
-
-
 def hides(hider: Array32, part: Array32) -> Mask:
     """Which colours are those of what hides a part, by the shares (...,) that they have of both."""
     found: Mask = (hider > _LEAST_HIDER) & (hider > _HIDES * part)

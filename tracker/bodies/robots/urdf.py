@@ -30,7 +30,6 @@ from tracker.foundation.source_files import xml_of
 
 Node = ElementTree.Element
 
-_TURNING = {"revolute", "continuous"}
 _KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 _SLIDES_M = 1.0
