@@ -119,8 +119,8 @@ def _settled_where_found(sight: Sight, scene: Scene, cycle: Cycle) -> tuple[tupl
     """Estimates of all persons, the images looked at anew around them until no limb is elsewhere than expected.
 
     Edges are looked for near contours expected, so that the true place of a limb has fewer than the one it was found
-    in: a leg of R-UpperBody, started kicking (7.2 px), came down by half (8.0 px), and looked at there it hangs as it
-    does (6.2 px). With one look it was up in 43 frames.
+    in: a leg that was started kicking (7.2 px) came down by half (8.0 px), and looked at there it hangs as it does
+    (6.2 px). With one look it was up in 43 frames.
     """
     everybody = range(len(scene.persons))
     for _ in range(_ROUNDS):

@@ -95,7 +95,7 @@ class _NoOtherStart(Initialization):
 def _sure_but_for_limbs(start: Start, sure: float) -> bool:
     """Whether a start is sure enough, or likely and in doubt for limbs alone: tracking looks for these in any frame.
 
-    Later starts of P-Floor, R-Turn and R-UpperBody were no surer than such ones, and took half of the run.
+    Later starts of three recordings were no surer than such ones, and took half of the run.
     """
     as_wholes = min((sureness(ranking) for ranking in start.hypotheses if ranking), default=0.0)
     return start.least_sureness >= (min(sure, _LIKELY) if as_wholes >= sure else sure)

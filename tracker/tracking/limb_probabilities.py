@@ -21,9 +21,8 @@ _STOP_RAD, _NARROW_RAD = np.radians(1.0), np.radians(20.0)
 
 # A limb that shows less contour than this over all views is judged as if it showed so much, px.
 _LEAST_LIMB_PX = 100.0
-# Of heads in their place hair leaves over 0.03 to 0.27 (K-Kick, V-Dance, T-Punch-light, with plates and without), and
-# 0.60 of one that a start had bent forward.
-# See docs/lab/acquired_starts.md.
+# Of heads in their place hair leaves over 0.03 to 0.27, and 0.60 of one that a start had bent forward. See
+# docs/lab/acquired_starts.md.
 _USUAL_OF_HEADS = 0.2
 
 

@@ -32,14 +32,13 @@ class LossRule:
 
     doubtful_above: float = pydantic.Field(default=0.25, ge=0)
     """What model and images leave over of each other's contour, as a share of the model's, above which a frame is
-    doubtful. In twelve frames of four recordings (K-Kick, V-Dance, D-TwoElbowRot, balancing; `human`, scaled) the
-    right pose leaves over 0.04 to 0.22, and the same person turned round and refined 0.26 to 1.16. With a model that
-    was acquired 0.12 may do."""
+    doubtful. In twelve frames of four recordings the right pose leaves over 0.04 to 0.22, and the same person turned
+    round and refined 0.26 to 1.16. With a model that was acquired 0.12 may do: docs/lab/probability_of_limbs.md."""
 
     ambiguous_above: float = pydantic.Field(default=0.3, ge=0)
     """The same for a limb, which is then ambiguous: the least value, judged by edges and colours, at which no limb in
-    its place is on D-TwoElbowRot, K-Kick, V-Dance and balancing, in steps of 0.02, one run each. On five other
-    recordings it finds 41 of 75 frames with a limb 150 mm off, and doubts 12 of 348 without."""
+    its place is on four recordings. On five others it finds 41 of 75 frames with a limb 150 mm off, and doubts 12 of
+    348 without."""
 
     improbable_below: float = pydantic.Field(default=0.5, ge=0, le=1)
     """How probable it must be that a limb is where it is said to be, or it is ambiguous; 0 for no such doubt. See
@@ -79,17 +78,16 @@ class LossRule:
 
     # See docs/lab/later_starts.md.
     look_on_s: tuple[pydantic.NonNegativeFloat, ...] = (2.5, 4.0, 6.0)
-    """The same as long as all starts found are rather wrong than right: without plates those of P-Floor's push-ups in
-    frames 8, 21, 33 and 58 are 0.17 sure at most, and 85 to 360 mm off, that in frame 72 0.94 (35 mm)."""
+    """The same as long as all starts found are rather wrong than right: without plates those of push-ups in frames 8,
+    21, 33 and 58 are 0.20 sure at most, and 85 to 361 mm off, that in frame 72 0.94 (35 mm)."""
 
     # See docs/lab/limits_and_vain_searches.md.
     again_after: int = pydantic.Field(default=5, ge=1)
     """Frames doubted one after the other after which a person who is doubtful, or of whom several limbs are in doubt,
     is looked for as if never seen. Doubted on, again after twice as many, and then after four times as many, and so on,
     except where another way in doubt has led to the same pose: without plates each time takes 15 s, of one of two
-    persons 35 to 75, and for bodies that no model fits, or that the views hardly show, it is in vain. In R-Turn legs
-    were exchanged for 40 frames; looked for anew, they are found at once; without plates, arms and legs in the tenth
-    frame of doubt."""
+    persons 35 to 75, and for bodies that no model fits, or that the views hardly show, it is in vain. Legs exchanged
+    for 40 frames are found at once; without plates, arms and legs in the tenth frame of doubt."""
 
 
 def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
@@ -161,9 +159,9 @@ def sought_anew(estimate: Estimate, before: Troubles, found_twice: bool, loss: L
     """Whether a person is looked for anew in this frame.
 
     One that was lost is, even when the pose it was lost at explains the images again: limbs have moved meanwhile. For a
-    single limb in doubt it would be dear: of R-Turn's way there, without plates, a half. Who is
-    lost again and again without being there undoubted in between, as when what is found anew is wrong, is looked for
-    as rarely as who is lost throughout: without plates a search takes up to 70 s.
+    single limb in doubt it would be dear: of one way there, without plates, a half. Who is lost again and again without
+    being there undoubted in between, as when what is found anew is wrong, is looked for as rarely as who is lost
+    throughout: without plates a search takes up to 70 s.
 
     Args:
         estimate: in this frame.

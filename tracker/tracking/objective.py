@@ -27,8 +27,7 @@ _Found = TypeVar("_Found")
 class Objective:
     """How badly a pose of one person explains the images: one number, whoever asks for it (paper, figure 1b).
 
-    Answers are kept: rounds of a search that change little ask again about the same poses (V-Dance, frame 11: 29 % of
-    8100 poses).
+    Answers are kept: rounds of a search that change little ask again about the same poses (29 % of 8100 in one frame).
     """
 
     asked: Comparison
@@ -45,7 +44,7 @@ class Objective:
 
     nearby: bool = False
     """Whether a pose is sought near the starts alone: in the frames in which who has left is not looked for anew. A
-    search of the whole pose in every frame took 1.2 s each in an empty room (N-WalkCircle), and 0.03 s without."""
+    search of the whole pose in every frame took 1.2 s each in an empty room, and 0.03 s without."""
 
     colours: Callable[[], PartColours] | None = None
     """Those of the frame, which are asked for where limbs are in two places."""

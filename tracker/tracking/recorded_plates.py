@@ -66,8 +66,8 @@ def behind_who_stays(cycle: Cycle, scene: Scene, reopen: Reopen) -> Cycle:
     """The cycle with what the views show most of the time as plates that know nothing where persons stay.
 
     Who turns or gestures in one place is partly in the backdrops. Where persons are in the first frame, or something
-    has come or gone, the backdrops may show them; elsewhere they show what arms and legs move before. R-Turn, three
-    views and no plates, was lost without (94 mm, a joint off in 55 of 100 frames).
+    has come or gone, the backdrops may show them; elsewhere they show what arms and legs move before. Without them a
+    turn in three views was lost: 94 mm, a joint off in 55 of 100 frames.
 
     Args:
         cycle: the components; returned as it is if persons are not found in the first frame, and without such plates if
@@ -98,7 +98,7 @@ def behind_who_stays(cycle: Cycle, scene: Scene, reopen: Reopen) -> Cycle:
         for v, (plate, model) in enumerate(zip(backdrops, models, strict=True))
     )
     # in doubt, too: before these plates another start could be found than they are made for, and without them the same
-    # would be looked for again, 200 s for R-UpperBody's
+    # would be looked for again, which took 200 s
     return knowing(replace(cycle, plates=plates), known, start, believed=True)
 
 
@@ -107,8 +107,8 @@ def _unknown_behind(plate: Plate, sight: Sight, view: int, model: Mask, stand_ou
 
     Of persons who stand out it shows what does not. Of others, something else may hide a part in the first frame, and
     an arm that rests in one place for most of the recording is in the backdrop: it is known where the first frame
-    shows the same and nobody is. With the first rule for all R-UpperBody had a joint off in 9 of 50 frames, for a
-    board hides her; with the second R-Turn was 33 mm off instead of 24.
+    shows the same and nobody is. With the first rule for all a woman whom a board hides had a joint off in 9 of 50
+    frames; with the second a man who turns was 33 mm off instead of 24.
 
     Args:
         plate: the backdrop.

@@ -28,7 +28,7 @@ from tracker.tracking.trajectory import Step
 # Frames closer than this show hardly anything new.
 _LEAST_GAP_S = 0.03
 # So many frames in which all hypotheses are doubtful end a rehearsal: every limb of theirs is searched for in each. It
-# took 97 of the 123 s of D-TwoElbowRot's first start without plates, to choose among three that are all wrong.
+# took 97 of the 123 s of a first start without plates, to choose among three that are all wrong.
 _HOPELESS_AFTER = 4
 # So many frames tell who is beaten, and end a rehearsal where the best one is sure. In six of eight starts the best one
 # was sure by then; it was the best one after ten frames as well, and right in the five with a truth. See
@@ -38,8 +38,8 @@ _TOLD_AFTER = 3
 # starts of six recordings twelve were met by it, 0.18 to 0.6 m off.
 _BEATEN = 1.5
 # A lead that decides, see `start.sureness`. Where all are doubtful and none has it, the first frame's ranking
-# holds: the first pose of P-Floor's frame 0 was 0.20 m off, that by the frames after it 0.38; those of the man at his
-# desk (docs/lab/upper_bodies.md) 0.02 to 0.13 m, and 0.27.
+# holds: the first pose of push-ups was 0.20 m off, that by the frames after it 0.38; those of the man at his desk
+# (docs/lab/upper_bodies.md) 0.02 to 0.13 m, and 0.27.
 _DECIDES = 0.2
 
 _Value = TypeVar("_Value")
@@ -112,7 +112,7 @@ def _ranked(
 ) -> tuple[Hypothesis, ...]:
     """The hypotheses of person k with what they leave over on average, the best one first."""
     # A hypothesis that is lost, or long in doubt, must not be rescued by a new bootstrapping: what that finds would be
-    # judged in its place. Without plates five of them took 215 of the 336 s that a start took (D-TwoElbowRot).
+    # judged in its place. Without plates five of them took 215 of the 336 s that a start took.
     held = replace(cycle.loss, lost_below=0.0, least_views=0, again_after=cycle.loss.rehearse + 2)
     cycle = replace(cycle, loss=held)
 
@@ -162,8 +162,8 @@ def _in_order(followed: list[Hypothesis], beaten: list[Hypothesis]) -> tuple[Hyp
 def _different(trials: list[_Trial], body: BodyModel) -> list[_Trial]:
     """Those that leave least over first; of several that have come to one pose the best, or the one that was given.
 
-    Two right hypotheses of K-Kick whose arms differed at first left 0.084 and 0.081 over, so that neither was sure: six
-    more starts were looked for, two minutes, though both had been the same for nine frames.
+    Two right hypotheses whose arms differed at first left 0.084 and 0.081 over, so that neither was sure: six more
+    starts were looked for, two minutes, though both had been the same for nine frames.
     """
     kept: list[_Trial] = []
     for trial in sorted(trials, key=lambda one: (not one.hypothesis.given, one.left_over)):
@@ -186,9 +186,9 @@ def _hopeless(trial: _Trial, rule: LossRule) -> bool:
 def _on_average(trial: _Trial, body: BodyModel) -> Hypothesis:
     """The hypothesis with what it explains and leaves over in all frames, and the pose that they were tracked from.
 
-    The pose is the one that the first frame ended with; a pose that was given stays as given. Of DO-Two's frame 0,
-    without plates, the one chosen had a leg beside its place that was looked for and found before it was tracked on.
-    Begun at again as it had been, the run found the leg 0.11 m off in all frames, and nothing in doubt.
+    The pose is the one that the first frame ended with; a pose that was given stays as given. A leg beside its place
+    was found before the pose was tracked on; begun at again as it had been, the run had that leg 0.11 m off in all
+    frames, and nothing in doubt (docs/lab/rehearsed_pose.md).
     """
     accounts = [estimate.account for estimate in trial.found]
     limbs = [limbs_left_over(body, account) for account in accounts]
@@ -207,7 +207,7 @@ def _begun(one: Hypothesis, start: Start, k: int, frame: Frame, scene: Scene, cy
     sight = Sight(frame, cycle.plates)
     hide_strangers(sight, scene, cycle.synthesis)
     observed = cycle.evidence.observe(sight, cycle.synthesis.contours(scene), GUESSED)
-    # Or the right one loses by limbs that are elsewhere: of R-UpperBody's frame 10 it left 0.42 over instead of 0.20.
+    # Or the right one loses by limbs that are elsewhere: it left 0.42 over instead of 0.20.
     colours = cache(partial(part_colours, sight, scene))
     estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED, colours, (k,))
     step = Step(frame, scene, estimates, cycle.synthesis.contours(scene))

@@ -16,8 +16,8 @@ _SURE_LEAD = 0.2
 # where those of the other side were, 41 tracked poses of nine recordings leave 0.15 to 0.84 less over, and 0.33 to 4
 # more.
 _LEAST_LEAD = 0.1
-# The worst limb of four right starts without plates leaves 0.05 to 0.12 over, in balancing 0.32; where a joint is more
-# than 150 mm off 0.17 to 0.52 (P-Floor, R-Turn, D-TwoElbowRot, N-WalkCircle, R-UpperBody).
+# The worst limb of four right starts without plates leaves 0.05 to 0.12 over, of a fifth 0.32; where a joint is more
+# than 150 mm off 0.17 to 0.52. See docs/lab/confidence.md.
 _LIMB_LEFT_OVER = 0.15
 
 RATHER_RIGHT = 0.5
@@ -153,8 +153,8 @@ def limbs_shown(best: Hypothesis) -> float:
     """By what factor a start without plates is less sure for its worst limb, 0 to 1.
 
     In proportion to what that limb leaves over: where trunk and head are found, the whole says little of an arm. Plates
-    tell where limbs are: with them starts of T-Punch-light and V-Dance leave a quarter of a limb over, and of 33 that
-    were 0.66 sure and more none was 100 mm off.
+    tell where limbs are: with them right starts leave a quarter of a limb over, and of 33 that were 0.66 sure and more
+    none was 100 mm off.
     """
     worst = max(best.limbs_left_over.values(), default=0.0)
     return _LIMB_LEFT_OVER / max(worst, _LIMB_LEFT_OVER)

@@ -11,9 +11,8 @@ from tracker.foundation.arrays import Array
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.objective import Objective
 
-# In R-Turn from frame 20 and T-Punch-light from frame 0 less than this led from the right pose to a wrong one three
-# times, and never back; more did so once of seven times. See docs/lab/defaults_with_plates.md
-# and docs/lab/one_comparison.md.
+# On two recordings less than this led from the right pose to a wrong one three times, and never back; more did so once
+# of seven times. See docs/lab/defaults_with_plates.md and docs/lab/one_comparison.md.
 LEAD_PX = 0.1
 """What a pose with limbs in other places must be better by, px: more than a refinement that begins elsewhere gains."""
 

@@ -1,7 +1,7 @@
 """Who may face the other way is begun turned round, and what follows decides.
 
-A silhouette seen from the front looks as from behind. What ten frames do not tell accumulates: of R-UpperBody, whose
-legs hardly a view shows, 0.26 was left over turned round in them and 0.29 as she faces; in ninety 7.9 and 6.9 px.
+A silhouette seen from the front looks as from behind. What ten frames do not tell accumulates: of a woman whose legs
+hardly a view shows 0.26 was left over turned round in them and 0.29 as she faces; in ninety 7.9 and 6.9 px.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ ways better that leaves fewer more of them."""
 # See docs/lab/facing.md.
 _MOST_DOUBTED = 0.5
 """Share of the frames that may be in doubt of somebody who was not found for sure, before he is begun the other way
-round. Of R-UpperBody's results all are, whichever way she faces; of those turned round 0.43 and 0.91 are doubtful as
-wholes, of one as she faces 0.68. What is left decides, not this."""
+round. Of one woman all are, whichever way she faces; of those turned round 0.43 and 0.91 are doubtful as wholes, of one
+as she faces 0.68. What is left decides, not this."""
 
 _Reached = TypeVar("_Reached")
 
@@ -86,7 +86,7 @@ def rather_wrong(steps: Iterable[Step]) -> dict[int, float]:
 def doubtful_in_all(steps: Sequence[Step], whom: Mapping[int, float]) -> list[Step]:
     """The steps, with some persons doubtful as wholes in all of them: nothing has confirmed how they were found.
 
-    Of R-UpperBody turned round, with a start of confidence 0.22, legs alone were ambiguous in 57 of 100 frames.
+    Of a woman turned round, with a start of confidence 0.22, legs alone were ambiguous in 57 of 100 frames.
     """
     told = list(steps)
     for n, step in enumerate(told):

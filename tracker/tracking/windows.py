@@ -45,12 +45,11 @@ _BEYOND = 4
 
 # See docs/lab/way_back.md.
 _FIRST = 40
-"""Frames from a start on that are tracked back where nothing else asks for it: an arm of DO-Two took 28 to creep into
-place."""
+"""Frames from a start on that are tracked back where nothing else asks for it: an arm took 28 to creep into place."""
 
 _ALIKE = 0.5
 """Share of the distance from which on joints are elsewhere (`bodies.limbs.apart_m`: 14 cm of a person), up to which
-the two ways are alike. With an acquired model a wrong arm of DO-Two was 14.6 cm from the right one at most."""
+the two ways are alike. With an acquired model a wrong arm was 14.6 cm from the right one at most."""
 
 
 @dataclass(frozen=True)
@@ -127,14 +126,14 @@ def both_ways(
         whom = may_face_the_other_way(first, cycle)
         first, reached, _ = the_better_way_round(first, reached, cycle, whom, follow)
     again: list[Step] | None = None
-    # a limb that jumps was wrong before, or is wrong since, though no frame by itself is in doubt: R-Turn's legs,
-    # exchanged from the start on, fell into place in frame 26
+    # a limb that jumps was wrong before, or is wrong since, though no frame by itself is in doubt: legs exchanged from
+    # the start on fell into place in frame 26
     if not reached.state.nobody_found and any(_in_doubt(step, cycle.loss) for step in with_jumps(first)):
         more, onwards = _forwards(beyond, reached, cycle, reopen)
         again = back([*first, *more], cycle, onwards.state)[: len(first)]
     elif not reached.state.nobody_found and (begun := [n for n, step in enumerate(first) if step.start is not None]):
-        # nor need a limb jump: with an acquired model an arm of DO-Two, before another body from the start on, crept
-        # into place by frame 28; the way back has it right at once
+        # nor need a limb jump: with an acquired model an arm that was before another body from the start on crept into
+        # place by frame 28; the way back has it right at once
         n_back = begun[0] + _FIRST
         again = [*back(first[:n_back], cycle, reached.state), *first[n_back:]]
         again = None if cycle.leaving() or _alike(first, again) else again

@@ -44,8 +44,8 @@ class HybridEstimation:
     search_below: float = pydantic.Field(default=0.85, ge=0, le=1)
     """Share of a limb's visible contour that images explain under which the limb is searched. A shin 30 degrees off
     still lies 80 % on edges: those of its other side, of the other leg, of the floor. With 0.9, and trunks searched
-    like limbs, six runs of R-Turn, T-Punch-light, V-Dance and K-Kick were as exact (30 mm, 19 instead of 16 frames
-    with a joint 150 mm off) for 1.4 to 7 times the time."""
+    like limbs, six runs of hard movement were as exact (30 mm, 19 instead of 16 frames with a joint 150 mm off) for
+    1.4 to 7 times the time: docs/lab/limits_and_vain_searches.md."""
 
     trunk_above: float = pydantic.Field(default=0.35, ge=0, le=1)
     """Share left over above which a group that is no limb is searched: trunk and head, of which clothes and hair leave

@@ -26,10 +26,9 @@ class NeighboursEstimation:
     The paper refines every neighbour, and keeps the one of least error. Here those of a limb are compared together,
     for parts that stand still are looked at once, and the best of them refined.
 
-    Not the default: it leads out of local minima, and into others. On K-Kick from frame 8, R-Turn from 20 and
-    T-Punch-light from 0 joints were 28, 37 and 33 mm off in place of 29, 34 and 35, and one was 150 mm off in 5, 9 and
-    18 frames in place of 5, 9 and 9. In 11 of these 23 the right pose, refined, had less distance than the wrong one,
-    in 8 of them by 0.1 px: elsewhere no search can find it.
+    Not the default: it leads out of local minima, and into others. On three recordings a joint was 150 mm off in 32
+    frames in place of 23 (docs/lab/limits_and_vain_searches.md). In 11 of these 23 the right pose, refined, had less
+    distance than the wrong one, in 8 of them by 0.1 px: elsewhere no search can find it.
     """
 
     of: Estimation = HybridEstimation()

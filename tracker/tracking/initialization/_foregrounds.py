@@ -47,8 +47,8 @@ def segmented(frame: Frame, plates: tuple[Plate | None, ...]) -> tuple[Mask | No
 def outlined(frame: Frame, plates: tuple[Plate | None, ...], drawn: tuple[Mask | None, ...]) -> Frame:
     """The frame with foregrounds that were drawn as its masks, where it has none and a plate does not know everywhere.
 
-    What is not known counts for nothing, and every edge there as the person's: on the carpet of P-Floor the right pose
-    left over 0.78 of its contour, wrong ones 0.70 to 0.77. With masks it leaves 0.38, wrong ones 0.41 and more.
+    What is not known counts for nothing, and every edge there as the person's: on a carpet the right pose left over
+    0.78 of its contour, wrong ones 0.70 to 0.77. With masks it leaves 0.38, wrong ones 0.41 and more.
 
     Args:
         frame: the images.

@@ -131,7 +131,7 @@ def finalists(ranking: Sequence[Hypothesis], n: int) -> tuple[Hypothesis, ...]:
     """The first n, and the first of the others that faces the other way if all of them face one way.
 
     Of a woman turned round whose legs hardly a view shows, the first three differed in these legs alone, so that none
-    of those followed into the next frames faced as she does (R-UpperBody: 320 mm in all 100 frames).
+    of those followed into the next frames faced as she does: 320 mm in all 100 frames.
     """
     first, rest = ranking[:n], ranking[n:]
     other = next((one for one in rest if all(_faces_away(one, kept) for kept in first)), None)
@@ -145,8 +145,8 @@ def _faces_away(one: Hypothesis, other: Hypothesis) -> bool:
 def least_left(starts: list[Start], scene: Scene, n: int) -> Start:
     """Of starts from several foregrounds that which leaves least over; of one person, with the best of all hypotheses.
 
-    On 18 frames of nine recordings it was the nearer one wherever they differed by over 25 mm: R-Turn 88 and 62 mm
-    off instead of 561 and 157, V-Dance 33 instead of 446, balancing 34 and 28 instead of 70 and 230.
+    On 18 frames of nine recordings it was the nearer one wherever they differed by over 25 mm: in five frames of three,
+    28 to 88 mm off instead of 70 to 561.
     """
     best = min(starts, key=lambda one: sum(ranking[0].left_over for ranking in one.hypotheses if ranking))
     sought = [k for k, ranking in enumerate(best.hypotheses) if ranking]

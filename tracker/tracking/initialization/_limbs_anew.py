@@ -13,7 +13,7 @@ from tracker.tracking.initialization._edge_ranking import Clues, all_refined_on_
 from tracker.tracking.initialization._hypotheses import different
 from tracker.tracking.start import Hypothesis
 
-# A limb that leaves less over is left alone: 0 to 0.08 in their place, 0.12 to 0.48 elsewhere (K-Kick, P-Floor).
+# A limb that leaves less over is left alone: 0 to 0.08 in their place, 0.12 to 0.48 elsewhere.
 _LEFT_OVER = 0.12
 # How far from where it is a limb without limits is looked for, rad and m: all round, and as far as an arm reaches.
 _ROUND_RAD, _REACH_M = np.pi, 1.0
@@ -25,7 +25,7 @@ def limbs_anew(frame: Frame, scene: Scene, stages: Stages, clues: Clues, best: H
     """What becomes of a pose of the scene's last person whose limbs are looked for, the worst one first.
 
     The search of whole poses finds the trunk; an arm that trunk and furniture hide in half of the views it leaves where
-    some edges are: that of a woman with her arms hanging 0.56 m off, behind her over a table (R-UpperBody).
+    some edges are: that of a woman with her arms hanging 0.56 m off, behind her over a table.
 
     Args:
         frame: the images.
@@ -39,7 +39,7 @@ def limbs_anew(frame: Frame, scene: Scene, stages: Stages, clues: Clues, best: H
     """
     body, found = scene.persons[-1].body, []
     # A head that is left over tells of who is turned round: looked for as well, it made up for a man 320 mm off, who
-    # left less over then than he does who faces the right way with an arm in the wrong place (DO-Two).
+    # left less over then than he does who faces the right way with an arm in the wrong place.
     limbs = {group: share for group, share in best.limbs_left_over.items() if group in body.limbs}
     left = sorted((group for group, share in limbs.items() if share >= _LEFT_OVER), key=lambda group: -limbs[group])
     for n, group in enumerate(left, start=1):

@@ -96,7 +96,7 @@ class AutoInitialization:
         alone = len(scene.persons) - len(stages.held) == 1
         if chosen is self.pca and alone and _in_another_light(frame, stages.plates):
             return self.stance.start(frame, scene, stages)
-        # Of several who sway in one place backdrops show most: poses that cover the rest are 0.4 to 0.7 m off (DO-Two).
+        # Of several who sway in one place backdrops show most: poses that cover the rest are 0.4 to 0.7 m off.
         if chosen in (self.pca, self.stance) and any(one is None for one in known) and (alone or chosen is self.pca):
             # A body without an axis has no place before backdrops, and stances on the floor.
             with contextlib.suppress(InitializationError, ModelError):

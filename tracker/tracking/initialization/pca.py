@@ -47,18 +47,18 @@ from tracker.tracking.initialization._upper_bodies import has_upper_body_alone, 
 from tracker.tracking.objective import Objective
 from tracker.tracking.start import AxisFit, Hypothesis, Start, sureness
 
-# Of somebody low shadows hide more: in frame 0 of V-Dance and frame 20 of P-Floor the right pose was fourth to sixth
-# before the run's estimation, and first after it.
+# Of somebody low shadows hide more: in two frames the right pose was fourth to sixth before the run's estimation, and
+# first after it.
 _MORE_OF_LOW = 2
 # Of who is looked for again: a woman who walked in left 0.12 to 0.27 over, shadows of the man beside her 0.44 to 0.64.
 _MOST_LEFT_OVER = 0.5
 # Share of the best coarse pose that lies before what stands out, against plates that do not know everywhere what is
-# background: 0.65 to 1 in frames 0, 25 and 50 of eight recordings; 0.45 in two of R-UpperBody, who is in such plates
-# herself. Searched from there, which took 18 s, she ended 150 m away.
+# background: 0.65 to 1 in three frames of eight recordings; 0.45 in two of a woman who is in such plates herself.
+# Searched from there, which took 18 s, she ended 150 m away.
 _LEAST_COVERED = 0.5
 
 # How many times as far off as the best one a pose may be after the first steps of the fine search. Right ones were 1.16
-# times as far at most; of R-Turn's 28 hypotheses 17 are given up. See docs/lab/start_costs.md.
+# times as far at most; of 28 hypotheses of a turn 17 are given up. See docs/lab/start_costs.md.
 _BEHIND = 1.2
 
 _One = TypeVar("_One")

@@ -114,7 +114,7 @@ class StanceInitialization:
         except InitializationError:
             if len(sought) > 1 or stages.seen_before:
                 raise
-            # She of R-UpperBody stands on floor that no view shows, and a board hides her in one.
+            # Who stands on floor that no view shows, and is hidden by a board in one.
             with contextlib.suppress(InitializationError):
                 near = [where._replace(partly=True) for where in whereabouts(frame, scene, stages)]
                 return self._found(frame, scene, stages, edges, near)
