@@ -58,7 +58,7 @@ class LiveReading:
     """Frames per second that the cameras film at: it numbers the frames. Their times are those of arrival."""
 
     seconds: float = pydantic.Field(default=3600.0, gt=0, allow_inf_nan=False)
-    """After which it ends; Ctrl-C ends it before."""
+    """It ends after so many seconds; Ctrl-C ends it before."""
 
     background: PlatePattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`. None: no plates."""
