@@ -125,9 +125,9 @@ def _look(seen: Seen, person: int, columns: Integers, watching: Watching) -> Loo
 
     With all views left out that do not know a fiftieth of what is behind the person, as at first, hardly anybody was
     fitted before backdrops that a recording makes by itself: a cartwheel that nothing was built on was 26 mm off
-    instead of 15, a roll 33 instead of 21, N-Stride 11 instead of 8. Of who stays in one place limbs alone are known,
-    and their lengths told: with views left out that do not know four fifths D-TwoElbowRot's elbows were 6.4 degrees
-    off, with none left out 1.6.
+    instead of 15, a roll 33 instead of 21, a walk 11 instead of 8. Of who stays in one place limbs alone are known, and
+    their lengths told: with views left out that do not know four fifths elbows were 6.4 degrees off, with none left out
+    1.6.
     """
     analysis, frame = watching.analysis, seen.frame
     around = watching.synthesis.contours(seen.scene)

@@ -200,7 +200,7 @@ how far it reaches beyond them: of a rucksack what lies against the back."""
 
 _LEAST_REACH_M = 0.13
 """How far from a body's surface things reach at the least, metres. A shoe reached 0.10 m beside the toes of a body
-scaled to a wrong stature (N-WalkCircle); a ball in a hand 0.16, sticks and rucksacks 0.21 to 0.34."""
+scaled to a wrong stature; a ball in a hand 0.16, sticks and rucksacks 0.21 to 0.34."""
 
 _TOLD_M = 3**0.5 * CELL_M
 """A segment that moves by less may have a thing in the same cells all along: the diagonal of a cell."""

@@ -124,9 +124,9 @@ ALIKE = 2.0
 """How far all looks may be off alike, over how far each is off (`prior_of`), as the covariance of a body has it.
 
 Poses were found with one body, and what is wrong of it bends a joint the same way in each: twelve looks are no twelve
-witnesses. With the scaled body D-TwoElbowRot's arms and legs are 1 to 11 degrees off in all looks alike. The fit itself
-holds each pose, which was found by more than contours: let go, the same looks were 27 mm off instead of 23, and an
-elbow 7 degrees instead of 1: docs/lab/sure_bodies.md."""
+witnesses. With the scaled body arms and legs are 1 to 11 degrees off in all looks alike. The fit itself holds each
+pose, which was found by more than contours: let go, the same looks were 27 mm off instead of 23, and an elbow 7 degrees
+instead of 1: docs/lab/sure_bodies.md."""
 
 
 def _around_start(task: Task, n: int, alike: float) -> Array:

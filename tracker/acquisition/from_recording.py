@@ -1,8 +1,7 @@
 """Persons' bodies from the recording that they are tracked in: followed as they are, then fitted to what was seen.
 
 Limbs were wrong mostly because the body was: over five recordings of hard movement, three starts each, 37 frames had a
-joint more than 150 mm off with `human` scaled by stature, and 6 with bodies fitted to the same views (V-Dance 31 and 20
-mm on average, K-Kick 25 and 17).
+joint more than 150 mm off with `human` scaled by stature, and 6 with bodies fitted to the same views.
 """
 
 from __future__ import annotations
@@ -217,8 +216,8 @@ def fit_bodies(
     the first frame on, kept the scaled body (28 mm, 11 of 50 frames falsely flagged; fitted 22 mm and none). Who is so
     still, though found for sure, may be built otherwise than the model: fitted to frames in doubt, such a body is kept
     if it leaves half of them without. Who was not found for sure may face the other way: begun so, he is kept if that
-    leaves more frames without doubt. A body fitted to frames in doubt would have ended his doubts as well: balancing
-    without plates, frame 10, was 447 mm off in 90 frames, none doubtful, and is 31 mm off begun the other way.
+    leaves more frames without doubt. A body fitted to frames in doubt would have ended his doubts as well: a man was
+    447 mm off in 90 frames, none doubtful, and is 31 mm off begun the other way.
 
     Args:
         spaces: place of a person in the scene -> how its body may differ from that in the scene.

@@ -79,8 +79,8 @@ def turned_round(body: BodyModel, q: Array) -> Array:
     """The pose (dof,) that faces the other way: its silhouettes are much the same.
 
     Where bodies turn about the length of the trunk, joints are where those of the other side were, as near as they can
-    be. With angles exchanged alone, who bends forwards bends backwards then: R-UpperBody's head was 0.4 m off, and the
-    pose left 0.55 over once refined.
+    be. With angles exchanged alone, who bends forwards bends backwards then: a head was 0.4 m off, and the pose left
+    0.55 over once refined.
     """
     flipped, alike = _facing_back(body, q), _alike_from_behind(body)
     if 2 * alike.sum() <= len(alike):

@@ -83,7 +83,7 @@ _TO_AND_FRO_PX = 0.7
 """What is followed there and back comes back to where it was, px; else it is another place."""
 
 # Two levels, 11 px and what is 22 px of the image: wider windows look across an arm, and points on it went with the
-# trunk behind it (T-Punch-light, one start: 15.6 mm with four levels, 14.2 with two; R-Turn the same).
+# trunk behind it (one start: 15.6 mm with four levels, 14.2 with two). See docs/lab/motion.md.
 _LEVELS = 1
 _ROUNDS = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 20, 0.02)
 

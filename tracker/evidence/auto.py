@@ -27,10 +27,10 @@ WHERE_NOBODY_STAYS = "foreground where nobody stays"
 
 # A silhouette in one view alone tells nothing of the depth; see also what `initialization.auto` does.
 _LEAST_VIEWS = 2
-# Contours of a simulated person's own model leave 0.6 px over, those of real and rendered persons 1.5 to 1.9 (N-Stride,
-# balancing; `human`, scaled). Where the model is exact, colours only know the outline that they were taught: with
-# contours at three times their weight joints of two simulations were 1.3 and 2.1 mm off instead of 2.0 and 3.3; at 0.6
-# and 1 persons whom the model does not fit were 1 to 4 mm worse.
+# Contours of a simulated person's own model leave 0.6 px over, those of real and rendered persons 1.5 to 1.9. Where the
+# model is exact, colours only know the outline that they were taught: with contours at three times their weight joints
+# of two simulations were 1.3 and 2.1 mm off instead of 2.0 and 3.3; at 0.6 and 1 persons whom the model does not fit
+# were 1 to 4 mm worse.
 _EXACT_PX = 1.2
 
 
@@ -58,8 +58,8 @@ class AutoEvidence(Evidence):
     )
     """What is looked at where it is known what the views show without persons: contours and foregrounds rank poses,
     colours and contours refine them. Against contours alone in refinements joints were better on all of eight
-    recordings that started right (balancing 29 instead of 30 mm, N-Stride 29 and 33, R-Turn 44 and 58; K-Kick 24 and
-    29), in less time, for fewer limbs are searched. Where colours ranked, too, they gained nothing."""
+    recordings that started right, by 1 to 14 mm, in less time, for fewer limbs are searched. Where colours ranked, too,
+    they gained nothing."""
 
     # See docs/lab/colours_alone.md.
     without: Evidence = TogetherEvidence(

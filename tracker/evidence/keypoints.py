@@ -34,7 +34,8 @@ from tracker.kernels.body import Detected, Matches, match_keypoints
 _WORTH_PX = 60.0
 """Contour that a keypoint counts as where lengths are added up, px: an arm's of four views count as its contours do.
 Colours learnt wrongly then do not outvote views that agree on where a limb is: beside contours and colours, without
-plates, 31 of 40 frames of V-Dance were flagged with 20 px, 2 of them rightly; with 60 px 11 of 24, 3 rightly."""
+plates, 31 of 40 frames were flagged with 20 px, 2 of them rightly; with 60 px 11 of 24, 3 rightly:
+docs/lab/detections_beside.md."""
 
 _EXCHANGE_COSTS = 0.25
 """What it costs to exchange a keypoint's side, share of an outlier. Less than any keypoint on the wrong side of a body

@@ -112,8 +112,8 @@ class LevelSetEvidence(SilhouetteEvidence):
     def account(self, asked: Comparison, q: Array) -> Account:
         """What of the model's outline lies on the zero level, and what of that it misses; not view by view.
 
-        A part that a zero level drawn from the pose itself leaves out is not hidden from that view: on balancing the
-        pelvis was then left out of one, and the man was lost within four frames.
+        A part that a zero level drawn from the pose itself leaves out is not hidden from that view: a pelvis was then
+        left out of one, and the man was lost within four frames.
         """
         return replace(super().account(self._put(asked), q), by_view_px=None)
 

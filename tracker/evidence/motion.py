@@ -33,7 +33,7 @@ _FACING = 0.1
 # See docs/lab/motion.md.
 _MARGIN_PX = 3
 """Least distance of a new place from the boundary of what the view shows of its part, px: what is followed there may
-be what lies behind it. With none between parts, T-Punch-light was off in 9 to 13 frames from one start."""
+be what lies behind it. With none between parts an arm was off in 9 to 13 frames from one start."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -86,8 +86,8 @@ class SilhouetteEvidence(Evidence):
     least_share: float = pydantic.Field(default=0.3, ge=0, le=1)
     """What the size of a foreground counts at least as, as a share of what the model covered shortly before. Beside
     somebody who stays plates made of the recording know of a fingertip alone in some views: left bare it cost as much
-    as a whole person, and held an arm straight that bends (D-TwoElbowRot, acquired: for 8 frames). With 0.05 joints of
-    four recordings are the same, but R-Turn has an arm in doubt in 34 of 270 frames instead of 16."""
+    as a whole person, and held an arm straight that bends, for 8 frames. With 0.05 joints of four recordings are the
+    same, but one has an arm in doubt in 34 of 270 frames instead of 16."""
 
     margin_px: float = pydantic.Field(default=48.0, ge=0)
     """The foreground is looked for this far beyond the expected contours, px."""

@@ -1,8 +1,8 @@
 """Joints that turn about three axes, in coordinates that can be smoothed.
 
 Where the first and the last of three axes nearly coincide (gimbal lock), angles about them change quickly and against
-each other while the limb hardly moves: smooth angles are another movement. Of V-Dance, whose arms are raised sidewards,
-the wrists were 15 and 22 mm off (offsets removed), 28 and 29 after smoothing angles, 19 and 24 so. Rotations from the
+each other while the limb hardly moves: smooth angles are another movement. Of arms that are raised sidewards the wrists
+were 15 and 22 mm off (offsets removed), 28 and 29 after smoothing angles, 19 and 24 so. Rotations from the
 mean of a movement, as vectors along their axes, have no such place within half a turn of it.
 """
 

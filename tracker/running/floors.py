@@ -34,7 +34,7 @@ _ROUGH = (
     "detected ankles lie above those of a body that stands, and heels may be raised: of six recordings this floor was "
     "2 to 10 cm too high; track with it, then let the result tell the floor to 1 or 2 cm"
 )
-"""By BlazePose, of D-TwoElbowRot, N-WalkCircle, K-Kick, V-Dance, T-Punch-light and of a real man who balances."""
+"""By BlazePose, of five rendered persons and a real one."""
 
 _MARK_M = 0.001
 """Of the corners of what lies on the floor, the thickness of a board included."""

@@ -20,7 +20,7 @@ from tracker.tracking.doubts import Doubts
 from tracker.tracking.trajectory import Step
 
 _FIT_S = 5.0
-"""Of twelve frames in four views: K-Kick, `human`, one core."""
+"""Of twelve frames in four views: `human`, one core."""
 
 
 @dataclass(frozen=True)

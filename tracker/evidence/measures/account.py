@@ -127,10 +127,9 @@ something is known to hide it: colours learn nothing there and then have no say.
 # See docs/lab/hidden_limbs.md.
 _SHOWN, _NOT_SHOWN, _STILL = 0.2, 0.45, 0.3
 """Share of a limb's contour that a view leaves over at most if it shows the limb, and at least if it does not; between
-the two once something is known to hide it. Of R-UpperBody's left arm the view with a board before it leaves over 0.45
-to 0.96 in 80 frames, the other three 0 to 0.3. Of 4221 limbs put 150 mm and more off (exchanged, scattered and refined,
-or the body turned round; V-Dance, K-Kick, R-Turn, T-Punch-light) 91.0 % are in doubt; 90.1 if each was so hidden, 88.0
-with 0.3 in place of 0.2."""
+the two once something is known to hide it. Of an arm the view with a board before it leaves over 0.45 to 0.96 in 80
+frames, the other three 0 to 0.3. Of 4221 limbs put 150 mm and more off 91.0 % are in doubt; 90.1 if each was so hidden,
+88.0 with 0.3 in place of 0.2."""
 
 _MOST = 0.1
 """Share of the person's contour from which on so much is left over that it is the pose that is wrong. Without such a
@@ -140,8 +139,8 @@ _APART = math.sin(math.radians(20.0))
 """Of the angle between rays, the sine from which on they meet in a place: not in views that face each other."""
 
 LONG_FRAMES = 4
-"""Frames for which a view has not shown a limb before something is taken to hide it there. From the first frame on, an
-arm that was wrong from T-Punch-light's frame 16 on was no longer in doubt in two of four frames."""
+"""Frames for which a view has not shown a limb before something is taken to hide it there. From the first frame on, a
+wrong arm was no longer in doubt in two of four frames."""
 
 
 def not_shown_by(body: BodyModel, rig: Rig, places: Array, account: Account, hidden: Mask | None = None) -> Mask | None:

@@ -182,8 +182,8 @@ def clean_enough(backdrops: Sequence[RecordedPlate | None]) -> tuple[Plate | Non
     """Backdrops as plates where in two views nobody stays; none at all elsewhere.
 
     Who walks about in two views does so in space, and stays in the others along the line of sight alone: where, the
-    plate says. Of somebody who moves an arm or two the rest would be background. With the plates of two views alone
-    V-Dance was 65 mm off over 40 frames, K-Kick 37; with those of all four 31 and 24.
+    plate says. Of somebody who moves an arm or two the rest would be background. With the plates of two views alone two
+    recordings were 65 and 37 mm off; with those of all four 31 and 24.
     """
     free = sum(one is not None and one.known >= _LEAST_KNOWN for one in backdrops)
     return tuple(None if one is None or free < _LEAST_VIEWS else one.plate for one in backdrops)

@@ -151,7 +151,7 @@ def refined(ours: Clocked, theirs: MarkerJoints, start: Placement, reach_s: floa
     A joint's samples follow Student's distribution about their place, with a spread that is found as well (EM: Lange,
     Little and Taylor, JASA 1989). A limb in a wrong place says little, then, however near it is, and a joint that is
     far beside its markers, but always alike, much. With one scale for all samples an arm that was carried off drew
-    R-UpperBody's alignment up to 12 deg and 78 mm along; 1.5 deg and 14 mm since.
+    the alignment up to 12 deg and 78 mm along; 1.5 deg and 14 mm since: docs/lab/marker_alignment.md.
 
     Args:
         ours: (T, J) joints of a track.

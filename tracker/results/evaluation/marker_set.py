@@ -163,7 +163,8 @@ def _bones(middles: Array, frames: Array, hinges: list[tuple[int, int, int]]) ->
     """Axes (T, J, 3, 3) of the bones behind hinges, which have the hinge's pair of markers across; none without hinges.
 
     Skin drags a wrist's markers along as the forearm turns, by 2 mm: its centre keeps its place partly in their axes
-    and partly in the bone's. With theirs alone R-UpperBody without an arm was 0.30 and 0.38 deg off, now 0.25 and 0.28.
+    and partly in the bone's. With theirs alone a body without an arm was 0.30 and 0.38 deg off, now 0.25 and 0.28:
+    docs/lab/marker_alignment.md.
     """
     if not hinges:
         return []

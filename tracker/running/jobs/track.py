@@ -258,7 +258,7 @@ class TrackJob:
             InitializationError: nobody was found.
         """
         sequence = opened.sequence
-        # R-UpperBody, whose evidence is chosen for her alone, was worse from two of three starts with them
+        # a woman whose evidence is chosen for her alone was worse from two of three starts with them
         unplated = sequence.makes_plates and all(plate is None for plate in cycle.plates)
         if unplated and self.evidence.takes_part_plates():
             # of an interrupted run, too, as they were before bodies were fitted

@@ -27,7 +27,7 @@ class NeighboursEstimation:
     for parts that stand still are looked at once, and the best of them refined.
 
     Not the default: it leads out of local minima, and into others. On three recordings a joint was 150 mm off in 32
-    frames in place of 23 (docs/lab/limits_and_vain_searches.md). In 11 of these 23 the right pose, refined, had less
+    frames in place of 23 (docs/lab/defaults_with_plates.md). In 11 of these 23 the right pose, refined, had less
     distance than the wrong one, in 8 of them by 0.1 px: elsewhere no search can find it.
     """
 
