@@ -25,6 +25,7 @@ GIVEN = (
     "persons.0.carries=[]",
     "evidence=contours",
     "passes=1",
+    "reading.in_step=off",
 )
 """What runs need not find out here; the start is where the person is when the first view looks."""
 
