@@ -12,8 +12,9 @@ from tracker.images.inspection._tangents import Tangents
 _LIKE_FRAMES = 6.0
 """Neighbouring frames that tell as much as one: what is wrong about a foreground lasts."""
 
-_LEAST_FRAMES = 20
-"""Of both views from which a delay is told."""
+_LEAST_FRAMES = 30
+"""Of both views from which a delay is told. By 24 frames of who walks on the spot, 12.5 a second, a view in step was
+moved by half a stride."""
 
 _MOST_FRAMES = 60
 """That a delay is looked for: two seconds of a usual camera, and one of a quick one."""
