@@ -304,7 +304,8 @@ def test_a_run_of_persons_who_are_never_apart_waits_for_the_first_one(
     monkeypatch.setattr("tracker.running.jobs._told.first_in_view", first)
     told: list[str] = []
     cycle = cycle_for(joined_later, progress=lambda line, *_: told.append(line))
-    opened = SimpleNamespace(scene=joined_later.scene, frames=joined_later.frames, reading=SimpleNamespace(start=0))
+    opened = SimpleNamespace(scene=joined_later.scene, frames=joined_later.frames, sequence=None)
+    opened.reading = SimpleNamespace(start=0)
     job = SimpleNamespace(initialization=None, reading=opened.reading, passes=2)
     assert TrackJob._first_in_view(job, opened, cycle) == 3  # type: ignore[arg-type]
     assert asked == [2, 1]
