@@ -59,6 +59,10 @@ def test_an_absent_recording_is_one_clear_line(use):
 def test_cameras_without_a_calibration_are_read_by_their_names(use):
     with pytest.raises(TrackerError, match='key "rig" is missing'):
         made("reading", use).open()
+    if use == "live":
+        with pytest.raises(TrackerError, match="cameras are calibrated from a recording"):
+            made("reading", use).open_uncalibrated()
+        return
     with pytest.raises(TrackerError, match="expected the names of the cameras"):
         made("reading", use).open_uncalibrated()
     with pytest.raises(TrackerError, match="expected different names"):

@@ -17,7 +17,7 @@ using contours::Solid;
 constexpr double PLACES[] = {-0.8, -0.4, 0.0, 0.4, 0.8};
 
 // Of a part's radius: flesh and clothes give way, and shapes are good to a centimetre or two. With every point counting in
-// full a hand on the hip cost 0.4 px, and the forearm was put behind the back (T-Punch-light, 18 frames of 80).
+// full a hand on the hip cost 0.4 px, and the forearm was put behind the back in 18 of 80 frames.
 constexpr double SHALLOW = 0.25;
 
 // Points on the axis of a part inside another one, by their depth.

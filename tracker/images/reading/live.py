@@ -68,7 +68,7 @@ class LiveReading:
     nothing is said: in tracking what shows persons some 300 px high, else 1."""
 
     gain: float = pydantic.Field(default=1.0, gt=0, le=10)
-    """Images and plates are multiplied by it."""
+    """Factor that images and plates are multiplied by."""
 
     smoothing_px: float = pydantic.Field(default=0.0, ge=0, le=5)
     """Standard deviation of the Gaussian that images and plates are smoothed by, px of them as delivered."""

@@ -13,7 +13,6 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Array, frozen
 from tracker.tracking.estimate import Estimate
-from tracker.tracking.loss import doubted
 
 MOST_MOMENTS = 24
 """Frames of each person, the fastest ones, that are compared: delays are known to a hundredth of a frame by as many."""
@@ -114,7 +113,7 @@ def chosen_moments(scene: Scene, frames: Sequence[Tracked]) -> Mapping[int, tupl
     found: dict[int, list[tuple[int, Array]]] = {}
     for k, person in enumerate(scene.persons):
         rates = rates_of(person.body, frames, k)
-        doubtful = np.array([one.estimates[k].lost or doubted(one.estimates[k]) for one in frames])
+        doubtful = np.array([bool(one.estimates[k].doubts) for one in frames])
         sure = ~doubtful & ~np.r_[True, doubtful[:-1]] & ~np.r_[doubtful[1:], True]
         if not sure.any():
             continue
