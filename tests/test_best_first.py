@@ -10,7 +10,6 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from observations import bent, joint_errors_mm, objective_of, off
-from rounding import assert_alike
 
 from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Scene
@@ -113,19 +112,6 @@ def test_patience_counts_from_the_last_improvement(body: BodyModel) -> None:
     search = BestFirstEstimation(**PAPER, patience=1)
     q, _ = search.search_group(cast("Objective", landscape), start, np.array([column]))
     assert (q - start)[column] == pytest.approx(-np.radians(15))
-
-
-def test_searches_side_by_side_find_what_each_finds_alone(body: BodyModel) -> None:
-    columns = body.group("left_arm")
-    starts = np.array([bent(body), body.rest(), bent(body) + off(body, 20.0, 0.05, 3)])
-    target = bent(body) + off(body, 12.0, 0.03, 7)
-    search = BestFirstEstimation(**PAPER)
-    together = bowl(body, target)
-    found, n_evaluations = search.search_from(cast("Objective", together), starts, columns)
-    apart = [search.search_group(cast("Objective", bowl(body, target)), start, columns) for start in starts]
-    assert_alike(found, [q for q, _ in apart])
-    assert n_evaluations == sum(n for _, n in apart) == len(together.poses)
-    assert len(together.asked) < n_evaluations / len(starts)
 
 
 def test_the_search_stays_in_range_and_limits(body: BodyModel) -> None:

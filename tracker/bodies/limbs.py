@@ -154,16 +154,6 @@ def scattered(body: BodyModel, centres: Array, group: str, n: int, spread: tuple
     return body.clamped(poses)
 
 
-def scattered_evenly(body: BodyModel, q: Array, columns: Integers, n: int) -> Array:
-    """(n, dof) poses with some parameters spread evenly over their limits, at most half a turn and 0.5 m from q."""
-    reach = np.where(body.rotates[columns], np.pi / 2, 0.5)
-    low = np.maximum(body.limits[columns, 0], q[columns] - reach)
-    high = np.minimum(body.limits[columns, 1], q[columns] + reach)
-    poses = np.tile(q, (n, 1))
-    poses[:, columns] = low + halton(n, len(columns)) * (high - low)
-    return poses
-
-
 def reaching(body: BodyModel, pose: Array, columns: Integers, marks: Integers, targets: Array) -> Array:
     """The pose (dof,) whose landmarks reach for points with some of its parameters, inside the limits.
 

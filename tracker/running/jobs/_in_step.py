@@ -59,8 +59,9 @@ def untold(seen: Survey) -> str:
     told = seen.delays.told
     if told.all() or len(seen.foregrounds) < _FEWEST_FRAMES:
         return ""
-    names = ", ".join(name for name, one in zip(seen.rig.names, told, strict=True) if not one)
-    whether = f"{names} shows the same moments as the others" if told.any() else "views are in step"
+    names = [name for name, one in zip(seen.rig.names, told, strict=True) if not one]
+    verb = "shows" if len(names) == 1 else "show"
+    whether = f"{' and '.join(names)} {verb} the same moments as the others" if told.any() else "views are in step"
     return f"views: too little moves in the first {len(seen.foregrounds)} frames to tell whether {whether}"
 
 

@@ -66,7 +66,7 @@ class BestFirstEstimation:
         return q, n_evaluations
 
     def search_group(self, objective: Objective, q: Array, columns: Integers, scale: float = 1.0) -> tuple[Array, int]:
-        """Best-first search of some parameters, the others held; see `search_from`.
+        """Best-first search of some parameters, the others held.
 
         Args:
             objective: poses (B, dof) -> distances (B,) px.
@@ -77,34 +77,14 @@ class BestFirstEstimation:
         Returns:
             The best pose (dof,) and the number of poses evaluated.
         """
-        found, n_evaluations = self.search_from(objective, q[None], columns, scale)
-        return found[0], n_evaluations
-
-    def search_from(
-        self, objective: Objective, starts: Array, columns: Integers, scale: float = 1.0
-    ) -> tuple[Array, int]:
-        """Best-first searches of the same parameters from several poses (S, dof), side by side.
-
-        What one search would ask next and what the others would is asked together: parts that stand still are looked at
-        once for all of them. Each finds what it finds alone.
-
-        Returns:
-            The best pose of each search (S, dof) and the number of poses evaluated.
-        """
-        searches = [self._search(objective.body, q, columns, scale) for q in starts]
-        asked = {k: next(search) for k, search in enumerate(searches)}
-        found, n_evaluations = starts.copy(), 0
-        while asked:
-            distances = objective(np.concatenate(list(asked.values())))
-            n_evaluations += len(distances)
-            ends = np.cumsum([len(poses) for poses in asked.values()])
-            for k, answer in zip(list(asked), np.split(distances, ends[:-1]), strict=True):
-                try:
-                    asked[k] = searches[k].send(answer)
-                except StopIteration as end:
-                    found[k] = end.value
-                    del asked[k]
-        return found, n_evaluations
+        search, n_evaluations = self._search(objective.body, q, columns, scale), 0
+        asked = next(search)
+        while True:
+            n_evaluations += len(asked)
+            try:
+                asked = search.send(objective(asked))
+            except StopIteration as end:
+                return end.value, n_evaluations
 
     def _search(self, body: BodyModel, q: Array, columns: Integers, scale: float) -> Generator[Array, Array, Array]:
         """One search: yields poses (B, dof), is sent their distances (B,), and returns the best pose (dof,)."""
